@@ -1,0 +1,249 @@
+"""The public functions: physical parameters or a sweep file in, `xarray.Dataset` out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.scene import LAWS, PARAMETERS
+from vibrosweep.store.dataset import check_output
+from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.landings import record_landings
+from vibrosweep.sweep.run import (
+    DURATION,
+    LAUNCH_TIME,
+    available_threads,
+    coordinate_attributes,
+    record_observation,
+    run_sweep,
+)
+from vibrosweep.sweep.spec import read_spec
+from vibrosweep.variables import RECORD
+
+__all__ = ["open_record", "open_sweep", "run", "simulate"]
+
+IMPACT_BUDGET: Final = 10_000_000
+
+
+def simulate(
+    *,
+    restitution: ArrayLike = PARAMETERS["restitution"].default,
+    amplitude: ArrayLike = PARAMETERS["amplitude"].default,
+    frequency: ArrayLike = PARAMETERS["frequency"].default,
+    phase: ArrayLike = PARAMETERS["phase"].default,
+    gravity: ArrayLike = PARAMETERS["gravity"].default,
+    launch_velocity: ArrayLike = PARAMETERS["launch_velocity"].default,
+    launch_time: ArrayLike = 0.0,
+    duration: float = 12.0,
+    contact_time: ArrayLike = PARAMETERS["contact_time"].default,
+    rebound: str = "rest",
+    impact_budget: int = IMPACT_BUDGET,
+    threads: int | None = None,
+) -> xr.Dataset:
+    """Every landing of a small scene.
+
+    Parameters
+    ----------
+    restitution, amplitude, frequency, phase, gravity, launch_velocity, contact_time
+        Physical parameters (1, m s-1, Hz, rad, m s-2, m s-1, s): a number, or a 1-D array with
+        one entry per realization; arrays are broadcast together.
+    launch_time
+        When particles leave the base, in s: a number, or a 1-D array with one entry per particle.
+    duration
+        Landings at t <= duration (s) are recorded.
+    rebound
+        ``"rest"`` or ``"reflect"``.
+    impact_budget
+        Landings after which a particle is given up, in steps of 8; its status says so.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (realization, particle, impact): ``landing_time`` and ``liftoff_time`` (s),
+        ``rebound_velocity`` (m s-1), ``rested``; dims (realization, particle): ``impact_count``,
+        ``status``.  NaN past the last landing, and for the lift-off of a particle at rest for good.
+
+    Raises
+    ------
+    ParameterError
+        A parameter is of the wrong kind or outside its range, or the record would be too large.
+    """
+    given = {
+        "restitution": restitution,
+        "amplitude": amplitude,
+        "frequency": frequency,
+        "phase": phase,
+        "gravity": gravity,
+        "launch_velocity": launch_velocity,
+        "contact_time": contact_time,
+    }
+    values = {name: _checked(name, value) for name, value in given.items()}
+    launch = _numbers("launch_time", launch_time, "s")
+    _require(rebound in LAWS, "rebound", rebound, f"one of {', '.join(LAWS)}")
+    length = _numbers("duration", duration, "s")
+    _require(length.ndim == 0 and length > 0, "duration", duration, "a number greater than 0 s")
+    _require(
+        isinstance(impact_budget, int) and impact_budget > 0,
+        "impact_budget",
+        impact_budget,
+        "a whole number, at least 1",
+    )
+    parameters = _broadcast(values)
+    observation = record_observation(
+        launch.size, tuple(launch.ravel().tolist()), float(length), rebound, impact_budget
+    )
+    with Workers(_threads(threads)) as workers:
+        found = record_landings(parameters, observation, workers)
+    dataset = xr.Dataset(
+        {name: (v.dims, found[name], v.attributes) for name, v in RECORD.items()},
+        attrs={"rebound": rebound},
+    )
+    return dataset.assign_coords(_coordinates(values, np.atleast_1d(launch), float(length)))
+
+
+def run(
+    spec: str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    *,
+    threads: int | None = None,
+    chunk: int | None = None,
+    force: bool = False,
+) -> xr.Dataset:
+    """Compute a sweep file and open the result.
+
+    Parameters
+    ----------
+    spec
+        Path of the sweep file (TOML).
+    output
+        Path of the result; kept if it exists, unless `force`.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    chunk
+        Realizations computed at a time; the result does not depend on it.
+    force
+        Whether an existing output is replaced.
+
+    Raises
+    ------
+    SpecError, TableError, OutputError, ParameterError
+        The sweep file or its table holds mistakes, or the output cannot be written.
+    """
+    path = Path(output)
+    checked = read_spec(spec)
+    check_output(path, force=force)
+    run_sweep(checked, path, threads=_threads(threads), chunk=chunk)
+    return open_sweep(path)
+
+
+def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Open the result of a sweep, lazily; the same as ``xarray.open_dataset(path)``.
+
+    Raises
+    ------
+    DataError
+        There is no such file, or it is not a result.
+    """
+    return _open(path, None)
+
+
+def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Open every landing of the scene that a sweep recorded (``[record]`` in its file).
+
+    Raises
+    ------
+    DataError
+        There is no such file, or it holds no record.
+    """
+    return _open(path, "record")
+
+
+def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
+    try:
+        dataset = xr.open_dataset(path, engine="h5netcdf", group=group)
+    except FileNotFoundError as error:
+        raise DataError(f"{path}: there is no such result file; check the path") from error
+    except (OSError, ValueError, KeyError) as error:
+        if group is not None and Path(path).is_file():
+            raise DataError(
+                f"{path}: holds no record of landings; add a [record] section to the sweep file "
+                f"and run it again"
+            ) from error
+        raise DataError(f"{path}: is not a result of vibrosweep that can be read") from error
+    needed = "landing_time" if group else "impact_count"
+    if needed not in dataset:
+        dataset.close()
+        raise DataError(f"{path}: lacks the variable {needed}; it is not a result of vibrosweep")
+    return dataset
+
+
+def _require(condition: object, name: str, value: object, allowed: str) -> None:
+    if not condition:
+        raise ParameterError(f"{name} = {value!r}: must be {allowed}")
+
+
+def _numbers(name: str, value: object, units: str) -> NDArray[np.float64]:
+    """A finite number or 1-D array of such."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        array = np.empty((0, 0), object)
+    numeric = array.dtype.kind in "iuf" and array.ndim < 2 and array.size > 0
+    unit = "" if units == "1" else f" in {units}"
+    _require(numeric, name, value, f"a number{unit} or a 1-D array of numbers")
+    numbers = array.astype(np.float64)
+    _require(np.all(np.isfinite(numbers)), name, value, "finite")
+    return numbers
+
+
+def _checked(name: str, value: object) -> NDArray[np.float64]:
+    parameter = PARAMETERS[name]
+    array = _numbers(name, value, parameter.units)
+    bad = array[~parameter.accepts(array)]
+    if bad.size:
+        raise ParameterError(f"{name} = {bad.flat[0]:g}: must be {parameter.allowed}")
+    return array
+
+
+def _broadcast(values: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    try:
+        shape = np.broadcast_shapes((1,), *(v.shape for v in values.values()))
+    except ValueError as error:
+        lengths = {name: v.size for name, v in values.items() if v.ndim}
+        raise ParameterError(
+            f"arrays of realizations must have one length, or length 1: {lengths}"
+        ) from error
+    return {name: np.ascontiguousarray(np.broadcast_to(v, shape)) for name, v in values.items()}
+
+
+def _coordinates(
+    values: Mapping[str, NDArray[np.float64]], launch: NDArray[np.float64], duration: float
+) -> dict[str, Any]:
+    size = max(v.size for v in values.values())
+    coordinates: dict[str, Any] = {
+        name: (
+            ("realization",) if v.ndim and size > 1 else (),
+            np.broadcast_to(v, size) if v.ndim and size > 1 else v.reshape(()),
+            coordinate_attributes(PARAMETERS[name]),
+        )
+        for name, v in values.items()
+    }
+    coordinates["launch_time"] = (("particle",), launch, LAUNCH_TIME)
+    coordinates["duration"] = ((), duration, DURATION)
+    return coordinates
+
+
+def _threads(threads: int | None) -> int:
+    if threads is None:
+        return available_threads()
+    _require(isinstance(threads, int) and threads > 0, "threads", threads, "at least 1")
+    return threads

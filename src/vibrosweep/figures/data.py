@@ -1,0 +1,189 @@
+"""What figures ask of a dataset: what must be there, which parameters vary, what labels say."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.scene import PARAMETERS
+from vibrosweep.variables import RECORD, SWEEP
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = [
+    "Array",
+    "Needs",
+    "conditions",
+    "fixed",
+    "format_units",
+    "kick",
+    "label",
+    "one_realization",
+    "pick",
+    "quantity",
+    "symbol",
+    "varies",
+]
+
+Array = NDArray[np.float64]
+
+KICK: Final = "kick"
+# Characters that fit beside the shortest colour bar, with room for symbol and units
+LABEL_WIDTH: Final = 32
+SYMBOLS: Final = {
+    "restitution": "e",
+    "amplitude": "A",
+    "frequency": "f",
+    "phase": r"\varphi",
+    "gravity": "g",
+    "launch_velocity": "v_0",
+    "contact_time": r"\tau_c",
+    "dt_min": r"\Delta t_{\mathrm{min}}",
+    "rebound_height_max": r"H_{\mathrm{max}}",
+    "rebound_height_mean": r"\langle H \rangle",
+}
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a figure cannot be drawn without.
+
+    Attributes
+    ----------
+    variables
+        Variables or coordinates that must all be there.
+    one_of
+        Of these at least one must be there.
+    varied
+        Parameters that must differ between realizations; ``"kick"`` stands for the amplitude in
+        its dimensionless form, which also varies with frequency or gravity.
+    """
+
+    variables: tuple[str, ...]
+    one_of: tuple[str, ...] = ()
+    varied: tuple[str, ...] = ()
+
+    def lacking(self, dataset: xr.Dataset) -> str | None:
+        """Say what is missing and what would supply it; None if the figure can be drawn."""
+        absent = [name for name in self.variables if name not in dataset.variables]
+        if absent:
+            return f"the variable {' and '.join(absent)}: {_remedy(absent[0])}"
+        if self.one_of and not any(name in dataset.variables for name in self.one_of):
+            return f"the variable {' or '.join(self.one_of)}: {_remedy(self.one_of[0])}"
+        for name in self.varied:
+            if not (np.ptp(kick(dataset)) > 0 if name == KICK else varies(dataset, name)):
+                wanted = "amplitude" if name == KICK else name
+                return (
+                    f"realizations that differ in {wanted}: sample it, for example "
+                    f"{wanted} = [low, high], in the [sample] section of the sweep file"
+                )
+        return None
+
+    def check(self, figure: str, dataset: xr.Dataset) -> None:
+        """Raise a DataError that says what is missing, if anything is."""
+        reason = self.lacking(dataset)
+        if reason is not None:
+            raise DataError(f"figure {figure} needs {reason}")
+
+
+def _remedy(name: str) -> str:
+    if name in SWEEP and SWEEP[name].key:
+        table, key = SWEEP[name].key.split(".")
+        return f"set {key} = true in the [{table}] section of the sweep file"
+    if name == "launch_time" or name in RECORD.keys() - SWEEP.keys():
+        return "use the result of simulate(), or add a [record] section to the sweep file"
+    return "the dataset is not the complete result of a sweep; run the sweep again"
+
+
+def varies(dataset: xr.Dataset, name: str) -> bool:
+    """Whether a parameter differs between realizations."""
+    return fixed(dataset, name) is None
+
+
+def fixed(dataset: xr.Dataset, name: str) -> float | None:
+    """Return the value that all realizations share, or None if they differ."""
+    values = dataset[name].values
+    low, high = float(values.min()), float(values.max())
+    return low if low == high else None
+
+
+def quantity(dataset: xr.Dataset, name: str) -> Array:
+    """Values of a variable or parameter, one per realization, as float64."""
+    values = np.asarray(dataset[name].values, dtype=np.float64)
+    return np.broadcast_to(values, (dataset.sizes["realization"],))
+
+
+def kick(dataset: xr.Dataset) -> Array:
+    """Dimensionless kick 2 f A / g, one per realization."""
+    amplitude, frequency, gravity = (
+        quantity(dataset, name) for name in ("amplitude", "frequency", "gravity")
+    )
+    return 2.0 * frequency * amplitude / gravity
+
+
+def one_realization(record: xr.Dataset, realization: int) -> xr.Dataset:
+    """Select one realization of a record, by position.
+
+    Raises
+    ------
+    ParameterError
+        There is no such realization.
+    """
+    count = record.sizes["realization"]
+    if not -count <= realization < count:
+        raise ParameterError(
+            f"realization = {realization} is not in the record: give 0 to {count - 1}"
+        )
+    return record.isel(realization=realization)
+
+
+def pick(record: xr.Dataset, name: str) -> float:
+    """Value of a physical parameter in a record of one realization."""
+    return float(record[name].values)
+
+
+def format_units(units: str) -> str:
+    """Units with raised exponents, in brackets: 'm s-1' becomes '(m s$^{-1}$)'."""
+    if units in ("", "1"):
+        return ""
+    return f" ({_raised(units)})"
+
+
+def _raised(units: str) -> str:
+    return re.sub(r"(?<=[A-Za-z])(-?\d+)", r"$^{\1}$", units)
+
+
+def symbol(name: str) -> str:
+    """Symbol of a variable or parameter in mathtext, with a leading blank; empty if it has none."""
+    return f" ${SYMBOLS[name]}$" if name in SYMBOLS else ""
+
+
+def label(dataset: xr.Dataset, name: str) -> str:
+    """Axis label: words, symbol, units, from the dataset's own attributes where it has them."""
+    words, units = name.replace("_", " "), str(dataset[name].attrs.get("units", ""))
+    if name in PARAMETERS:
+        units = PARAMETERS[name].units
+    else:
+        words = str(dataset[name].attrs.get("long_name", words))
+    return f"{textwrap.fill(words, LABEL_WIDTH)}{symbol(name)}{format_units(units)}"
+
+
+def conditions(dataset: xr.Dataset) -> str:
+    """Return restitution, amplitude and frequency where all realizations share them, in a line."""
+    parts = []
+    for name in ("restitution", "amplitude", "frequency"):
+        value = fixed(dataset, name) if name in dataset.variables else None
+        if value is not None:
+            units = PARAMETERS[name].units
+            unit = "" if units == "1" else f" {_raised(units)}"
+            parts.append(f"${SYMBOLS[name]}$ = {value:.4g}{unit}")
+    if dataset.attrs.get("rebound") == "reflect":
+        parts.append("reflect law")
+    return ", ".join(parts)

@@ -1,0 +1,217 @@
+"""Height against time, drawn from the record of every landing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.path import Path
+from matplotlib.ticker import MaxNLocator
+from matplotlib.typing import ColorType
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.figures import data, style
+from vibrosweep.figures.motion import Motion, highest, motions, parabolas
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NEEDS", "height_time", "readable_until"]
+
+NEEDS: Final = data.Needs(
+    (
+        "landing_time",
+        "liftoff_time",
+        "rebound_velocity",
+        "rested",
+        "launch_time",
+        "launch_velocity",
+        "gravity",
+        "frequency",
+        "duration",
+    )
+)
+
+# A path of more flights is cut: the Agg renderer holds the outline of a whole path in memory.
+FLIGHTS_PER_PATH: Final = 200
+# Vector files with more flights are larger than the same picture in pixels.
+VECTOR_FLIGHTS: Final = 20_000
+REST: Final = "black"
+# As many forcing periods are told apart across a page.
+READABLE_PERIODS: Final = 40.0
+
+
+@style.styled
+def height_time(
+    record: xr.Dataset,
+    particles: Sequence[int] | None = None,
+    until: float | None = None,
+    *,
+    realization: int = 0,
+    mark_landings: bool | None = None,
+) -> Figure:
+    """Draw height against time: one true parabola per flight, and every rest on the base.
+
+    A parabola is a quadratic Bezier curve, so the drawn curves are the trajectory itself at every
+    magnification, not a polygon through samples of it.
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` returns it.
+    particles
+        Which particles to draw; all of them by default.
+    until
+        End of the drawing in s; the end of the observation by default, which is also the latest.
+    realization
+        Which realization of the record.
+    mark_landings
+        Put a dot on every landing; by default only where a single particle is drawn.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    DataError
+        The record lacks a variable.
+    ParameterError
+        There is no such particle or realization, or ``until`` is not after the first launch.
+    """
+    NEEDS.check("height_time", record)
+    one = data.one_realization(record, realization)
+    shown = _shown(one, particles)
+    one = one.isel(particle=shown)
+    begin, stop = _window(one, until)
+    drawn = motions(one, stop)
+    # A single particle needs less height: it is one curve
+    figure, axes = style.new_figure(style.PAGE, 2.3 if len(shown) == 1 else 2.8)
+    colours = _colours(figure, axes, shown)
+    _draw_flights(axes, drawn, colours, data.pick(one, "gravity"))
+    _draw_rests(axes, drawn, colours)
+    if mark_landings if mark_landings is not None else len(shown) == 1:
+        _draw_landings(axes, drawn, colours)
+    top = max((highest(motion, data.pick(one, "gravity")) for motion in drawn), default=0.0)
+    axes.set(xlim=(begin, stop), ylim=(-0.03 * (top or 1.0), 1.05 * (top or 1.0)))
+    axes.set(xlabel="time $t$ (s)", ylabel="height $y$ (m)")
+    if 1 < len(shown) <= len(style.OKABE_ITO):
+        for i, colour in zip(shown, colours, strict=True):
+            axes.plot([], [], color=colour, label=f"particle {i}")
+    style.head(axes, data.conditions(one), columns=5)
+    return figure
+
+
+def readable_until(record: xr.Dataset, realization: int = 0) -> float:
+    """End of the time that can be read on one page, in s: at most 40 forcing periods."""
+    one = data.one_realization(record, realization)
+    begin = float(one["launch_time"].values.min())
+    return min(begin + READABLE_PERIODS / data.pick(one, "frequency"), data.pick(one, "duration"))
+
+
+def _shown(one: xr.Dataset, particles: Sequence[int] | None) -> list[int]:
+    count = one.sizes["particle"]
+    if particles is None:
+        return list(range(count))
+    if not particles or not all(0 <= i < count for i in particles):
+        raise ParameterError(
+            f"particles = {list(particles)}: give at least one, and numbers from 0 to {count - 1}"
+        )
+    return sorted(set(particles))
+
+
+def _window(one: xr.Dataset, until: float | None) -> tuple[float, float]:
+    duration = data.pick(one, "duration")
+    begin = min(0.0, float(one["launch_time"].values.min(initial=0.0)))
+    stop = duration if until is None else until
+    if not begin < stop <= duration:
+        raise ParameterError(
+            f"until = {stop:g} s is outside the observation: give a time after {begin:g} s and at "
+            f"most {duration:g} s"
+        )
+    return begin, stop
+
+
+def _colours(figure: Figure, axes: Axes, shown: list[int]) -> list[ColorType]:
+    """One colour per particle; a colour bar where there are too many for a legend."""
+    if len(shown) <= len(style.OKABE_ITO):
+        return list(style.OKABE_ITO[: len(shown)])
+    # The palest tenth of the map is left out: its thin lines would vanish on white paper
+    cmap = ListedColormap(colormaps[style.SEQUENTIAL_MAP](np.linspace(0.0, 0.9, 256)))
+    norm = Normalize(shown[0], shown[-1])
+    figure.colorbar(
+        ScalarMappable(norm, cmap),
+        ax=axes,
+        label="particle",
+        pad=0.01,
+        aspect=30,
+        ticks=MaxNLocator(6, integer=True),
+    )
+    return [cmap(norm(i)) for i in shown]
+
+
+def _draw_flights(
+    axes: Axes, drawn: list[Motion], colours: list[ColorType], gravity: float
+) -> None:
+    paths, path_colours, flights = [], [], 0
+    for motion, colour in zip(drawn, colours, strict=True):
+        curves = parabolas(motion, gravity)
+        flights += len(curves)
+        for first in range(0, len(curves), FLIGHTS_PER_PATH):
+            part = curves[first : first + FLIGHTS_PER_PATH]
+            codes = np.tile([Path.MOVETO, *[Path.CURVE3] * 4], len(part))
+            paths.append(Path(part.reshape(-1, 2), codes))
+            path_colours.append(colour)
+    crowded = len(drawn) > len(style.OKABE_ITO)
+    axes.add_collection(
+        PathCollection(
+            paths,
+            facecolors="none",
+            edgecolors=path_colours,
+            linewidths=0.6 if crowded else 0.9,
+            capstyle="round",
+            rasterized=flights > VECTOR_FLIGHTS,
+        ),
+        autolim=False,
+    )
+
+
+def _draw_rests(axes: Axes, drawn: list[Motion], colours: list[ColorType]) -> None:
+    """Draw a thick bar on the base for every rest, so that it is not taken for the axis."""
+    # Bars of many particles hide each other, and a single one's would hide its landings
+    plain = not 1 < len(drawn) <= len(style.OKABE_ITO)
+    bars = [np.stack([motion.rests, np.zeros_like(motion.rests)], axis=-1) for motion in drawn]
+    of = [REST if plain else colours[i] for i, bar in enumerate(bars) for _ in bar]
+    axes.add_collection(
+        LineCollection(
+            list(np.concatenate(bars)),
+            colors=of,
+            linewidths=3.0,
+            capstyle="butt",
+            zorder=2.5,
+            label="at rest on the base" if of else None,
+        ),
+        autolim=False,
+    )
+
+
+def _draw_landings(axes: Axes, drawn: list[Motion], colours: list[ColorType]) -> None:
+    for motion, colour in zip(drawn, colours, strict=True):
+        axes.plot(
+            motion.landings,
+            np.zeros_like(motion.landings),
+            linestyle="none",
+            marker="o",
+            markersize=2.6,
+            color=colour,
+            label="landing" if motion is drawn[0] else None,
+            clip_on=False,
+            zorder=3,
+        )

@@ -1,0 +1,156 @@
+"""Values or codes of realizations painted into a plane, as dots or as cells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize, to_rgba
+from matplotlib.figure import Figure
+from matplotlib.typing import ColorType
+
+from vibrosweep.figures import cells as gathering
+from vibrosweep.figures import style
+from vibrosweep.figures.cells import Cells
+from vibrosweep.figures.data import Array
+
+__all__ = ["Points", "paint_codes", "paint_numbers", "scatter_points"]
+
+ZERO_COLOUR: Final = "0.72"
+
+
+@dataclass(frozen=True)
+class Points:
+    """Realizations in the plane; ``cells`` is None where each is drawn by itself."""
+
+    x: Array
+    y: Array
+    cells: Cells | None
+
+    @property
+    def repeated(self) -> bool:
+        """Whether a cell stands for more than one realization."""
+        return self.cells is not None and self.x.size > int(np.prod(self.cells.shape))
+
+
+def scatter_points(x: Array, y: Array) -> Points:
+    """Decide how realizations are drawn: a grid by its cells, many by equal cells, else as dots."""
+    cells = gathering.grid_cells(x, y)
+    if cells is None and x.size > style.MANY:
+        cells = gathering.equal_cells(x, y)
+    return Points(x, y, cells)
+
+
+def paint_numbers(
+    figure: Figure, axes: Axes, points: Points, values: Array, label: str, zero: str | None
+) -> None:
+    """Paint numbers with a colour bar.
+
+    Parameters
+    ----------
+    figure, axes, points
+        Where.
+    values
+        One per realization; NaN is left blank.
+    label
+        Label of the colour bar.
+    zero
+        If given, the scale is logarithmic, and zeros get a colour of their own with this name.
+    """
+    drawn = values if points.cells is None else gathering.median(points.cells, values)
+    if zero is not None:
+        _paint_one_colour(axes, points, drawn == 0.0, ZERO_COLOUR, zero, marker="x")
+        drawn = np.where(drawn > 0.0, drawn, np.nan)
+    known = drawn[np.isfinite(drawn)]
+    if known.size:
+        norm = _norm(known, logarithmic=zero is not None)
+        mappable = _paint(axes, points, drawn, colormaps[style.SEQUENTIAL_MAP], norm)
+        words = f"{label}, cell median" if points.repeated else label
+        extend = "min" if known.min() < (norm.vmin or 0.0) else "neither"
+        figure.colorbar(mappable, ax=axes, label=words, pad=0.02, aspect=30, extend=extend)
+
+
+def paint_codes(
+    axes: Axes, points: Points, values: Array, codes: Array, meanings: Sequence[str]
+) -> None:
+    """Paint codes in colours of their own, with a legend entry for each that occurs."""
+    colours = _code_colours(len(codes))
+    if points.cells is None:
+        position = np.full(values.shape, np.nan)
+        for i, code in enumerate(codes):
+            position[values == code] = i
+    else:
+        position = gathering.commonest(points.cells, values, codes)
+    for i, meaning in enumerate(meanings):
+        _paint_one_colour(axes, points, position == i, colours[i], meaning.replace("_", " "))
+
+
+def _code_colours(count: int) -> list[ColorType]:
+    if count <= len(style.OKABE_ITO):
+        return list(style.OKABE_ITO[:count])
+    return [colormaps[style.SEQUENTIAL_MAP](i / (count - 1)) for i in range(count)]
+
+
+def _norm(known: Array, *, logarithmic: bool) -> Normalize:
+    low, high = float(known.min()), float(known.max())
+    if logarithmic:
+        # A few almost coincident landings would spread the scale over all of double precision
+        low = max(low, float(np.quantile(known, 0.01, method="lower")), 1e-6 * high)
+        return LogNorm(low, high) if low < high else LogNorm(low / 2.0, low * 2.0)
+    return Normalize(low, high) if low < high else Normalize(low - 0.5, low + 0.5)
+
+
+def _paint(
+    axes: Axes, points: Points, drawn: Array, cmap: Colormap, norm: Normalize, marker: str = "o"
+) -> ScalarMappable:
+    if points.cells is not None:
+        return axes.pcolormesh(
+            points.cells.x_edges,
+            points.cells.y_edges,
+            np.ma.masked_invalid(drawn),
+            cmap=cmap,
+            norm=norm,
+            rasterized=True,
+        )
+    known = np.isfinite(drawn)
+    return axes.scatter(
+        points.x[known],
+        points.y[known],
+        # Dots of a random design then touch but seldom overlap
+        s=float(np.clip(6000.0 / points.x.size, 2.0, 22.0)),
+        c=drawn[known],
+        cmap=cmap,
+        norm=norm,
+        marker=marker,
+        linewidths=1.0 if marker == "x" else 0.0,
+        rasterized=points.x.size > 5000,
+    )
+
+
+def _paint_one_colour(
+    axes: Axes,
+    points: Points,
+    chosen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+    colour: ColorType,
+    name: str,
+    marker: str = "o",
+) -> None:
+    if not np.any(chosen):
+        return
+    shown = np.where(chosen, 0.0, np.nan)
+    _paint(axes, points, shown, ListedColormap([to_rgba(colour)]), Normalize(-1, 1), marker)
+    # The legend's own marker: a cell's or a large sweep's would be too small to tell its colour
+    axes.plot(
+        [],
+        [],
+        linestyle="none",
+        marker=marker if points.cells is None else "s",
+        markersize=5.0,
+        color=colour,
+        label=name,
+    )

@@ -1,0 +1,111 @@
+"""A measured variable over the plane of restitution and amplitude, with the closed-form windows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vibrosweep.figures import data, paint, style
+from vibrosweep.figures.data import Array
+from vibrosweep.figures.paint import Points
+from vibrosweep.figures.windows import draw_windows
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NEEDS", "parameter_plane"]
+
+CHOICES: Final = ("dt_min", "rebound_height_max")
+AXES: Final = ("restitution", "amplitude", "frequency", "gravity")
+NEEDS: Final = data.Needs(AXES, one_of=CHOICES, varied=("restitution", "kick"))
+
+
+@style.styled
+def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
+    """Draw a measured variable over restitution and amplitude.
+
+    Solid curves show from which amplitude the locked orbit of mode k exists, dashed curves up to
+    which it is stable, both in closed form.  If frequency or gravity differ between realizations,
+    the vertical axis is the dimensionless kick 2 f A / g, in which the curves are the same for all.
+    A grid is drawn as its cells, a random design as dots, and one of very many realizations as the
+    median (for codes: the commonest) of small cells.
+
+    Parameters
+    ----------
+    sweep
+        Result of a sweep in which restitution and amplitude vary.
+    variable
+        What gives the colour: any numeric variable, or one of codes with the attributes
+        ``flag_values`` and ``flag_meanings``.  By default ``dt_min`` if it was measured, else
+        ``rebound_height_max``.  Separations have a logarithmic scale; realizations in which two
+        particles land at once or share the base have a marker of their own.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable, or restitution or amplitude does not vary.
+    """
+    if variable is None:
+        NEEDS.check("parameter_plane", sweep)
+        variable = next(name for name in CHOICES if name in sweep.variables)
+    data.Needs((*AXES, variable), varied=NEEDS.varied).check("parameter_plane", sweep)
+    frequency, gravity = data.fixed(sweep, "frequency"), data.fixed(sweep, "gravity")
+    figure, axes = style.new_figure(style.MEDIUM, 3.6)
+    restitution = data.quantity(sweep, "restitution")
+    axes.set_xlabel(data.label(sweep, "restitution"))
+    if frequency is not None and gravity is not None:
+        points = paint.scatter_points(restitution, data.quantity(sweep, "amplitude"))
+        axes.set_ylabel(data.label(sweep, "amplitude"))
+        _set_view(axes, points)
+        draw_windows(axes, frequency, gravity, "A", over=points.cells is not None)
+    else:
+        points = paint.scatter_points(restitution, data.kick(sweep))
+        axes.set_ylabel("kick $a = 2 f A / g$")
+        _set_view(axes, points)
+        draw_windows(axes, 1.0, 2.0, "a", over=points.cells is not None)
+    _paint_variable(figure, axes, points, sweep, variable)
+    # A colour bar names its variable, a legend does not
+    coded = "flag_values" in sweep[variable].attrs
+    named = data.label(sweep, variable).replace("\n", " ") if coded else ""
+    style.head(axes, ", ".join(part for part in (named, data.conditions(sweep)) if part))
+    return figure
+
+
+def _set_view(axes: Axes, points: Points) -> None:
+    """Fit the view to the design, which is also as far as the closed forms are drawn."""
+    if points.cells is not None:
+        axes.set_xlim(points.cells.x_edges[0], points.cells.x_edges[-1])
+        axes.set_ylim(points.cells.y_edges[0], points.cells.y_edges[-1])
+        return
+    for values, set_limits in ((points.x, axes.set_xlim), (points.y, axes.set_ylim)):
+        margin = 0.02 * float(np.ptp(values))
+        set_limits(float(values.min()) - margin, float(values.max()) + margin)
+
+
+def _paint_variable(
+    figure: Figure, axes: Axes, points: Points, sweep: xr.Dataset, variable: str
+) -> None:
+    values, attributes = data.quantity(sweep, variable), sweep[variable].attrs
+    if "flag_values" in attributes:
+        codes = np.atleast_1d(attributes["flag_values"]).astype(np.float64)
+        paint.paint_codes(axes, points, values, codes, str(attributes["flag_meanings"]).split())
+        return
+    zero = None
+    if variable.startswith("dt_min"):
+        values, zero = _separation(sweep, variable, values)
+    paint.paint_numbers(figure, axes, points, values, data.label(sweep, variable), zero)
+
+
+def _separation(sweep: xr.Dataset, variable: str, values: Array) -> tuple[Array, str]:
+    """Set the separation to zero where two particles were on the base at once."""
+    if variable == "dt_min" and "base_shared" in sweep.variables:
+        shared = data.quantity(sweep, "base_shared") == 1
+        return np.where(shared, 0.0, values), "two particles on the base at once"
+    return values, "two particles land at once"

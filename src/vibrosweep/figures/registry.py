@@ -1,0 +1,204 @@
+"""Every figure by name: what it needs, what it draws, and the file it is written to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from vibrosweep.errors import OutputError
+from vibrosweep.figures import heights, plane, restitution, returns, style
+from vibrosweep.figures.data import Needs
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["FIGURES", "FigureEntry", "available", "missing", "save_all"]
+
+# Dates and versions would make two drawings of the same data differ.
+FORMATS: Final[Mapping[str, Mapping[str, None]]] = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+DOTS_PER_INCH: Final = 200
+
+_SOURCES: Final = {
+    "record": "the record of every landing: add a [record] section to the sweep file",
+    "sweep": "the measures of a sweep: open the result of a sweep file with a [sample] section",
+}
+
+
+@dataclass(frozen=True)
+class FigureEntry:
+    """One figure of the set.
+
+    Attributes
+    ----------
+    name
+        Name in messages.
+    file_stem
+        File name without its ending.
+    title
+        What it shows.
+    source
+        Which dataset it is drawn from.
+    needs
+        What that dataset must hold.
+    draw
+        Function from the dataset to the figure.
+    """
+
+    name: str
+    file_stem: str
+    title: str
+    source: Literal["record", "sweep"]
+    needs: Needs
+    draw: Callable[[xr.Dataset], Figure]
+
+    def lacking(self, dataset: xr.Dataset | None) -> str | None:
+        """Say in a sentence why the figure cannot be drawn; None if it can."""
+        reason = _SOURCES[self.source] if dataset is None else self.needs.lacking(dataset)
+        return None if reason is None else f"figure {self.name} needs {reason}"
+
+
+def _height_time_one(record: xr.Dataset) -> Figure:
+    return heights.height_time(record, [0], heights.readable_until(record))
+
+
+def _height_time_all(record: xr.Dataset) -> Figure:
+    return heights.height_time(record, None, heights.readable_until(record))
+
+
+FIGURES: Final[Mapping[str, FigureEntry]] = {
+    entry.name: entry
+    for entry in (
+        FigureEntry(
+            "height_time",
+            "fig1_height_time",
+            "height of one particle against time",
+            "record",
+            heights.NEEDS,
+            _height_time_one,
+        ),
+        FigureEntry(
+            "height_time_all",
+            "fig2_height_time_all",
+            "heights of all particles against time",
+            "record",
+            heights.NEEDS,
+            _height_time_all,
+        ),
+        FigureEntry(
+            "height_against_restitution",
+            "fig3_height_against_restitution",
+            "maximum rebound height against restitution",
+            "sweep",
+            restitution.NEEDS,
+            restitution.height_against_restitution,
+        ),
+        FigureEntry(
+            "return_map",
+            "fig4_return_map",
+            "return map of arrival speeds",
+            "record",
+            returns.NEEDS,
+            returns.return_map,
+        ),
+        FigureEntry(
+            "parameter_plane",
+            "parameter_plane",
+            "separation or height over restitution and amplitude",
+            "sweep",
+            plane.NEEDS,
+            plane.parameter_plane,
+        ),
+    )
+}
+
+
+def available(sweep: xr.Dataset | None, record: xr.Dataset | None) -> list[str]:
+    """Return the names of the figures that can be drawn, in the order of the set.
+
+    Parameters
+    ----------
+    sweep
+        Result of a sweep, if there is one.
+    record
+        Record of every landing, if there is one.
+    """
+    lacking = missing(sweep, record)
+    return [name for name in FIGURES if name not in lacking]
+
+
+def missing(sweep: xr.Dataset | None, record: xr.Dataset | None) -> dict[str, str]:
+    """Return the figures that cannot be drawn, each with a sentence that says what it needs.
+
+    Parameters
+    ----------
+    sweep
+        Result of a sweep, if there is one.
+    record
+        Record of every landing, if there is one.
+    """
+    sources = {"sweep": sweep, "record": record}
+    reasons = {name: entry.lacking(sources[entry.source]) for name, entry in FIGURES.items()}
+    return {name: reason for name, reason in reasons.items() if reason is not None}
+
+
+def save_all(
+    sweep: xr.Dataset | None, record: xr.Dataset | None, directory: str | Path
+) -> list[Path]:
+    """Write every available figure as PNG and PDF; the same data give the same files.
+
+    Parameters
+    ----------
+    sweep
+        Result of a sweep, if there is one.
+    record
+        Record of every landing, if there is one.
+    directory
+        Where to; made if it does not exist.  Files of the same name are replaced.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The files written.
+
+    Raises
+    ------
+    OutputError
+        The directory or a file cannot be written.
+    """
+    target = Path(directory)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"cannot make the directory {target} for the figures ({error.strerror}): choose "
+            f"another one or free this path"
+        ) from error
+    sources = {"sweep": sweep, "record": record}
+    written = []
+    for entry in FIGURES.values():
+        dataset = sources[entry.source]
+        if dataset is None or entry.lacking(dataset) is not None:
+            continue
+        figure = entry.draw(dataset)
+        written += [_save(figure, target / f"{entry.file_stem}.{kind}") for kind in FORMATS]
+    return written
+
+
+def _save(figure: Figure, path: Path) -> Path:
+    try:
+        with mpl.rc_context(style.RC):
+            figure.savefig(path, dpi=DOTS_PER_INCH, metadata=dict(FORMATS[path.suffix[1:]]))
+    except OSError as error:
+        raise OutputError(
+            f"cannot write the figure {path} ({error.strerror}): check the permissions and the "
+            f"free space, or choose another directory"
+        ) from error
+    return path

@@ -1,0 +1,202 @@
+"""Maximum rebound height against restitution, one point per realization of a sweep."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from vibrosweep import theory
+from vibrosweep.figures import data, style
+from vibrosweep.figures.data import Array
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NEEDS", "height_against_restitution", "plateaus"]
+
+NEEDS: Final = data.Needs(
+    (
+        "restitution",
+        "amplitude",
+        "frequency",
+        "gravity",
+        "launch_velocity",
+        "rebound_height_max",
+        "flight_height_max",
+    ),
+    varied=("restitution",),
+)
+
+CELLS: Final = 160
+# Two plateaus closer than this fraction of the axis cannot both be labelled.
+LABEL_GAP: Final = 0.06
+
+
+@style.styled
+def height_against_restitution(sweep: xr.Dataset) -> Figure:
+    """Draw the maximum rebound height against restitution, with the closed-form plateaus.
+
+    Filled dots count rebounds only.  Where the launch itself was higher than every rebound, an open
+    circle shows the maximum with the launch counted in.  The plateaus H_k = g k^2 / (8 f^2) are the
+    heights of the locked orbits of mode k.  If frequency or gravity differ between realizations,
+    heights are drawn in units of H_1, where the plateaus stand at k^2.
+
+    Parameters
+    ----------
+    sweep
+        Result of a sweep in which the restitution varies.  If the amplitude varies too, it
+        colours the dots.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable, or the restitution does not vary.
+    """
+    NEEDS.check("height_against_restitution", sweep)
+    unit, one_height = _height_unit(sweep)
+    restitution = data.quantity(sweep, "restitution")
+    rebound = data.quantity(sweep, "rebound_height_max") / unit
+    flight = data.quantity(sweep, "flight_height_max") / unit
+    figure, axes = style.new_figure(style.MEDIUM, 3.3)
+    seen = np.concatenate([rebound, flight])
+    top = 1.06 * float(np.max(seen, where=np.isfinite(seen), initial=0.0)) or one_height
+    axes.set(xlim=_span(restitution), ylim=(-0.02 * top, top))
+    if restitution.size > style.MANY:
+        _draw_density(figure, axes, restitution, rebound)
+    else:
+        _draw_dots(figure, axes, sweep, restitution, rebound)
+        _draw_launches(axes, restitution, rebound, flight)
+    _draw_launch_height(axes, sweep, unit)
+    _draw_plateaus(axes, one_height, top)
+    in_metres = r"rebound height $H_{\mathrm{max}}$ (m)"
+    in_units = r"rebound height $H_{\mathrm{max}} / H_1$, $H_1 = g / 8 f^2$"
+    axes.set_xlabel(data.label(sweep, "restitution"))
+    axes.set_ylabel(in_metres if unit.ndim == 0 else in_units)
+    style.head(axes, _remark(sweep, rebound))
+    return figure
+
+
+def plateaus(one_height: float, top: float) -> tuple[Array, Array]:
+    """Return modes k and heights of the plateaus below ``top`` that can be told apart."""
+    modes = np.arange(1, int(np.sqrt(top / one_height)) + 1, dtype=np.float64)[:1000]
+    heights = one_height * modes**2
+    kept: list[int] = []
+    for i, height in enumerate(heights):
+        if height <= top and (not kept or height - heights[kept[-1]] >= LABEL_GAP * top):
+            kept.append(i)
+    return modes[kept], heights[kept]
+
+
+def _height_unit(sweep: xr.Dataset) -> tuple[Array, float]:
+    """Return the unit of height per realization, and the height of mode 1 in that unit."""
+    frequency, gravity = data.fixed(sweep, "frequency"), data.fixed(sweep, "gravity")
+    if frequency is not None and gravity is not None:
+        return np.ones(()), float(theory.locked_height(1, frequency, gravity))
+    frequencies, gravities = (data.quantity(sweep, name) for name in ("frequency", "gravity"))
+    return theory.locked_height(1, frequencies, gravities), 1.0
+
+
+def _span(values: Array) -> tuple[float, float]:
+    low, high = float(values.min()), float(values.max())
+    margin = 0.03 * (high - low)
+    return low - margin, high + margin
+
+
+def _draw_dots(
+    figure: Figure, axes: Axes, sweep: xr.Dataset, restitution: Array, height: Array
+) -> None:
+    """Draw a dot per realization, coloured by how strong the forcing is if that varies."""
+    common = data.fixed(sweep, "frequency") is not None and data.fixed(sweep, "gravity") is not None
+    forcing = data.quantity(sweep, "amplitude") if common else data.kick(sweep)
+    coloured = np.ptp(forcing) > 0.0
+    dots = axes.scatter(
+        restitution,
+        height,
+        s=float(np.clip(4000.0 / restitution.size, 1.5, 14.0)),
+        c=forcing if coloured else style.OKABE_ITO[0],
+        cmap=style.SEQUENTIAL_MAP if coloured else None,
+        linewidths=0,
+        rasterized=restitution.size > 5000,
+        label="rebounds",
+        zorder=2.5,
+    )
+    if coloured:
+        words = data.label(sweep, "amplitude") if common else "kick $2 f A / g$"
+        figure.colorbar(dots, ax=axes, label=words, pad=0.02, aspect=30)
+
+
+def _draw_density(figure: Figure, axes: Axes, restitution: Array, height: Array) -> None:
+    known = np.isfinite(height)
+    counts, x_edges, y_edges = np.histogram2d(
+        restitution[known],
+        height[known],
+        bins=CELLS,
+        range=(axes.get_xlim(), (0.0, axes.get_ylim()[1])),
+    )
+    mesh = axes.pcolormesh(
+        x_edges,
+        y_edges,
+        np.ma.masked_equal(counts.T, 0.0),
+        cmap=style.DENSITY_MAP,
+        norm=LogNorm(1.0, max(counts.max(), 2.0)),
+        rasterized=True,
+    )
+    figure.colorbar(mesh, ax=axes, label="realizations per cell", pad=0.02, aspect=30)
+
+
+def _draw_launches(axes: Axes, restitution: Array, rebound: Array, flight: Array) -> None:
+    """Draw the maximum with the launch counted in, where that makes a difference."""
+    differs = np.isfinite(flight) & ~(flight <= rebound)
+    if np.any(differs):
+        axes.scatter(
+            restitution[differs],
+            flight[differs],
+            s=10.0,
+            facecolors="none",
+            edgecolors=style.GREY,
+            linewidths=0.5,
+            label="launch counted",
+            zorder=2.2,
+        )
+
+
+def _draw_launch_height(axes: Axes, sweep: xr.Dataset, unit: Array) -> None:
+    velocity, gravity = data.quantity(sweep, "launch_velocity"), data.quantity(sweep, "gravity")
+    heights = np.unique(velocity**2 / (2.0 * gravity * unit))
+    if heights.size == 1:
+        axes.axhline(
+            float(heights[0]),
+            color=style.OKABE_ITO[1],
+            linestyle=(0, (5, 2)),
+            linewidth=1.0,
+            label="launch $v_0^2 / 2g$",
+            zorder=2.3,
+        )
+
+
+def _draw_plateaus(axes: Axes, one_height: float, top: float) -> None:
+    """Draw the locked heights as lines, named on the right-hand side."""
+    modes, heights = plateaus(one_height, top)
+    for height in heights:
+        axes.axhline(float(height), color="black", alpha=0.45, linewidth=0.6, zorder=1.5)
+    if modes.size:
+        names = axes.secondary_yaxis("right")
+        names.set_yticks(heights, [f"$H_{{{int(k)}}}$" for k in modes])
+        names.tick_params(length=0, pad=2, labelcolor="0.25")
+        names.spines["right"].set_visible(False)
+
+
+def _remark(sweep: xr.Dataset, height: Array) -> str:
+    parts = [data.conditions(sweep)] if data.conditions(sweep) else []
+    unknown = int(np.count_nonzero(~np.isfinite(height)))
+    if unknown:
+        parts.append(f"no rebound in {unknown} of {height.size} realizations")
+    return ", ".join(parts)

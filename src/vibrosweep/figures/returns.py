@@ -1,0 +1,177 @@
+"""The return map of arrival speeds, drawn from the record of every landing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from vibrosweep import theory
+from vibrosweep.figures import data, style
+from vibrosweep.figures.data import Array
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NEEDS", "return_map", "return_points"]
+
+NEEDS: Final = data.Needs(
+    (
+        "landing_time",
+        "rebound_velocity",
+        "launch_velocity",
+        "restitution",
+        "amplitude",
+        "frequency",
+        "gravity",
+        "duration",
+    )
+)
+
+EARLY: Final = "#9CCBEA"  # a tint of the palette's sky blue
+LATE: Final = style.OKABE_ITO[1]
+MOST_MODES: Final = 12
+
+
+@style.styled
+def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
+    """Draw the arrival speed at each landing against that at the landing before.
+
+    All points lie in the strip of slope e and half-width A.  Those of the second half of the
+    observation are drawn darker and on top.  Diamonds on the identity line are the stable
+    closed-form locked orbits of mode k, crosses the unstable ones.
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` returns it.
+    realization
+        Which realization of the record; all its particles are drawn.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    DataError
+        The record lacks a variable.
+    ParameterError
+        There is no such realization.
+    """
+    NEEDS.check("return_map", record)
+    one = data.one_realization(record, realization)
+    before, after, late = return_points(one)
+    figure, axes = style.new_figure(style.COLUMN, 4.1)
+    floor = data.pick(one, "amplitude") or data.pick(one, "launch_velocity") or 1.0
+    top = 1.06 * max(float(np.max(before, initial=floor)), float(np.max(after, initial=floor)))
+    _draw_strip(axes, one, top)
+    _draw_locked(axes, one, top)
+    _draw_points(axes, before, after, late, data.pick(one, "duration") / 2.0)
+    view = (-0.03 * top, top)
+    axes.set(xlim=view, ylim=view, aspect="equal")
+    axes.set_xlabel("arrival speed $v_n$ (m s$^{-1}$)")
+    axes.set_ylabel("next arrival speed $v_{n+1}$ (m s$^{-1}$)")
+    style.head(axes, data.conditions(one), columns=2)
+    return figure
+
+
+def return_points(one: xr.Dataset) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return pairs of successive arrival speeds and whether they are of the second half.
+
+    A flight lands as fast as it left the base: the rebound velocities, with the launch velocity in
+    front, are the arrival speeds.
+    """
+    after = one["rebound_velocity"].values
+    first = np.full((after.shape[0], 1), data.pick(one, "launch_velocity"))
+    before = np.concatenate([first, after[:, :-1]], axis=1)
+    late = one["landing_time"].values > data.pick(one, "duration") / 2.0
+    known = np.isfinite(before) & np.isfinite(after)
+    return before[known], after[known], late[known]
+
+
+def _draw_strip(axes: Axes, one: xr.Dataset, top: float) -> None:
+    """Shade |v' - e v| <= A, and draw the identity."""
+    e, amplitude = data.pick(one, "restitution"), data.pick(one, "amplitude")
+    ends = np.linspace(0.0, top, 201)
+    axes.fill_between(
+        ends,
+        np.maximum(e * ends - amplitude, 0.0),
+        e * ends + amplitude,
+        facecolor="0.92",
+        edgecolor="0.6",
+        linewidth=0.5,
+        label=r"$|v_{n+1} - e\,v_n| \leq A$",
+        zorder=1,
+    )
+    axes.plot(
+        [0.0, top],
+        [0.0, top],
+        color="black",
+        linestyle=(0, (5, 2)),
+        linewidth=0.8,
+        label="$v_{n+1} = v_n$",
+    )
+
+
+def _draw_points(
+    axes: Axes, before: Array, after: Array, late: NDArray[np.bool_], half: float
+) -> None:
+    size = float(np.clip(20.0 / np.sqrt(np.sqrt(before.size + 1)), 0.8, 3.5))
+    for chosen, colour, name in (
+        (~late, EARLY, f"to {half:g} s"),
+        (late, LATE, f"after {half:g} s"),
+    ):
+        axes.plot(
+            before[chosen],
+            after[chosen],
+            linestyle="none",
+            marker="o",
+            markersize=size,
+            markeredgewidth=0.0,
+            color=colour,
+            rasterized=before.size > style.MANY,
+            zorder=2.5,
+        )
+        # The legend's own marker, as those of a long record are too small to tell the colour
+        if np.any(chosen):
+            axes.plot(
+                [], [], linestyle="none", marker="o", markersize=3.5, color=colour, label=name
+            )
+
+
+def _draw_locked(axes: Axes, one: xr.Dataset, top: float) -> None:
+    """Mark the closed-form locked orbits, for which every speed is g k / (2 f)."""
+    e, amplitude, frequency, gravity = (
+        data.pick(one, name) for name in ("restitution", "amplitude", "frequency", "gravity")
+    )
+    reach = top / float(theory.locked_velocity(1, frequency, gravity))
+    modes = np.arange(1, min(int(reach), MOST_MODES) + 1)
+    exists = amplitude >= theory.amplitude_min(modes, e, frequency, gravity)
+    stable = amplitude <= theory.amplitude_max(modes, e, frequency, gravity)
+    speeds = theory.locked_velocity(modes, frequency, gravity)
+    for chosen, marker, name in (
+        (exists & stable, "D", "locked, stable"),
+        (exists & ~stable, "X", "locked, unstable"),
+    ):
+        if np.any(chosen):
+            axes.plot(
+                speeds[chosen],
+                speeds[chosen],
+                linestyle="none",
+                marker=marker,
+                markersize=7.0,
+                markerfacecolor="none",  # the points of an attractor lie inside
+                markeredgecolor="black",
+                markeredgewidth=0.9,
+                label=name,
+                zorder=3,
+            )
+    if np.any(exists):
+        names = axes.secondary_yaxis("right")
+        names.set_yticks(speeds[exists], [f"$k={k}$" for k in modes[exists]])
+        names.tick_params(length=0, pad=2, labelcolor="0.25")
+        names.spines["right"].set_visible(False)

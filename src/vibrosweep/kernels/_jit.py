@@ -1,0 +1,109 @@
+"""The one place for numba's options, for the disk cache, and for the fused multiply-add.
+
+Every rounding of the kernels is written down: no fast-math flag is set, and products are fused
+with sums only where `fma` says so.  A scalar loop, a vector loop and plain Python therefore give
+the same bits, whatever the compiler makes of them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import shutil
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+from numba import njit, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+__all__ = ["Flags", "Floats", "Integers", "cache_directory", "fma", "jit", "kernel"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.int8]
+
+# Division by zero gives inf or NaN, as in numpy; Python's exception would stop vectorisation.
+OPTIONS = {"error_model": "numpy", "nogil": True}
+
+
+def _sources_digest() -> str:
+    """Digest of every kernel source: numba's own check sees only the file of the entry point."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _make_cache_directory() -> Path | None:
+    """Directory of the machine code of exactly these sources; None where none can be written."""
+    home = Path(numba.config.CACHE_DIR) if numba.config.CACHE_DIR else None
+    bases = [home] if home else [Path(__file__).parent / "__pycache__", Path.home() / ".cache"]
+    for base in bases:
+        directory = base / "vibrosweep-kernels" / _sources_digest()
+        try:
+            if not directory.is_dir():
+                # machine code of other sources can never be loaded again
+                shutil.rmtree(directory.parent, ignore_errors=True)
+                directory.mkdir(parents=True)
+            probe = directory / ".writable"
+            probe.touch()
+        except OSError:
+            continue
+        return directory
+    return None
+
+
+cache_directory: Path | None = None if numba.config.DISABLE_JIT else _make_cache_directory()
+
+
+@contextlib.contextmanager
+def _caching_in(directory: Path) -> Iterator[None]:
+    """Make numba place the cache of what is decorated inside in `directory`."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(directory)
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def jit(function: F) -> F:
+    """Compile a piece that kernels inline; it needs no cache of its own."""
+    return njit(**OPTIONS)(function)  # type: ignore[no-any-return]
+
+
+def kernel(function: F) -> F:
+    """Compile an entry point; its machine code is kept on disk, one set for each set of sources."""
+    if cache_directory is None:
+        return jit(function)
+    with _caching_in(cache_directory):
+        return njit(cache=True, **OPTIONS)(function)  # type: ignore[no-any-return]
+
+
+def _fma_exact(a: float, b: float, c: float) -> float:
+    """A * b + c rounded once, in plain Python, for runs with the compiler switched off."""
+    try:
+        return float(Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c)))
+    except (OverflowError, ValueError):  # an infinity or a NaN takes part
+        return float(a) * float(b) + float(c)
+
+
+@intrinsic
+def _fma_instruction(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
+    """A * b + c rounded once, as the processor's instruction."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.fma(*args)
+
+    return types.float64(types.float64, types.float64, types.float64), codegen
+
+
+fma: Callable[[float, float, float], float] = (
+    _fma_exact if numba.config.DISABLE_JIT else _fma_instruction
+)

@@ -1,0 +1,47 @@
+"""The one place where python-flint is imported, and the errors of the proved reference."""
+
+from __future__ import annotations
+
+from vibrosweep.errors import VibrosweepError
+
+__all__ = ["MissingFlintError", "UndecidableError", "arb", "ctx"]
+
+
+class MissingFlintError(VibrosweepError, ImportError):
+    """The proved reference needs python-flint, which is not installed."""
+
+
+class UndecidableError(VibrosweepError, ArithmeticError):
+    """A decision, or the digits asked for, stayed uncertain at the largest precision.
+
+    Either two numbers that the model compares are equal (a tie: no precision can tell which is
+    larger unless both are exact), or the orbit loses more digits than the precision holds.
+
+    Attributes
+    ----------
+    decision
+        What could not be decided, in words.
+    impact
+        Number of the impact, from 1.
+    bits
+        Precision at which it was given up.
+    """
+
+    def __init__(self, decision: str, impact: int, bits: int) -> None:
+        super().__init__(
+            f"impact {impact}: {decision} stays uncertain at {bits} bits: either this is an exact "
+            f"tie, then change a parameter by a rounding unit, or the orbit loses digits faster "
+            f"than that, then raise max_bits, shorten the duration or ask for fewer digits"
+        )
+        self.decision = decision
+        self.impact = impact
+        self.bits = bits
+
+
+try:
+    from flint import arb, ctx
+except ImportError as error:
+    raise MissingFlintError(
+        "the proved reference computes in ball arithmetic with python-flint, which is not "
+        'installed: pip install "vibrosweep[verify]"'
+    ) from error

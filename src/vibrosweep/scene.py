@@ -1,0 +1,279 @@
+"""The physical parameters, their units and ranges, and the change to dimensionless form and back.
+
+A realization of the map is one set of the seven physical parameters; the kernels see only their
+dimensionless combinations: phase in turns, flight time in forcing periods.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vibrosweep.errors import ParameterError
+
+__all__ = [
+    "LAWS",
+    "MAX_PERIODS",
+    "PARAMETERS",
+    "STAGGERED",
+    "Dimensionless",
+    "Launches",
+    "Parameter",
+    "dimensionless",
+    "launches",
+    "reduced_turns",
+]
+
+Array = NDArray[np.float64]
+
+LAWS: Final = ("rest", "reflect")
+STAGGERED: Final = "staggered"
+
+# Whole periods are counted in float64, exactly up to 2**53; this leaves room for the flights.
+MAX_PERIODS: Final = 2.0**51
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One physical parameter: its name in code and files, its unit and its allowed range."""
+
+    name: str
+    symbol: str
+    units: str
+    long_name: str
+    default: float
+    low: float
+    high: float = math.inf
+    low_open: bool = False
+
+    @property
+    def allowed(self) -> str:
+        """The allowed range in words, for error messages."""
+        unit = "" if self.units == "1" else f" {self.units}"
+        relation = "greater than" if self.low_open else "at least"
+        if self.high == math.inf:
+            return f"finite and {relation} {self.low:g}{unit}"
+        return f"{relation} {self.low:g} and at most {self.high:g}{unit}"
+
+    def accepts(self, values: ArrayLike) -> NDArray[np.bool_]:
+        """Tell, element by element, which values lie in the allowed range (NaN never does)."""
+        array = np.asarray(values, dtype=np.float64)
+        above = array > self.low if self.low_open else array >= self.low
+        return np.asarray(np.isfinite(array) & above & (array <= self.high))
+
+
+PARAMETERS: Final[Mapping[str, Parameter]] = {
+    p.name: p
+    for p in (
+        Parameter("restitution", "e", "1", "coefficient of restitution", 0.90, 0.0, 1.0),
+        Parameter("amplitude", "A", "m s-1", "amplitude of the kick, a velocity", 1.20, 0.0),
+        Parameter("frequency", "f", "Hz", "forcing frequency", 1.0, 0.0, low_open=True),
+        Parameter("phase", "phi", "rad", "phase of the forcing at t = 0", 0.0, -1e9, 1e9),
+        Parameter("gravity", "g", "m s-2", "gravitational acceleration", 9.81, 0.0, low_open=True),
+        Parameter("launch_velocity", "v0", "m s-1", "speed at launch", 5.0, 0.0),
+        Parameter(
+            "contact_time",
+            "tau_c",
+            "s",
+            "shortest time between two impacts of a particle",
+            1e-4,
+            0.0,
+            low_open=True,
+        ),
+    )
+}
+
+
+class Dimensionless(NamedTuple):
+    """What the kernels iterate, one entry per realization; every array has shape (realization,).
+
+    Attributes
+    ----------
+    restitution
+        e.
+    kick
+        a = 2 f A / g, forcing periods.
+    launch_flight
+        u0 = 2 f v0 / g, duration of the first flight in forcing periods.
+    rest_flight
+        r = f tau_c, the flight time at and below which a particle comes to rest.
+    liftoff_phase
+        Phase in turns, in [0, 1/4], at which the kick rises through r and a resting particle is
+        relaunched; 0 where that never happens (a <= r).
+    phase
+        Phase of the forcing at t = 0 in turns, reduced to [-1/2, 1/2].
+    begin_count, begin_phase, end_count, end_phase
+        Window of observation, as whole periods and reduced phase.
+    """
+
+    restitution: Array
+    kick: Array
+    launch_flight: Array
+    rest_flight: Array
+    liftoff_phase: Array
+    phase: Array
+    begin_count: Array
+    begin_phase: Array
+    end_count: Array
+    end_phase: Array
+
+
+class Launches(NamedTuple):
+    """Launch instants without the forcing's own phase: whole periods and reduced phase.
+
+    Both arrays have shape (1, particle) where all realizations share them, else
+    (realization, particle).
+    """
+
+    whole: Array
+    phase: Array
+
+
+def _split_product(a: Array, b: Array) -> tuple[Array, Array]:
+    """Product of a and b as rounded value and exact rounding error (Dekker 1971)."""
+
+    def halves(v: Array) -> tuple[Array, Array]:
+        shifted = 134217729.0 * v  # 2**27 + 1
+        high = shifted - (shifted - v)
+        return high, v - high
+
+    product = a * b
+    a_high, a_low = halves(a)
+    b_high, b_low = halves(b)
+    error = ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
+    return product, error
+
+
+def reduced_turns(rate: ArrayLike, time: ArrayLike, phase: ArrayLike) -> tuple[Array, Array]:
+    """Split ``rate * time + phase`` into whole turns and a phase in [-1/2, 1/2].
+
+    The product is taken with its rounding error, so that the phase of an instant 10**9 periods
+    away is as accurate as that of an early one.
+
+    Parameters
+    ----------
+    rate
+        Turns per second.
+    time
+        Seconds.
+    phase
+        Turns.
+
+    Returns
+    -------
+    count, phase
+        Broadcast shape of the arguments.
+    """
+    rate, time, offset = np.broadcast_arrays(
+        *(np.asarray(v, dtype=np.float64) for v in (rate, time, phase))
+    )
+    product, error = _split_product(rate, time)
+    count = np.rint(product)
+    turns = ((product - count) + error) + offset
+    carry = np.rint(turns)
+    return count + carry, turns - carry
+
+
+def _turns_of_radians(phi: Array) -> Array:
+    """Phi / 2 pi, reduced to [-1/2, 1/2]; the rounding of 2 pi itself is corrected for."""
+    two_pi, two_pi_low = 2.0 * math.pi, 2.4492935982947064e-16
+    quotient = phi / two_pi
+    product, error = _split_product(quotient, np.asarray(two_pi))
+    correction = (((phi - product) - error) - quotient * two_pi_low) / two_pi
+    turns = (quotient - np.rint(quotient)) + correction
+    return np.asarray(turns - np.rint(turns))
+
+
+def dimensionless(
+    parameters: Mapping[str, Array], duration: float, transient: float = 0.0
+) -> Dimensionless:
+    """Change realizations to the dimensionless form.
+
+    Parameters
+    ----------
+    parameters
+        Every parameter of `PARAMETERS`, each of shape (realization,), within its range.
+    duration
+        End of the observation in s.
+    transient
+        Beginning of the window that measures cover, in s; -inf covers every landing.
+
+    Raises
+    ------
+    ParameterError
+        A combination of parameters leaves the range in which periods can be counted exactly.
+    """
+    frequency, gravity = parameters["frequency"], parameters["gravity"]
+    with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
+        per_velocity = 2.0 * frequency / gravity
+        kick = per_velocity * parameters["amplitude"]
+        launch_flight = per_velocity * parameters["launch_velocity"]
+        rest_flight = frequency * parameters["contact_time"]
+        lifts = kick > rest_flight
+        ratio = np.divide(rest_flight, kick, out=np.zeros_like(kick), where=lifts)
+    _require_finite("2 frequency amplitude / gravity", kick)
+    _require_finite("2 frequency launch_velocity / gravity", launch_flight)
+    _require_countable("duration", frequency, duration)
+    if math.isfinite(transient):
+        _require_countable("transient", frequency, transient)
+    turns = _turns_of_radians(parameters["phase"])
+    end_count, end_phase = reduced_turns(frequency, duration, turns)
+    if math.isfinite(transient):
+        begin_count, begin_phase = reduced_turns(frequency, transient, turns)
+    else:
+        begin_count, begin_phase = np.full_like(turns, transient), np.zeros_like(turns)
+    return Dimensionless(
+        restitution=parameters["restitution"],
+        kick=kick,
+        launch_flight=launch_flight,
+        rest_flight=rest_flight,
+        liftoff_phase=np.arcsin(ratio) / (2.0 * math.pi),
+        phase=turns,
+        begin_count=begin_count,
+        begin_phase=begin_phase,
+        end_count=end_count,
+        end_phase=end_phase,
+    )
+
+
+def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) -> Launches:
+    """Launch instants in forcing periods.
+
+    Parameters
+    ----------
+    launch
+        ``"staggered"``: evenly over one forcing period, particle j at j / (particles frequency);
+        or the launch times of all particles in s.
+    particles
+        Number of particles.
+    frequency
+        Shape (realization,), Hz.
+    """
+    if isinstance(launch, str):
+        instants = np.arange(particles, dtype=np.float64) / particles
+        count, phase = reduced_turns(1.0, instants[np.newaxis, :], 0.0)
+        return Launches(count, phase)
+    times = np.asarray(launch, dtype=np.float64)[np.newaxis, :]
+    rate = frequency[:1] if np.all(frequency == frequency[:1]) else frequency
+    _require_countable("launch time", rate, float(np.max(np.abs(times))))
+    count, phase = reduced_turns(rate[:, np.newaxis], times, 0.0)
+    return Launches(count, phase)
+
+
+def _require_finite(what: str, values: Array) -> None:
+    if not np.all(np.isfinite(values)):
+        raise ParameterError(f"{what} is not finite in double precision: choose smaller values")
+
+
+def _require_countable(what: str, frequency: Array, time: float) -> None:
+    periods = float(np.max(frequency)) * abs(time)
+    if not periods <= MAX_PERIODS:
+        raise ParameterError(
+            f"{what} = {time:g} s is {periods:.3g} forcing periods: at most {MAX_PERIODS:.3g} can "
+            f"be counted exactly; lower it or the frequency"
+        )

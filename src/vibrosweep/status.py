@@ -1,0 +1,40 @@
+"""Status of a particle's computation and regime of its orbit: codes that are stored as data.
+
+A bad realization never ends a sweep; it gets a code, and the code has a sentence with advice.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+__all__ = ["Status"]
+
+
+class Status(IntEnum):
+    """How the computation of one particle (or the worst of a realization) ended."""
+
+    COMPLETED = 0
+    BUDGET_EXCEEDED = 1
+    NON_FINITE = 2
+
+    @property
+    def sentence(self) -> str:
+        """What happened and what to do, in one sentence."""
+        return _SENTENCES[self]
+
+    @property
+    def meaning(self) -> str:
+        """The code's name as it stands in a dataset's ``flag_meanings``."""
+        return self.name.lower()
+
+
+_SENTENCES = {
+    Status.COMPLETED: "The trajectory is known up to the end of the observation.",
+    Status.BUDGET_EXCEEDED: (
+        "The impact budget ran out before the end of the observation: measures cover only the "
+        "landings found; raise measure.impact_budget, or shorten scene.duration."
+    ),
+    Status.NON_FINITE: (
+        "A value became infinite or undefined: the parameters are too extreme for double precision."
+    ),
+}

@@ -1,0 +1,1 @@
+"""Result files: netCDF-4 written chunk by chunk, and opened again."""

@@ -1,0 +1,56 @@
+"""Where a dataset comes from: versions, processor, source revision."""
+
+from __future__ import annotations
+
+import platform
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+from vibrosweep._version import __version__
+
+__all__ = ["CONVENTIONS", "provenance"]
+
+CONVENTIONS: Final = "CF-1.11"
+LIBRARIES: Final = ("numpy", "numba", "llvmlite", "h5py", "h5netcdf")
+
+
+def provenance(threads: int) -> dict[str, str | int]:
+    """Attributes that say what computed a dataset, with what, where and when."""
+    attributes: dict[str, str | int] = {
+        "Conventions": CONVENTIONS,
+        "source": f"vibrosweep {__version__}",
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "libraries": " ".join(f"{name} {version(name)}" for name in LIBRARIES),
+        "python": platform.python_version(),
+        "cpu": _processor(),
+        "threads": threads,
+    }
+    revision = _revision()
+    if revision:
+        attributes["git_revision"] = revision
+    return attributes
+
+
+def _processor() -> str:
+    """Model name of the processor as the system states it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.machine()
+
+
+def _revision() -> str:
+    """Git revision of the source tree that the package runs from; empty for an installed one."""
+    git = Path(__file__).parents[3] / ".git"
+    try:
+        head = (git / "HEAD").read_text(encoding="utf-8").strip()
+        if not head.startswith("ref: "):
+            return head
+        reference = git / head.removeprefix("ref: ")
+        return reference.read_text(encoding="utf-8").strip()
+    except OSError:
+        return ""

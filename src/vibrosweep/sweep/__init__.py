@@ -1,0 +1,1 @@
+"""Sweeps: a TOML file becomes a validated spec, a design, a plan and a run."""

@@ -1,0 +1,260 @@
+"""A batch of realizations through the kernels: parameters in, measured variables out.
+
+Threads call the compiled kernels, which release the interpreter, on ranges that are theirs alone;
+results therefore do not depend on the number of threads, nor on how a sweep is cut into batches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.kernels.advance import Statistics, advance, empty_statistics, scratch
+from vibrosweep.kernels.combine import combine
+from vibrosweep.kernels.separation import separate, workspace
+from vibrosweep.scene import Dimensionless, Launches, dimensionless, launches
+from vibrosweep.status import Status
+from vibrosweep.variables import UNDETERMINED
+
+__all__ = ["Observation", "Workers", "measure", "statistics"]
+
+Array = NDArray[np.float64]
+Measured = dict[str, NDArray[Any]]
+
+TRAJECTORIES_PER_TASK = 4096
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What is launched, how long it is watched and what is measured.
+
+    Attributes
+    ----------
+    particles
+        Number of particles per realization.
+    launch
+        ``"staggered"`` or the launch times of all particles in s.
+    duration
+        End of the observation in s.
+    rebound
+        ``"rest"`` or ``"reflect"``.
+    transient
+        Beginning of the window that measures cover, in s.
+    separation
+        Whether separations between particles are measured.
+    per_particle
+        Whether measures are kept for each particle.
+    impact_budget
+        Impacts after which a particle is given up.
+    """
+
+    particles: int
+    launch: str | tuple[float, ...]
+    duration: float
+    rebound: str
+    transient: float
+    separation: bool
+    per_particle: bool
+    impact_budget: int
+
+    @property
+    def reflect(self) -> int | None:
+        """The rebound law as the kernels take it."""
+        return 1 if self.rebound == "reflect" else None
+
+    @property
+    def window(self) -> int | None:
+        """1 where landings before the window are possible, else None: kernels compile that out."""
+        starts_late = self.transient > 0.0
+        early_launch = not isinstance(self.launch, str) and min(self.launch) < self.transient
+        return 1 if starts_late or early_launch else None
+
+
+class Workers:
+    """A pool of threads for kernels; a context manager.
+
+    Parameters
+    ----------
+    threads
+        Number of threads, at least 1.
+    """
+
+    def __init__(self, threads: int) -> None:
+        self.threads = threads
+        self._pool = ThreadPoolExecutor(threads)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def each(self, task: Callable[[int, int], object], total: int, size: int) -> None:
+        """Call ``task(first, last)`` for ranges of at most `size` that cover ``range(total)``."""
+        starts = range(0, total, size)
+        for _ in self._pool.map(lambda first: task(first, min(first + size, total)), starts):
+            pass
+
+
+def statistics(
+    problem: Dimensionless, launch: Launches, observation: Observation, workers: Workers
+) -> Statistics:
+    """Statistics of every trajectory, in the order of realizations and within them of particles."""
+    total = problem.kick.size * observation.particles
+    each = empty_statistics(total)
+
+    def task(first: int, last: int) -> None:
+        advance(
+            first,
+            last,
+            problem,
+            launch,
+            observation.impact_budget,
+            observation.reflect,
+            observation.window,
+            scratch(),
+            each,
+        )
+
+    workers.each(task, total, TRAJECTORIES_PER_TASK)
+    return each
+
+
+def measure(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> Measured:
+    """Advance a batch of realizations and measure them.
+
+    Parameters
+    ----------
+    parameters
+        Every parameter of `vibrosweep.scene.PARAMETERS`, each of shape (realization,).
+    observation
+        What is watched and measured.
+    workers
+        Threads to use.
+
+    Returns
+    -------
+    dict
+        Arrays of shape (realization,), and (realization, particle) for measures per particle,
+        named as in `vibrosweep.variables`.
+
+    Raises
+    ------
+    ParameterError
+        Parameters leave the range in which periods can be counted exactly.
+    """
+    problem = dimensionless(parameters, observation.duration, observation.transient)
+    launch = launches(observation.launch, observation.particles, parameters["frequency"])
+    each = statistics(problem, launch, observation, workers)
+    size, particles = problem.kick.size, observation.particles
+    whole = empty_statistics(size)
+    workers.each(
+        lambda first, last: combine(first, last, particles, each, whole),
+        size,
+        max(1, TRAJECTORIES_PER_TASK // particles),
+    )
+    measured = _physical(whole, parameters, problem)
+    measured["at_rest_count"] = whole.at_rest
+    launch_height = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
+    launched = _launch_in_window(observation, parameters["frequency"])
+    measured["flight_height_max"] = np.fmax(
+        measured["rebound_height_max"], np.where(launched, launch_height, np.nan)
+    )
+    if observation.per_particle:
+        measured |= _per_particle(each, parameters, problem, (size, particles))
+    if observation.separation:
+        measured |= _separations(problem, launch, observation, whole, parameters, workers)
+    return measured
+
+
+def _physical(
+    found: Statistics, parameters: Mapping[str, Array], problem: Dimensionless
+) -> Measured:
+    """Statistics of flights in physical units; arrays of the shape of the parameters."""
+    frequency = parameters["frequency"]
+    # height of a flight that lasts one forcing period: g / (8 f^2)
+    height = parameters["gravity"] / (8.0 * frequency * frequency)
+    # where nothing lifts a resting particle, its last landing is followed by no flight
+    lifts = problem.kick > problem.rest_flight
+    flights = found.landings - np.where(lifts, 0, found.rests)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        none = np.where(flights > 0, 0.0, np.nan)
+        return {
+            "impact_count": found.landings,
+            "rest_count": found.rests,
+            "rebound_height_mean": height * (found.flight_squares / flights) + none,
+            "rebound_height_max": height * (found.flight_max * found.flight_max) + none,
+            "flight_time_mean": found.flight_sum / flights / frequency + none,
+            "status": found.status,
+        }
+
+
+def _per_particle(
+    each: Statistics,
+    parameters: Mapping[str, Array],
+    problem: Dimensionless,
+    shape: tuple[int, int],
+) -> Measured:
+    repeated = {name: np.repeat(parameters[name], shape[1]) for name in ("frequency", "gravity")}
+    lanes = problem._replace(
+        kick=np.repeat(problem.kick, shape[1]), rest_flight=np.repeat(problem.rest_flight, shape[1])
+    )
+    measured = _physical(each, repeated, lanes)
+    measured["at_rest"] = each.at_rest.astype(np.int8)
+    return {f"particle_{name}": values.reshape(shape) for name, values in measured.items()}
+
+
+def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:
+    """Whether any particle of a realization is launched inside the window; shape (realization,)."""
+    begin, end = observation.transient, observation.duration
+    if isinstance(observation.launch, str):
+        per_second = observation.particles * frequency
+        first = np.maximum(np.ceil(per_second * begin), 0.0)
+        return np.asarray((first < observation.particles) & (first <= per_second * end))
+    inside = any(begin <= time <= end for time in observation.launch)
+    return np.full(frequency.shape, inside)
+
+
+def _separations(
+    problem: Dimensionless,
+    launch: Launches,
+    observation: Observation,
+    whole: Statistics,
+    parameters: Mapping[str, Array],
+    workers: Workers,
+) -> Measured:
+    size = problem.kick.size
+    gap, same = np.empty(size), np.empty(size)
+    shared = np.empty(size, np.int8)
+    complete = whole.status == Status.COMPLETED
+
+    def task(first: int, last: int) -> None:
+        work = workspace(observation.particles)
+        separate(
+            first,
+            last,
+            problem,
+            launch,
+            complete,
+            observation.reflect,
+            observation.window,
+            work,
+            gap,
+            same,
+            shared,
+        )
+
+    workers.each(task, size, max(1, TRAJECTORIES_PER_TASK // (8 * observation.particles)))
+    return {
+        "dt_min": gap / parameters["frequency"],
+        "dt_min_same_index": same / parameters["frequency"],
+        "base_shared": shared,
+        "collision_free": np.where(shared == UNDETERMINED, shared, 1 - shared).astype(np.int8),
+    }

@@ -1,0 +1,102 @@
+"""Every landing of a small batch of realizations, as arrays."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.record import empty_record, record
+from vibrosweep.scene import PARAMETERS, Launches, dimensionless, launches
+from vibrosweep.sweep.engine import TRAJECTORIES_PER_TASK, Observation, Workers, statistics
+
+__all__ = ["launch_times", "record_landings"]
+
+Array = NDArray[np.float64]
+
+BYTES_PER_LANDING: Final = 25  # three doubles and a flag
+
+
+def launch_times(launch: str | tuple[float, ...], particles: int, frequency: float) -> Array:
+    """Launch times in s, shape (particle,)."""
+    if isinstance(launch, str):
+        return np.arange(particles) / (particles * frequency)
+    return np.asarray(launch, dtype=np.float64)
+
+
+def record_landings(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> dict[str, NDArray[Any]]:
+    """Every landing until the end of the observation.
+
+    Parameters
+    ----------
+    parameters
+        Every parameter of `PARAMETERS`, each of shape (realization,).
+    observation
+        What is launched and how long it is watched; its transient is -inf.
+    workers
+        Threads to use.
+
+    Returns
+    -------
+    dict
+        The variables of `vibrosweep.variables.RECORD`.
+
+    Raises
+    ------
+    ParameterError
+        The record would not fit into half of this machine's memory.
+    """
+    problem = dimensionless(parameters, observation.duration, observation.transient)
+    launch: Launches = launches(observation.launch, observation.particles, parameters["frequency"])
+    each = statistics(problem, launch, observation, workers)
+    capacity = int(each.landings.max())
+    _require_memory(each.landings.size, capacity)
+    out = empty_record(each.landings.size, capacity)
+    unit = parameters["gravity"] / (2.0 * parameters["frequency"])
+
+    def task(first: int, last: int) -> None:
+        record(
+            first,
+            last,
+            problem,
+            launch,
+            parameters["frequency"],
+            unit,
+            observation.reflect,
+            out,
+        )
+
+    workers.each(task, each.landings.size, max(1, TRAJECTORIES_PER_TASK // 32))
+    shape = (problem.kick.size, observation.particles)
+    found: dict[str, NDArray[Any]] = {
+        name: values.reshape(*shape, capacity) for name, values in out._asdict().items()
+    }
+    found["impact_count"] = each.landings.reshape(shape)
+    found["status"] = each.status.reshape(shape)
+    return found
+
+
+def _require_memory(trajectories: int, capacity: int) -> None:
+    needed = trajectories * capacity * BYTES_PER_LANDING
+    available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if needed > available / 2:
+        raise ParameterError(
+            f"the record of {trajectories} trajectories with up to {capacity} landings needs "
+            f"{needed / 2**30:.1f} GiB of this machine's {available / 2**30:.1f} GiB: shorten the "
+            f"duration, take fewer particles, or run a sweep, which keeps statistics only"
+        )
+
+
+def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:
+    """Complete some parameters, broadcast to a common shape (realization,), by the defaults."""
+    size = max((values.size for values in given.values()), default=1)
+    return {
+        name: np.ascontiguousarray(np.broadcast_to(given.get(name, p.default), (size,)), float)
+        for name, p in PARAMETERS.items()
+    }

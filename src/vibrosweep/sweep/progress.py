@@ -1,0 +1,64 @@
+"""Progress of a run: a bar on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final, Protocol, TextIO
+
+__all__ = ["Advance", "reporting", "silent"]
+
+SECONDS_BETWEEN_LINES: Final = 10.0
+
+
+class Advance(Protocol):
+    """Tell how many realizations are done, of how many."""
+
+    def __call__(self, done: int, total: int, /) -> object:
+        """Tell it."""
+
+
+def silent(done: int, total: int, /) -> None:
+    """Report nothing."""
+
+
+@contextmanager
+def reporting(stream: TextIO) -> Iterator[Advance]:
+    """Report on `stream` how far a run is, how fast, and what remains.
+
+    Runs that take less than a moment report nothing.
+    """
+    if not stream.isatty():
+        yield _Lines(stream)
+        return
+    from tqdm import tqdm  # only a terminal pays for the import
+
+    with tqdm(unit=" realizations", file=stream, leave=False, delay=0.5) as bar:
+
+        def advance(done: int, total: int, /) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield advance
+
+
+class _Lines:
+    """A line of text now and then."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+        self.began = self.last = time.monotonic()
+
+    def __call__(self, done: int, total: int, /) -> None:
+        now = time.monotonic()
+        if now - self.last < SECONDS_BETWEEN_LINES:
+            return
+        self.last = now
+        rate = done / (now - self.began)
+        print(
+            f"{done} of {total} realizations, {rate:.4g} per second, "
+            f"{(total - done) / rate:.0f} s remaining",
+            file=self.stream,
+            flush=True,
+        )

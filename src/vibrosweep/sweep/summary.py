@@ -1,0 +1,84 @@
+"""A sweep in a few lines: what the terminal shows of a result, gathered chunk by chunk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.status import Status
+from vibrosweep.variables import SWEEP, Variable
+
+__all__ = ["Summary"]
+
+
+@dataclass
+class _Spread:
+    """Smallest, mean and largest of the finite values seen."""
+
+    count: int = 0
+    total: float = 0.0
+    low: float = np.inf
+    high: float = -np.inf
+
+    def add(self, values: NDArray[Any]) -> None:
+        finite = values[np.isfinite(values)]
+        if finite.size:
+            self.count += finite.size
+            self.total += float(finite.sum())
+            self.low = min(self.low, float(finite.min()))
+            self.high = max(self.high, float(finite.max()))
+
+
+@dataclass
+class Summary:
+    """What the realizations of a sweep have in common; add chunks in their order."""
+
+    realizations: int = 0
+    landings: int = 0
+    spreads: dict[str, _Spread] = field(default_factory=dict)
+    codes: dict[str, dict[int, int]] = field(default_factory=dict)
+
+    def add(self, measured: Mapping[str, NDArray[Any]]) -> None:
+        """Add the measured variables of a chunk, each of shape (realization, ...)."""
+        self.realizations += measured["impact_count"].size
+        self.landings += int(measured["impact_count"].sum())
+        for name, variable in SWEEP.items():
+            if name not in measured:
+                continue
+            if variable.flags:
+                codes, counts = np.unique(measured[name], return_counts=True)
+                known = self.codes.setdefault(name, {})
+                for code, count in zip(codes.tolist(), counts.tolist(), strict=True):
+                    known[code] = known.get(code, 0) + count
+            else:
+                self.spreads.setdefault(name, _Spread()).add(measured[name])
+
+    def lines(self) -> Iterator[str]:
+        """Give the summary as a table of text."""
+        yield f"{'':28}{'min':>12}{'mean':>12}{'max':>12}"
+        for name, spread in self.spreads.items():
+            label = f"{name} ({SWEEP[name].units})" if SWEEP[name].units != "1" else name
+            if not spread.count:
+                yield f"{label:28}{'undefined in every realization':>36}"
+                continue
+            mean = spread.total / spread.count
+            yield f"{label:28}{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}"
+        for name, counts in self.codes.items():
+            yield f"{name:28}{_counted(SWEEP[name], counts)}"
+        for code in sorted(self.codes.get("status", {})):
+            if code != Status.COMPLETED:
+                yield f"{Status(code).meaning}: {Status(code).sentence}"
+
+
+def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
+    """How often each code occurs, in words."""
+    meanings = dict(variable.flags)
+    total = sum(counts.values())
+    parts = (
+        f"{meanings[code]} {count} ({count / total:.1%})" for code, count in sorted(counts.items())
+    )
+    return ", ".join(parts)

@@ -1,0 +1,215 @@
+"""Registry of every variable that a dataset can hold: name, dims, type, unit, meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from vibrosweep.status import Status
+
+__all__ = ["PER_PARTICLE", "RECORD", "SWEEP", "UNDETERMINED", "Variable"]
+
+UNDETERMINED: Final = -1
+_UNDECIDED = ((UNDETERMINED, "undetermined"),)
+_STATUS = tuple((int(s), s.meaning) for s in Status)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One output variable.
+
+    Attributes
+    ----------
+    name, dims, dtype, units, long_name
+        As they stand in the dataset.
+    flags
+        (value, meaning) pairs of an integer variable that holds codes.
+    key
+        Key of a sweep file that has the variable measured; empty where it always is.
+    comment
+        What the long name leaves open.
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: str
+    units: str
+    long_name: str
+    flags: tuple[tuple[int, str], ...] = ()
+    key: str = ""
+    comment: str = ""
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """CF attributes."""
+        attributes: dict[str, Any] = {"long_name": self.long_name}
+        if self.flags:
+            attributes["flag_values"] = np.array([f[0] for f in self.flags], dtype=self.dtype)
+            attributes["flag_meanings"] = " ".join(f[1] for f in self.flags)
+        else:
+            attributes["units"] = self.units
+        if self.comment:
+            attributes["comment"] = self.comment
+        return attributes
+
+
+def _registry(*variables: Variable) -> Mapping[str, Variable]:
+    return {v.name: v for v in variables}
+
+
+_R = ("realization",)
+_RP = ("realization", "particle")
+_RPI = ("realization", "particle", "impact")
+_SEPARATION = "measure.separation"
+_AFTER_LANDINGS = "flights that follow the landings in the window; NaN without any"
+
+# Measured once per realization, over the landings in the window [transient, duration].
+SWEEP: Final = _registry(
+    Variable("impact_count", _R, "int64", "1", "landings of all particles"),
+    Variable("rest_count", _R, "int64", "1", "landings after which the particle rested"),
+    Variable("at_rest_count", _R, "int64", "1", "particles that came to rest for good"),
+    Variable(
+        "rebound_height_mean",
+        _R,
+        "float64",
+        "m",
+        "mean rebound height",
+        comment=_AFTER_LANDINGS,
+    ),
+    Variable(
+        "rebound_height_max",
+        _R,
+        "float64",
+        "m",
+        "maximum rebound height",
+        comment=_AFTER_LANDINGS + "; the launch is left out",
+    ),
+    Variable(
+        "flight_height_max",
+        _R,
+        "float64",
+        "m",
+        "maximum height of any flight",
+        comment="the launch is counted where it falls into the window",
+    ),
+    Variable("flight_time_mean", _R, "float64", "s", "mean flight time", comment=_AFTER_LANDINGS),
+    Variable(
+        "dt_min",
+        _R,
+        "float64",
+        "s",
+        "smallest separation between landings of different particles",
+        key=_SEPARATION,
+        comment="NaN where no two particles land",
+    ),
+    Variable(
+        "dt_min_same_index",
+        _R,
+        "float64",
+        "s",
+        "smallest separation between landings of different particles with equal impact number",
+        key=_SEPARATION,
+        comment="NaN where no two particles have a landing of the same number in the window",
+    ),
+    Variable(
+        "base_shared",
+        _R,
+        "int8",
+        "1",
+        "two particles were on the base at once",
+        flags=(*_UNDECIDED, (0, "never"), (1, "shared")),
+        key=_SEPARATION,
+        comment="each stay lasts from landing to lift-off, at least the contact time",
+    ),
+    Variable(
+        "collision_free",
+        _R,
+        "int8",
+        "1",
+        "no two particles were ever on the base at once",
+        flags=(*_UNDECIDED, (0, "collisions"), (1, "collision_free")),
+        key=_SEPARATION,
+    ),
+    Variable("status", _R, "int8", "1", "worst status of the particles", flags=_STATUS),
+)
+
+# The same for each particle, where a sweep file asks for it.
+PER_PARTICLE: Final = _registry(
+    *(
+        Variable(
+            f"particle_{v.name}",
+            _RP,
+            v.dtype,
+            v.units,
+            f"{v.long_name} of each particle",
+            key="measure.per_particle",
+            comment=v.comment,
+        )
+        for v in (
+            SWEEP["rest_count"],
+            SWEEP["rebound_height_mean"],
+            SWEEP["rebound_height_max"],
+            SWEEP["flight_time_mean"],
+        )
+    ),
+    Variable(
+        "particle_impact_count",
+        _RP,
+        "int64",
+        "1",
+        "landings of each particle",
+        key="measure.per_particle",
+    ),
+    Variable(
+        "particle_at_rest",
+        _RP,
+        "int8",
+        "1",
+        "the particle came to rest for good",
+        flags=((0, "bouncing"), (1, "at_rest")),
+        key="measure.per_particle",
+    ),
+    Variable(
+        "particle_status",
+        _RP,
+        "int8",
+        "1",
+        "status of the particle",
+        flags=_STATUS,
+        key="measure.per_particle",
+    ),
+)
+
+# Every landing, for small scenes.
+RECORD: Final = _registry(
+    Variable("landing_time", _RPI, "float64", "s", "time of landing"),
+    Variable(
+        "liftoff_time",
+        _RPI,
+        "float64",
+        "s",
+        "time of lift-off",
+        comment="equal to the landing unless the particle rests; NaN where it rests for good",
+    ),
+    Variable(
+        "rebound_velocity",
+        _RPI,
+        "float64",
+        "m s-1",
+        "speed at lift-off",
+        comment="NaN where the particle rests for good",
+    ),
+    Variable(
+        "rested",
+        _RPI,
+        "int8",
+        "1",
+        "the particle rested after the landing",
+        flags=((0, "bounced"), (1, "rested")),
+    ),
+    Variable("impact_count", _RP, "int64", "1", "landings of the particle"),
+    Variable("status", _RP, "int8", "1", "status of the particle", flags=_STATUS),
+)

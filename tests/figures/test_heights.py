@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection, PathCollection
+
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.figures import height_time
+from vibrosweep.figures.heights import readable_until
+from vibrosweep.figures.motion import motions, parabolas
+
+
+def curves_of(figure):
+    """Control points of every drawn flight, shape (flight, 5, 2)."""
+    (flights,) = [c for c in figure.axes[0].collections if isinstance(c, PathCollection)]
+    return np.concatenate([path.vertices for path in flights.get_paths()]).reshape(-1, 5, 2)
+
+
+def rests_of(figure):
+    (bars,) = [c for c in figure.axes[0].collections if isinstance(c, LineCollection)]
+    return bars.get_segments()
+
+
+def bezier(points, s):
+    return (1 - s) ** 2 * points[0] + 2 * s * (1 - s) * points[1] + s**2 * points[2]
+
+
+def test_parabolas_begin_and_end_on_the_base_at_the_recorded_events(make_record):
+    record = make_record()
+    flights = curves_of(height_time(record))
+    landing = record.landing_time.values[0, 0]
+    liftoff = record.liftoff_time.values[0, 0]
+    # the last flight is cut by the end of the observation
+    np.testing.assert_allclose(flights[:, 4, 0], [*landing, 12.0][: len(flights)], rtol=1e-14)
+    np.testing.assert_array_equal(flights[:, 0, 0], [0.0, *liftoff][: len(flights)])
+    np.testing.assert_array_equal(flights[:, 0, 1], 0.0)
+    np.testing.assert_allclose(flights[: landing.size, 4, 1], 0.0, atol=1e-12)
+
+
+def test_the_apex_is_half_way_and_v_squared_over_2g_high(make_record):
+    record = make_record(np.arange(5) / 5)
+    one = record.isel(realization=0)
+    for i, motion in enumerate(motions(one, 12.0)):
+        whole = motion.end < 12.0
+        flights = parabolas(motion, 9.81)[whole]
+        middle = (motion.start + motion.end)[whole] / 2
+        np.testing.assert_allclose(flights[:, 2, 0], middle, rtol=1e-13)
+        np.testing.assert_allclose(flights[:, 2, 1], motion.velocity[whole] ** 2 / (2 * 9.81))
+        assert motion.velocity[0] == 5.0, i
+
+
+def test_every_point_of_a_drawn_curve_obeys_the_law_of_free_fall(make_record):
+    one = make_record(amplitude=3.0).isel(realization=0)
+    (motion,) = motions(one, 7.3)
+    assert motion.end[-1] == 7.3
+    for flight, start, v in zip(
+        parabolas(motion, 9.81), motion.start, motion.velocity, strict=True
+    ):
+        for half in (flight[:3], flight[2:]):
+            for s in np.linspace(0, 1, 7):
+                t, y = bezier(half, s)
+                assert y == pytest.approx(v * (t - start) - 9.81 * (t - start) ** 2 / 2, abs=1e-12)
+
+
+def test_a_flight_cut_before_its_apex_ends_there(make_record):
+    one = make_record().isel(realization=0)
+    (motion,) = motions(one, 0.25)
+    (flight,) = parabolas(motion, 9.81)
+    assert flight[4] == pytest.approx([0.25, 5.0 * 0.25 - 9.81 * 0.25**2 / 2], rel=1e-14)
+    figure = height_time(make_record(), until=0.25)
+    assert figure.axes[0].get_xlim() == (0.0, 0.25)
+    assert figure.axes[0].get_ylim()[1] == pytest.approx(1.05 * flight[4, 1])
+
+
+def test_rests_are_drawn_on_the_base_from_landing_to_liftoff(make_record):
+    record = make_record()
+    rested = record.rested.values[0, 0] == 1
+    assert rested.any()
+    drawn = np.array(rests_of(height_time(record)))
+    np.testing.assert_array_equal(drawn[:, 0, 0], record.landing_time.values[0, 0, rested])
+    liftoff = np.minimum(record.liftoff_time.values[0, 0, rested], 12.0)
+    np.testing.assert_array_equal(drawn[:, 1, 0], liftoff)
+    np.testing.assert_array_equal(drawn[:, :, 1], 0.0)
+
+
+def test_a_particle_at_rest_for_good_stays_to_the_end(make_record):
+    (bar,) = rests_of(height_time(make_record(amplitude=0.0)))
+    assert bar[1, 0] == 12.0
+
+
+def test_landings_are_marked_where_one_particle_is_drawn(twenty):
+    def marks(figure):
+        return [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+
+    (line,) = marks(height_time(twenty, [0]))
+    landing = twenty.landing_time.values[0, 0]
+    np.testing.assert_array_equal(line.get_xdata(), landing[np.isfinite(landing)])
+    assert not marks(height_time(twenty))
+    assert len(marks(height_time(twenty, [3, 4], mark_landings=True))) == 2
+
+
+def test_particles_and_realization_are_picked(make_record):
+    record = make_record([0.0, 0.25, 0.5], restitution=np.array([0.9, 0.5]))
+    flights = curves_of(height_time(record, [2], realization=1))
+    assert flights[0, 0, 0] == 0.5
+    landing = record.landing_time.values[1, 2]
+    landing = landing[np.isfinite(landing)]
+    np.testing.assert_allclose(flights[: landing.size, 4, 0], landing)
+    names = [t.get_text() for t in height_time(record, [2, 0]).axes[0].get_legend().get_texts()]
+    assert names[-2:] == ["particle 0", "particle 2"]
+
+
+def test_launch_times_may_differ_between_realizations(make_record):
+    record = make_record([0.0, 0.25], restitution=np.array([0.9, 0.5]))
+    shifted = record.assign_coords(
+        launch_time=(("realization", "particle"), np.array([[0.0, 0.25], [-1.0, 0.0]]))
+    )
+    figure = height_time(shifted, realization=1)
+    assert figure.axes[0].get_xlim() == (-1.0, 12.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"particles": [20]}, "particles = .20.: .* numbers from 0 to 19"),
+        ({"particles": []}, "give at least one"),
+        ({"realization": 1}, "realization = 1"),
+        ({"until": 13.0}, "at most 12 s"),
+        ({"until": 0.0}, "after 0 s"),
+    ],
+)
+def test_a_wrong_choice_is_named(twenty, arguments, message):
+    with pytest.raises(ParameterError, match=message):
+        height_time(twenty, **arguments)
+
+
+def test_a_missing_variable_is_named(twenty):
+    with pytest.raises(DataError, match="height_time needs the variable liftoff_time"):
+        height_time(twenty.drop_vars("liftoff_time"))
+
+
+def test_the_page_of_a_long_record_ends_after_forty_periods(twenty, make_record):
+    assert readable_until(twenty) == 12.0
+    assert readable_until(make_record(duration=100.0)) == 40.0
+    assert readable_until(make_record(duration=100.0, frequency=2.0)) == 20.0
+
+
+def test_a_particle_that_never_lands_and_one_that_is_never_launched(make_record):
+    record = make_record([0.0, 3.0], duration=0.5)
+    figure = height_time(record)
+    assert len(curves_of(figure)) == 1
+    figure.canvas.draw()

@@ -1,0 +1,170 @@
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from matplotlib.collections import PathCollection, QuadMesh
+from matplotlib.colors import LogNorm
+
+from vibrosweep import theory
+from vibrosweep.errors import DataError
+from vibrosweep.figures import parameter_plane
+from vibrosweep.figures.cells import commonest, equal_cells, grid_cells, median
+from vibrosweep.figures.windows import window_curves
+
+
+def numbers_of(figure):
+    """The artist whose colours the colour bar explains."""
+    return figure.axes[1]._colorbar.mappable
+
+
+def curves_of(figure):
+    return [np.asarray(line.get_xydata()) for line in figure.axes[0].lines if len(line.get_xdata())]
+
+
+@pytest.fixture
+def small_grid(make_sweep):
+    e, a = np.meshgrid(np.linspace(0.8, 0.98, 7), np.linspace(0.3, 3.5, 5))
+    return make_sweep(35, 3, restitution=e.ravel(), amplitude=a.ravel())
+
+
+def test_the_curves_are_those_of_theory(sweep):
+    figure = parameter_plane(sweep)
+    low, high = figure.axes[0].get_ylim()
+    expected = [
+        end(k, curves_of(figure)[0][:, 0])
+        for end in (theory.amplitude_min, theory.amplitude_max)
+        for k in (1, 2, 3)
+    ]
+    expected = [y for y in expected if np.any((y > low) & (y < high))]
+    for curve, y in zip(curves_of(figure), expected, strict=True):
+        np.testing.assert_array_equal(curve[:, 1], y)
+    labels = [text.get_text() for text in figure.axes[0].texts]
+    assert len(labels) == len(expected)
+    assert r"$A_{\mathrm{min}}(1)$" in labels
+
+
+def test_curves_out_of_view_are_left_out():
+    assert window_curves((0.8, 0.9), (5.0, 6.0), 1.0, 9.81) == []
+    (curve,) = window_curves((0.9, 0.95), (0.01, 0.48), 1.0, 9.81)
+    assert (curve.mode, curve.is_upper) == (1, False)
+
+
+def test_separation_has_a_logarithmic_scale_and_shared_bases_a_marker(sweep):
+    figure = parameter_plane(sweep)
+    dots = numbers_of(figure)
+    shared = sweep.base_shared.values == 1
+    assert 0 < shared.sum() < shared.size
+    assert isinstance(dots.norm, LogNorm)
+    np.testing.assert_array_equal(dots.get_array(), sweep.dt_min.values[~shared])
+    (crosses,) = [
+        c for c in figure.axes[0].collections if isinstance(c, PathCollection) and c is not dots
+    ]
+    assert len(crosses.get_offsets()) == shared.sum()
+    (name,) = [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
+    assert name == "two particles on the base at once"
+
+
+def test_without_separation_the_height_gives_the_colour(sweep):
+    dots = numbers_of(parameter_plane(sweep.drop_vars(["dt_min", "base_shared"])))
+    np.testing.assert_array_equal(dots.get_array(), sweep.rebound_height_max)
+    assert not isinstance(dots.norm, LogNorm)
+
+
+def test_a_sweep_that_shares_the_base_everywhere(sweep):
+    everywhere = sweep.assign(base_shared=("realization", np.ones(60, np.int8)))
+    figure = parameter_plane(everywhere)
+    assert len(figure.axes) == 1
+    figure.canvas.draw()
+
+
+def test_a_grid_is_drawn_as_its_own_cells(small_grid):
+    sweep = small_grid
+    mesh = numbers_of(parameter_plane(sweep, "rebound_height_max"))
+    assert isinstance(mesh, QuadMesh)
+    np.testing.assert_array_equal(mesh.get_array().ravel(), sweep.rebound_height_max)
+    corners = mesh.get_coordinates()
+    np.testing.assert_allclose(corners[0, 0], [0.8 - 0.015, 0.3 - 0.4])
+
+
+def test_a_kick_axis_where_frequency_varies(make_sweep):
+    frequency = np.linspace(8.0, 35.0, 20)
+    sweep = make_sweep(20, 2, frequency=frequency, amplitude=0.1, launch_velocity=0.3, duration=0.5)
+    figure = parameter_plane(sweep, "rebound_height_max")
+    offsets = np.asarray(numbers_of(figure).get_offsets())
+    np.testing.assert_allclose(offsets[:, 1], 2.0 * frequency * 0.1 / 9.81)
+    curve = curves_of(figure)[0]
+    # at frequency 1 Hz and gravity 2 m/s2 the amplitude is the kick
+    np.testing.assert_allclose(
+        curve[:, 1], theory.amplitude_min(1, curve[:, 0], 1.0, 2.0), rtol=1e-15
+    )
+
+
+@pytest.mark.parametrize("as_grid", [True, False])
+def test_codes_have_colours_of_their_own(as_grid, small_grid, make_sweep):
+    sweep = small_grid if as_grid else make_sweep(35, 3)
+    codes = np.where(sweep.rebound_height_max.values > 2.0, 3, 1).astype(np.int8)
+    sweep["regime"] = (
+        "realization",
+        codes,
+        {
+            "flag_values": np.array([0, 1, 2, 3], np.int8),
+            "flag_meanings": "at_rest resting locked irregular",
+            "long_name": "regime of the orbit",
+        },
+    )
+    figure = parameter_plane(sweep, "regime")
+    names = [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
+    assert names == ["resting", "irregular"]
+    heading = figure.axes[0].get_legend().get_title().get_text()
+    assert heading == "regime of the orbit, $f$ = 1 Hz"
+    assert len(figure.axes) == 1
+    counts = [np.ma.count(c.get_array()) for c in figure.axes[0].collections]
+    assert counts == [np.count_nonzero(codes == 1), np.count_nonzero(codes == 3)]
+
+
+def test_medians_and_commonest_codes_of_cells():
+    rng = np.random.default_rng(3)
+    x, y, values = rng.uniform(size=(3, 500))
+    values[::7] = np.nan
+    cells = equal_cells(x, y)
+    drawn = median(cells, values).ravel()
+    codes = np.floor(3 * rng.uniform(size=500))
+    most = commonest(cells, codes, np.arange(3.0)).ravel()
+    for i in np.unique(cells.index):
+        inside = np.sort(values[(cells.index == i) & np.isfinite(values)])
+        assert drawn[i] == inside[(inside.size - 1) // 2]
+        counts = [np.count_nonzero(codes[cells.index == i] == c) for c in range(3)]
+        assert counts[int(most[i])] == max(counts)
+    assert np.isnan(median(cells, np.full(500, np.nan))).all()
+
+
+def test_only_complete_grids_are_grids():
+    x, y = (axis.ravel() for axis in np.meshgrid([1.0, 2.0, 4.0], [0.0, 1.0]))
+    cells = grid_cells(np.tile(x, 4), np.tile(y, 4))
+    assert cells is not None
+    np.testing.assert_array_equal(cells.x_edges, [0.5, 1.5, 3.0, 5.0])
+    assert grid_cells(x[:-1], y[:-1]) is None
+    assert grid_cells(np.append(x[:-1], x[0]), np.append(y[:-1], y[0])) is None
+
+
+@pytest.mark.parametrize("variable", [None, "rebound_height_max"])
+def test_a_million_realizations_draw_in_seconds(variable, tmp_path, synthetic_sweep):
+    sweep = synthetic_sweep(1_000_000)
+    begin = time.perf_counter()
+    figure = parameter_plane(sweep, variable)
+    figure.savefig(tmp_path / "plane.png", dpi=200)
+    assert time.perf_counter() - begin < 5.0
+    assert isinstance(numbers_of(figure), QuadMesh)
+
+
+def test_what_is_missing_is_named(sweep, make_sweep):
+    with pytest.raises(DataError, match="needs the variable dt_min or rebound_height_max"):
+        parameter_plane(sweep.drop_vars(["dt_min", "rebound_height_max"]))
+    with pytest.raises(DataError, match="needs the variable regime"):
+        parameter_plane(sweep, "regime")
+    with pytest.raises(DataError, match="set separation = true"):
+        parameter_plane(sweep.drop_vars("dt_min"), "dt_min")
+    with pytest.raises(DataError, match=r"amplitude = \[low, high\]"):
+        parameter_plane(make_sweep(10, 1, amplitude=1.0))

@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import matplotlib as mpl
+import pytest
+from PIL import Image
+
+from vibrosweep.errors import OutputError
+from vibrosweep.figures import FIGURES, available, missing, save_all
+
+STEMS = [
+    "fig1_height_time",
+    "fig2_height_time_all",
+    "fig3_height_against_restitution",
+    "fig4_return_map",
+    "parameter_plane",
+]
+
+
+def test_the_set_is_complete_and_in_order():
+    assert [entry.file_stem for entry in FIGURES.values()] == STEMS
+    assert all(entry.name == name for name, entry in FIGURES.items())
+
+
+def test_with_both_datasets_everything_is_available(sweep, twenty):
+    assert available(sweep, twenty) == list(FIGURES)
+    assert missing(sweep, twenty) == {}
+
+
+def test_without_a_record_its_section_is_asked_for(sweep):
+    assert available(sweep, None) == ["height_against_restitution", "parameter_plane"]
+    assert missing(sweep, None)["return_map"] == (
+        "figure return_map needs the record of every landing: "
+        "add a [record] section to the sweep file"
+    )
+
+
+def test_without_a_sweep_one_is_asked_for(twenty):
+    assert available(None, twenty) == ["height_time", "height_time_all", "return_map"]
+    assert "a [sample] section" in missing(None, twenty)["parameter_plane"]
+
+
+def test_a_fixed_parameter_is_missing_not_an_error(twenty, make_sweep):
+    sweep = make_sweep(10, 1, amplitude=1.2)
+    assert missing(sweep, twenty) == {
+        "parameter_plane": (
+            "figure parameter_plane needs realizations that differ in amplitude: sample it, "
+            "for example amplitude = [low, high], in the [sample] section of the sweep file"
+        )
+    }
+    fixed = make_sweep(1, 1)
+    assert set(missing(fixed, twenty)) == {"height_against_restitution", "parameter_plane"}
+
+
+def test_every_file_opens(sweep, twenty, tmp_path):
+    directory = tmp_path / "new" / "figures"
+    written = save_all(sweep, twenty, directory)
+    assert [path.name for path in written] == [
+        f"{stem}.{kind}" for stem in STEMS for kind in ("png", "pdf")
+    ]
+    for path in written:
+        if path.suffix == ".png":
+            with Image.open(path) as picture:
+                picture.load()
+                assert picture.format == "PNG"
+                assert picture.width >= 3.5 * 200
+        else:
+            assert path.read_bytes().startswith(b"%PDF")
+
+
+def test_the_same_data_give_the_same_files(sweep, twenty, tmp_path):
+    first = save_all(sweep, twenty, tmp_path / "first")
+    second = save_all(sweep, twenty, tmp_path / "second")
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes(), one.name
+
+
+def test_only_what_is_available_is_written(sweep, tmp_path):
+    names = {path.name for path in save_all(sweep, None, tmp_path) if path.suffix == ".png"}
+    assert names == {"fig3_height_against_restitution.png", "parameter_plane.png"}
+    assert save_all(None, None, tmp_path) == []
+
+
+def test_a_directory_that_cannot_be_made_is_named(sweep, tmp_path):
+    occupied = tmp_path / "taken"
+    occupied.write_text("a file")
+    with pytest.raises(OutputError, match=r"taken .*choose another"):
+        save_all(sweep, None, occupied)
+
+
+def test_a_file_that_cannot_be_written_is_named(sweep, tmp_path):
+    (tmp_path / "parameter_plane.png").mkdir()
+    with pytest.raises(OutputError, match=r"parameter_plane\.png .*another directory"):
+        save_all(sweep, None, tmp_path)
+
+
+def test_the_callers_style_is_neither_used_nor_changed(sweep):
+    with mpl.rc_context({"font.size": 31.0, "axes.labelsize": 31.0}):
+        before = dict(mpl.rcParams)
+        figure = FIGURES["parameter_plane"].draw(sweep)
+        assert dict(mpl.rcParams) == before
+    assert figure.axes[0].xaxis.label.get_size() == 9.0
+
+
+def test_importing_is_cheap():
+    heavy = "matplotlib.pyplot", "numba", "xarray", "h5py"
+    code = f"import sys, vibrosweep.figures; print([m for m in {heavy} if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.collections import PathCollection, QuadMesh
+
+from vibrosweep import theory
+from vibrosweep.errors import DataError
+from vibrosweep.figures import height_against_restitution
+from vibrosweep.figures.restitution import plateaus
+
+
+def dots_of(figure, label):
+    return next(
+        c
+        for c in figure.axes[0].collections
+        if isinstance(c, PathCollection) and c.get_label() == label
+    )
+
+
+def lines_at(figure):
+    return [float(line.get_ydata()[0]) for line in figure.axes[0].lines]
+
+
+def test_one_dot_per_realization_coloured_by_amplitude(sweep):
+    dots = dots_of(height_against_restitution(sweep), "rebounds")
+    expected = np.column_stack([sweep.restitution, sweep.rebound_height_max])
+    np.testing.assert_array_equal(np.asarray(dots.get_offsets()), expected)
+    np.testing.assert_array_equal(dots.get_array(), sweep.amplitude)
+
+
+def test_open_circles_where_the_launch_is_highest(sweep):
+    circles = np.asarray(dots_of(height_against_restitution(sweep), "launch counted").get_offsets())
+    lower = sweep.rebound_height_max.values < 25 / (2 * 9.81)
+    assert 0 < lower.sum() < lower.size
+    np.testing.assert_array_equal(circles[:, 0], sweep.restitution.values[lower])
+    np.testing.assert_allclose(circles[:, 1], 25 / (2 * 9.81))
+
+
+def test_plateaus_are_the_closed_form_and_in_view(sweep):
+    figure = height_against_restitution(sweep)
+    top = figure.axes[0].get_ylim()[1]
+    expected = [h for h in theory.locked_height(np.arange(1, 9)) if h < top]
+    launch, *drawn = lines_at(figure)
+    assert launch == pytest.approx(25 / (2 * 9.81))
+    np.testing.assert_allclose(drawn, expected)
+
+
+def test_plateaus_too_close_to_be_labelled_are_left_out():
+    modes, heights = plateaus(1.0, 400.0)
+    np.testing.assert_array_equal(heights, modes**2)
+    assert modes[0] == 1
+    assert np.diff(heights).min() >= 0.06 * 400.0
+    assert plateaus(2.0, 1.0)[0].size == 0
+
+
+def test_a_laboratory_sweep_is_drawn_in_units_of_the_first_plateau(make_sweep):
+    frequency = np.linspace(8.0, 35.0, 12)
+    sweep = make_sweep(
+        12, 2, frequency=frequency, amplitude=2.0 / frequency, launch_velocity=0.3, duration=1.0
+    )
+    figure = height_against_restitution(sweep)
+    offsets = np.asarray(dots_of(figure, "rebounds").get_offsets())
+    np.testing.assert_allclose(
+        offsets[:, 1], sweep.rebound_height_max / theory.locked_height(1, frequency)
+    )
+    assert "H_1" in figure.axes[0].get_ylabel()
+    assert set(np.sqrt(lines_at(figure))) <= {1.0, 2.0, 3.0, 4.0, 5.0, 6.0}
+
+
+def test_a_fixed_amplitude_needs_no_colour_bar(make_sweep):
+    figure = height_against_restitution(make_sweep(10, 2, amplitude=1.2))
+    assert len(figure.axes) == 1
+
+
+def test_realizations_without_a_rebound_are_counted(make_sweep):
+    sweep = make_sweep(10, 1)
+    sweep["rebound_height_max"][:3] = np.nan
+    figure = height_against_restitution(sweep)
+    heading = figure.axes[0].get_legend().get_title().get_text()
+    assert "no rebound in 3 of 10 realizations" in heading
+    sweep["rebound_height_max"][:] = np.nan
+    sweep["flight_height_max"][:] = np.nan
+    height_against_restitution(sweep).canvas.draw()
+
+
+def test_very_many_realizations_are_counted_in_cells(synthetic_sweep):
+    sweep = synthetic_sweep(30_000)
+    figure = height_against_restitution(sweep)
+    (mesh,) = [c for c in figure.axes[0].collections if isinstance(c, QuadMesh)]
+    assert mesh.get_array().sum() == 30_000
+
+
+def test_what_is_missing_is_named(sweep):
+    with pytest.raises(DataError, match="needs the variable rebound_height_max"):
+        height_against_restitution(sweep.drop_vars("rebound_height_max"))
+    with pytest.raises(DataError, match=r"restitution = \[low, high\]"):
+        height_against_restitution(sweep.isel(realization=[0]))

@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vibrosweep import theory
+from vibrosweep.errors import DataError
+from vibrosweep.figures import return_map
+from vibrosweep.figures.returns import return_points
+
+
+def drawn_points(figure):
+    """Coordinates of all points that are not the legend's or the locked orbits'."""
+    lines = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+    return np.concatenate([np.asarray(line.get_xydata()) for line in lines])
+
+
+def locked_points(figure, marker):
+    lines = [line for line in figure.axes[0].lines if line.get_marker() == marker]
+    return np.concatenate([line.get_xydata() for line in lines]) if lines else np.empty((0, 2))
+
+
+@pytest.mark.parametrize("rebound", ["rest", "reflect"])
+@pytest.mark.parametrize("amplitude", [0.0, 0.4, 1.2, 3.4])
+def test_points_lie_in_the_strip(rebound, amplitude, make_record):
+    record = make_record(np.arange(10) / 10, 30.0, rebound, amplitude=amplitude)
+    v, after = drawn_points(return_map(record)).T
+    assert np.all(np.abs(after - 0.9 * v) <= amplitude + 1e-12)
+
+
+def test_the_first_point_starts_from_the_launch_and_the_rest_follow(make_record):
+    record = make_record()
+    before, after, late = return_points(record.isel(realization=0))
+    rebound = record.rebound_velocity.values[0, 0]
+    np.testing.assert_array_equal(before, [5.0, *rebound[:-1]])
+    np.testing.assert_array_equal(after, rebound)
+    np.testing.assert_array_equal(late, record.landing_time.values[0, 0] > 6.0)
+
+
+def test_all_particles_are_drawn_once(twenty):
+    count = np.count_nonzero(np.isfinite(twenty.rebound_velocity.values))
+    assert len(drawn_points(return_map(twenty))) == count
+
+
+def test_locked_orbits_are_the_closed_form(make_record):
+    stable = return_map(make_record(duration=60.0))
+    np.testing.assert_allclose(locked_points(stable, "D"), [[4.905, 4.905]])
+    assert len(locked_points(stable, "X")) == 0
+    unstable = return_map(make_record(duration=60.0, amplitude=3.4))
+    assert len(locked_points(unstable, "D")) == 0
+    speeds = theory.locked_velocity(np.arange(1, 1 + len(locked_points(unstable, "X"))))
+    np.testing.assert_allclose(locked_points(unstable, "X")[:, 0], speeds)
+
+
+def test_a_record_without_a_rebound_is_drawn_empty(make_record):
+    figure = return_map(make_record(duration=0.1))
+    assert len(drawn_points(figure)) == 0
+    figure.canvas.draw()
+
+
+def test_a_missing_variable_is_named(twenty):
+    with pytest.raises(DataError, match="return_map needs the variable rebound_velocity"):
+        return_map(twenty.drop_vars("rebound_velocity"))
