@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from numbers import Integral
 from pathlib import Path
 from typing import Any, Final
 
+import h5netcdf
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.scene import LAWS, PARAMETERS
-from vibrosweep.store.dataset import check_output
+from vibrosweep.store.disk import check_output
 from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.landings import record_landings
 from vibrosweep.sweep.run import (
@@ -61,7 +64,7 @@ def simulate(
     rebound
         ``"rest"`` or ``"reflect"``.
     impact_budget
-        Landings after which a particle is given up, in steps of 8; its status says so.
+        Landings after which a particle is given up, in steps of 4; its status says so.
     threads
         Number of threads, by default all processors; the result does not depend on it.
 
@@ -88,15 +91,13 @@ def simulate(
     }
     values = {name: _checked(name, value) for name, value in given.items()}
     launch = _numbers("launch_time", launch_time, "s")
-    _require(rebound in LAWS, "rebound", rebound, f"one of {', '.join(LAWS)}")
+    _require(np.all(np.isfinite(launch)), "launch_time", launch_time, "finite, in s")
+    known = isinstance(rebound, str) and rebound in LAWS
+    _require(known, "rebound", rebound, f"one of {', '.join(LAWS)}")
     length = _numbers("duration", duration, "s")
-    _require(length.ndim == 0 and length > 0, "duration", duration, "a number greater than 0 s")
-    _require(
-        isinstance(impact_budget, int) and impact_budget > 0,
-        "impact_budget",
-        impact_budget,
-        "a whole number, at least 1",
-    )
+    positive = length.ndim == 0 and 0 < length < np.inf
+    _require(positive, "duration", duration, "a finite number greater than 0 s")
+    _require_whole("impact_budget", impact_budget)
     parameters = _broadcast(values)
     observation = record_observation(
         launch.size, tuple(launch.ravel().tolist()), float(length), rebound, impact_budget
@@ -140,7 +141,7 @@ def run(
     """
     path = Path(output)
     checked = read_spec(spec)
-    check_output(path, force=force)
+    check_output(path, force=force, inputs=(checked.source, checked.table))
     run_sweep(checked, path, threads=_threads(threads), chunk=chunk)
     return open_sweep(path)
 
@@ -164,26 +165,49 @@ def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
     DataError
         There is no such file, or it holds no record.
     """
+    if not has_record(path):
+        raise DataError(
+            f"{path}: holds no record of landings; add a [record] section to the sweep file and "
+            f"run it again"
+        )
     return _open(path, "record")
 
 
+def has_record(path: str | os.PathLike[str]) -> bool:
+    """Whether a result holds every landing of a scene.
+
+    Raises
+    ------
+    DataError
+        There is no such file, or it is not a result.
+    """
+    with _reading(path), h5netcdf.File(Path(path), "r", phony_dims="access") as file:
+        return "record" in file.groups
+
+
 def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
+    with _reading(path):
+        # without phony_dims a foreign file makes h5netcdf warn
+        dataset = xr.open_dataset(path, engine="h5netcdf", group=group, phony_dims="access")
+    needed = {*PARAMETERS, "landing_time" if group else "impact_count"}
+    if not needed <= dataset.variables.keys():
+        dataset.close()
+        raise DataError(f"{path}: is not a result of vibrosweep run; check the path")
+    return dataset
+
+
+@contextmanager
+def _reading(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Say of a file that cannot be opened what that means."""
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf", group=group)
+        yield
     except FileNotFoundError as error:
         raise DataError(f"{path}: there is no such result file; check the path") from error
-    except (OSError, ValueError, KeyError) as error:
-        if group is not None and Path(path).is_file():
-            raise DataError(
-                f"{path}: holds no record of landings; add a [record] section to the sweep file "
-                f"and run it again"
-            ) from error
-        raise DataError(f"{path}: is not a result of vibrosweep that can be read") from error
-    needed = "landing_time" if group else "impact_count"
-    if needed not in dataset:
-        dataset.close()
-        raise DataError(f"{path}: lacks the variable {needed}; it is not a result of vibrosweep")
-    return dataset
+    except Exception as error:  # what a damaged file makes the libraries raise has no common base
+        raise DataError(
+            f"{path}: is not a result of vibrosweep, or is damaged; check the path, or compute it "
+            f"again with vibrosweep run"
+        ) from error
 
 
 def _require(condition: object, name: str, value: object, allowed: str) -> None:
@@ -191,8 +215,14 @@ def _require(condition: object, name: str, value: object, allowed: str) -> None:
         raise ParameterError(f"{name} = {value!r}: must be {allowed}")
 
 
+def _require_whole(name: str, value: object) -> None:
+    """A count: an int or a numpy integer."""
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    _require(whole and value > 0, name, value, "a whole number, at least 1")  # type: ignore[operator]
+
+
 def _numbers(name: str, value: object, units: str) -> NDArray[np.float64]:
-    """A finite number or 1-D array of such."""
+    """A number or 1-D array of such."""
     try:
         array = np.asarray(value)
     except ValueError:
@@ -200,9 +230,7 @@ def _numbers(name: str, value: object, units: str) -> NDArray[np.float64]:
     numeric = array.dtype.kind in "iuf" and array.ndim < 2 and array.size > 0
     unit = "" if units == "1" else f" in {units}"
     _require(numeric, name, value, f"a number{unit} or a 1-D array of numbers")
-    numbers = array.astype(np.float64)
-    _require(np.all(np.isfinite(numbers)), name, value, "finite")
-    return numbers
+    return array.astype(np.float64)
 
 
 def _checked(name: str, value: object) -> NDArray[np.float64]:
@@ -210,7 +238,7 @@ def _checked(name: str, value: object) -> NDArray[np.float64]:
     array = _numbers(name, value, parameter.units)
     bad = array[~parameter.accepts(array)]
     if bad.size:
-        raise ParameterError(f"{name} = {bad.flat[0]:g}: must be {parameter.allowed}")
+        raise ParameterError(f"{name} = {float(bad.flat[0])!r}: must be {parameter.allowed}")
     return array
 
 
@@ -245,5 +273,5 @@ def _coordinates(
 def _threads(threads: int | None) -> int:
     if threads is None:
         return available_threads()
-    _require(isinstance(threads, int) and threads > 0, "threads", threads, "at least 1")
+    _require_whole("threads", threads)
     return threads

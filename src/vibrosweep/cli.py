@@ -9,41 +9,113 @@ from __future__ import annotations
 import argparse
 import atexit
 import gc
+import io
+import math
 import os
 import signal
 import sys
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Final
 
 from vibrosweep._version import __version__
-from vibrosweep.errors import VibrosweepError
+from vibrosweep.errors import DataError, VibrosweepError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["main"]
 
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
+PATIENCE: Final = 2.0  # seconds for which a second interruption is not one more
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return its exit code."""
+    _prepare_output()
     options = _parser().parse_args(arguments)
     # the objects of large libraries live until the end: to sift them at exit took 0.1 s
     atexit.register(gc.freeze)
-    # a terminated run cleans up like an interrupted one
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        options.command(options)
-        sys.stdout.flush()
-    except VibrosweepError as error:
-        print(f"vibrosweep: {error}", file=sys.stderr)
-        return MISTAKE
-    except KeyboardInterrupt:
-        print("vibrosweep: interrupted; nothing was kept", file=sys.stderr)
-        return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has gone, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    with _interruptible():
+        try:
+            options.command(options)
+            sys.stdout.flush()
+        except VibrosweepError as error:
+            _complain(str(error))
+            return MISTAKE
+        except MemoryError as error:
+            _complain(f"not enough memory: {error}; lower --chunk, or close other programs")
+            return MISTAKE
+        except KeyboardInterrupt:
+            _complain("interrupted; an unfinished result is not kept")
+            _leave_kernels()
+            return INTERRUPTED
+        except BrokenPipeError:  # the reader of our output has gone, as `head` does
+            _drop_output()
+        except OSError as error:
+            _complain(str(error))
+            _drop_output()
+            return MISTAKE
     return DONE
+
+
+def _complain(message: str) -> None:
+    with suppress(OSError):
+        print(f"vibrosweep: {message}", file=sys.stderr, flush=True)
+
+
+def _drop_output() -> None:
+    """Let nothing more be written to a standard output that takes nothing."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _prepare_output() -> None:
+    """Let any title or path be printed in any locale, and where no stream is open."""
+    sys.stdout = sys.stdout or io.StringIO()
+    sys.stderr = sys.stderr or io.StringIO()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Make every signal that ends a program interrupt it; impatient ones do not disturb that."""
+    interrupted = -math.inf
+
+    def interrupt(number: int, frame: object) -> None:
+        nonlocal interrupted
+        now = time.monotonic()
+        if now - interrupted > PATIENCE:
+            interrupted = now
+            raise KeyboardInterrupt
+
+    handlers = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            ending = getattr(signal, name, None)
+            # what is ignored stays so, as nohup wants it
+            if ending is not None and signal.getsignal(ending) is not signal.SIG_IGN:
+                handlers[ending] = signal.signal(ending, interrupt)
+    yield
+    if interrupted == -math.inf:
+        for ending, handler in handlers.items():
+            signal.signal(ending, handler)
+
+
+def _leave_kernels() -> None:
+    """End the process if a kernel still runs: it cannot be stopped and nobody waits for it."""
+    for thread in threading.enumerate():
+        if thread is not threading.current_thread() and not thread.daemon:
+            thread.join(timeout=0.2)
+            if thread.is_alive():
+                with suppress(OSError):
+                    sys.stdout.flush()
+                os._exit(INTERRUPTED)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -89,9 +161,9 @@ def _run(options: argparse.Namespace) -> None:
 
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
-    from vibrosweep.store.dataset import check_output
+    from vibrosweep.store.disk import check_output
 
-    check_output(output, force=options.force)
+    check_output(output, force=options.force, inputs=(options.spec, spec.table))
     _leave_linear_algebra_out()
     from vibrosweep.sweep.progress import reporting
     from vibrosweep.sweep.run import available_threads, run_sweep
@@ -103,11 +175,15 @@ def _run(options: argparse.Namespace) -> None:
         summary = run_sweep(spec, output, threads=threads, chunk=options.chunk, advance=advance)
     seconds = time.perf_counter() - began
     print(
-        f"{summary.realizations} realizations of {spec.particles} particles, "
-        f"{summary.landings} landings in {seconds:.3g} s on {threads} threads"
+        f"{_some(summary.realizations, 'realization')} of {_some(spec.particles, 'particle')}, "
+        f"{_some(summary.landings, 'landing')} in {seconds:.3g} s on {_some(threads, 'thread')}"
     )
     print("\n".join(summary.lines()))
     print(f"written to {output}")
+
+
+def _some(number: int, thing: str) -> str:
+    return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
 def _leave_linear_algebra_out() -> None:
@@ -130,17 +206,23 @@ def _info(options: argparse.Namespace) -> None:
 
 
 def _figures(options: argparse.Namespace) -> None:
-    from vibrosweep.api import open_record, open_sweep
-    from vibrosweep.errors import DataError
+    from vibrosweep.api import has_record, open_record, open_sweep
     from vibrosweep.figures import missing, save_all
 
-    with open_sweep(options.result) as sweep:
-        record: Any = None
+    sweep = _loaded(options.result, open_sweep(options.result))
+    record = None
+    if has_record(options.result):
+        record = _loaded(options.result, open_record(options.result))
+    for path in save_all(sweep, record, options.output):
+        print(path)
+    for sentence in missing(sweep, record).values():
+        print(f"left out: {sentence}")
+
+
+def _loaded(path: Path, dataset: xr.Dataset) -> xr.Dataset:
+    """Read what figures are drawn from, and close the file."""
+    with dataset:
         try:
-            record = open_record(options.result)
-        except DataError:
-            record = None
-        for path in save_all(sweep, record, options.output):
-            print(path)
-        for sentence in missing(sweep, record).values():
-            print(f"left out: {sentence}")
+            return dataset.drop_vars([n for n in dataset if str(n).startswith("particle_")]).load()
+        except (OSError, RuntimeError) as error:
+            raise DataError(f"{path}: is damaged; compute it again with vibrosweep run") from error

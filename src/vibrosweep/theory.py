@@ -111,7 +111,11 @@ def multipliers(
         a_cosine = -np.sqrt((a - need) * (a + need))
     trace = np.asarray(1.0 + e + TWO_PI * a_cosine)
     root = np.sqrt((trace * trace - 4.0 * e).astype(np.complex128))
-    return np.stack([(trace + root) / 2.0, (trace - root) / 2.0], axis=-1)
+    # the larger one without cancellation, the smaller one from the product
+    larger = np.asarray((trace + np.where(trace < 0.0, -root, root)) / 2.0)
+    divisible = ~np.isnan(larger) & (larger != 0.0)
+    smaller = np.divide(e, larger, out=np.asarray(0.0 * larger), where=divisible)
+    return np.stack([larger, smaller], axis=-1)
 
 
 def flight_time_bound(launch_flight: ArrayLike, kick: ArrayLike, restitution: ArrayLike) -> Array:
@@ -133,8 +137,11 @@ def unforced_rest_impact(
     u0 = np.asarray(launch_flight, dtype=np.float64)
     e = np.asarray(restitution, dtype=np.float64)
     r = np.asarray(rest_flight, dtype=np.float64)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         n = np.ceil(np.log(r / u0) / np.log(e))
+        # a quotient of logarithms that should be whole may round to either side
+        n = np.where(e ** (n - 1.0) * u0 <= r, n - 1.0, n)
+        n = np.where(e**n * u0 > r, n + 1.0, n)
         n = np.where(e == 1.0, np.inf, n)
         n = np.where((e == 0.0) | (e * u0 <= r), 1.0, n)
     return np.asarray(n)
@@ -155,5 +162,6 @@ def unforced_rest_time(
     e = np.asarray(restitution, dtype=np.float64)
     n = unforced_rest_impact(first, e, contact_time)
     with np.errstate(invalid="ignore", divide="ignore"):
-        total = first * (1.0 - e**n) / (1.0 - e)
+        # 1 - e^n without cancellation where e is next to 1
+        total = first * -np.expm1(n * np.log1p(e - 1.0)) / (1.0 - e)
     return np.asarray(np.where(e == 1.0, np.where(n == 1.0, first, np.inf), total))

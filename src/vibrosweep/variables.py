@@ -10,7 +10,7 @@ import numpy as np
 
 from vibrosweep.status import Status
 
-__all__ = ["PER_PARTICLE", "RECORD", "SWEEP", "UNDETERMINED", "Variable"]
+__all__ = ["PER_PARTICLE", "RECORD", "SWEEP", "TRUST", "UNDETERMINED", "Variable"]
 
 UNDETERMINED: Final = -1
 _UNDECIDED = ((UNDETERMINED, "undetermined"),)
@@ -64,6 +64,7 @@ _R = ("realization",)
 _RP = ("realization", "particle")
 _RPI = ("realization", "particle", "impact")
 _SEPARATION = "measure.separation"
+_TRUST = "measure.trust"
 _AFTER_LANDINGS = "flights that follow the landings in the window; NaN without any"
 
 # Measured once per realization, over the landings in the window [transient, duration].
@@ -133,6 +134,24 @@ SWEEP: Final = _registry(
         flags=(*_UNDECIDED, (0, "collisions"), (1, "collision_free")),
         key=_SEPARATION,
     ),
+    Variable(
+        "landing_time_error",
+        _R,
+        "float64",
+        "s",
+        "bound of the error of every landing time",
+        key=_TRUST,
+        comment="against the exact model; infinite where rounding may have changed a decision",
+    ),
+    Variable(
+        "rebound_velocity_error",
+        _R,
+        "float64",
+        "m s-1",
+        "bound of the error of every rebound velocity",
+        key=_TRUST,
+        comment="against the exact model; infinite where rounding may have changed a decision",
+    ),
     Variable("status", _R, "int8", "1", "worst status of the particles", flags=_STATUS),
 )
 
@@ -180,6 +199,19 @@ PER_PARTICLE: Final = _registry(
         "status of the particle",
         flags=_STATUS,
         key="measure.per_particle",
+    ),
+)
+
+# Up to where the landings of each particle are known.
+TRUST: Final = _registry(
+    Variable(
+        "trusted_until",
+        _RP,
+        "float64",
+        "s",
+        "time up to which every landing is known to measure.tolerance",
+        key=_TRUST,
+        comment="the duration where all are; NaN where none is",
     ),
 )
 

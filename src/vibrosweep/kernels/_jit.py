@@ -33,9 +33,14 @@ OPTIONS = {"error_model": "numpy", "nogil": True}
 
 
 def _sources_digest() -> str:
-    """Digest of every kernel source: numba's own check sees only the file of the entry point."""
+    """Digest of every kernel source: numba's own check sees only the file of the entry point.
+
+    The order of the fields in `scene` and the codes of `status` are part of the machine code too.
+    """
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    kernels = Path(__file__).parent
+    beside = [kernels.parent / "scene.py", kernels.parent / "status.py"]
+    for path in [*sorted(kernels.glob("*.py")), *beside]:
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -50,7 +55,7 @@ def _make_cache_directory() -> Path | None:
             if not directory.is_dir():
                 # machine code of other sources can never be loaded again
                 shutil.rmtree(directory.parent, ignore_errors=True)
-                directory.mkdir(parents=True)
+                directory.mkdir(parents=True, exist_ok=True)
             probe = directory / ".writable"
             probe.touch()
         except OSError:

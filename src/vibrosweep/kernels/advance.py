@@ -25,7 +25,7 @@ __all__ = ["CHECK", "Statistics", "advance", "empty_statistics", "scratch"]
 LANES = 128
 VECTOR = 8
 STRIDE = LANES + VECTOR
-CHECK = 8
+CHECK = 4
 
 # rows of the scratch array
 X, N, U = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE  # phase, count (from the end), flight time
@@ -107,15 +107,17 @@ def _step(s: Floats, lanes: int, reflect: int | None, window: int | None) -> Non
 
 
 @jit
-def _mark_done(s: Floats, lanes: int, budget: int) -> int:
-    """Mark the lanes whose next landing is past the end, or whose budget is spent; count them."""
-    done = 0
-    for j in range(lanes):
+def _find_done(s: Floats, padded: int, lanes: int, budget: int, places: Integers) -> int:
+    """List the places whose next landing is past the end, or whose budget is spent."""
+    for j in range(padded):
         x, passed = land(s[X + j], s[U + j])
         s[AGE + j] += CHECK
-        goes_on = (s[N + j] + passed <= s[X_END + j] - x) & (s[AGE + j] < budget)
-        s[DONE + j] = 0.0 if goes_on else 1.0
-        done += 0 if goes_on else 1
+        past = 0.0 if s[N + j] + passed <= s[X_END + j] - x else 1.0
+        s[DONE + j] = past if s[AGE + j] < budget else 1.0
+    done = 0
+    for j in range(lanes):  # without a branch, which no processor could predict
+        places[done] = j
+        done += int(s[DONE + j])
     return done
 
 
@@ -200,31 +202,25 @@ def advance(
     """
     particles = launches.whole.shape[1]
     i, p = first // particles, first % particles
-    following, lanes = first, 0
-    while following < last and lanes < LANES:
-        _load(s, lanes, i, p, following, problem, launches, window)
-        lanes, following, p = lanes + 1, following + 1, p + 1
-        if p == particles:
-            i, p = i + 1, 0
+    following = first
+    places = np.arange(LANES)
+    lanes = done = min(LANES, last - first)
     while lanes > 0:
+        fresh = min(done, last - following)
+        for q in range(fresh):
+            _load(s, places[q], i, p, following + q, problem, launches, window)
+            p += 1
+            if p == particles:
+                i, p = i + 1, 0
+        following += fresh
+        for q in range(done - 1, fresh - 1, -1):  # close the gaps that are left, the last one first
+            lanes -= 1
+            for row in range(ROWS):
+                s[row * STRIDE + places[q]] = s[row * STRIDE + lanes]
         # whole vectors only: the places behind the last lane hold stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for _ in range(CHECK):
             _step(s, padded, reflect, window)
-        if _mark_done(s, padded, budget) == 0:
-            continue
-        j = 0
-        while j < lanes:
-            if s[DONE + j] == 0.0:
-                j += 1
-                continue
-            _write(s, j, out)
-            if following < last:
-                _load(s, j, i, p, following, problem, launches, window)
-                following, p = following + 1, p + 1
-                if p == particles:
-                    i, p = i + 1, 0
-            else:
-                lanes -= 1
-                for row in range(ROWS):
-                    s[row * STRIDE + j] = s[row * STRIDE + lanes]
+        done = _find_done(s, padded, lanes, budget, places)
+        for q in range(done):
+            _write(s, places[q], out)

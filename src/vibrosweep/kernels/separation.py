@@ -33,7 +33,7 @@ X_LAND, N_LAND, STAY, DUE = 4 * STRIDE, 5 * STRIDE, 6 * STRIDE, 7 * STRIDE
 BLOCK = 8 * STRIDE
 
 FEW = 24  # up to this many landings are ordered by insertion alone
-LONGEST_SLAB = 2.0**20  # periods
+LONGEST_SLAB = 2.0**50  # periods; when all particles rest for good, only the end is left to reach
 SHORTEST_SLAB = 2.0**-40
 
 
@@ -138,8 +138,8 @@ def _append(
     """Append the landings that were due to the list; return its length and how many were due.
 
     A particle that lands before the window and is still on the base when the window begins is
-    listed at the beginning, with the rest of its stay and a negative name: no landing, but an
-    occupant.
+    listed one period before the beginning, where it stands between no two landings, with a stay
+    that ends when its own does and a negative name: no landing, but an occupant.
     """
     n_begin, x_begin = begin
     start, due = k, 0
@@ -158,7 +158,7 @@ def _append(
             if early > 0.0:
                 if stay < early:
                     continue
-                n, x, stay, who = n_begin, x_begin, stay - early, -1 - who
+                n, x, stay, who = n_begin - 1.0, x_begin, (stay - early) + 1.0, -1 - who
             work.whole[k], work.phase[k], work.stay[k], work.who[k] = n, x, stay, who
             k += 1
     return k, due

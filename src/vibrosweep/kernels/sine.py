@@ -27,10 +27,12 @@ C8 = 0.10085632779802037
 def sin_turns(x: float) -> float:
     """sin(2 pi x) for a phase x in [-1/2, 1/2].
 
-    The fold 1/2 - |x| is exact for |x| > 1/4 (Sterbenz), so the zeros at -1/2, 0 and 1/2 are
+    The fold of |x| > 1/4 onto 1/2 - |x| is exact (Sterbenz), so the zeros at -1/2, 0 and 1/2 are
     exact and phases next to them keep their relative accuracy.
     """
-    y = math.copysign(0.5, x) - x if abs(x) > 0.25 else x
+    near = abs(x)
+    far = 0.5 - near
+    y = math.copysign(far if far < near else near, x)
     z = y * y
     # even and odd coefficients apart: half the chain of dependent operations
     z2 = z * z

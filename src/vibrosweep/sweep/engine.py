@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from vibrosweep.kernels.advance import Statistics, advance, empty_statistics, scratch
 from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.separation import separate, workspace
+from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.scene import Dimensionless, Launches, dimensionless, launches
 from vibrosweep.status import Status
 from vibrosweep.variables import UNDETERMINED
@@ -26,7 +27,7 @@ __all__ = ["Observation", "Workers", "measure", "statistics"]
 Array = NDArray[np.float64]
 Measured = dict[str, NDArray[Any]]
 
-TRAJECTORIES_PER_TASK = 4096
+TRAJECTORIES_PER_TASK = 8192
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,10 @@ class Observation:
         Whether separations between particles are measured.
     per_particle
         Whether measures are kept for each particle.
+    trust
+        Whether an error bound is carried along each trajectory.
+    tolerance
+        Error of a landing time in s up to which it is trusted.
     impact_budget
         Impacts after which a particle is given up.
     """
@@ -60,6 +65,8 @@ class Observation:
     transient: float
     separation: bool
     per_particle: bool
+    trust: bool
+    tolerance: float
     impact_budget: int
 
     @property
@@ -91,11 +98,13 @@ class Workers:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        self._pool.shutdown(cancel_futures=True)
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        # a running kernel cannot be stopped: after an interruption nobody waits for it
+        self._pool.shutdown(wait=kind is None, cancel_futures=True)
 
     def each(self, task: Callable[[int, int], object], total: int, size: int) -> None:
         """Call ``task(first, last)`` for ranges of at most `size` that cover ``range(total)``."""
+        size = max(1, min(size, -(-total // self.threads)))
         starts = range(0, total, size)
         for _ in self._pool.map(lambda first: task(first, min(first + size, total)), starts):
             pass
@@ -158,7 +167,7 @@ def measure(
     workers.each(
         lambda first, last: combine(first, last, particles, each, whole),
         size,
-        max(1, TRAJECTORIES_PER_TASK // particles),
+        max(1, 8 * TRAJECTORIES_PER_TASK // particles),
     )
     measured = _physical(whole, parameters, problem)
     measured["at_rest_count"] = whole.at_rest
@@ -171,6 +180,8 @@ def measure(
         measured |= _per_particle(each, parameters, problem, (size, particles))
     if observation.separation:
         measured |= _separations(problem, launch, observation, whole, parameters, workers)
+    if observation.trust:
+        measured |= _error_bounds(problem, launch, observation, parameters, workers)
     return measured
 
 
@@ -251,10 +262,42 @@ def _separations(
             shared,
         )
 
-    workers.each(task, size, max(1, TRAJECTORIES_PER_TASK // (8 * observation.particles)))
+    workers.each(task, size, max(1, TRAJECTORIES_PER_TASK // (16 * observation.particles)))
     return {
         "dt_min": gap / parameters["frequency"],
         "dt_min_same_index": same / parameters["frequency"],
         "base_shared": shared,
         "collision_free": np.where(shared == UNDETERMINED, shared, 1 - shared).astype(np.int8),
+    }
+
+
+def _error_bounds(
+    problem: Dimensionless,
+    launch: Launches,
+    observation: Observation,
+    parameters: Mapping[str, Array],
+    workers: Workers,
+) -> Measured:
+    frequency, particles = parameters["frequency"], observation.particles
+    bounds = empty_trust(frequency.size * particles)
+
+    def task(first: int, last: int) -> None:
+        trust(
+            first,
+            last,
+            problem,
+            launch,
+            observation.tolerance * frequency,
+            observation.impact_budget,
+            observation.reflect,
+            bounds,
+        )
+
+    workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 16)
+    until = bounds.until.reshape(-1, particles) / frequency[:, np.newaxis]
+    velocity = parameters["gravity"] / (2.0 * frequency)
+    return {
+        "trusted_until": np.where(until == np.inf, observation.duration, until),
+        "landing_time_error": bounds.landing_error.reshape(-1, particles).max(axis=1) / frequency,
+        "rebound_velocity_error": bounds.flight_error.reshape(-1, particles).max(axis=1) * velocity,
     }

@@ -32,15 +32,15 @@ def describe(path: Path) -> Iterator[str]:
     DataError
         There is no such file, or it is not a result that can be read.
     """
-    if not path.is_file():
-        raise DataError(f"{path}: there is no such result file; check the path")
     try:
-        with h5netcdf.File(path, "r") as file:
+        with h5netcdf.File(path, "r", phony_dims="access") as file:
             lines = [*_head(file), *_measures(file)]
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError) as error:
+    except FileNotFoundError as error:
+        raise DataError(f"{path}: there is no such result file; check the path") from error
+    except Exception as error:  # what a damaged file makes the library raise has no common base
         raise DataError(
-            f"{path}: is not a result of vibrosweep, or is damaged; compute it again with "
-            f"vibrosweep run"
+            f"{path}: is not a result of vibrosweep, or is damaged; check the path, or compute it "
+            f"again with vibrosweep run"
         ) from error
     yield from lines
 
@@ -53,8 +53,8 @@ def _head(file: Any) -> Iterator[str]:
         variable = file.variables[name]
         units = variable.attrs["units"]
         if variable.dimensions:
-            values = variable[...]
-            spread = f"{values.min():g} ... {values.max():g}"
+            low, high = _range(variable)
+            spread = f"{low:g} ... {high:g}"
         else:
             spread = f"{variable[()]:g}"
         yield f"{name:28}{spread} {'' if units == '1' else units}".rstrip()
@@ -69,11 +69,19 @@ def _head(file: Any) -> Iterator[str]:
             yield f"{name:28}{file.attrs[name]}"
 
 
+def _range(variable: Any) -> tuple[float, float]:
+    ends = [(v.min(), v.max()) for v in (variable[rows] for rows in _rows(variable.shape[0]))]
+    return min(low for low, _ in ends), max(high for _, high in ends)
+
+
 def _measures(file: Any) -> Iterator[str]:
     summary = Summary()
     names = [name for name in SWEEP if name in file.variables]
-    realizations = file.dimensions["realization"].size
-    for start in range(0, realizations, ROWS_AT_A_TIME):
-        stop = min(start + ROWS_AT_A_TIME, realizations)
-        summary.add({name: file.variables[name][start:stop] for name in names})
+    for rows in _rows(file.dimensions["realization"].size):
+        summary.add({name: file.variables[name][rows] for name in names})
     yield from summary.lines()
+
+
+def _rows(realizations: int) -> Iterator[slice]:
+    for start in range(0, realizations, ROWS_AT_A_TIME):
+        yield slice(start, min(start + ROWS_AT_A_TIME, realizations))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Final, Protocol, TextIO
 
 __all__ = ["Advance", "reporting", "silent"]
@@ -37,8 +37,9 @@ def reporting(stream: TextIO) -> Iterator[Advance]:
     with tqdm(unit=" realizations", file=stream, leave=False, delay=0.5) as bar:
 
         def advance(done: int, total: int, /) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
+            with suppress(OSError):  # a terminal that has gone must not end the run
+                bar.total = total
+                bar.update(done - bar.n)
 
         yield advance
 
@@ -56,9 +57,10 @@ class _Lines:
             return
         self.last = now
         rate = done / (now - self.began)
-        print(
-            f"{done} of {total} realizations, {rate:.4g} per second, "
-            f"{(total - done) / rate:.0f} s remaining",
-            file=self.stream,
-            flush=True,
-        )
+        with suppress(OSError):  # nor must a log that cannot be written
+            print(
+                f"{done} of {total} realizations, {rate:.4g} per second, "
+                f"{(total - done) / rate:.0f} s remaining",
+                file=self.stream,
+                flush=True,
+            )

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.errors import ParameterError
 from vibrosweep.scene import PARAMETERS, Parameter
 from vibrosweep.store.dataset import Group, creating
 from vibrosweep.store.provenance import provenance
@@ -21,14 +22,16 @@ from vibrosweep.sweep.landings import launch_times, record_landings
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.spec import RecordSpec, SweepSpec
 from vibrosweep.sweep.summary import Summary
-from vibrosweep.variables import PER_PARTICLE, RECORD, SWEEP
+from vibrosweep.variables import PER_PARTICLE, RECORD, SWEEP, TRUST
 
-__all__ = ["available_threads", "record_observation", "run_sweep"]
+__all__ = ["TRAJECTORIES_PER_CHUNK", "available_threads", "record_observation", "run_sweep"]
 
 Array = NDArray[np.float64]
 
 # Statistics of so many trajectories take 15 MB, which the last-level cache of a workstation holds.
 TRAJECTORIES_PER_CHUNK: Final = 1 << 18
+# Measured at 10^7 trajectories in a chunk, with all measures.
+BYTES_PER_TRAJECTORY: Final = 320
 LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
 DURATION: Final = {"units": "s", "long_name": "end of the observation"}
 TRANSIENT: Final = {"units": "s", "long_name": "beginning of the window that measures cover"}
@@ -68,15 +71,16 @@ def run_sweep(
         The file cannot be written, a table cannot be used, or parameters are too extreme.
     """
     design = open_design(spec)
-    observation = _observation(spec)
-    size = chunk or max(1, TRAJECTORIES_PER_CHUNK // spec.particles)
+    observation = observation_of(spec)
+    size = min(chunk or max(1, TRAJECTORIES_PER_CHUNK // spec.particles), design.realizations)
+    _require_memory(size, spec.particles)
     summary = Summary()
     with Workers(threads) as workers, creating(output) as file:
         _declare(file, spec, design, threads)
         for start in range(0, design.realizations, size):
             stop = min(start + size, design.realizations)
             sampled = design.take(start, stop)
-            measured = measure(_parameters(spec, sampled, stop - start), observation, workers)
+            measured = measure(parameters_of(spec, sampled, stop - start), observation, workers)
             for name, values in (*sampled.items(), *measured.items()):
                 file.write(name, start, values)
             summary.add(measured)
@@ -86,7 +90,18 @@ def run_sweep(
     return summary
 
 
-def _observation(spec: SweepSpec) -> Observation:
+def _require_memory(realizations: int, particles: int) -> None:
+    needed = BYTES_PER_TRAJECTORY * realizations * particles
+    available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    if needed > available / 2:
+        raise ParameterError(
+            f"a chunk of {realizations} realizations of {particles} particles needs about "
+            f"{needed / 2**30:.3g} GiB of this machine's {available / 2**30:.3g} GiB: lower "
+            f"--chunk where it was given, or take fewer particles"
+        )
+
+
+def observation_of(spec: SweepSpec) -> Observation:
     names = Observation.__dataclass_fields__
     return Observation(**{name: getattr(spec, name) for name in names})
 
@@ -107,12 +122,14 @@ def record_observation(
         transient=-math.inf,
         separation=False,
         per_particle=False,
+        trust=False,
+        tolerance=math.inf,
         impact_budget=impact_budget,
     )
 
 
-def _parameters(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> dict[str, Array]:
-    """Every parameter, one value per realization."""
+def parameters_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> dict[str, Array]:
+    """Every parameter of realizations of a sweep, each of shape (realization,)."""
     return {
         name: sampled[name] if name in sampled else np.full(size, spec.fixed[name])
         for name in PARAMETERS
@@ -139,7 +156,7 @@ def _declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None
             file.coordinate(name, (), attributes, np.array(spec.fixed[name]))
     _declare_times(file, spec.launch, spec.particles, spec.fixed.get("frequency"), spec.duration)
     file.coordinate("transient", (), TRANSIENT, np.array(spec.transient))
-    for registry in (SWEEP, PER_PARTICLE):
+    for registry in (SWEEP, PER_PARTICLE, TRUST):
         for variable in registry.values():
             asked = variable.key.removeprefix("measure.")
             if not asked or getattr(spec, asked):
@@ -152,6 +169,7 @@ def _declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None
             "design": spec.design,
             "seed": spec.seed,
             "impact_budget": spec.impact_budget,
+            **({"tolerance": spec.tolerance} if spec.trust else {}),
             "sweep_file": spec.text,
             **provenance(threads),
         }

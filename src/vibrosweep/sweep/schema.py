@@ -80,6 +80,8 @@ class MeasureTable:
     transient: float = 0.0
     separation: bool = False
     per_particle: bool = False
+    trust: bool = False
+    tolerance: float = 1e-9
     impact_budget: int = 10_000_000
 
 
@@ -182,7 +184,7 @@ def _flag(value: object) -> bool:
     raise ValueError("must be true or false")
 
 
-def _duration(value: object) -> float:
+def _positive_time(value: object) -> float:
     if _is_finite_number(value) and value > 0:  # type: ignore[operator]
         return float(value)  # type: ignore[arg-type]
     raise ValueError("must be a number, finite and above 0 s")
@@ -290,7 +292,7 @@ _SCENE: Final[Mapping[str, Check]] = {
     **{name: partial(_within, parameter) for name, parameter in PARAMETERS.items()},
     "particles": partial(_whole, ", at least 1", 1, None),
     "launch": _launch,
-    "duration": _duration,
+    "duration": _positive_time,
     "rebound": _rebound,
 }
 _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
@@ -308,6 +310,8 @@ _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
         "transient": _transient,
         "separation": _flag,
         "per_particle": _flag,
+        "trust": _flag,
+        "tolerance": _positive_time,
         "impact_budget": partial(
             _whole, " of impacts per particle, at least 1 and at most 2**62", 1, 2**62
         ),

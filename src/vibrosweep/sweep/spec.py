@@ -52,8 +52,11 @@ class SweepSpec:
         Seed of the drawn designs.
     transient
         Time in s before the window that measures cover.
-    separation, per_particle
-        Whether separations are measured, and whether output per particle is kept.
+    separation, per_particle, trust
+        Whether separations are measured, whether output per particle is kept, and whether error
+        bounds are carried along.
+    tolerance
+        Error of a landing time in s up to which it is trusted.
     impact_budget
         Most impacts of one particle.
     record
@@ -78,6 +81,8 @@ class SweepSpec:
     transient: float
     separation: bool
     per_particle: bool
+    trust: bool
+    tolerance: float
     impact_budget: int
     record: RecordSpec | None
 

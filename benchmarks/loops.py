@@ -1,0 +1,74 @@
+"""Loops that the kernels are measured against: the obvious way, and the least possible work."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from vibrosweep.kernels.impact import land, rebound
+from vibrosweep.kernels.sine import sin_turns
+
+LANES = 256
+STRIDE = LANES + 24
+X, U, E, A = 0, STRIDE, 2 * STRIDE, 3 * STRIDE
+
+
+@njit(nogil=True, error_model="numpy")
+def scalar_trajectories(first, last, problem, launches, periods, landings, total, squares, largest):
+    """One trajectory after the other, time as one running number, the library's sine."""
+    particles = launches.phase.shape[1]
+    for lane in range(first, last):
+        i, p = lane // particles, lane % particles
+        e, a, r = problem.restitution[i], problem.kick[i], problem.rest_flight[i]
+        u = problem.launch_flight[i]
+        t = launches.whole[0, p] + launches.phase[0, p]
+        n, s, q, m = 0, 0.0, 0.0, 0.0
+        while True:
+            t += u
+            if t > periods:
+                break
+            n += 1
+            w = e * u + a * math.sin(2.0 * math.pi * t)
+            if w > r:
+                u = w
+            else:
+                if a <= r:
+                    break
+                wait = math.asin(r / a) / (2.0 * math.pi) - (t - math.floor(t))
+                t += wait if wait >= 0.0 else wait + 1.0
+                u = r
+            s += u
+            q += u * u
+            m = max(m, u)
+        landings[lane], total[lane], squares[lane], largest[lane] = n, s, q, m
+
+
+@njit(nogil=True, error_model="numpy")
+def sine_only(s, repetitions):
+    """Nothing but the polynomial sine of every lane's phase."""
+    for _ in range(repetitions):
+        for j in range(LANES):
+            s[U + j] = sin_turns(s[X + j])
+
+
+@njit(nogil=True, error_model="numpy")
+def bare_map(s, repetitions):
+    """The map without rests, windows and statistics."""
+    for _ in range(repetitions):
+        for j in range(LANES):
+            x, _ = land(s[X + j], s[U + j])
+            s[U + j] = rebound(x, s[U + j], s[E + j], s[A + j], None)
+            s[X + j] = x
+
+
+def lanes():
+    """Random lanes for `sine_only` and `bare_map`, aligned to a cache line."""
+    rng = np.random.default_rng(1)
+    memory = np.zeros(4 * STRIDE + 8)
+    offset = (-memory.ctypes.data // 8) % 8
+    s = memory[offset : offset + 4 * STRIDE]
+    for start, low, high in ((X, -0.5, 0.5), (U, 0.0, 3.0), (E, 0.5, 0.95), (A, 0.1, 0.5)):
+        s[start : start + LANES] = rng.uniform(low, high, LANES)
+    return s

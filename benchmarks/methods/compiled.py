@@ -1,0 +1,242 @@
+"""Methods compiled by numba and shared among threads: the kernel, the naive map, RK4."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from methods.scenes import Point, Scene
+from methods.timing import BUDGET, fastest, once
+from methods.truth import Orbit, worst
+from numba import njit
+
+from vibrosweep.kernels.advance import Statistics, empty_statistics
+from vibrosweep.kernels.impact import land, launch, lift_off, rebound
+from vibrosweep.reference.rk4 import rk4
+from vibrosweep.scene import PARAMETERS, dimensionless, launches
+from vibrosweep.sweep.engine import TRAJECTORIES_PER_TASK, Observation, Workers, statistics
+from vibrosweep.sweep.landings import record_landings
+from vibrosweep.sweep.run import record_observation
+
+MARGIN = 1.0  # s past the end, so that a late landing is compared rather than missed
+MOST_IMPACTS = 10_000_000
+MOST_RECORDED = 8_000_000  # landings in memory
+
+KERNEL = "kernel"
+KERNEL_RECORD = "kernel, every landing"
+KERNEL_PHASE = "kernel, count and phase"
+NAIVE = "naive map"
+RK4 = "RK4"
+
+
+def _observation(scene: Scene, launch_times: np.ndarray) -> Observation:
+    return record_observation(
+        launch_times.size,
+        tuple(launch_times.tolist()),
+        scene.duration,
+        scene.rebound,
+        MOST_IMPACTS,
+    )
+
+
+def _arrays(scene: Scene) -> dict[str, np.ndarray]:
+    return {name: np.array([value]) for name, value in scene.parameters.items()}
+
+
+def _problem(scene: Scene, launch_times: np.ndarray) -> tuple:
+    arrays = _arrays(scene)
+    lanes = launches(tuple(launch_times.tolist()), launch_times.size, arrays["frequency"])
+    return dimensionless(arrays, scene.duration), lanes
+
+
+def stream(scene: Scene, launch_times: np.ndarray, workers: Workers) -> Statistics:
+    """Statistics of every trajectory by the streaming kernel."""
+    observation = _observation(scene, launch_times)
+    return statistics(*_problem(scene, launch_times), observation, workers)
+
+
+def every_landing(scene: Scene, launch_times: np.ndarray, workers: Workers) -> dict:
+    """Every landing, as `vibrosweep.simulate` computes them."""
+    return record_landings(_arrays(scene), _observation(scene, launch_times), workers)
+
+
+@njit(nogil=True, error_model="numpy")
+def _phases(problem, lanes, reflect, counts, phases):
+    """The orbit of `kernels.record` before it is rounded to one time: whole periods and phase."""
+    e, a, r = problem.restitution[0], problem.kick[0], problem.rest_flight[0]
+    x_lift = problem.liftoff_phase[0]
+    wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
+    for p in range(counts.shape[0]):
+        n, x = launch(problem, lanes, 0, p)
+        u = problem.launch_flight[0]
+        for k in range(counts.shape[1]):
+            x, passed = land(x, u)
+            n += passed
+            counts[p, k], phases[p, k] = n, x
+            w = rebound(x, u, e, a, reflect)
+            n, x, u, _ = lift_off(n, x, w, r, x_lift, wait, u_lift)
+
+
+def kernel_phases(scene: Scene, impacts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Whole periods and phases of the sample's landings; shape (trajectory, impact)."""
+    problem, lanes = _problem(scene, scene.sample)
+    counts, phases = np.empty((2, scene.proved, impacts))
+    _phases(problem, lanes, scene.reflect, counts, phases)
+    return counts, phases
+
+
+def _require_one_orbit(scene, orbits, workers, counts, phases) -> list[np.ndarray]:
+    """Landing times of the sample, after checking that all ways of running the kernel agree."""
+    found = every_landing(scene, scene.sample, workers)
+    streamed = stream(scene, scene.sample, workers)
+    times = found["landing_time"][0]
+    unit = scene.parameters["gravity"] / (2.0 * scene.parameters["frequency"])
+    fastest_rebound = np.nanmax(found["rebound_velocity"][0], axis=1)
+    sizes = [orbit.size for orbit in orbits]
+    same = (
+        np.array_equal(streamed.landings, found["impact_count"][0])
+        and np.array_equal(streamed.flight_max * unit, fastest_rebound)
+        and sizes == streamed.landings.tolist()
+        and all(
+            np.array_equal((counts + phases)[i, :n], times[i, :n]) for i, n in enumerate(sizes)
+        )
+    )
+    if not same:
+        raise RuntimeError(f"scene {scene.key}: the kernel's ways of running it disagree")
+    return list(times)
+
+
+def kernel(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+    """The package: streaming on one and on all threads, and with every landing kept."""
+    longest = max(orbit.size for orbit in orbits)
+    counts, phases = kernel_phases(scene, longest)
+    with Workers(threads) as workers, Workers(1) as alone:
+        times = _require_one_orbit(scene, orbits, workers, counts, phases)
+        error, _ = worst(orbits, times)
+        batch = scene.batch
+        problem, lanes = _problem(scene, batch)
+        observation = _observation(scene, batch)
+        impacts = int(stream(scene, batch, workers).landings.sum())
+        for crew in (workers, alone):
+            seconds = fastest(lambda crew=crew: statistics(problem, lanes, observation, crew))
+            yield Point(
+                scene.key, KERNEL, "streaming", crew.threads, batch.size, impacts, seconds, error,
+                "same orbit bit for bit as the landings that the error is taken from",
+            )  # fmt: skip
+        few = batch[:: max(1, impacts // MOST_RECORDED)]
+        kept = int(every_landing(scene, few, workers)["impact_count"].sum())
+        seconds = fastest(lambda: every_landing(scene, few, workers))
+        yield Point(
+            scene.key, KERNEL_RECORD, "table of times", threads, few.size, kept, seconds, error,
+            "counts the landings in a first pass, writes them in a second",
+        )  # fmt: skip
+    apart = max(
+        float(orbit.errors(counts[i, : orbit.size], phases[i, : orbit.size]).max())
+        for i, orbit in enumerate(orbits)
+    )
+    seconds = fastest(lambda: _phases(*_problem(scene, scene.sample), scene.reflect, counts, phases))
+    yield Point(
+        scene.key, KERNEL_PHASE, "state", 1, scene.proved, counts.size, seconds, apart,
+        "the kernel's own state, before it is rounded to one double of time",
+    )  # fmt: skip
+
+
+@njit(nogil=True, error_model="numpy")
+def _naive(first, last, table, duration, reflect, times, out):
+    """One trajectory after the other: a running time, and the library's sine of omega t."""
+    for i in range(first, last):
+        e, amplitude, frequency, phi = table[i, 0], table[i, 1], table[i, 2], table[i, 3]
+        gravity, v, contact, t = table[i, 4], table[i, 5], table[i, 6], table[i, 7]
+        omega, rest = 2.0 * math.pi * frequency, 0.5 * gravity * contact
+        landings, rests, total, squares, largest = 0, 0, 0.0, 0.0, 0.0
+        while True:
+            flight = 2.0 * v / gravity
+            t += flight
+            if t > duration:
+                break
+            if times is not None:
+                if landings == times.shape[1]:
+                    break
+                times[i, landings] = t
+            landings += 1
+            w = e * v + amplitude * math.sin(omega * t + phi)
+            if reflect is not None:
+                w = abs(w)
+            if w > rest:
+                v = w
+            else:
+                rests += 1
+                turns = frequency * t + phi / (2.0 * math.pi)
+                wait = math.asin(rest / amplitude) / (2.0 * math.pi) - (turns - math.floor(turns))
+                t += (wait if wait >= 0.0 else wait + 1.0) / frequency
+                v = rest
+            total += v
+            squares += v * v
+            largest = max(largest, v)
+        out.landings[i], out.rests[i] = landings, rests
+        out.flight_sum[i], out.flight_squares[i], out.flight_max[i] = total, squares, largest
+
+
+def _table(scene: Scene, launch_times: np.ndarray) -> np.ndarray:
+    """One row per trajectory: the seven parameters and the launch time."""
+    table = np.tile([*(scene.parameters[name] for name in PARAMETERS), 0.0], (launch_times.size, 1))
+    table[:, -1] = launch_times
+    return table
+
+
+def naive(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+    """The same map with a running double t and sin(omega t + phi)."""
+    times = np.full((scene.proved, max(orbit.size for orbit in orbits)), np.nan)
+    sample = _table(scene, scene.sample)
+    end = scene.duration + MARGIN
+    _naive(0, scene.proved, sample, end, scene.reflect, times, empty_statistics(scene.proved))
+    error, note = worst(orbits, list(times))
+    table, out = _table(scene, scene.batch), empty_statistics(scene.lanes)
+    with Workers(threads) as workers:
+
+        def run() -> None:
+            workers.each(
+                lambda a, b: _naive(a, b, table, scene.duration, scene.reflect, None, out),
+                scene.lanes,
+                min(TRAJECTORIES_PER_TASK, -(-scene.lanes // (4 * threads))),
+            )
+
+        run()
+        seconds = fastest(run)
+    impacts = int(out.landings.sum())
+    yield Point(
+        scene.key, NAIVE, "streaming", threads, scene.lanes, impacts, seconds, error, note
+    )
+
+
+def fixed_step(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+    """The study's scheme, at every step of the scene; coarse steps first."""
+    longest = max(orbit.size for orbit in orbits)
+
+    def run(step: float, launch_times: np.ndarray, duration: float, capacity: int):
+        return rk4(
+            **scene.parameters, launch_time=launch_times, duration=duration, step=step,
+            rebound=scene.rebound, capacity=capacity, threads=threads,
+        )  # fmt: skip
+
+    run(scene.steps[0], scene.sample, 1.0, 1)
+    for step in scene.steps:
+        found = None
+
+        def compare(step: float = step) -> None:
+            nonlocal found
+            found = run(step, scene.sample, scene.duration + MARGIN, longest)
+
+        seconds = once(compare)
+        error, note = worst(orbits, list(found.landing_time))
+        timed = scene.sample
+        if seconds < BUDGET:
+            wanted = int(scene.proved * BUDGET / (4.0 * seconds))
+            timed = scene.batch[: max(scene.proved, min(scene.lanes, wanted))]
+            seconds = fastest(lambda step=step, timed=timed: run(step, timed, scene.duration, 1))
+        with Workers(threads) as workers:
+            impacts = int(stream(scene, timed, workers).landings.sum())
+        yield Point(
+            scene.key, RK4, f"{step:.0e} s", threads, timed.size, impacts, seconds, error, note
+        )

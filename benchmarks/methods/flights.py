@@ -1,0 +1,68 @@
+"""SciPy's `solve_ivp`: one call per flight, the landing as a terminal event."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from methods.law import Base
+from methods.scenes import Point, Scene
+from methods.timing import once
+from methods.truth import Orbit, worst
+from scipy.integrate import solve_ivp
+
+SCIPY = "SciPy solve_ivp"
+MOST_IMPACTS = 10_000  # per trajectory; a call takes some tenths of a millisecond
+
+
+def _height(t: float, y: np.ndarray) -> float:
+    """Height on the way down.
+
+    On the way up it is positive by decree: a flight that fits into one step would otherwise begin
+    and end with an event, and the one found would be its own lift-off.
+    """
+    return y[0] if y[1] < 0.0 else 1.0
+
+
+_height.terminal = True
+_height.direction = -1.0
+
+
+def _landings(scene: Scene, launch: float, impacts: int, rtol: float) -> np.ndarray:
+    """The first landing times; the clock of each flight starts at its lift-off."""
+    base, gravity = Base(scene), scene.parameters["gravity"]
+    end = 1.01 * scene.longest_flight
+    t, v = launch, scene.parameters["launch_velocity"]
+    times = np.empty(impacts)
+    for k in range(impacts):
+        flight = solve_ivp(
+            lambda t, y: (y[1], -gravity), (0.0, end), (0.0, v), events=_height,
+            rtol=rtol, atol=1e-3 * rtol,
+        )  # fmt: skip
+        times[k] = t + flight.t_events[0][0]
+        t, v = base.leave(times[k], -flight.y_events[0][0][1])
+    return times
+
+
+def scipy_events(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+    """Every tolerance of the scene, one thread."""
+    compared = [orbit.head(MOST_IMPACTS) for orbit in orbits]
+    partial = compared[0].size < orbits[0].size
+    if partial:
+        compared = compared[:1]
+    note = f"first {MOST_IMPACTS} landings of one trajectory only" if partial else ""
+    pairs = list(zip(scene.sample, compared, strict=False))
+    _landings(scene, scene.sample[0], 1, 1e-3)
+    for rtol in scene.tolerances:
+        times: list[np.ndarray] = []
+        seconds = once(
+            lambda rtol=rtol, times=times: times.extend(
+                _landings(scene, launch, orbit.size, rtol) for launch, orbit in pairs
+            )
+        )
+        error, _ = worst(compared, times)
+        impacts = sum(time.size for time in times)
+        yield Point(
+            scene.key, SCIPY, f"rtol {rtol:.0e}", 1, len(pairs), impacts, seconds, error, note,
+            partial,
+        )  # fmt: skip

@@ -1,0 +1,176 @@
+"""The scenes of the comparison, and what a measured point of it is.
+
+Every scene has frequency 1 Hz and phase 0, so seconds are forcing periods and an instant is a whole
+number plus a reduced phase without any rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibrosweep.scene import PARAMETERS
+
+TABLE_1 = {name: parameter.default for name, parameter in PARAMETERS.items()}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One parameter set, launched at many instants.
+
+    Attributes
+    ----------
+    key, title
+        Name in the table, and heading of the panel.
+    parameters
+        As in `vibrosweep.scene.PARAMETERS`.
+    rebound
+        The law.
+    duration
+        s; landings at t <= duration count.
+    span
+        First and last launch time in s.
+    lanes
+        Trajectories launched evenly over the span, for methods that run many at once.
+    proved
+        Trajectories, evenly over the span, that are compared with the proved reference.
+    locked
+        Flight time in periods of the orbit that every trajectory settles on; None without one.
+    steps
+        Steps of RK4 in s.
+    tolerances
+        Relative tolerances of SciPy and diffrax.
+    """
+
+    key: str
+    title: str
+    parameters: dict[str, float]
+    rebound: str
+    duration: float
+    span: tuple[float, float]
+    lanes: int
+    proved: int
+    locked: int | None
+    steps: tuple[float, ...]
+    tolerances: tuple[float, ...]
+
+    @property
+    def batch(self) -> np.ndarray:
+        """All launch times."""
+        return np.linspace(*self.span, self.lanes)
+
+    @property
+    def sample(self) -> np.ndarray:
+        """Launch times of the trajectories that are compared with the proved reference."""
+        return np.linspace(*self.span, self.proved)
+
+    @property
+    def reflect(self) -> int | None:
+        """The law as compiled functions take it."""
+        return 1 if self.rebound == "reflect" else None
+
+    @property
+    def longest_flight(self) -> float:
+        """No flight lasts longer: speeds stay below the launch and below A / (1 - e)."""
+        p = self.parameters
+        speed = max(p["launch_velocity"], p["amplitude"] / (1.0 - p["restitution"]))
+        return 2.0 * speed / p["gravity"]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One measured point.
+
+    Attributes
+    ----------
+    scene, method, setting
+        What was run.
+    threads
+        Threads that shared the trajectories.
+    trajectories, impacts
+        What the timed run covered.
+    seconds
+        Wall time of the fastest timed run.
+    error
+        Largest landing-time error over the proved trajectories, s.
+    note
+        What the reader must know about this point.
+    partial
+        Whether it covers fewer landings than the scene has.
+    """
+
+    scene: str
+    method: str
+    setting: str
+    threads: int
+    trajectories: int
+    impacts: int
+    seconds: float
+    error: float
+    note: str = ""
+    partial: bool = False
+
+    @property
+    def ns_per_impact(self) -> float:
+        """Wall time over impacts."""
+        return 1e9 * self.seconds / self.impacts
+
+
+STEPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
+
+SCENES = (
+    Scene(
+        key="locked",
+        title="Locked after a transient, 200 periods",
+        parameters=TABLE_1,
+        rebound="rest",
+        duration=200.0,
+        span=(0.12, 0.13),
+        lanes=32768,
+        proved=9,
+        locked=1,
+        steps=STEPS,
+        tolerances=TOLERANCES,
+    ),
+    Scene(
+        key="resting",
+        title="Rests in every cycle, 50 periods",
+        parameters=TABLE_1,
+        rebound="rest",
+        duration=50.0,
+        span=(0.0, 0.001),
+        lanes=16384,
+        proved=9,
+        locked=None,
+        steps=STEPS,
+        tolerances=TOLERANCES,
+    ),
+    Scene(
+        key="chaotic",
+        title="Chaotic, 12 periods",
+        parameters=TABLE_1 | {"amplitude": 3.5},
+        rebound="reflect",
+        duration=12.0,
+        span=(0.1, 0.2),
+        lanes=32768,
+        proved=33,
+        locked=None,
+        steps=STEPS,
+        tolerances=TOLERANCES,
+    ),
+    Scene(
+        key="long",
+        title="Locked, 1 000 000 periods",
+        parameters=TABLE_1,
+        rebound="rest",
+        duration=1e6,
+        span=(0.12, 0.13),
+        lanes=256,
+        proved=2,
+        locked=1,
+        steps=STEPS[:3],
+        tolerances=TOLERANCES[-1:],
+    ),
+)

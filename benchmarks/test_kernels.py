@@ -1,0 +1,93 @@
+"""Speed of the kernels; run with ``pytest benchmarks/test_kernels.py -s``."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from numba import njit
+
+from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
+from vibrosweep.kernels.advance import advance, empty_statistics, scratch
+from vibrosweep.scene import PARAMETERS, dimensionless, launches
+from vibrosweep.sweep.engine import TRAJECTORIES_PER_TASK, Observation, Workers, statistics
+
+THREADS = 2
+
+
+def scene(realizations, particles, duration):
+    """The ranges of sweeps/paper.toml."""
+    rng = np.random.default_rng(1)
+    parameters = {n: np.full(realizations, p.default) for n, p in PARAMETERS.items()}
+    parameters["restitution"] = rng.uniform(0.80, 0.98, realizations)
+    parameters["amplitude"] = rng.uniform(0.2, 3.5, realizations)
+    observation = Observation(
+        particles=particles,
+        launch="staggered",
+        duration=duration,
+        rebound="rest",
+        transient=0.0,
+        separation=False,
+        per_particle=False,
+        trust=False,
+        tolerance=1e-9,
+        impact_budget=10_000_000,
+    )
+    problem = dimensionless(parameters, duration, 0.0)
+    return problem, launches("staggered", particles, parameters["frequency"]), observation
+
+
+@pytest.mark.parametrize(
+    ("realizations", "periods", "target"), [(20_000, 12.0, 10.0), (200, 1000.0, 10.0)]
+)
+def test_streaming_kernel_against_the_obvious_scalar_loop(race, realizations, periods, target):
+    problem, launch, observation = scene(realizations, 20, periods)
+    trajectories = realizations * 20
+    out = [np.zeros(trajectories, np.int64), *(np.zeros(trajectories) for _ in range(3))]
+    with Workers(THREADS) as workers:
+
+        def scalar():
+            workers.each(
+                lambda a, b: scalar_trajectories(a, b, problem, launch, periods, *out),
+                trajectories,
+                min(TRAJECTORIES_PER_TASK, trajectories // 4),
+            )
+
+        def kernel():
+            return statistics(problem, launch, observation, workers)
+
+        impacts = int(kernel().landings.sum())
+        ratio = race(kernel, scalar, work_subject=impacts, work_reference=impacts)
+        # the rounding of a running time lets some chaotic transients end on another attractor
+        assert abs(int(out[0].sum()) - impacts) < 0.02 * impacts
+    assert ratio >= target
+
+
+def test_bare_map_against_the_sine_alone(race):
+    repetitions = 40_000
+    s, t = lanes(), lanes()
+    work = repetitions * LANES
+    ratio = race(
+        lambda: bare_map(s, repetitions),
+        lambda: sine_only(t, repetitions),
+        work_subject=work,
+        work_reference=work,
+    )
+    assert ratio >= 0.7
+
+
+def test_hot_loop_uses_whole_vector_registers():
+    """The inner loop holds fused multiply-adds on the widest registers and calls nothing."""
+    problem, launch, _ = scene(1, 8, 12.0)
+    fresh = njit(nogil=True, error_model="numpy")(advance.py_func)
+    fresh(0, 8, problem, launch, 100, None, None, scratch(), empty_statistics(8))
+    (assembly,) = fresh.inspect_asm().values()
+    blocks = re.split(r"^\.LBB\w+:", assembly, flags=re.MULTILINE)
+    hot = max(blocks, key=lambda block: len(re.findall(r"vfn?m(?:add|sub)\w+pd", block)))
+    registers = {r: len(re.findall(rf"%{r}\d", hot)) for r in ("zmm", "ymm", "xmm")}
+    fused = len(re.findall(r"vfn?m(?:add|sub)\w+pd", hot))
+    print(f"\nhot loop: {fused} packed fused multiply-adds, operands {registers}")
+    assert fused >= 11
+    assert registers["zmm"] > 0 or registers["ymm"] > 0
+    assert "call" not in hot

@@ -1,0 +1,191 @@
+"""A file that appears only when it is complete, and what a full disk or a signal does to it.
+
+It is written under a temporary name in the directory of the output, flushed to the disk, closed and
+renamed: whatever ends a run early, no file that looks finished is left behind.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import secrets
+import signal
+import stat
+import tempfile
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Final
+
+from vibrosweep.errors import OutputError
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
+__all__ = ["Disk", "check_output", "replacing", "undisturbed"]
+
+# Signals that end a program, on systems that have them.
+ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ()) -> None:
+    """Refuse an output that cannot be written or that exists, before anything is computed.
+
+    Parameters
+    ----------
+    path
+        The output.
+    force
+        Whether an existing one is to be replaced.
+    inputs
+        Files that are never replaced.
+
+    Raises
+    ------
+    OutputError
+        Naming the path and what to do.
+    """
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        mode = None
+    except OSError as error:
+        raise OutputError(
+            f"{path}: cannot be written ({error.strerror}); choose another name with -o"
+        ) from error
+    if mode is not None and not stat.S_ISREG(mode):
+        kind = "a directory" if stat.S_ISDIR(mode) else "no ordinary file"
+        raise OutputError(f"{path}: is {kind}; give the name of a file with -o")
+    if mode is not None and not force:
+        raise OutputError(
+            f"{path}: exists and is kept; write to another file with -o, or replace it with --force"
+        )
+    if any(one is not None and one.exists() and one.samefile(path) for one in inputs if mode):
+        raise OutputError(f"{path}: is an input of this run; write to another file with -o")
+    parent = path.resolve().parent
+    if not parent.is_dir():
+        raise OutputError(
+            f"{path}: {parent} is not a directory; create it, or choose another place with -o"
+        )
+    try:
+        with tempfile.TemporaryFile(dir=parent):
+            pass
+    except OSError as error:
+        raise OutputError(
+            f"{path}: cannot write in {parent} ({error.strerror}); choose another place with -o"
+        ) from error
+
+
+class Disk(io.FileIO):
+    """A new file that HDF5 can close whatever the disk does.
+
+    HDF5 cannot close a file that it cannot write, and the process dies of that.  Here the first
+    failure is kept and all later writes are dropped; `check` raises it.
+    """
+
+    def __init__(self, partial: Path, path: Path) -> None:
+        self.path = path
+        self.failure: OSError | None = None
+        super().__init__(partial, "x+")
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        """Write all of the data, or nothing after a failure."""
+        view = memoryview(data)
+        done = 0
+        try:
+            while done < view.nbytes and self.failure is None:
+                done += super().write(view[done:]) or 0
+        except OSError as error:
+            self.failure = error
+        return view.nbytes
+
+    def truncate(self, size: int | None = None, /) -> int:
+        """Set the length of the file."""
+        try:
+            return super().truncate(size)
+        except OSError as error:
+            self.failure = self.failure or error
+            return size or 0
+
+    def check(self) -> None:
+        """Raise an OutputError if a write has failed."""
+        if self.failure is not None:
+            raise _unwritten(self.path, self.failure)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Hold signals back while HDF5 is at work, which loses an exception raised inside it."""
+    late: list[tuple[int, FrameType | None]] = []
+
+    def hold(number: int, frame: FrameType | None) -> None:
+        late.append((number, frame))
+
+    handlers = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (getattr(signal, name, None) for name in ENDINGS):
+            handler = None if number is None else signal.getsignal(number)
+            if number is not None and callable(handler):
+                handlers[int(number)] = handler
+                signal.signal(number, hold)
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    for number, frame in late:
+        handlers[number](number, frame)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Disk]:
+    """Write a file that takes its name when the block ends well, and is removed otherwise.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    target = path.resolve()  # the file behind a link, and not the link, is replaced
+    partial = target.parent / f".{target.name[:40]}.{secrets.token_hex(4)}.partial"
+    try:
+        with _reporting(path):
+            disk = Disk(partial, path)
+        with disk:
+            yield disk
+            disk.check()
+            with _reporting(path):
+                os.fsync(disk.fileno())
+        with _reporting(path):
+            partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
+    with suppress(OSError):  # not every system can flush a directory
+        _flush(target.parent)
+
+
+@contextmanager
+def _reporting(path: Path) -> Iterator[None]:
+    """Turn a failure to write into an OutputError."""
+    try:
+        yield
+    except OSError as error:
+        raise _unwritten(path, error) from error
+
+
+def _unwritten(path: Path, error: OSError) -> OutputError:
+    return OutputError(
+        f"{path}: writing failed ({error.strerror or error}); free some space or choose another "
+        f"place with -o, then run again"
+    )
+
+
+def _flush(directory: Path) -> None:
+    """Force the names in a directory to the disk."""
+    descriptor = os.open(directory, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

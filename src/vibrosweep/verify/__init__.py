@@ -1,0 +1,6 @@
+"""A finished dataset against the proved reference: is every number within its claimed error?"""
+
+from vibrosweep.verify.check import verify
+from vibrosweep.verify.report import Report
+
+__all__ = ["Report", "verify"]
