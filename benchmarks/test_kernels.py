@@ -30,6 +30,7 @@ def scene(realizations, particles, duration):
         transient=0.0,
         separation=False,
         per_particle=False,
+        regimes=False,
         trust=False,
         tolerance=1e-9,
         impact_budget=10_000_000,

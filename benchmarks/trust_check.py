@@ -87,9 +87,7 @@ def kernel_jobs(scenes: list[dict[str, float]], law: str) -> list[Job]:
     repeated = type(problem)(*(np.repeat(values, asked) for values in problem))
     starts = type(start)(*(np.repeat(values, asked, axis=0) for values in start))
     out = empty_trust(size * asked)
-    trust(
-        0, size * asked, repeated, starts, np.tile(TOLERANCES, size), BUDGET, LAWS[law], out
-    )
+    trust(0, size * asked, repeated, starts, np.tile(TOLERANCES, size), BUDGET, LAWS[law], out)
     until = out.until.reshape(size, asked)
     jobs = []
     for i, scene in enumerate(scenes):
@@ -191,8 +189,9 @@ def summary(law: str, jobs: list[Job], verdicts: list[Verdict]) -> list[list[obj
     """Rows of the table for one law: landings, then flights."""
     rows = []
     for what in ("landing", "flight"):
-        bounds = np.array([getattr(v, {"landing": "bound"}.get(what, "flight_bound"))
-                           for v in verdicts])
+        bounds = np.array(
+            [getattr(v, {"landing": "bound"}.get(what, "flight_bound")) for v in verdicts]
+        )
         quotient = ratios(bounds, np.array([getattr(v, what) for v in verdicts]))
         quantiles = np.quantile(quotient, [0.0, 0.05, 0.5, 0.95, 1.0])
         rows.append(
@@ -209,8 +208,19 @@ def summary(law: str, jobs: list[Job], verdicts: list[Verdict]) -> list[list[obj
     return rows
 
 
-HEAD = ("law", "error of", "trajectories", "landings compared", "lost before the end",
-        "smallest", "5 %", "median", "95 %", "largest", "violations")
+HEAD = (
+    "law",
+    "error of",
+    "trajectories",
+    "landings compared",
+    "lost before the end",
+    "smallest",
+    "5 %",
+    "median",
+    "95 %",
+    "largest",
+    "violations",
+)
 
 
 def main() -> None:

@@ -98,9 +98,7 @@ def _require_one_orbit(scene, orbits, workers, counts, phases) -> list[np.ndarra
         np.array_equal(streamed.landings, found["impact_count"][0])
         and np.array_equal(streamed.flight_max * unit, fastest_rebound)
         and sizes == streamed.landings.tolist()
-        and all(
-            np.array_equal((counts + phases)[i, :n], times[i, :n]) for i, n in enumerate(sizes)
-        )
+        and all(np.array_equal((counts + phases)[i, :n], times[i, :n]) for i, n in enumerate(sizes))
     )
     if not same:
         raise RuntimeError(f"scene {scene.key}: the kernel's ways of running it disagree")
@@ -135,7 +133,9 @@ def kernel(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
         float(orbit.errors(counts[i, : orbit.size], phases[i, : orbit.size]).max())
         for i, orbit in enumerate(orbits)
     )
-    seconds = fastest(lambda: _phases(*_problem(scene, scene.sample), scene.reflect, counts, phases))
+    seconds = fastest(
+        lambda: _phases(*_problem(scene, scene.sample), scene.reflect, counts, phases)
+    )
     yield Point(
         scene.key, KERNEL_PHASE, "state", 1, scene.proved, counts.size, seconds, apart,
         "the kernel's own state, before it is rounded to one double of time",
@@ -205,9 +205,7 @@ def naive(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
         run()
         seconds = fastest(run)
     impacts = int(out.landings.sum())
-    yield Point(
-        scene.key, NAIVE, "streaming", threads, scene.lanes, impacts, seconds, error, note
-    )
+    yield Point(scene.key, NAIVE, "streaming", threads, scene.lanes, impacts, seconds, error, note)
 
 
 def fixed_step(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:

@@ -78,9 +78,7 @@ def diffrax_events(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[
     for rtol in scene.tolerances:
         run = _trajectories(scene, rtol, impacts).lower(launch_times).compile()
         found: list[np.ndarray] = []
-        seconds = once(
-            lambda run=run, found=found: found.extend(np.asarray(run(launch_times)))
-        )
+        seconds = once(lambda run=run, found=found: found.extend(np.asarray(run(launch_times))))
         if seconds < BUDGET:
             seconds = fastest(lambda run=run: jax.block_until_ready(run(launch_times)))
         error, note = worst(orbits, found[: scene.proved])

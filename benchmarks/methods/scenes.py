@@ -149,10 +149,10 @@ SCENES = (
     ),
     Scene(
         key="chaotic",
-        title="Chaotic, 12 periods",
+        title="Chaotic, 8 periods",
         parameters=TABLE_1 | {"amplitude": 3.5},
         rebound="reflect",
-        duration=12.0,
+        duration=8.0,
         span=(0.1, 0.2),
         lanes=32768,
         proved=33,

@@ -43,11 +43,7 @@ class Bouncer:
             [(y, v), (v, heyoka.expression(-gravity))],
             [ABOVE, 0.0],
             tol=tolerance,
-            t_events=[
-                heyoka.t_event(
-                    y, callback=land, direction=heyoka.event_direction.negative
-                )
-            ],
+            t_events=[heyoka.t_event(y, callback=land, direction=heyoka.event_direction.negative)],
         )
 
     def _land(self, integrator: heyoka.taylor_adaptive) -> bool:

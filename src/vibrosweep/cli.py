@@ -16,7 +16,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -102,9 +102,8 @@ def _interruptible() -> Iterator[None]:
             if ending is not None and signal.getsignal(ending) is not signal.SIG_IGN:
                 handlers[ending] = signal.signal(ending, interrupt)
     yield
-    if interrupted == -math.inf:
-        for ending, handler in handlers.items():
-            signal.signal(ending, handler)
+    for ending, handler in handlers.items():  # after an interruption the process only ends
+        signal.signal(ending, handler if interrupted == -math.inf else signal.SIG_IGN)
 
 
 def _leave_kernels() -> None:
@@ -209,20 +208,19 @@ def _figures(options: argparse.Namespace) -> None:
     from vibrosweep.api import has_record, open_record, open_sweep
     from vibrosweep.figures import missing, save_all
 
-    sweep = _loaded(options.result, open_sweep(options.result))
-    record = None
-    if has_record(options.result):
-        record = _loaded(options.result, open_record(options.result))
+    # no figure of a sweep shows single particles, which may be many
+    sweep = _loaded(options.result, open_sweep, "particle")
+    record = _loaded(options.result, open_record) if has_record(options.result) else None
     for path in save_all(sweep, record, options.output):
         print(path)
     for sentence in missing(sweep, record).values():
         print(f"left out: {sentence}")
 
 
-def _loaded(path: Path, dataset: xr.Dataset) -> xr.Dataset:
-    """Read what figures are drawn from, and close the file."""
-    with dataset:
+def _loaded(path: Path, opener: Callable[[Path], xr.Dataset], *without: str) -> xr.Dataset:
+    """Read what figures are drawn from, but not along the dimensions `without`."""
+    with opener(path) as dataset:
         try:
-            return dataset.drop_vars([n for n in dataset if str(n).startswith("particle_")]).load()
+            return dataset.drop_dims(without).load()
         except (OSError, RuntimeError) as error:
             raise DataError(f"{path}: is damaged; compute it again with vibrosweep run") from error

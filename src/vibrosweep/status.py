@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-__all__ = ["Status"]
+__all__ = ["Regime", "Status"]
 
 
 class Status(IntEnum):
@@ -27,6 +27,32 @@ class Status(IntEnum):
         """The code's name as it stands in a dataset's ``flag_meanings``."""
         return self.name.lower()
 
+
+class Regime(IntEnum):
+    """What a particle's orbit has become by the end of the observation."""
+
+    AT_REST = 0
+    RESTING = 1
+    LOCKED = 2
+    IRREGULAR = 3
+
+    @property
+    def sentence(self) -> str:
+        """What the regime means, in one sentence."""
+        return _REGIMES[self]
+
+    @property
+    def meaning(self) -> str:
+        """The code's name as it stands in a dataset's ``flag_meanings``."""
+        return self.name.lower()
+
+
+_REGIMES = {
+    Regime.AT_REST: "The particle came to rest for good.",
+    Regime.RESTING: "The orbit repeats exactly and rests at least once in its cycle.",
+    Regime.LOCKED: "The orbit repeats exactly and never rests.",
+    Regime.IRREGULAR: "No exact repetition was found before the end of the observation.",
+}
 
 _SENTENCES = {
     Status.COMPLETED: "The trajectory is known up to the end of the observation.",

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from vibrosweep.status import Status
+from vibrosweep.status import Regime, Status
 
-__all__ = ["PER_PARTICLE", "RECORD", "SWEEP", "TRUST", "UNDETERMINED", "Variable"]
+__all__ = ["PER_PARTICLE", "RECORD", "REGIMES", "SWEEP", "TRUST", "UNDETERMINED", "Variable"]
 
 UNDETERMINED: Final = -1
 _UNDECIDED = ((UNDETERMINED, "undetermined"),)
@@ -65,6 +65,8 @@ _RP = ("realization", "particle")
 _RPI = ("realization", "particle", "impact")
 _SEPARATION = "measure.separation"
 _TRUST = "measure.trust"
+_REGIMES = "measure.regimes"
+_WITHOUT = "0 where no recurrence was found"
 _AFTER_LANDINGS = "flights that follow the landings in the window; NaN without any"
 
 # Measured once per realization, over the landings in the window [transient, duration].
@@ -152,6 +154,18 @@ SWEEP: Final = _registry(
         key=_TRUST,
         comment="against the exact model; infinite where rounding may have changed a decision",
     ),
+    *(
+        Variable(
+            f"{regime.meaning}_count",
+            _R,
+            "int64",
+            "1",
+            f"particles whose regime is {regime.meaning}",
+            key=_REGIMES,
+            comment=regime.sentence,
+        )
+        for regime in (Regime.RESTING, Regime.LOCKED, Regime.IRREGULAR)
+    ),
     Variable("status", _R, "int8", "1", "worst status of the particles", flags=_STATUS),
 )
 
@@ -212,6 +226,42 @@ TRUST: Final = _registry(
         "time up to which every landing is known to measure.tolerance",
         key=_TRUST,
         comment="the duration where all are; NaN where none is",
+    ),
+)
+
+# What the orbit of each particle has become.
+REGIMES: Final = _registry(
+    Variable(
+        "regime",
+        _RP,
+        "int8",
+        "1",
+        "regime of the particle's orbit",
+        flags=tuple((int(r), r.meaning) for r in Regime),
+        key=_REGIMES,
+        comment="; ".join(f"{r.meaning}: {r.sentence}" for r in Regime),
+    ),
+    Variable(
+        "cycle_impacts", _RP, "int64", "1", "impacts in a cycle", key=_REGIMES, comment=_WITHOUT
+    ),
+    Variable(
+        "cycle_periods",
+        _RP,
+        "int64",
+        "1",
+        "forcing periods in a cycle",
+        key=_REGIMES,
+        comment=_WITHOUT,
+    ),
+    Variable("cycle_rests", _RP, "int64", "1", "rests in a cycle", key=_REGIMES, comment=_WITHOUT),
+    Variable(
+        "recurrent_from",
+        _RP,
+        "float64",
+        "s",
+        "time at which the orbit had entered its cycle at the latest",
+        key=_REGIMES,
+        comment="NaN where no recurrence was found",
     ),
 )
 

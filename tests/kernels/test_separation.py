@@ -1,5 +1,7 @@
 """Separations against all pairs of recorded landings."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
@@ -8,60 +10,269 @@ from vibrosweep.sweep.engine import measure
 LAWS = ["rest", "reflect"]
 
 
-def all_pairs(found, i, contact_time, frequency, begin, end):
-    """Smallest separations and shared base of realization i, from every pair of landings.
+def all_pairs(found, i, contact_time, begin):
+    """Smallest separations of realization i, and longest time together on the base, by brute force.
 
-    Returns dt_min, dt_min_same_index, base_shared and the rounding of a difference of recorded
-    times; base_shared is None where rounding decides.
+    Returns dt_min, dt_min_same_index and the longest overlap of two stays in the window, which is
+    negative by how far two stays miss each other.
     """
     landing, liftoff = found["landing_time"][i], found["liftoff_time"][i]
     who, number = np.nonzero(~np.isnan(landing))
     start, leave = landing[who, number], liftoff[who, number]
     leave = np.fmax(np.where(np.isnan(leave), np.inf, leave), start + contact_time)
-    # a recorded time is a sum of whole periods and a phase, divided by the frequency
-    rounding = 4.0 * np.spacing(np.max(np.abs(start), initial=end)) + 4e-16 / frequency
-
     inside = start >= begin
-    t, p, n = start[inside], who[inside], number[inside]
-    order = np.argsort(t, kind="stable")
-    t, p, n = t[order], p[order], n[order]
-    apart = np.abs(t[:, np.newaxis] - t)
-    other = p[:, np.newaxis] != p
-    same = other & (n[:, np.newaxis] == n)
-    dt_min = np.min(apart, where=other, initial=np.inf)
-    dt_same = np.min(apart, where=same, initial=np.inf)
-
-    late = leave >= begin - rounding  # all who are on the base at some time in the window
-    start, leave, who = start[late], leave[late], who[late]
-    together = np.minimum(leave[:, np.newaxis], leave) - np.maximum(start[:, np.newaxis], start)
-    in_window = np.minimum(leave[:, np.newaxis], leave) - begin
-    margin = np.minimum(together, in_window)
-    margin = np.max(margin, where=who[:, np.newaxis] != who, initial=-np.inf)
-    shared = None if abs(margin) <= rounding else int(margin > 0)
-    return dt_min, dt_same, shared, rounding
+    apart = np.abs(start[:, np.newaxis] - start)
+    other = (who[:, np.newaxis] != who) & inside[:, np.newaxis] & inside
+    same = other & (number[:, np.newaxis] == number)
+    until = np.minimum(leave[:, np.newaxis], leave)
+    since = np.maximum(np.maximum(start[:, np.newaxis], start), begin)
+    return (
+        np.min(apart, where=other, initial=np.inf),
+        np.min(apart, where=same, initial=np.inf),
+        np.max(until - since, where=who[:, np.newaxis] != who, initial=-np.inf),
+    )
 
 
-def check(scene, observation, workers, record, rows=None):
+def all_particles(found, i, contact_time, begin):
+    """The same by bisection between the landings of each two particles, for many landings."""
+    landing, liftoff = found["landing_time"][i], found["liftoff_time"][i]
+    gap = same = np.inf
+    together = -np.inf
+    for p, q in combinations(range(landing.shape[0]), 2):
+        for one, other in ((p, q), (q, p)):
+            a, b = (landing[j][~np.isnan(landing[j])] for j in (one, other))
+            leave = liftoff[one][: a.size]
+            leave = np.fmax(np.where(np.isnan(leave), np.inf, leave), a + contact_time)
+            before = np.searchsorted(a, b, side="right") - 1
+            b, before = b[before >= 0], before[before >= 0]
+            until = np.append(liftoff[other][~np.isnan(liftoff[other])], np.inf)[: b.size]
+            until = np.fmax(until, b + contact_time)
+            if b.size:
+                since = np.maximum(b, begin)
+                together = max(together, (np.minimum(leave[before], until) - since).max())
+            near = (a[before] >= begin) & (b >= begin)
+            gap = min(gap, (b - a[before])[near].min(initial=np.inf))
+        both = (landing[p] >= begin) & (landing[q] >= begin)
+        same = min(same, np.abs(landing[p] - landing[q])[both].min(initial=np.inf))
+    return gap, same, together
+
+
+def check(scene, observation, workers, record, brute=all_pairs):
     """Compare what is measured with all pairs; return the measures."""
     measured = measure(scene, observation, workers)
     found = record(scene, observation)
-    size = measured["dt_min"].size
-    for i in range(size) if rows is None else rows:
-        gap, same, shared, rounding = all_pairs(
-            found,
-            i,
-            scene["contact_time"][i],
-            scene["frequency"][i],
-            observation.transient,
-            observation.duration,
-        )
+    for i in range(measured["dt_min"].size):
+        contact_time, frequency = scene["contact_time"][i], scene["frequency"][i]
+        gap, same, together = brute(found, i, contact_time, observation.transient)
+        # a recorded time is a sum of whole periods and a phase, divided by the frequency
+        latest = max(np.nanmax(np.abs(found["landing_time"][i]), initial=0), observation.duration)
+        rounding = 4.0 * np.spacing(latest) + 4e-16 / frequency
         assert measured["status"][i] == 0
         for name, expected in (("dt_min", gap), ("dt_min_same_index", same)):
             if np.isinf(expected):
                 assert np.isnan(measured[name][i])
             else:
                 assert measured[name][i] == pytest.approx(expected, rel=0, abs=rounding)
-        if shared is not None:
-            assert measured["base_shared"][i] == shared
-            assert measured["collision_free"][i] == 1 - shared
+        if abs(together) > rounding:  # else rounding decides
+            assert measured["base_shared"][i] == (together > 0.0)
+            assert measured["collision_free"][i] == (together < 0.0)
     return measured
+
+
+@pytest.mark.parametrize("rebound", LAWS)
+@pytest.mark.parametrize("transient", [0.0, 1.7])
+@pytest.mark.parametrize("particles", [1, 2, 3, 8, 31])
+def test_staggered_launches(rebound, transient, particles, random_scenes, observe, workers, record):
+    scene = random_scenes(seed=particles, size=24, contact_time=1e-2)
+    observation = observe(particles=particles, duration=3.0, transient=transient, rebound=rebound)
+    measured = check(scene, observation, workers, record)
+    if particles > 2:
+        assert set(measured["base_shared"]) == {0, 1}
+
+
+@pytest.mark.parametrize("rebound", LAWS)
+@pytest.mark.parametrize("transient", [0.0, 1.1])
+@pytest.mark.parametrize("particles", [4, 130, 200])
+def test_listed_launches_before_and_inside_the_window(
+    rebound, transient, particles, random_scenes, observe, workers, record
+):
+    launch = np.random.default_rng(particles).uniform(-2.0, 1.9, particles)
+    scene = random_scenes(seed=40 + particles, size=3, contact_time=3e-3, launch_velocity=3.0)
+    observation = observe(launch, duration=2.0, transient=transient, rebound=rebound)
+    check(scene, observation, workers, record)
+
+
+@pytest.mark.parametrize("rebound", LAWS)
+def test_long_contacts_are_shared(rebound, random_scenes, observe, workers, record):
+    # stays of 0.3 s, longer than most flights and than some periods
+    scene = random_scenes(seed=51, size=30, contact_time=0.3)
+    launch = [0.0, 0.1, 0.35, -0.6]
+    observation = observe(launch, duration=4.0, transient=1.3, rebound=rebound)
+    check(scene, observation, workers, record)
+
+
+@pytest.mark.parametrize("rebound", LAWS)
+@pytest.mark.parametrize("transient", [0.0, 2.0])
+def test_equal_launches_share_every_landing(
+    rebound, transient, random_scenes, observe, workers, record
+):
+    scene = random_scenes(seed=52, size=30, contact_time=1e-3, launch_velocity=2.0)
+    launch = [0.1, 0.4, 0.1, 0.1, -0.3]
+    observation = observe(launch, duration=3.0, transient=transient, rebound=rebound)
+    measured = check(scene, observation, workers, record)
+    landed = measured["particle_impact_count"][:, 0] > 0
+    assert landed.sum() > 15
+    assert np.all(measured["dt_min"][landed] == 0.0)
+    assert np.all(measured["dt_min_same_index"][landed] == 0.0)
+    assert np.all(measured["base_shared"][landed] == 1)
+
+
+@pytest.mark.parametrize("transient", [0.0, 20.3])
+@pytest.mark.parametrize(
+    "launch",
+    [
+        np.zeros(17),  # as one
+        np.linspace(0.0, 1e-7, 17),
+        np.random.default_rng(2).uniform(-3.0, 3.0, 17),
+    ],
+)
+def test_chatter_that_overflows_a_slab(launch, transient, parameters, observe, workers, record):
+    # e = 0.98 and so short a contact: a thousand bounces of each particle crowd before its rest.
+    # The list of 4096 landings overflows, and slabs are halved until it holds.
+    scene = parameters(
+        restitution=0.98,
+        amplitude=[0.0, 1e-12],
+        contact_time=1e-9,
+        gravity=2.0,
+        launch_velocity=0.5,
+    )
+    observation = observe(launch, duration=40.0, transient=transient)
+    found = record(scene, observation)
+    assert found["impact_count"].sum(axis=1).min() > 4 * 4096
+    measured = check(scene, observation, workers, record, all_particles)
+    assert measured["base_shared"].tolist() == [1, 1]
+
+
+def test_chatter_of_many_particles(parameters, observe, workers, record):
+    scene = parameters(restitution=0.9, amplitude=0.0, contact_time=1e-9)
+    launch = 1e-3 * np.random.default_rng(3).uniform(0.0, 1.0, 60)
+    observation = observe(launch, duration=20.0)
+    measured = check(scene, observation, workers, record, all_particles)
+    assert measured["impact_count"] > 60 * 190
+
+
+@pytest.mark.parametrize("transient", [0.0, 1.0])
+def test_two_ways_of_brute_force_agree(transient, random_scenes, observe, record):
+    scene = random_scenes(seed=60, size=20, contact_time=1e-2)
+    observation = observe((0.0, 0.2, -1.3, 0.21, 0.7), duration=4.0)
+    found = record(scene, observation)
+    for i in range(20):
+        pairs, particles = (
+            brute(found, i, 1e-2, transient) for brute in (all_pairs, all_particles)
+        )
+        assert pairs[:2] == particles[:2]
+        assert (pairs[2] > 0.0) == (particles[2] > 0.0)
+
+
+def test_crowds_beyond_the_shortest_slab_are_undetermined(parameters, observe, workers):
+    # flights shrink below 2^-53 periods: their landings are one instant, and more than the list
+    scene = parameters(restitution=0.9999, amplitude=0.0, contact_time=1e-18, launch_velocity=1e-6)
+    measured = measure(scene, observe((0.0, 0.5), duration=1.0), workers)
+    assert measured["impact_count"] > 200_000
+    assert measured["status"] == 0
+    assert measured["base_shared"] == measured["collision_free"] == -1
+    assert np.isnan(measured["dt_min"])
+    assert np.isnan(measured["dt_min_same_index"])
+
+
+# gravity 2 and frequency 1: speeds are flight times.  Without restitution a particle that lands
+# at a phase of -1/4 rests until the phase is 0.0008.
+DYADIC = {
+    "gravity": 2.0,
+    "frequency": 1.0,
+    "launch_velocity": 1.0,
+    "restitution": 0.0,
+    "amplitude": 1.0,
+    "contact_time": 0.005,
+}
+RESTS = 0.75  # launch that lands at 1.75 and rests until 2.0008
+
+
+@pytest.mark.parametrize(
+    ("launch", "transient", "duration", "shared"),
+    [
+        ((RESTS, 0.9), 1.8, 1.95, 1),  # lands on an occupant who came before the window
+        ((RESTS, 0.9), 1.8, 1.85, 0),  # the window ends before that
+        ((RESTS, 1.5), 1.8, 2.4, 0),  # lands when the occupant has left
+        ((RESTS, RESTS - 0.125), 1.8, 1.85, 1),  # two occupants, no landing
+        ((RESTS, 0.0), 1.8, 1.85, 0),  # an occupant alone
+        ((RESTS,), 1.8, 1.85, 0),
+        ((0.25, 0.254), 0.5, 1.5, 1),  # bounce within a contact time of each other
+        ((0.25, 0.256), 0.5, 1.5, 0),
+        ((0.25, 0.254), 1.2545, 1.5, 1),  # the first stay lasts until 1.255
+        ((0.25, 0.254), 1.2555, 1.5, 0),
+    ],
+)
+def test_occupants_at_the_beginning_of_the_window(
+    launch, transient, duration, shared, parameters, observe, workers, record
+):
+    observation = observe(launch, transient=transient, duration=duration)
+    measured = check(parameters(**DYADIC), observation, workers, record)
+    assert measured["base_shared"] == shared
+
+
+@pytest.mark.parametrize(
+    "order", [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]
+)
+def test_an_occupant_stands_between_no_two_landings(order, parameters, observe, workers):
+    # a landing exactly at the beginning of the window, one soon after, and an occupant
+    times = (0.875, RESTS, 0.9375)
+    observation = observe([times[j] for j in order], transient=1.875, duration=1.95)
+    measured = measure(parameters(**DYADIC), observation, workers)
+    assert measured["impact_count"] == 2
+    assert measured["dt_min"] == measured["dt_min_same_index"] == 0.0625
+    assert measured["base_shared"] == 1
+
+
+def test_particles_at_rest_for_good_share_the_base(parameters, observe, workers, record):
+    scene = parameters(amplitude=[0.0, 1e-5], restitution=0.5)
+    for transient in (0.0, 6.0):
+        observation = observe((0.0, 0.3), duration=20.0, transient=transient)
+        measured = check(scene, observation, workers, record)
+        assert measured["at_rest_count"].tolist() == [2, 2]
+        assert measured["base_shared"].tolist() == [1, 1]
+        assert np.isnan(measured["dt_min"]).all() == (transient > 0.0)
+
+
+def test_a_late_end_costs_nothing_when_all_rest_for_good(parameters, observe, workers):
+    scene = parameters(amplitude=0.0, restitution=0.5)
+    early, late = (
+        measure(scene, observe((0.0, 0.3), duration=duration), workers) for duration in (20.0, 1e15)
+    )
+    for name in ("dt_min", "dt_min_same_index", "base_shared", "impact_count"):
+        assert early[name] == late[name]
+
+
+@pytest.mark.parametrize("launch", [(0.0,), (0.0, 50.0), (50.0, 51.0)])
+def test_no_pair_has_no_separation(launch, parameters, observe, workers):
+    measured = measure(parameters(), observe(launch), workers)
+    assert np.isnan(measured["dt_min"])
+    assert np.isnan(measured["dt_min_same_index"])
+    assert measured["base_shared"] == 0
+    assert measured["collision_free"] == 1
+
+
+def test_late_separations_are_as_accurate_as_early_ones(parameters, observe, workers):
+    scene = parameters(restitution=0.9, amplitude=1.2, frequency=1.25)
+    launch = np.array([0.0, 0.125, 0.3125, 0.5])
+    early, late = (
+        measure(
+            scene,
+            observe(launch + start, transient=start + 1.0, duration=start + 9.0),
+            workers,
+        )
+        for start in (0.0, 8e8)  # 1e9 periods
+    )
+    assert 0.0 < early["dt_min"] < 1e-2
+    for name in ("dt_min", "dt_min_same_index", "base_shared", "impact_count"):
+        assert early[name] == late[name]

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from vibrosweep import simulate, theory
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.advance import CHECK
 from vibrosweep.status import Status
 from vibrosweep.sweep import landings
 
@@ -92,25 +93,24 @@ def test_scales_of_length_and_time_do_not_matter(scene, length, time):
 
 
 def test_equal_dimensionless_problems_have_one_orbit():
-    # a stable orbit, so that roundings of the parameters do not grow
-    f = np.array([0.3, 1.0, 7.7])
-    g = np.array([9.81, 1.62, 24.8])
-    unit = g / (2.0 * f)
-    found = simulate(
-        frequency=f,
-        gravity=g,
-        amplitude=0.24 * unit,
-        launch_velocity=1.03 * unit,
-        contact_time=1e-4 / f,
-        restitution=0.9,
-        duration=10.0,
-        launch_time=0.0,
-    )
-    flight = found.rebound_velocity.values[:, 0] / unit[:, np.newaxis]
-    shared = int(found.impact_count.min())
-    assert shared == 2
-    assert flight[1, :shared] == pytest.approx(flight[0, :shared], rel=1e-14)
-    assert flight[2, :shared] == pytest.approx(flight[0, :shared], rel=1e-14)
+    # a stable orbit, so that the roundings of the parameters do not grow
+    orbits = []
+    for f, g in ((0.3, 9.81), (1.0, 1.62), (7.7, 24.8)):
+        unit = g / (2.0 * f)
+        found = simulate(
+            frequency=f,
+            gravity=g,
+            restitution=0.9,
+            amplitude=0.24 * unit,
+            launch_velocity=1.03 * unit,
+            launch_time=0.42 / f,
+            contact_time=1e-4 / f,
+            duration=100.5 / f,
+        )
+        assert not found.rested.any()
+        orbits.append(found.rebound_velocity.values[0, 0] / unit)
+    assert orbits[1] == pytest.approx(orbits[0], rel=1e-13)
+    assert orbits[2] == pytest.approx(orbits[0], rel=1e-13)
 
 
 @settings(max_examples=40)
@@ -138,21 +138,20 @@ def test_a_launch_whole_periods_later_is_the_same_orbit(scene, periods, exponent
     assert np.all(np.abs(b[0][:n] - a[0][:n] - shift) <= 2.0 * np.spacing(abs(shift) + 20.0))
 
 
-def test_a_billion_periods_cost_no_digit():
-    periods, frequency = 1e9, 0.8  # 1e9 / 0.8 is a whole number of seconds
-    scene = {"frequency": frequency, "amplitude": 1.2, "restitution": 0.9}
+@pytest.mark.parametrize("rebound", LAWS)
+def test_a_billion_periods_cost_no_digit(rebound):
+    frequency, seconds = 1.25, 8e8  # 1e9 periods exactly
+    scene = {"frequency": frequency, "phase": 0.4, "rebound": rebound}
     early, late = (
-        simulate(launch_time=start, duration=start + 40.0, **scene)
-        for start in (0.0, periods / frequency)
+        simulate(launch_time=start + 0.125, duration=start + 40.0, **scene)
+        for start in (0.0, seconds)
     )
-    n = early.sizes["impact"]
-    # frequency and time are multiplied exactly: 0.8 is not the double that is meant by it
-    off = (0.8 - 4.0 / 5.0) * periods
-    assert off == 0.0
-    assert n == late.sizes["impact"]
-    assert np.array_equal(early.rebound_velocity, late.rebound_velocity, equal_nan=True) == (
-        float(periods * (frequency - 0.8)) == 0.0
-    )
+    a, b = only(early), only(late)
+    assert a[0].size == b[0].size > 30
+    assert np.array_equal(a[2], b[2], equal_nan=True)
+    assert np.array_equal(a[3], b[3])
+    # a time of 8e8 s is kept to 1.2e-7 s
+    assert np.all(np.abs(b[0] - seconds - a[0]) <= np.spacing(seconds))
 
 
 @pytest.mark.parametrize("rebound", LAWS)
@@ -245,15 +244,12 @@ def test_a_kick_not_above_the_threshold_never_lifts_again(amplitude, rebound):
 
 
 def test_a_kick_above_the_threshold_lifts_again():
+    amplitude = np.nextafter(0.25, 1.0)
     found = simulate(
-        amplitude=np.nextafter(0.25, 1.0),
-        contact_time=0.25,
-        restitution=0.5,
-        duration=9.0,
-        **DYADIC,
+        amplitude=amplitude, contact_time=0.25, restitution=0.5, duration=60.0, **DYADIC
     )
     land, leave, _, rested = only(found)
-    assert rested.any()
+    assert rested.sum() > 10
     assert not np.isnan(leave).any()
     # it lifts where it is strongest
     assert leave[rested == 1] % 1.0 == pytest.approx(0.25, abs=1e-7)
@@ -286,8 +282,8 @@ def test_some_particles_land_and_others_do_not():
     assert not found.rested.values[0, ::2].any()
 
 
-@pytest.mark.parametrize(("budget", "landings"), [(1, 8), (8, 8), (9, 16), (1000, 1000)])
-def test_a_budget_ends_what_would_not_end(budget, landings):
+@pytest.mark.parametrize("budget", [1, 8, 9, 1000])
+def test_a_budget_ends_what_would_not_end(budget):
     # decays over 1e12 impacts, of 4e-7 s at first
     found = simulate(
         restitution=1.0 - 1e-12,
@@ -297,9 +293,10 @@ def test_a_budget_ends_what_would_not_end(budget, landings):
         launch_time=[0.0, 100.0],
         impact_budget=budget,
     )
+    given_up = -(-budget // CHECK) * CHECK
     assert found.status.values.tolist() == [[Status.BUDGET_EXCEEDED, Status.COMPLETED]]
-    assert found.impact_count.values.tolist() == [[landings, 0]]
-    assert found.sizes["impact"] == landings
+    assert found.impact_count.values.tolist() == [[given_up, 0]]
+    assert found.sizes["impact"] == given_up
 
 
 def test_a_spent_budget_is_no_fault_where_nothing_else_lands():
@@ -308,21 +305,21 @@ def test_a_spent_budget_is_no_fault_where_nothing_else_lands():
     assert simulate(duration=9.0, **scene, **DYADIC).status.item() == Status.BUDGET_EXCEEDED
 
 
-def test_values_that_overflow_get_a_status():
-    found = simulate(
-        restitution=1.0, amplitude=1e307, launch_time=0.1, launch_velocity=1e155, **DYADIC
-    )
-    assert found.status.item() in (Status.COMPLETED, Status.NON_FINITE)
+def test_a_flight_whose_square_overflows_gets_a_status():
+    found = simulate(launch_velocity=0.0, launch_time=0.25, amplitude=1e200, **DYADIC)
+    assert found.rebound_velocity.item() == 1e200
+    assert found.status.item() == Status.NON_FINITE
 
 
 def test_a_hundred_thousand_particles():
     launch = np.arange(100_000) / 100_000
-    found = simulate(launch_time=launch, duration=2.0, amplitude=0.0)
+    found = simulate(launch_time=launch, duration=2.1, amplitude=0.0)
     assert found.impact_count.shape == (1, 100_000)
-    assert found.landing_time.values[0, :, 0] == pytest.approx(launch + 10.0 / 9.81, rel=1e-15)
+    first = found.landing_time.values[0, :, 0]
+    assert np.max(np.abs(first - (launch + 10.0 / 9.81))) <= 3 * np.spacing(1.0)
 
 
 def test_a_record_that_would_not_fit_into_memory_is_refused(monkeypatch):
     monkeypatch.setattr(landings, "BYTES_PER_LANDING", 1 << 40)
-    with pytest.raises(ParameterError, match=r"1 trajectories with up to 31 landings .* shorten"):
+    with pytest.raises(ParameterError, match=r"1 trajectories with up to \d+ landings .* shorten"):
         simulate()

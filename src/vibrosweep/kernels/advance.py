@@ -20,7 +20,15 @@ from vibrosweep.kernels.impact import land, launch, lift_off, rebound
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Status
 
-__all__ = ["CHECK", "Statistics", "advance", "empty_statistics", "scratch"]
+__all__ = [
+    "CHECK",
+    "Cycles",
+    "Statistics",
+    "advance",
+    "empty_cycles",
+    "empty_statistics",
+    "scratch",
+]
 
 LANES = 128
 VECTOR = 8
@@ -34,8 +42,14 @@ X_LIFT, WAIT, U_LIFT = 6 * STRIDE, 7 * STRIDE, 8 * STRIDE  # where a rest ends
 X_END, N_BEGIN, X_BEGIN = 9 * STRIDE, 10 * STRIDE, 11 * STRIDE  # window
 LANDINGS, RESTS = 12 * STRIDE, 13 * STRIDE
 SUM, SQUARES, LARGEST = 14 * STRIDE, 15 * STRIDE, 16 * STRIDE  # of the flight times
-AGE, DONE, LANE = 17 * STRIDE, 18 * STRIDE, 19 * STRIDE  # impacts so far, leaves the block, name
-ROWS = 20
+AGE, DONE, LANE = 17 * STRIDE, 18 * STRIDE, 19 * STRIDE  # impacts so far, why it leaves, name
+X_ANCHOR, N_ANCHOR, U_ANCHOR = 20 * STRIDE, 21 * STRIDE, 22 * STRIDE  # an earlier state
+NEXT_ANCHOR = 23 * STRIDE  # age at which the next one is taken
+ROWS = 24
+
+SAME = 2.0**-40  # periods
+
+GOES_ON, ENDED, SPENT, RECURRED = 0.0, 1.0, 2.0, 3.0  # values of DONE
 
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
@@ -65,6 +79,31 @@ class Statistics(NamedTuple):
     flight_squares: Floats
     flight_max: Floats
     status: Flags
+
+
+class Cycles(NamedTuple):
+    """Cycles that trajectories have entered, each array of shape (trajectory,).
+
+    Attributes
+    ----------
+    impacts, periods, rests
+        Impacts, forcing periods and rests in one cycle; 0 where no recurrence was found.  Rounding
+        lets an orbit alternate between neighbouring numbers: states closer than `SAME` are one.
+    begin
+        When it had been entered at the latest: whole periods from the end's, plus the phase; NaN
+        without.
+    """
+
+    impacts: Integers
+    periods: Integers
+    rests: Integers
+    begin: Floats
+
+
+def empty_cycles(trajectories: int) -> Cycles:
+    """Room for the cycles of a batch."""
+    impacts, periods, rests = (np.empty(trajectories, np.int64) for _ in range(3))
+    return Cycles(impacts, periods, rests, np.empty(trajectories))
 
 
 def empty_statistics(trajectories: int) -> Statistics:
@@ -107,18 +146,114 @@ def _step(s: Floats, lanes: int, reflect: int | None, window: int | None) -> Non
 
 
 @jit
-def _find_done(s: Floats, padded: int, lanes: int, budget: int, places: Integers) -> int:
-    """List the places whose next landing is past the end, or whose budget is spent."""
-    for j in range(padded):
+def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
+    """Mark the lanes whose next landing is past the end, that recur, or whose budget is spent."""
+    for j in range(lanes):
         x, passed = land(s[X + j], s[U + j])
         s[AGE + j] += CHECK
-        past = 0.0 if s[N + j] + passed <= s[X_END + j] - x else 1.0
-        s[DONE + j] = past if s[AGE + j] < budget else 1.0
+        why = GOES_ON if s[AGE + j] < budget else SPENT
+        if cycles is not None:
+            # the same bits again: from here on the orbit repeats, later by whole periods
+            again = (s[X + j] == s[X_ANCHOR + j]) & (s[U + j] == s[U_ANCHOR + j])
+            why = RECURRED if again & (s[N + j] > s[N_ANCHOR + j]) else why
+            anchor = s[AGE + j] >= s[NEXT_ANCHOR + j]  # Brent: at ages that double
+            s[X_ANCHOR + j] = s[X + j] if anchor else s[X_ANCHOR + j]
+            s[N_ANCHOR + j] = s[N + j] if anchor else s[N_ANCHOR + j]
+            s[U_ANCHOR + j] = s[U + j] if anchor else s[U_ANCHOR + j]
+            s[NEXT_ANCHOR + j] = 2.0 * s[AGE + j] if anchor else s[NEXT_ANCHOR + j]
+        s[DONE + j] = why if s[N + j] + passed <= s[X_END + j] - x else ENDED
+
+
+@jit
+def _find_done(s: Floats, lanes: int, places: Integers) -> int:
+    """List the places of the lanes that are marked; return their number."""
     done = 0
     for j in range(lanes):  # without a branch, which no processor could predict
         places[done] = j
-        done += int(s[DONE + j])
+        done += 1 if s[DONE + j] != GOES_ON else 0
     return done
+
+
+@jit
+def _occurrences(first: float, last: float, period: float) -> float:
+    """Count the members of first, first + period, ... up to last; all are whole numbers."""
+    # below 2**53 the quotient is never rounded across a whole number
+    times: float = np.floor((last - first) / period) + 1.0
+    return max(0.0, times)
+
+
+@jit
+def _impact(
+    s: Floats, j: int, n: float, x: float, u: float, reflect: int | None
+) -> tuple[float, float, float, float, float, bool]:
+    """Landing and lift-off of lane j after a flight u from (n, x)."""
+    x, passed = land(x, u)
+    n += passed
+    w = rebound(x, u, s[E + j], s[A + j], reflect)
+    n_off, x_off, u, leaves = lift_off(n, x, w, s[R + j], s[X_LIFT + j], s[WAIT + j], s[U_LIFT + j])
+    return n, x, n_off, x_off, u, leaves
+
+
+@jit
+def _cycle(s: Floats, j: int, reflect: int | None) -> tuple[int, int, float]:
+    """Impacts, rests and forcing periods of the cycle that lane j has entered."""
+    x, n, u = s[X + j], s[N + j], s[U + j]
+    impacts, rests = 0, 0
+    while impacts == 0 or x != s[X + j] or u != s[U + j]:
+        _, _, n, x, u, leaves = _impact(s, j, n, x, u, reflect)
+        impacts += 1
+        rests += 0 if leaves else 1
+    return impacts, rests, n - s[N + j]
+
+
+@jit
+def _repeats(
+    s: Floats, j: int, reflect: int | None, impacts: int, shorter: int
+) -> tuple[bool, float]:
+    """Whether a cycle of lane j is, up to rounding, a shorter one; and that one's periods."""
+    x, n, u = s[X + j], s[N + j], s[U + j]
+    ahead_x, ahead_n, ahead_u = x, n, u
+    for _ in range(shorter):
+        _, _, ahead_n, ahead_x, ahead_u, _ = _impact(s, j, ahead_n, ahead_x, ahead_u, reflect)
+    periods = np.rint((ahead_n - n) + (ahead_x - x))
+    for _ in range(impacts):
+        apart = (ahead_n - n - periods) + (ahead_x - x)
+        if abs(apart) > SAME or abs(ahead_u - u) > SAME:
+            return False, periods
+        _, _, n, x, u, _ = _impact(s, j, n, x, u, reflect)
+        _, _, ahead_n, ahead_x, ahead_u, _ = _impact(s, j, ahead_n, ahead_x, ahead_u, reflect)
+    return True, periods
+
+
+@jit
+def _close(s: Floats, j: int, reflect: int | None, window: int | None, cycles: Cycles) -> None:
+    """Count each landing of the cycle that lane j has entered as often as it recurs.
+
+    The landing decided by n <= x_end - x is decided by n <= floor(x_end - x), for n is whole: the
+    number of landings is the one that going on would find.
+    """
+    lane = int(s[LANE + j])
+    impacts, rests, period = _cycle(s, j, reflect)
+    x, n, u = s[X + j], s[N + j], s[U + j]
+    for _ in range(impacts):
+        landed_n, landed_x, n, x, u, leaves = _impact(s, j, n, x, u, reflect)
+        times = _occurrences(landed_n, np.floor(s[X_END + j] - landed_x), period)
+        if window is not None:
+            early = s[N_BEGIN + j] - np.floor(landed_x - s[X_BEGIN + j]) - 1.0
+            times -= _occurrences(landed_n, early, period)
+        s[LANDINGS + j] += times
+        s[RESTS + j] += 0.0 if leaves else times
+        s[SUM + j] += times * u
+        s[SQUARES + j] += times * (u * u)
+        s[LARGEST + j] = max(s[LARGEST + j], u if times > 0.0 else 0.0)
+    for shorter in range(1, impacts + 1):
+        if impacts % shorter == 0:
+            same, period = _repeats(s, j, reflect, impacts, shorter)
+            if same:
+                cycles.impacts[lane], cycles.periods[lane] = shorter, int(period)
+                cycles.rests[lane] = rests * shorter // impacts
+                break
+    cycles.begin[lane] = s[N_ANCHOR + j] + s[X_ANCHOR + j]
 
 
 @jit
@@ -131,6 +266,7 @@ def _load(
     problem: Dimensionless,
     launches: Launches,
     window: int | None,
+    cycles: Cycles | None,
 ) -> None:
     """Put trajectory `lane` (realization i, particle p) into place j."""
     n, x = launch(problem, launches, i, p)
@@ -151,6 +287,11 @@ def _load(
     for row_start in (LANDINGS, RESTS, SUM, SQUARES, LARGEST, AGE, DONE):
         s[row_start + j] = 0.0
     s[LANE + j] = lane
+    if cycles is not None:
+        s[X_ANCHOR + j], s[N_ANCHOR + j], s[U_ANCHOR + j] = x, s[N + j], s[U + j]
+        s[NEXT_ANCHOR + j] = CHECK
+        cycles.impacts[lane], cycles.periods[lane], cycles.rests[lane] = 0, 0, 0
+        cycles.begin[lane] = np.nan
 
 
 @jit
@@ -163,9 +304,7 @@ def _write(s: Floats, j: int, out: Statistics) -> None:
     out.flight_squares[lane] = s[SQUARES + j]
     out.flight_max[lane] = s[LARGEST + j]
     out.at_rest[lane] = 1 if s[N + j] == np.inf else 0
-    x, passed = land(s[X + j], s[U + j])
-    goes_on = s[N + j] + passed <= s[X_END + j] - x
-    out.status[lane] = BUDGET_EXCEEDED if goes_on else COMPLETED
+    out.status[lane] = BUDGET_EXCEEDED if s[DONE + j] == SPENT else COMPLETED
     if not np.isfinite(s[SQUARES + j]):
         out.status[lane] = NON_FINITE
 
@@ -181,6 +320,7 @@ def advance(
     window: int | None,
     s: Floats,
     out: Statistics,
+    cycles: Cycles | None = None,
 ) -> None:
     """Advance trajectories first ... last - 1 of a batch to the end of their window.
 
@@ -199,6 +339,9 @@ def advance(
         From `scratch`; not shared between threads.
     out : Statistics
         Only the slots first ... last - 1 are written.
+    cycles : Cycles or None
+        Where given, a trajectory whose state returns bit for bit is not followed any further: the
+        rest is counted from one cycle.  Sums then differ from those of going on by rounding only.
     """
     particles = launches.whole.shape[1]
     i, p = first // particles, first % particles
@@ -208,7 +351,7 @@ def advance(
     while lanes > 0:
         fresh = min(done, last - following)
         for q in range(fresh):
-            _load(s, places[q], i, p, following + q, problem, launches, window)
+            _load(s, places[q], i, p, following + q, problem, launches, window, cycles)
             p += 1
             if p == particles:
                 i, p = i + 1, 0
@@ -221,6 +364,9 @@ def advance(
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for _ in range(CHECK):
             _step(s, padded, reflect, window)
-        done = _find_done(s, padded, lanes, budget, places)
+        _mark(s, padded, budget, cycles)
+        done = _find_done(s, lanes, places)
         for q in range(done):
+            if cycles is not None and s[DONE + places[q]] == RECURRED:
+                _close(s, places[q], reflect, window, cycles)
             _write(s, places[q], out)

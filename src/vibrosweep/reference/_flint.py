@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vibrosweep.errors import VibrosweepError
 
-__all__ = ["MissingFlintError", "UndecidableError", "arb", "ctx"]
+__all__ = ["MissingFlintError", "UndecidableError", "arb", "ctx", "fmpq"]
 
 
 class MissingFlintError(VibrosweepError, ImportError):
@@ -39,7 +39,7 @@ class UndecidableError(VibrosweepError, ArithmeticError):
 
 
 try:
-    from flint import arb, ctx
+    from flint import arb, ctx, fmpq
 except ImportError as error:
     raise MissingFlintError(
         "the proved reference computes in ball arithmetic with python-flint, which is not "

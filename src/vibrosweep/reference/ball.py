@@ -23,6 +23,7 @@ processes, not threads, to compute several trajectories at once.
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Final
 
 from vibrosweep.errors import ParameterError
@@ -46,7 +47,7 @@ def trajectory(
     gravity: float,
     launch_velocity: float,
     contact_time: float,
-    launch_time: float,
+    launch_time: float | Fraction,
     duration: float,
     rebound: str = "rest",
     max_impacts: int = 100_000,
@@ -64,7 +65,7 @@ def trajectory(
     restitution, amplitude, frequency, phase, gravity, launch_velocity, contact_time
         As in `vibrosweep.scene.PARAMETERS`: 1, m s-1, Hz, rad, m s-2, m s-1, s.
     launch_time, duration
-        s; landings at t <= duration count.
+        s; landings at t <= duration count.  A `Fraction` is a launch time that no double is.
     rebound
         ``"rest"`` or ``"reflect"``.
     max_impacts
@@ -109,7 +110,7 @@ def trajectory(
 
 def _checked(
     values: dict[str, float],
-    launch_time: float,
+    launch_time: float | Fraction,
     duration: float,
     rebound: str,
     max_impacts: int,
@@ -120,15 +121,16 @@ def _checked(
     for name, value in parameters.items():
         if not PARAMETERS[name].accepts(value):
             raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
-    for name, value in (("launch_time", launch_time), ("duration", duration)):
-        if not math.isfinite(value):
-            raise ParameterError(f"{name} = {value!r}: must be any finite number (s)")
+    for name, time in (("launch_time", launch_time), ("duration", duration)):
+        if not math.isfinite(time):
+            raise ParameterError(f"{name} = {time!r}: must be any finite number (s)")
     if rebound not in LAWS:
         raise ParameterError(f"rebound = {rebound!r}: must be one of {', '.join(LAWS)}")
     for name, number in (("max_impacts", max_impacts), ("digits", digits)):
         if number < 1:
             raise ParameterError(f"{name} = {number!r}: must be at least 1")
-    return Problem(parameters, float(launch_time), float(duration), rebound, max_impacts, digits)
+    launched = launch_time if isinstance(launch_time, Fraction) else Fraction(float(launch_time))
+    return Problem(parameters, launched, float(duration), rebound, max_impacts, digits)
 
 
 def step(e: float, a: float, x: float, u: float, bits: int = 300) -> tuple[arb, int, arb]:

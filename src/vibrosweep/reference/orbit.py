@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Final, NamedTuple
 
-from vibrosweep.reference._flint import arb, ctx
+from vibrosweep.reference._flint import arb, ctx, fmpq
 from vibrosweep.reference.ballmap import BallMap, Enclosure, nearest_integer
 from vibrosweep.reference.results import Impact, Trajectory
 from vibrosweep.status import Status
@@ -45,7 +46,7 @@ class Problem:
     """One trajectory's exact inputs and the radii asked for."""
 
     parameters: dict[str, float]
-    launch_time: float
+    launch_time: Fraction
     duration: float
     rebound: str
     max_impacts: int
@@ -63,7 +64,8 @@ class _Scene:
     def __init__(self, problem: Problem) -> None:
         p = {name: arb(value) for name, value in problem.parameters.items()}
         gravity, frequency = p["gravity"], p["frequency"]
-        self.launch_time = arb(problem.launch_time)
+        launched = problem.launch_time
+        self.launch_time = arb(fmpq(launched.numerator, launched.denominator))
         self.map = BallMap(
             restitution=p["restitution"],
             amplitude=p["amplitude"],

@@ -14,12 +14,20 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels.advance import Statistics, advance, empty_statistics, scratch
+from vibrosweep.kernels.advance import (
+    Cycles,
+    Statistics,
+    advance,
+    empty_cycles,
+    empty_statistics,
+    scratch,
+)
 from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.separation import separate, workspace
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.scene import Dimensionless, Launches, dimensionless, launches
 from vibrosweep.status import Status
+from vibrosweep.sweep.regimes import regimes
 from vibrosweep.variables import UNDETERMINED
 
 __all__ = ["Observation", "Workers", "measure", "statistics"]
@@ -50,6 +58,8 @@ class Observation:
         Whether separations between particles are measured.
     per_particle
         Whether measures are kept for each particle.
+    regimes
+        Whether orbits that repeat exactly are recognised; they are then not followed any further.
     trust
         Whether an error bound is carried along each trajectory.
     tolerance
@@ -65,6 +75,7 @@ class Observation:
     transient: float
     separation: bool
     per_particle: bool
+    regimes: bool
     trust: bool
     tolerance: float
     impact_budget: int
@@ -111,9 +122,16 @@ class Workers:
 
 
 def statistics(
-    problem: Dimensionless, launch: Launches, observation: Observation, workers: Workers
+    problem: Dimensionless,
+    launch: Launches,
+    observation: Observation,
+    workers: Workers,
+    cycles: Cycles | None = None,
 ) -> Statistics:
-    """Statistics of every trajectory, in the order of realizations and within them of particles."""
+    """Statistics of every trajectory, in the order of realizations and within them of particles.
+
+    Where `cycles` are given, they are written, and trajectories that recur are followed no further.
+    """
     total = problem.kick.size * observation.particles
     each = empty_statistics(total)
 
@@ -128,6 +146,7 @@ def statistics(
             observation.window,
             scratch(),
             each,
+            cycles,
         )
 
     workers.each(task, total, TRAJECTORIES_PER_TASK)
@@ -161,8 +180,9 @@ def measure(
     """
     problem = dimensionless(parameters, observation.duration, observation.transient)
     launch = launches(observation.launch, observation.particles, parameters["frequency"])
-    each = statistics(problem, launch, observation, workers)
     size, particles = problem.kick.size, observation.particles
+    cycles = empty_cycles(size * particles) if observation.regimes else None
+    each = statistics(problem, launch, observation, workers, cycles)
     whole = empty_statistics(size)
     workers.each(
         lambda first, last: combine(first, last, particles, each, whole),
@@ -178,6 +198,8 @@ def measure(
     )
     if observation.per_particle:
         measured |= _per_particle(each, parameters, problem, (size, particles))
+    if cycles is not None:
+        measured |= regimes(each, cycles, problem, parameters["frequency"])
     if observation.separation:
         measured |= _separations(problem, launch, observation, whole, parameters, workers)
     if observation.trust:
@@ -195,14 +217,19 @@ def _physical(
     # where nothing lifts a resting particle, its last landing is followed by no flight
     lifts = problem.kick > problem.rest_flight
     flights = found.landings - np.where(lifts, 0, found.rests)
+    some = flights > 0
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        none = np.where(flights > 0, 0.0, np.nan)
+        # one NaN for all: that of 0 / 0 has a sign which depends on the length of the batch
         return {
             "impact_count": found.landings,
             "rest_count": found.rests,
-            "rebound_height_mean": height * (found.flight_squares / flights) + none,
-            "rebound_height_max": height * (found.flight_max * found.flight_max) + none,
-            "flight_time_mean": found.flight_sum / flights / frequency + none,
+            "rebound_height_mean": np.where(
+                some, height * (found.flight_squares / flights), np.nan
+            ),
+            "rebound_height_max": np.where(
+                some, height * (found.flight_max * found.flight_max), np.nan
+            ),
+            "flight_time_mean": np.where(some, found.flight_sum / flights / frequency, np.nan),
             "status": found.status,
         }
 

@@ -57,16 +57,16 @@ def _head(file: Any) -> Iterator[str]:
             spread = f"{low:g} ... {high:g}"
         else:
             spread = f"{variable[()]:g}"
-        yield f"{name:28}{spread} {'' if units == '1' else units}".rstrip()
-    yield f"{'rebound':28}{file.attrs['rebound']}"
+        yield f"{name:32}{spread} {'' if units == '1' else units}".rstrip()
+    yield f"{'rebound':32}{file.attrs['rebound']}"
     for name in ("transient", "duration"):
-        yield f"{name:28}{file.variables[name][()]:g} s"
+        yield f"{name:32}{file.variables[name][()]:g} s"
     if "record" in file.groups:
         landings = file.groups["record"].variables["impact_count"][...].sum()
-        yield f"{'record of every landing':28}{landings} landings, in the group 'record'"
+        yield f"{'record of every landing':32}{landings} landings, in the group 'record'"
     for name in PROVENANCE:
         if name in file.attrs:
-            yield f"{name:28}{file.attrs[name]}"
+            yield f"{name:32}{file.attrs[name]}"
 
 
 def _range(variable: Any) -> tuple[float, float]:

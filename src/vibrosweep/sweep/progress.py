@@ -10,6 +10,7 @@ from typing import Final, Protocol, TextIO
 __all__ = ["Advance", "reporting", "silent"]
 
 SECONDS_BETWEEN_LINES: Final = 10.0
+SECONDS_BEFORE_BAR: Final = 0.5
 
 
 class Advance(Protocol):
@@ -34,14 +35,18 @@ def reporting(stream: TextIO) -> Iterator[Advance]:
         return
     from tqdm import tqdm  # only a terminal pays for the import
 
-    with tqdm(unit=" realizations", file=stream, leave=False, delay=0.5) as bar:
+    bar = tqdm(unit=" realizations", file=stream, leave=False, delay=SECONDS_BEFORE_BAR)
 
-        def advance(done: int, total: int, /) -> None:
-            with suppress(OSError):  # a terminal that has gone must not end the run
-                bar.total = total
-                bar.update(done - bar.n)
+    def advance(done: int, total: int, /) -> None:
+        with suppress(OSError):  # a terminal that has gone must not end the run
+            bar.total = total
+            bar.update(done - bar.n)
 
+    try:
         yield advance
+    finally:
+        with suppress(OSError):
+            bar.close()
 
 
 class _Lines:

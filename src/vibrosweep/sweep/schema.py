@@ -80,6 +80,7 @@ class MeasureTable:
     transient: float = 0.0
     separation: bool = False
     per_particle: bool = False
+    regimes: bool = False
     trust: bool = False
     tolerance: float = 1e-9
     impact_budget: int = 10_000_000
@@ -310,6 +311,7 @@ _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
         "transient": _transient,
         "separation": _flag,
         "per_particle": _flag,
+        "regimes": _flag,
         "trust": _flag,
         "tolerance": _positive_time,
         "impact_budget": partial(

@@ -52,9 +52,9 @@ class SweepSpec:
         Seed of the drawn designs.
     transient
         Time in s before the window that measures cover.
-    separation, per_particle, trust
-        Whether separations are measured, whether output per particle is kept, and whether error
-        bounds are carried along.
+    separation, per_particle, regimes, trust
+        Whether separations are measured, output per particle is kept, orbits that repeat are
+        recognised, and error bounds are carried along.
     tolerance
         Error of a landing time in s up to which it is trusted.
     impact_budget
@@ -81,6 +81,7 @@ class SweepSpec:
     transient: float
     separation: bool
     per_particle: bool
+    regimes: bool
     trust: bool
     tolerance: float
     impact_budget: int

@@ -59,16 +59,17 @@ class Summary:
 
     def lines(self) -> Iterator[str]:
         """Give the summary as a table of text."""
-        yield f"{'':28}{'min':>12}{'mean':>12}{'max':>12}"
+        yield f"{'':32}{'min':>12}{'mean':>12}{'max':>12}"
         for name, spread in self.spreads.items():
             label = f"{name} ({SWEEP[name].units})" if SWEEP[name].units != "1" else name
             if not spread.count:
-                yield f"{label:28}{'undefined in every realization':>36}"
+                yield f"{label:32}{'undefined in every realization':>36}"
                 continue
             mean = spread.total / spread.count
-            yield f"{label:28}{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}"
+            known = "" if spread.count == self.realizations else f"   of {spread.count} known"
+            yield f"{label:32}{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}{known}"
         for name, counts in self.codes.items():
-            yield f"{name:28}{_counted(SWEEP[name], counts)}"
+            yield f"{name:32}{_counted(SWEEP[name], counts)}"
         for code in sorted(self.codes.get("status", {})):
             if code != Status.COMPLETED:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"

@@ -1,4 +1,4 @@
-"""A finished dataset against the proved reference: is every number within its claimed error?"""
+"""A finished dataset against the proved reference: is each number within its claimed error."""
 
 from vibrosweep.verify.check import verify
 from vibrosweep.verify.report import Report

@@ -11,7 +11,7 @@ from fractions import Fraction
 from itertools import groupby, pairwise
 from operator import attrgetter
 from sys import float_info
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from vibrosweep.reference._flint import arb, ctx
 from vibrosweep.reference.ball import Trajectory
@@ -21,7 +21,7 @@ from vibrosweep.verify.sample import Scene
 __all__ = ["Measures", "Proved", "measures"]
 
 # A ball, an exact count or code, or None where the variable is undefined (NaN in the dataset).
-Proved = arb | int | None
+Proved: TypeAlias = "arb | int | None"
 
 GUARD_BITS = 64
 
@@ -41,8 +41,9 @@ class Measures:
     edge
         Smallest distance of a landing from the beginning of the window in s; None where no landing
         can be before it.
-    launch_edge
-        Smallest distance of a launch from an edge of the window, s.
+    launch_depth
+        Time between a launch in the window and the nearer edge, the largest of all launches, s;
+        negative where every launch is outside.
     overlap
         Longest time for which two particles are on the base at once; minus the shortest time
         between two stays where that never happens.  None without two stays.
@@ -52,7 +53,7 @@ class Measures:
     fastest: arb | None
     longest: int
     edge: arb | None
-    launch_edge: Fraction
+    launch_depth: Fraction
     overlap: arb | None
 
 
@@ -108,7 +109,7 @@ def _measures(scene: Scene, trajectories: Sequence[Trajectory]) -> Measures:
         fastest=_largest(whole.speeds),
         longest=max(len(flights.speeds) for flights in each),
         edge=_least([abs(x.time - begin) for x in landings]) if scene.windowed else None,
-        launch_edge=_launch_edge(scene),
+        launch_depth=_launch_depth(scene),
         overlap=overlap,
     )
 
@@ -168,15 +169,15 @@ def _status(trajectory: Trajectory, flights: _Flights, scene: Scene) -> Status:
 
 def _largest_height(flights: _Flights, scene: Scene) -> Proved:
     speeds = list(flights.speeds)
-    if any(scene.transient <= time <= scene.duration for time in scene.launch_times):
+    if _launch_depth(scene) >= 0:
         speeds.append(arb(scene.parameters["launch_velocity"]))
     fastest = _largest(speeds)
     return None if fastest is None else fastest**2 / (2 * arb(scene.parameters["gravity"]))
 
 
-def _launch_edge(scene: Scene) -> Fraction:
-    edges = (Fraction(scene.transient), Fraction(scene.duration))
-    return min(abs(time - edge) for time in scene.launch_times for edge in edges)
+def _launch_depth(scene: Scene) -> Fraction:
+    begin, end = Fraction(scene.transient), Fraction(scene.duration)
+    return max(min(time - begin, end - time) for time in scene.launch_times)
 
 
 def _closest(landings: Sequence[_Landing]) -> arb | None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import h5netcdf
 import numpy as np
@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
+from vibrosweep.store.provenance import provenance
 from vibrosweep.sweep.engine import Observation
 from vibrosweep.sweep.run import record_observation
 from vibrosweep.variables import PER_PARTICLE, SWEEP, TRUST
 
-__all__ = ["Sample", "Scene", "read_sample"]
+__all__ = ["VARIABLES", "Sample", "Scene", "read_sample"]
 
 Array = NDArray[np.float64]
+
+VARIABLES: Final = {**SWEEP, **PER_PARTICLE, **TRUST}
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,8 @@ class Scene:
         Window of the measures, s.
     windowed
         Whether landings before the window are possible; if not, every landing up to the end counts.
+    launch_rounding
+        Error in s with which a launch is compared with the edges of the window.
     rebound
         ``"rest"`` or ``"reflect"``.
     """
@@ -47,6 +52,7 @@ class Scene:
     transient: float
     duration: float
     windowed: bool
+    launch_rounding: float
     rebound: str
 
 
@@ -64,8 +70,8 @@ class Sample:
         Every parameter of `vibrosweep.scene.PARAMETERS`, each of shape (row,).
     observation
         What was launched, watched and measured.
-    source
-        What computed the dataset.
+    own
+        Whether this version and git revision computed the dataset.
     stored
         The dataset's measured variables, each of shape (row, ...).
     """
@@ -74,16 +80,17 @@ class Sample:
     rows: NDArray[np.int64]
     parameters: Mapping[str, Array]
     observation: Observation
-    source: str
+    own: bool
     stored: Mapping[str, NDArray[Any]]
 
     def scene(self, row: int) -> Scene:
         """Return the scene of one of the rows."""
-        observation = self.observation
+        observation, rounding = self.observation, 0.0
         parameters = {name: float(values[row]) for name, values in self.parameters.items()}
         if isinstance(observation.launch, str):
             period = 1 / Fraction(parameters["frequency"])
             steps = range(observation.particles)
+            rounding = 2.0**-51 * (observation.duration + float(period))
             launch = tuple(j * period / observation.particles for j in steps)
         else:
             launch = tuple(Fraction(time) for time in observation.launch)
@@ -93,6 +100,7 @@ class Sample:
             transient=observation.transient,
             duration=observation.duration,
             windowed=observation.window is not None,
+            launch_rounding=rounding,
             rebound=observation.rebound,
         )
 
@@ -130,13 +138,14 @@ def _drawn(file: Any, size: int, seed: int) -> Sample:
     chosen: Any = slice(None)
     if size < total:
         chosen = rows = np.sort(np.random.default_rng(seed).choice(total, size, replace=False))
-    names = [n for n in (*SWEEP, *PER_PARTICLE, *TRUST) if n in file.variables]
+    here = provenance(threads=1)
+    names = [n for n in VARIABLES if n in file.variables]
     return Sample(
         total=total,
         rows=rows,
         parameters={name: _parameter(file.variables[name], chosen, rows) for name in PARAMETERS},
         observation=_observation(file),
-        source=str(file.attrs["source"]),
+        own=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: file.variables[name][chosen] for name in names},
     )
 
@@ -178,8 +187,7 @@ def _require_sound(path: Path, sample: Sample) -> None:
         bad.append("rebound")
     shapes = {"realization": sample.rows.size, "particle": observation.particles}
     for name, values in sample.stored.items():
-        variable = (SWEEP | PER_PARTICLE | TRUST)[name]
-        if values.shape != tuple(shapes[d] for d in variable.dims):
+        if values.shape != tuple(shapes[d] for d in VARIABLES[name].dims):
             bad.append(name)
     if bad:
         raise DataError(

@@ -1,0 +1,151 @@
+"""The bounds that a dataset holds of its own errors, against the errors that are proved.
+
+A bound is sound if no landing of the kernel is farther from the proved one.  That leaves room for a
+bound that is merely changed, so it must also be the one that the kernel finds again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.reference.ball import Trajectory
+from vibrosweep.sweep.engine import Observation, Workers, measure
+from vibrosweep.sweep.landings import record_landings
+from vibrosweep.verify.claims import EPS
+from vibrosweep.verify.judgement import Judgement
+from vibrosweep.verify.sample import Sample, Scene
+
+__all__ = ["BOUNDS", "judge_again", "judge_bounds", "measure_bounds"]
+
+Array = NDArray[np.float64]
+
+BOUNDS: Final = ("landing_time_error", "rebound_velocity_error")
+
+
+def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
+    """Bounds of all rows and their landings of any time, computed anew."""
+    everything = replace(_all_landings(sample.observation), trust=True)
+    return measure(sample.parameters, everything, workers)
+
+
+def _all_landings(observation: Observation) -> Observation:
+    return replace(
+        observation, transient=-math.inf, separation=False, per_particle=False, trust=False
+    )
+
+
+def judge_again(sample: Sample, again: Mapping[str, NDArray[Any]], row: int) -> list[Judgement]:
+    """Compare stored bounds of a row with those computed anew by the same version.
+
+    Another processor or numpy may round the phase of lift-off otherwise, and a bound follows the
+    orbit: it changes as much, relatively, as the orbit does in periods, times its curvature.
+    """
+    found = []
+    frequency = sample.parameters["frequency"][row]
+    slack = 1e-9 + 1e3 * float(again["landing_time_error"][row]) * frequency
+    for name in BOUNDS:
+        stored, bound = float(sample.stored[name][row]), float(again[name][row])
+        if not (stored == bound or abs(stored - bound) <= slack * bound):
+            complaint = f"is {stored!r}, while the kernel finds {bound!r}"
+            found.append(Judgement(name, None, math.nan, None, None, complaint))
+    return found
+
+
+class _Errors(NamedTuple):
+    """True errors of the kernel's landings of one particle; infinite where landings are missing.
+
+    Attributes
+    ----------
+    landing_time, rebound_velocity
+        Shape (impact,), s and m s-1, less what the rounding of the recorded number may add.
+    """
+
+    landing_time: Array
+    rebound_velocity: Array
+
+
+def judge_bounds(
+    sample: Sample,
+    row: int,
+    scene: Scene,
+    trajectories: Sequence[Trajectory],
+    workers: Workers,
+) -> list[Judgement]:
+    """Hold the stored bounds of a row against the proved errors of the kernel's landings."""
+    parameters = {name: values[row : row + 1] for name, values in sample.parameters.items()}
+    found = record_landings(parameters, _all_landings(sample.observation), workers)
+    errors = [
+        _errors(
+            {name: values[0, particle] for name, values in found.items()},
+            trajectory,
+            1.0 / scene.parameters["frequency"],
+        )
+        for particle, trajectory in enumerate(trajectories)
+    ]
+    judged = []
+    for name, quantity in zip(BOUNDS, _Errors._fields, strict=True):
+        error = max(float(np.max(getattr(e, quantity), initial=0.0)) for e in errors)
+        claim = float(sample.stored[name][row])
+        complaint = f"is {claim!r}, proved error {error:.3g}" if error > claim else ""
+        judged.append(Judgement(name, None, error, claim, None, complaint))
+    bound, stored = judged[0].claim or 0.0, sample.stored["trusted_until"][row]
+    for particle, until in enumerate(stored.tolist()):
+        times = trajectories[particle].landing_time
+        problem, error = _trusted(until, times, errors[particle], sample.observation, bound)
+        complaint = f"is {until!r}, {problem}" if problem else ""
+        judged.append(
+            Judgement(
+                "trusted_until", particle, error, sample.observation.tolerance, None, complaint
+            )
+        )
+    return judged
+
+
+def _errors(recorded: Mapping[str, NDArray[Any]], trajectory: Trajectory, period: float) -> _Errors:
+    count = int(recorded["impact_count"])
+    if count != len(trajectory.impacts):
+        lost = np.full(1, np.inf)
+        return _Errors(lost, lost)
+    time, speed = recorded["landing_time"][:count], recorded["rebound_velocity"][:count]
+    landing = [
+        _distance(impact.landing_time, t, 4.0 * EPS * (abs(t) + 2.0 * period))
+        for impact, t in zip(trajectory.impacts, time.tolist(), strict=True)
+    ]
+    rebound = [
+        _distance(impact.rebound_velocity, v, 4.0 * EPS * v)
+        for impact, v in zip(trajectory.impacts, speed.tolist(), strict=True)
+        if impact.rebound_velocity is not None
+    ]
+    return _Errors(np.array(landing), np.array(rebound))
+
+
+def _distance(proved: Any, recorded: float, rounding: float) -> float:
+    if not math.isfinite(recorded):
+        return math.inf
+    return max(0.0, float((proved - recorded).abs_lower()) - rounding)
+
+
+def _trusted(
+    until: float, times: Array, errors: _Errors, observation: Observation, bound: float
+) -> tuple[str, float]:
+    """What is wrong with a time of trust, if anything, and the largest error before it."""
+    duration, tolerance = observation.duration, observation.tolerance
+    if bound <= tolerance and until != duration:
+        return f"while all landings up to {duration!r} are known to the tolerance", math.nan
+    if math.isnan(until):
+        return "", math.nan
+    if len(times) != len(errors.landing_time):
+        return "while other landings are proved", math.inf
+    slack = tolerance + 4.0 * EPS * abs(until)
+    error = float(np.max(errors.landing_time[times <= until + slack], initial=0.0))
+    if error > tolerance:
+        return f"proved error of a landing up to it {error:.3g}", error
+    if until != duration and not np.any(np.abs(times - until) <= slack):
+        return "which is no time of a landing, nor the end", error
+    return "", error

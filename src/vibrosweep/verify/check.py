@@ -1,0 +1,147 @@
+"""Verify a finished dataset: draw realizations, prove them, judge every number."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.reference.ball import Trajectory, UndecidableError, trajectory
+from vibrosweep.status import Status
+from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.progress import Advance, silent
+from vibrosweep.variables import UNDETERMINED
+from vibrosweep.verify.bounds import BOUNDS, judge_again, judge_bounds, measure_bounds
+from vibrosweep.verify.claims import Bounds, claims
+from vibrosweep.verify.judgement import Judgement, judge
+from vibrosweep.verify.measures import Measures, measures
+from vibrosweep.verify.report import Outcome, Report, State
+from vibrosweep.verify.sample import Sample, Scene, read_sample
+
+__all__ = ["MAX_LANDINGS", "verify"]
+
+# About ten seconds for a realization, and half a gigabyte.
+MAX_LANDINGS: Final = 250_000
+# Where a dataset claims anything, an orbit has lost fewer digits than a double has.
+MAX_BITS: Final = 1 << 12
+SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "base_shared", "collision_free")
+
+
+def verify(
+    path: str | os.PathLike[str],
+    *,
+    sample: int = 20,
+    seed: int = 0,
+    max_landings: int = MAX_LANDINGS,
+    advance: Advance = silent,
+) -> Report:
+    """Recompute realizations of a dataset with proved errors and compare every number.
+
+    Parameters
+    ----------
+    path
+        Result of a sweep.
+    sample
+        Number of realizations, drawn without replacement; all where there are no more.
+    seed
+        Seed of the draw.
+    max_landings
+        Realizations with more landings, from the launch on, are left out: the reference takes
+        about 0.05 ms for each.
+    advance
+        Called after each realization with the number of those done and that of all.
+
+    Raises
+    ------
+    ParameterError
+        A number is out of its range.
+    DataError
+        There is no such file, or it is not a result that can be read.
+    MissingFlintError
+        python-flint is not installed.
+    """
+    if max_landings < 1:
+        raise ParameterError(f"max_landings = {max_landings!r}: must be at least 1")
+    drawn = read_sample(Path(path), sample, seed)
+    claimed = {*BOUNDS, "trusted_until"} <= drawn.stored.keys()
+    outcomes = []
+    with Workers(1) as workers:
+        again = measure_bounds(drawn, workers)
+        for row in range(drawn.rows.size):
+            outcomes.append(_checked(drawn, again, row, claimed, max_landings, workers))
+            advance(row + 1, drawn.rows.size)
+    return Report(str(path), drawn.total, seed, outcomes, claimed)
+
+
+def _checked(
+    sample: Sample,
+    again: Mapping[str, NDArray[Any]],
+    row: int,
+    claimed: bool,
+    max_landings: int,
+    workers: Workers,
+) -> Outcome:
+    """Judge one realization as far as it can be."""
+    realization, judged = int(sample.rows[row]), []
+    if claimed and sample.own:
+        judged += judge_again(sample, again, row)
+    bounds = Bounds(*(float((sample.stored if claimed else again)[n][row]) for n in BOUNDS))
+    if not all(map(math.isfinite, bounds)):
+        completed = sample.stored["status"][row] == Status.COMPLETED
+        state = State.NO_CLAIM if completed else State.NOT_COMPLETED
+        return Outcome(realization, state, judgements=judged)
+    if again["impact_count"][row] > max_landings:
+        return Outcome(realization, State.TOO_LONG, judgements=judged)
+    scene = sample.scene(row)
+    try:
+        trajectories = _proved(scene, max_landings)
+    except UndecidableError:
+        return Outcome(realization, State.UNDECIDED, judgements=judged)
+    measured = measures(scene, trajectories)
+    judged += _judge_values(sample, row, measured, claims(bounds, scene, measured))
+    if claimed:
+        judged += judge_bounds(sample, row, scene, trajectories, workers)
+    landings = sum(len(t.impacts) for t in trajectories)
+    return Outcome(realization, State.COMPARED, landings, judged)
+
+
+def _proved(scene: Scene, max_landings: int) -> list[Trajectory]:
+    shared: dict[str, Any] = {
+        **scene.parameters,
+        "duration": scene.duration,
+        "rebound": scene.rebound,
+        "max_impacts": max_landings,
+        "max_bits": MAX_BITS,
+    }
+    return [trajectory(launch_time=time, **shared) for time in scene.launch_times]
+
+
+def _judge_values(
+    sample: Sample, row: int, measured: Measures, claimed: Mapping[str, float | None]
+) -> list[Judgement]:
+    """Judge every measured variable that the dataset holds."""
+    left_out = {*BOUNDS, "trusted_until"}
+    unresolved = SEPARATIONS if _is_unresolved(sample, row) else ()
+    judged = []
+    for name, values in sample.stored.items():
+        if name in left_out:
+            continue
+        claim = None if name in unresolved else claimed[name]
+        proved, stored = measured.values[name], values[row]
+        if isinstance(proved, list):
+            pairs = enumerate(zip(stored.tolist(), proved, strict=True))
+            judged += [judge(name, p, float(s), value, claim) for p, (s, value) in pairs]
+        else:
+            judged.append(judge(name, None, float(stored), proved, claim))
+    return judged
+
+
+def _is_unresolved(sample: Sample, row: int) -> bool:
+    """Whether the kernel says that landings crowd too much to be told apart: then it says so."""
+    stored = [sample.stored[name][row] for name in SEPARATIONS if name in sample.stored]
+    return bool(stored) and all(value == UNDETERMINED or math.isnan(value) for value in stored)

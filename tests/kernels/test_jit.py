@@ -1,0 +1,201 @@
+"""The kernels as plain Python, and the machine code on disk."""
+
+import json
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vibrosweep
+from vibrosweep.kernels._jit import _fma_exact
+from vibrosweep.sweep.engine import measure
+
+PACKAGE = Path(vibrosweep.__file__).parent
+
+
+def python(script, *arguments, source=PACKAGE.parent, **environment):
+    """Run a script in a fresh interpreter; return what it prints."""
+    # sources are edited within a second: no bytecode may hide that
+    inherited = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
+    fresh = {"PYTHONPATH": str(source), "PYTHONDONTWRITEBYTECODE": "1"}
+    run = subprocess.run(
+        [sys.executable, "-c", script, *map(str, arguments)],
+        env=inherited | fresh | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+AS_PYTHON = """
+import pickle, sys
+from pathlib import Path
+import numba
+assert numba.config.DISABLE_JIT
+from dataclasses import replace
+from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.landings import record_landings
+given, found = map(Path, sys.argv[1:])
+results = []
+with Workers(1) as workers:
+    for scene, observation in pickle.loads(given.read_bytes()):
+        endless = replace(observation, transient=-float("inf"))
+        results.append((measure(scene, observation, workers),
+                        record_landings(scene, endless, workers)))
+found.write_bytes(pickle.dumps(results))
+"""
+
+
+def test_plain_python_gives_the_bits_of_the_machine_code(
+    tmp_path, random_scenes, observe, record, workers
+):
+    # all products are fused where the source says so and nowhere else
+    cases = []
+    for case in range(4):
+        scene = random_scenes(seed=70 + case, size=12, contact_time=0.02, launch_velocity=2.0)
+        observation = observe(
+            (0.0, 0.3, -1.7),
+            duration=3.0,
+            transient=(0.0, 1.3)[case // 2],
+            rebound=("rest", "reflect")[case % 2],
+            impact_budget=100,
+            trust=True,
+            tolerance=1e-9,
+        )
+        cases.append((scene, observation))
+    given, found = tmp_path / "given", tmp_path / "found"
+    given.write_bytes(pickle.dumps(cases))
+    python(AS_PYTHON, given, found, NUMBA_DISABLE_JIT="1")
+    plain = pickle.loads(found.read_bytes())
+    for (scene, observation), results in zip(cases, plain, strict=True):
+        compiled = measure(scene, observation, workers), record(scene, observation)
+        assert np.nansum(compiled[0]["impact_count"]) > 100
+        for one, other in zip(compiled, results, strict=True):
+            for name, values in one.items():
+                # numbers, not bytes: NaN may differ in its sign
+                assert np.array_equal(values, other[name], equal_nan=values.dtype.kind == "f"), name
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "c"),
+    [
+        (1.0 + 2.0**-52, 1.0 - 2.0**-52, -1.0),
+        (0.1, 10.0, -1.0),
+        (np.nan, 1.0, 1.0),
+        (np.inf, 0.0, 1.0),
+        (5e-324, 0.5, 5e-324),
+    ],
+)
+def test_fma_rounds_once(a, b, c):
+    from numba import njit
+
+    from vibrosweep.kernels._jit import fma
+
+    compiled = njit(lambda x, y, z: fma(x, y, z))(a, b, c)
+    exact = _fma_exact(a, b, c)
+    assert exact == compiled or (np.isnan(exact) and np.isnan(compiled))
+
+
+PROBE = """
+from vibrosweep.kernels._jit import kernel
+from vibrosweep.kernels.sine import sin_turns
+from vibrosweep.kernels.advance import BUDGET_EXCEEDED
+
+@kernel
+def probe(x):
+    return sin_turns(x) + BUDGET_EXCEEDED
+
+@kernel
+def field(problem):
+    return problem.kick[0]
+"""
+
+USE = """
+import json
+import numpy as np
+from vibrosweep.kernels import _jit, probe
+from vibrosweep.scene import Dimensionless
+value = probe.probe(0.25)
+field = probe.field(Dimensionless(**{n: np.array([1.0 if n == "kick" else 0.0])
+                                     for n in Dimensionless._fields}))
+hits = [sum(k.stats.cache_hits.values()) for k in (probe.probe, probe.field)]
+print(json.dumps([value, field, hits, str(_jit.cache_directory)]))
+"""
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A copy of the package with two small kernels, which inline what the real ones do."""
+    target = tmp_path / "vibrosweep"
+    shutil.copytree(PACKAGE, target, ignore=shutil.ignore_patterns("__pycache__"))
+    (target / "kernels" / "probe.py").write_text(PROBE)
+    return target
+
+
+def use(package):
+    value, field, hits, directory = json.loads(python(USE, source=package.parent))
+    assert Path(directory).is_relative_to(package)
+    return value, field, hits
+
+
+def edit(path, old, new):
+    text = path.read_text()
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+
+
+def test_machine_code_is_kept_on_disk_and_never_stale(package):
+    assert use(package) == (2.0, 1.0, [0, 0])
+    assert use(package) == (2.0, 1.0, [1, 1])
+    # what a kernel inlines from its neighbour
+    edit(package / "kernels" / "sine.py", "C0_HIGH = 6.28", "C0_HIGH = 7.28")
+    value, _, hits = use(package)
+    assert value == pytest.approx(2.25, abs=1e-12)
+    assert hits == [0, 0]
+    # a code that a kernel has as a constant, and the order of the arrays it is given
+    edit(package / "status.py", "BUDGET_EXCEEDED = 1", "BUDGET_EXCEEDED = 5")
+    edit(package / "scene.py", "    kick: Array\n", "")
+    edit(package / "scene.py", "    end_phase: Array\n", "    end_phase: Array\n    kick: Array\n")
+    value, field, hits = use(package)
+    assert value == pytest.approx(6.25, abs=1e-12)
+    assert field == 1.0
+    assert hits == [0, 0]
+
+
+def test_a_package_that_cannot_be_written_still_computes(package, tmp_path):
+    environment = {"HOME": str(tmp_path / "nowhere"), "NUMBA_CACHE_DIR": "/dev/null/none"}
+    script = USE.replace("print(", "assert _jit.cache_directory is None\nprint(")
+    script = script.replace("sum(k.stats.cache_hits.values())", "0")
+    value, *_ = json.loads(python(script, source=package.parent, **environment))
+    assert value == 2.0
+
+
+def test_every_kernel_is_read_from_disk_when_nothing_changed(parameters, observe, workers):
+    scene, observation = parameters(), observe(particles=3)
+    measure(scene, observation, workers)  # compiled by now, if it was not
+    script = """
+import numpy as np
+from vibrosweep.kernels.advance import advance
+from vibrosweep.kernels.combine import combine
+from vibrosweep.kernels.separation import separate
+from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.landings import all_parameters
+from vibrosweep.sweep.run import record_observation
+from dataclasses import replace
+observation = record_observation(3, "staggered", 12.0, "rest", 10**6)
+with Workers(1) as workers:
+    measure(all_parameters({}), replace(observation, transient=0.0, separation=True), workers)
+for kernel in (advance, combine, separate):
+    assert sum(kernel.stats.cache_hits.values()) == 1, kernel
+    assert not kernel.stats.cache_misses, kernel
+"""
+    cache = {k: v for k, v in os.environ.items() if k == "NUMBA_CACHE_DIR"}
+    python(script, **cache)

@@ -1,0 +1,110 @@
+"""Orbits that repeat bit for bit: their regimes, and that counting replaces following them."""
+
+import numpy as np
+import pytest
+
+from vibrosweep import simulate, theory
+from vibrosweep.scene import PARAMETERS
+from vibrosweep.status import Regime
+from vibrosweep.sweep.engine import Observation, Workers, measure
+
+
+def observed(duration, *, launch="staggered", particles=8, regimes=True, **options):
+    defaults = {
+        "rebound": "rest",
+        "transient": 0.0,
+        "separation": False,
+        "per_particle": True,
+        "trust": False,
+        "tolerance": 1e-9,
+        "impact_budget": 10_000_000,
+    }
+    return Observation(
+        particles=particles,
+        launch=launch,
+        duration=duration,
+        regimes=regimes,
+        **{**defaults, **options},
+    )
+
+
+def scene(**given):
+    size = max((np.size(v) for v in given.values()), default=1)
+    return {n: np.full(size, given.get(n, p.default), float) for n, p in PARAMETERS.items()}
+
+
+def run(parameters, observation):
+    with Workers(2) as workers:
+        return measure(parameters, observation, workers)
+
+
+@pytest.mark.parametrize("rebound", ["rest", "reflect"])
+@pytest.mark.parametrize("transient", [0.0, 321.4])
+def test_counting_a_cycle_gives_what_following_it_gives(rebound, transient):
+    rng = np.random.default_rng(11)
+    parameters = scene(
+        restitution=rng.uniform(0.3, 0.98, 40),
+        amplitude=rng.uniform(0.0, 3.5, 40),
+        frequency=rng.uniform(0.9, 1.1, 40),
+        phase=rng.uniform(-3.0, 3.0, 40),
+    )
+    counted = run(parameters, observed(1500.0, rebound=rebound, transient=transient))
+    followed = run(
+        parameters, observed(1500.0, rebound=rebound, transient=transient, regimes=False)
+    )
+    recurrent = counted["cycle_impacts"] > 0
+    assert recurrent.mean() > 0.2
+    for name, values in followed.items():
+        if values.dtype.kind == "i" or name.endswith("max"):
+            assert np.array_equal(counted[name], values, equal_nan=True), name
+        else:  # following adds up to 10^5 terms, each time with a rounding
+            np.testing.assert_allclose(counted[name], values, rtol=1e-11, err_msg=name)
+
+
+def test_a_locked_orbit_has_one_impact_in_each_period():
+    found = run(scene(), observed(2000.0, launch=(0.125,), particles=1))
+    assert found["regime"].item() == Regime.LOCKED
+    assert (found["cycle_impacts"].item(), found["cycle_periods"].item()) == (1, 1)
+    assert found["locked_count"].item() == 1
+
+
+@pytest.mark.parametrize("k", [1, 2])
+def test_the_period_doubles_above_the_upper_edge(k):
+    edge = float(theory.amplitude_max(k, 0.8))
+    amplitude = np.array([0.98 * edge, 1.01 * edge])
+    speed = theory.locked_velocity(k).item()
+    phase = 2.0 * np.pi * (theory.locked_phase(k, 0.8, amplitude) + 1e-3)
+    parameters = scene(restitution=0.8, amplitude=amplitude, launch_velocity=speed, phase=phase)
+    found = run(parameters, observed(50_000.0, launch=(0.0,), particles=1))
+    assert found["regime"].ravel().tolist() == [Regime.LOCKED] * 2
+    assert found["cycle_impacts"].ravel().tolist() == [1, 2]
+    assert found["cycle_periods"].ravel().tolist() == [k, 2 * k]
+
+
+def test_a_particle_without_excitation_is_at_rest():
+    found = run(scene(amplitude=0.0), observed(200.0))
+    assert np.all(found["regime"] == Regime.AT_REST)
+    assert np.all(found["cycle_impacts"] == 0)
+
+
+def test_the_record_repeats_from_the_recurrence_on():
+    observation = observed(1500.0, launch=(0.0, 0.125), particles=2)
+    found = run(scene(), observation)
+    record = simulate(launch_time=[0.0, 0.125], duration=1500.0)
+    for particle in range(2):
+        impacts = int(found["cycle_impacts"][0, particle])
+        periods = int(found["cycle_periods"][0, particle])
+        assert impacts > 0
+        times = record.landing_time.values[0, particle, : record.impact_count.values[0, particle]]
+        rested = record.rested.values[0, particle, : times.size]
+        late = np.flatnonzero(times > found["recurrent_from"][0, particle])[:-impacts]
+        # times are doubles near 1500, of spacing 2.3e-13
+        np.testing.assert_allclose(times[late + impacts], times[late] + periods, atol=1e-12)
+        assert rested[late[:impacts]].sum() == found["cycle_rests"][0, particle]
+
+
+def test_no_recurrence_is_claimed_before_it_happens():
+    found = run(scene(restitution=0.98, amplitude=3.4), observed(12.0))
+    assert np.all(found["regime"] == Regime.IRREGULAR)
+    assert np.all(np.isnan(found["recurrent_from"]))
+    assert found["irregular_count"].item() == 8

@@ -1,0 +1,58 @@
+import numpy as np
+
+from vibrosweep.status import Status
+from vibrosweep.sweep.summary import Summary
+
+COUNTS = np.array([3, 4, 5])
+HEIGHTS = np.array([1.0, np.nan, 2.5])
+CODES = np.array([0, 0, 1], np.int8)
+
+
+def chunk(first, last):
+    rows = slice(first, last)
+    return {
+        "impact_count": COUNTS[rows],
+        "rebound_height_max": HEIGHTS[rows],
+        "dt_min": np.full(3, np.nan)[rows],
+        "landing_time_error": np.array([1e-9, np.inf, 1e-8])[rows],
+        "status": CODES[rows],
+        "particle_status": np.zeros((3, 2))[rows],
+    }
+
+
+def lines(*cuts):
+    summary = Summary()
+    for first, last in zip(cuts, cuts[1:], strict=False):
+        summary.add(chunk(first, last))
+    return summary, list(summary.lines())
+
+
+def test_a_table_of_what_is_known():
+    summary, text = lines(0, 3)
+    assert (summary.realizations, summary.landings) == (3, 12)
+    assert [line.split() for line in text[:5]] == [
+        ["min", "mean", "max"],
+        ["impact_count", "3", "4", "5"],
+        "rebound_height_max (m) 1 1.75 2.5 of 2 known".split(),
+        "dt_min (s) undefined in every realization".split(),
+        "landing_time_error (s) 1e-09 5.5e-09 1e-08 of 2 known".split(),
+    ]
+    assert text[5].split(maxsplit=1) == [
+        "status",
+        "completed 2 (66.7%), budget_exceeded 1 (33.3%)",
+    ]
+    assert text[6] == f"budget_exceeded: {Status.BUDGET_EXCEEDED.sentence}"
+    assert len(text) == 7
+
+
+def test_chunks_add_up():
+    assert lines(0, 1, 3)[1] == lines(0, 1, 2, 3)[1] == lines(0, 3)[1]
+
+
+def test_columns_stand_below_their_heads():
+    head, *rows = lines(0, 3)[1]
+    assert len({len(row.partition("   of")[0]) for row in (head, rows[0], rows[1])}) == 1
+
+
+def test_nothing_is_not_an_error():
+    assert len(list(Summary().lines())) == 1

@@ -1,0 +1,383 @@
+"""The command line as a hostile user meets it: exit codes, one clear message, nothing left over."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep import cli
+from vibrosweep.cli import main
+
+ROOT = Path(__file__).parents[1]
+SINGLE = ROOT / "sweeps" / "single_ball.toml"
+COMMAND = [sys.executable, "-c", "import sys; from vibrosweep.cli import main; sys.exit(main())"]
+# hours of work: by many chunks, and by one kernel that nothing can stop
+CHUNKS = """
+title = "A long sweep"
+[scene]
+particles = 20
+[sample]
+realizations = 1_000_000_000
+restitution = [0.8, 0.98]
+"""
+KERNEL = """
+title = "A long orbit"
+[scene]
+duration = 1e12
+[measure]
+impact_budget = 1_000_000_000_000
+"""
+
+
+@pytest.fixture
+def vibrosweep(capsys):
+    """Run a command here; gives its exit code, output and messages."""
+
+    def call(*words):
+        try:
+            code = main([str(word) for word in words])
+        except SystemExit as ending:  # argparse
+            code = ending.code
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return code, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def refused(vibrosweep):
+    """Run a command that must fail by the user's mistake; gives its one message."""
+
+    def call(*words):
+        code, _, message = vibrosweep(*words)
+        assert code == 2
+        assert message.count("vibrosweep: ") == 1
+        assert message.endswith("\n")
+        return message
+
+    return call
+
+
+@pytest.fixture
+def spec(tmp_path):
+    """Write a sweep file."""
+
+    def write(text, name="sweep.toml"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def result(tmp_path, vibrosweep):
+    path = tmp_path / "result.h5"
+    assert vibrosweep("run", SINGLE, "-o", path)[0] == 0
+    return path
+
+
+def start(*words, **options):
+    return subprocess.Popen(
+        [*COMMAND, *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+def wait_for_partial(process, directory):
+    """Wait until a run has begun to write."""
+    for _ in range(600):
+        found = list(directory.glob(".*.partial"))
+        if found and found[0].stat().st_size:
+            return found[0]
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.05)
+    raise TimeoutError
+
+
+# what it does
+
+
+def test_the_whole_job(vibrosweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, text, messages = vibrosweep("run", SINGLE)
+    assert (code, messages) == (0, "")
+    assert text.startswith("Height of one particle at Table 1 against time\n1 realization of 1 ")
+    assert "rebound_height_max (m)" in text
+    assert text.endswith("written to single_ball.h5\n")
+    code, text, _ = vibrosweep("info", "single_ball.h5")
+    assert code == 0
+    assert text.startswith("Height of one particle")
+    code, text, _ = vibrosweep("figures", "single_ball.h5")
+    assert code == 0
+    written, left_out = text.splitlines()[:-2], text.splitlines()[-2:]
+    assert sorted(written) == sorted(str(p) for p in Path("figures").iterdir())
+    assert all(line.startswith("left out: figure ") for line in left_out)
+    assert {p.name for p in tmp_path.iterdir()} == {"single_ball.h5", "figures"}
+
+
+def test_options_do_not_change_the_result(vibrosweep, result, tmp_path):
+    other = tmp_path / "other.h5"
+    assert vibrosweep("run", SINGLE, "-o", other, "--threads", 1, "--chunk", 1)[0] == 0
+    one, two = xr.load_dataset(result), xr.load_dataset(other)
+    assert one.drop_attrs().identical(two.drop_attrs())
+    assert two.attrs["threads"] == 1
+
+
+def test_version_and_help(vibrosweep):
+    assert vibrosweep("--version")[:2] == (0, "vibrosweep 0.1.0\n")
+    code, text, _ = vibrosweep("--help")
+    assert code == 0
+    assert all(name in text for name in ("run", "info", "figures"))
+    for command in ("run", "info", "figures"):
+        assert vibrosweep(command, "--help")[0] == 0
+
+
+def test_help_is_quick_and_loads_little():
+    heavy = ("numpy", "numba", "xarray", "matplotlib", "scipy", "h5py", "pandas")
+    code = (
+        "import sys\nfrom vibrosweep.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n"
+        f"    print([m for m in {heavy} if m in sys.modules], file=sys.stderr)"
+    )
+    began = time.perf_counter()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"
+    assert time.perf_counter() - began < 2.0  # 0.04 s where nothing else runs
+
+
+def test_importing_the_package_loads_little():
+    code = "import sys, vibrosweep; print([m for m in ('numba', 'xarray') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+# mistakes in what is asked
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("title = ", "is not valid TOML"),
+        ("", "title: is missing"),
+        ('title = "x"\n[scene]\nrestituton = 0.9', 'did you mean "restitution"'),
+        ('title = "x"\n[scene]\nrestitution = "0.9"', "is not a finite number"),
+        ('title = "x"\n[scene]\nrestitution = 1.5', "at least 0 and at most 1"),
+        ('title = "x"\n[sample]\nrealizations = 9\nrestitution = [0.9, 0.9]', "range is empty"),
+        ('title = "x"\n[sample]\ndesign = "sobel"', 'did you mean "sobol"'),
+        ('title = "x"\n[sample]\ndesign = "none.csv"', "there is no such table"),
+        ('title = "x"\n[scene]\nduration = 1e300', "forcing periods"),
+    ],
+)
+def test_a_bad_sweep_file(spec, refused, tmp_path, text, words):
+    path = spec(text)
+    assert words in refused("run", path, "-o", tmp_path / "out.h5")
+    assert [p.name for p in tmp_path.iterdir()] == ["sweep.toml"]
+
+
+def test_all_mistakes_at_once(spec, refused, tmp_path):
+    path = spec('title = "x"\n[scene]\nrestitution = 2\namplitude = -1\nparticles = 0')
+    message = refused("run", path, "-o", tmp_path / "out.h5")
+    assert message.startswith(f"vibrosweep: {path}: 3 mistakes\n")
+    assert all(key in message for key in ("restitution", "amplitude", "particles"))
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("restitution\n0.9\n", 'column "amplitude" is missing'),
+        ("restitution,amplitude\n0.9,nan\n", "nan is not allowed"),
+        ("restitution,amplitude\n0.9,\n", "nothing is not allowed"),
+        ("restitution,amplitude\n", "has no rows"),
+    ],
+)
+def test_a_bad_table(spec, refused, tmp_path, rows, words):
+    (tmp_path / "table.csv").write_text(rows)
+    path = spec('title = "x"\n[sample]\ndesign = "table.csv"')
+    assert words in refused("run", path, "-o", tmp_path / "out.h5")
+    assert {p.name for p in tmp_path.iterdir()} == {"sweep.toml", "table.csv"}
+
+
+def test_a_sweep_file_that_is_none(refused, tmp_path, result):
+    assert "there is no such sweep file" in refused("run", tmp_path / "none.toml")
+    assert "is a directory" in refused("run", tmp_path)
+    assert "is not UTF-8 text" in refused("run", result)
+
+
+def test_an_existing_output_is_kept(refused, vibrosweep, result, tmp_path):
+    old = result.read_bytes()
+    assert "exists and is kept" in refused("run", SINGLE, "-o", result)
+    assert result.read_bytes() == old
+    code, _, messages = vibrosweep("run", SINGLE, "-o", result, "--force")
+    assert (code, messages) == (0, "")
+    assert [p.name for p in tmp_path.iterdir()] == ["result.h5"]
+
+
+def test_outputs_that_cannot_be_written(refused, spec, tmp_path):
+    path = spec(SINGLE.read_text(encoding="utf-8"))
+    assert "is a directory" in refused("run", path, "-o", tmp_path)
+    assert "is not a directory; create it" in refused("run", path, "-o", tmp_path / "no" / "o.h5")
+    assert "is not a directory" in refused("run", path, "-o", path / "out.h5")
+    assert "too long" in refused("run", path, "-o", tmp_path / ("x" * 300))
+    assert "is an input" in refused("run", path, "-o", path, "--force")
+    assert "no ordinary file" in refused("run", path, "-o", os.devnull, "--force")
+    assert [p.name for p in tmp_path.iterdir()] == ["sweep.toml"]
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self").exists(), reason="needs a file system that takes no file"
+)
+def test_an_unwritable_directory(refused):
+    assert "cannot write in /proc" in refused("run", SINGLE, "-o", "/proc/out.h5")
+
+
+@pytest.mark.parametrize("words", [["--threads", "0"], ["--threads", "two"], ["--chunk", "-1"]])
+def test_numbers_on_the_command_line(vibrosweep, words):
+    code, _, message = vibrosweep("run", SINGLE, *words)
+    assert code == 2
+    assert f"{words[1]!r} is not a whole number" in message
+
+
+@pytest.mark.parametrize("words", [[], ["walk"], ["run"], ["run", "a", "b"], ["info", "--force"]])
+def test_commands_that_are_none(vibrosweep, words):
+    code, _, message = vibrosweep(*words)
+    assert code == 2
+    assert message.startswith("usage: vibrosweep")
+
+
+# mistakes in what is read
+
+
+@pytest.mark.parametrize("command", ["info", "figures"])
+def test_files_that_are_no_results(refused, result, tmp_path, command):
+    garbage, empty, foreign, half, cut = (tmp_path / f"{k}.h5" for k in range(5))
+    garbage.write_bytes(b"no HDF5 at all")
+    empty.touch()
+    with h5py.File(foreign, "w") as file:
+        file["x"] = np.arange(3)
+    xr.Dataset({"impact_count": ("realization", [1])}).to_netcdf(half, engine="h5netcdf")
+    cut.write_bytes(result.read_bytes()[:-1000])
+    assert "there is no such result file" in refused(command, tmp_path / "none.h5")
+    before = set(tmp_path.iterdir())
+    for path in (garbage, empty, foreign, half, cut, tmp_path):
+        assert f"{path}: is not a result of vibrosweep" in refused(command, path)
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_damaged_data_is_named(refused, result, tmp_path):
+    """The file opens, but what it holds cannot be read."""
+    with h5py.File(result) as file:
+        chunk = file["record/rested"].id.get_chunk_info(0)
+    with result.open("r+b") as file:
+        file.seek(chunk.byte_offset)
+        file.write(b"\xff" * chunk.size)
+    message = refused("figures", result, "-o", tmp_path / "figures")
+    assert f"{result}: is damaged" in message
+    assert not (tmp_path / "figures").exists()
+
+
+def test_figures_that_cannot_be_written(refused, result, tmp_path):
+    (tmp_path / "taken").touch()
+    assert "cannot make the directory" in refused("figures", result, "-o", tmp_path / "taken")
+
+
+# accidents
+
+
+def test_memory_that_runs_out(refused, monkeypatch):
+    def measure(*arguments):
+        raise MemoryError("Unable to allocate 1 TiB")
+
+    monkeypatch.setattr("vibrosweep.sweep.inspect.describe", measure)
+    assert "not enough memory: Unable to allocate 1 TiB" in refused("info", "x.h5")
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("text", [CHUNKS, KERNEL], ids=["chunks", "kernel"])
+def test_an_interrupted_run_leaves_nothing(spec, tmp_path, text, ending):
+    old = tmp_path / "out.h5"
+    old.write_bytes(b"old")
+    process = start("run", spec(text), "-o", old, "--force")
+    wait_for_partial(process, tmp_path)
+    for _ in range(3):  # an impatient user
+        process.send_signal(ending)
+        time.sleep(0.01)
+    out, messages = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert messages == "vibrosweep: interrupted; an unfinished result is not kept\n"
+    assert old.read_bytes() == b"old"
+    assert {p.name for p in tmp_path.iterdir()} == {"sweep.toml", "out.h5"}
+
+
+def test_a_killed_run_leaves_nothing_that_looks_finished(spec, refused, vibrosweep, tmp_path):
+    output = tmp_path / "out.h5"
+    process = start("run", spec(CHUNKS), "-o", output)
+    partial = wait_for_partial(process, tmp_path)
+    process.kill()
+    process.communicate()
+    assert not output.exists()
+    assert list(tmp_path.glob("*.h5")) == []
+    refused("info", partial)
+    refused("figures", partial, "-o", tmp_path / "figures")
+    # what is left over is in nobody's way
+    assert vibrosweep("run", SINGLE, "-o", output)[0] == 0
+    assert vibrosweep("info", output)[0] == 0
+
+
+def test_an_interruption_inside_is_130(vibrosweep, monkeypatch):
+    def describe(path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("vibrosweep.sweep.inspect.describe", describe)
+    code, _, message = vibrosweep("info", "x.h5")
+    assert code == 130
+    assert message.count("\n") == 1
+
+
+def test_signals_are_as_before_afterwards(vibrosweep, result):
+    before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
+    vibrosweep("info", result)
+    assert (signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)) == before
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
+def test_an_output_stream_that_is_full(result):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*COMMAND, "info", result], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr == "vibrosweep: [Errno 28] No space left on device\n"
+
+
+def test_readers_that_go_away(result):
+    command = " ".join(f"'{word}'" for word in [*COMMAND, "info", str(result)])
+    for line in (f"{command} | head -n 1", f"{command} >&- 2>&-", f"{command} | true"):
+        done = subprocess.run(
+            ["bash", "-o", "pipefail", "-c", line], capture_output=True, text=True, check=False
+        )
+        assert (done.returncode, done.stderr) == (0, ""), line
+
+
+def test_any_title_can_be_printed(spec, tmp_path):
+    path = spec('title = "Kugelstoß ☃ \\u0000"')
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    process = start("run", path, "-o", tmp_path / "out.h5", env=environment)
+    out, messages = process.communicate()
+    assert (process.returncode, messages) == (0, "")
+    assert out.startswith("Kugelsto\\xdf \\u2603 \0\n")
+
+
+def test_exit_codes():
+    assert (cli.DONE, cli.MISTAKE, cli.INTERRUPTED) == (0, 2, 130)
