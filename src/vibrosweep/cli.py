@@ -1,7 +1,7 @@
 """The command line: parse, call, and turn errors into exit codes.
 
-0 means done, 2 a mistake that the message tells how to mend, 130 an interruption.  What a command
-needs is imported when it runs, so that ``--help`` answers at once.
+0 means done, 1 that a verification failed, 2 a mistake that the message tells how to mend, 130 an
+interruption.  What a command needs is imported when it runs, so that ``--help`` answers at once.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["main"]
 
-DONE, MISTAKE, INTERRUPTED = 0, 2, 130
+DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
 PATIENCE: Final = 2.0  # seconds for which a second interruption is not one more
 
 
@@ -39,9 +39,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     # the objects of large libraries live until the end: to sift them at exit took 0.1 s
     atexit.register(gc.freeze)
+    code = DONE
     with _interruptible():
         try:
-            options.command(options)
+            code = options.command(options) or DONE
             sys.stdout.flush()
         except VibrosweepError as error:
             _complain(str(error))
@@ -59,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _complain(str(error))
             _drop_output()
             return MISTAKE
-    return DONE
+    return code
 
 
 def _complain(message: str) -> None:
@@ -145,13 +146,32 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", metavar="DIR", type=Path, default=Path("figures"), help="default: figures"
     )
     figures.set_defaults(command=_figures)
+
+    verify = commands.add_parser("verify", help="hold a result file against proved values")
+    verify.add_argument("result", metavar="OUT.h5", type=Path)
+    verify.add_argument(
+        "--sample", metavar="K", type=_positive, default=20, help="realizations drawn; default: 20"
+    )
+    verify.add_argument("--seed", metavar="S", type=_whole, default=0, help="default: 0")
+    verify.add_argument(
+        "--max-landings",
+        metavar="N",
+        type=_positive,
+        default=250_000,
+        help="leave out realizations with more; default: 250000, some ten seconds",
+    )
+    verify.set_defaults(command=_verify)
     return parser
 
 
 def _positive(text: str) -> int:
-    value = int(text) if text.isdecimal() else 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
+    return _whole(text, 1)
+
+
+def _whole(text: str, low: int = 0) -> int:
+    value = int(text) if text.isdecimal() else -1
+    if value < low:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least {low}")
     return value
 
 
@@ -215,6 +235,23 @@ def _figures(options: argparse.Namespace) -> None:
         print(path)
     for sentence in missing(sweep, record).values():
         print(f"left out: {sentence}")
+
+
+def _verify(options: argparse.Namespace) -> int:
+    _leave_linear_algebra_out()
+    from vibrosweep.sweep.progress import reporting
+    from vibrosweep.verify import verify
+
+    with reporting(sys.stderr) as advance:
+        report = verify(
+            options.result,
+            sample=options.sample,
+            seed=options.seed,
+            max_landings=options.max_landings,
+            advance=advance,
+        )
+    print("\n".join(report.lines()))
+    return DONE if report.passed else FAILED
 
 
 def _loaded(path: Path, opener: Callable[[Path], xr.Dataset], *without: str) -> xr.Dataset:

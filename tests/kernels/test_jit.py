@@ -67,6 +67,7 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
             transient=(0.0, 1.3)[case // 2],
             rebound=("rest", "reflect")[case % 2],
             impact_budget=100,
+            regimes=case > 1,
             trust=True,
             tolerance=1e-9,
         )

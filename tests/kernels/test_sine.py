@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.kernels.sine import sin_turns
+from vibrosweep.kernels.trust import SINE_ERROR
 from vibrosweep.reference.ball import sine
 
 QUARTERS = np.array([0.0, 0.125, 0.25, 0.375, 0.5])
@@ -45,10 +46,16 @@ def test_absolute_error(compared):
     assert error.max() < 2.4e-16
 
 
-def test_relative_error(compared):
-    # the same roundings where the result is just above a power of two: 2.09 was seen
+def test_error_in_units_of_the_last_place(compared):
+    # the same roundings just above the fold of the exponent: 2.09 was seen
     *_, places = compared
     assert places.max() < 2.25
+
+
+def test_relative_error_is_that_which_error_bounds_assume(compared):
+    x, found, error, _ = compared
+    normal = np.abs(x) > 2.0**-1000
+    assert np.all(error[normal] <= SINE_ERROR * np.abs(found[normal]))
 
 
 def test_small_phases_are_rounded_almost_exactly(compared):

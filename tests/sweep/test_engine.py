@@ -12,7 +12,7 @@ from vibrosweep.kernels.advance import CHECK
 from vibrosweep.status import Status
 from vibrosweep.sweep import engine
 from vibrosweep.sweep.engine import Workers, measure
-from vibrosweep.variables import PER_PARTICLE, SWEEP, TRUST
+from vibrosweep.variables import PER_PARTICLE, REGIMES, SWEEP, TRUST
 
 LAWS = ["rest", "reflect"]
 TIMES = (0.0, 0.31, -4.75, 2.0, 30.0)
@@ -169,21 +169,33 @@ def test_a_spent_budget_is_reported_and_separations_are_not(parameters, observe,
     assert np.isnan(measured["dt_min_same_index"]).tolist() == [True, False]
 
 
+def asked_for(observation):
+    """The registered measures that an observation asks for."""
+    return {
+        name: variable
+        for name, variable in (SWEEP | PER_PARTICLE | REGIMES | TRUST).items()
+        if not variable.key or getattr(observation, variable.key.removeprefix("measure."))
+    }
+
+
 @pytest.mark.parametrize("particles", [1, 20])
-def test_every_measure_is_registered_with_its_type(particles, parameters, observe, workers):
-    scene = parameters(amplitude=[0.0, 1.2, 3.0])
-    measured = measure(scene, observe(particles=particles, trust=True, tolerance=1e-9), workers)
-    registry = SWEEP | PER_PARTICLE | TRUST
-    assert set(measured) == set(registry)
+@pytest.mark.parametrize("everything", [False, True])
+def test_measures_are_those_asked_for_with_the_types_registered(
+    particles, everything, parameters, observe, workers
+):
+    observation = observe(
+        particles=particles,
+        separation=everything,
+        per_particle=everything,
+        regimes=everything,
+        trust=everything,
+    )
+    measured = measure(parameters(amplitude=[0.0, 1.2, 3.0]), observation, workers)
+    expected = asked_for(observation)
+    assert set(measured) == set(expected)
     for name, values in measured.items():
-        assert values.dtype == registry[name].dtype, name
-        assert values.shape == (3, particles)[: len(registry[name].dims)], name
-
-
-def test_only_what_is_asked_for_is_measured(parameters, observe, workers):
-    observation = observe(separation=False, per_particle=False)
-    measured = measure(parameters(), observation, workers)
-    assert set(measured) == {name for name, variable in SWEEP.items() if not variable.key}
+        assert values.dtype == expected[name].dtype, name
+        assert values.shape == (3, particles)[: len(expected[name].dims)], name
 
 
 def same_bits(one, other):
@@ -204,6 +216,7 @@ def test_threads_and_tasks_do_not_change_a_bit(
         transient=transient,
         rebound=rebound,
         impact_budget=4000,
+        regimes=True,
         trust=True,
         tolerance=1e-9,
     )

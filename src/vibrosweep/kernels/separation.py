@@ -33,7 +33,8 @@ X_LAND, N_LAND, STAY, DUE = 4 * STRIDE, 5 * STRIDE, 6 * STRIDE, 7 * STRIDE
 BLOCK = 8 * STRIDE
 
 FEW = 24  # up to this many landings are ordered by insertion alone
-LONGEST_SLAB = 2.0**50  # periods; when all particles rest for good, only the end is left to reach
+# periods; when all particles rest for good, only the end is left to reach
+LONGEST_SLAB = 2.0**50
 SHORTEST_SLAB = 2.0**-40
 
 
@@ -48,6 +49,7 @@ class Workspace(NamedTuple):
 
     state: Floats
     saved: Floats
+    lanes: Integers
     whole: Floats
     phase: Floats
     stay: Floats
@@ -61,11 +63,12 @@ def workspace(particles: int) -> Workspace:
     """Memory for realizations of that many particles, independent of the length of the run."""
     blocks = -(-particles // LANES)
     capacity = max(4096, 4 * particles)
-    state = np.zeros(blocks * BLOCK + VECTOR)
-    offset = (-state.ctypes.data // state.itemsize) % VECTOR
+    memory = np.zeros(blocks * BLOCK + VECTOR)
+    offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
     return Workspace(
-        state=state[offset : offset + blocks * BLOCK],
-        saved=np.zeros(blocks * BLOCK),
+        state=memory[offset : offset + blocks * BLOCK].reshape(blocks, BLOCK),
+        saved=np.zeros((blocks, BLOCK)),
+        lanes=np.zeros(blocks, np.int64),
         whole=np.zeros(capacity),
         phase=np.zeros(capacity),
         stay=np.zeros(capacity),
@@ -77,21 +80,22 @@ def workspace(particles: int) -> Workspace:
 
 
 @jit
-def _start(s: Floats, problem: Dimensionless, launches: Launches, i: int) -> None:
+def _start(work: Workspace, problem: Dimensionless, launches: Launches, i: int) -> None:
     """Put all particles of realization i at their launch; counts are relative to the end."""
     for p in range(launches.whole.shape[1]):
-        base, j = p // LANES * BLOCK, p % LANES
+        s, j = work.state[p // LANES], p % LANES
         n, x = launch(problem, launches, i, p)
-        s[base + X + j] = x
-        s[base + N + j] = n - problem.end_count[i]
-        s[base + U + j] = problem.launch_flight[i]
-        s[base + WHO + j] = p
+        s[X + j] = x
+        s[N + j] = n - problem.end_count[i]
+        s[U + j] = problem.launch_flight[i]
+        s[WHO + j] = p
+    for block in range(work.lanes.size):
+        work.lanes[block] = min(LANES, launches.whole.shape[1] - block * LANES)
 
 
 @jit
 def _next_landings(
     s: Floats,
-    base: int,
     lanes: int,
     scene: Scene,
     n_stop: float,
@@ -101,39 +105,39 @@ def _next_landings(
     """Find the next landing of each lane; take those up to the stop and leave the others be."""
     e, a, r, x_lift, wait, u_lift = scene
     for j in range(lanes):
-        x, passed = land(s[base + X + j], s[base + U + j])
-        n = s[base + N + j] + passed
+        x, passed = land(s[X + j], s[U + j])
+        n = s[N + j] + passed
         due = n - n_stop <= x_stop - x
-        w = rebound(x, s[base + U + j], e, a, reflect)
+        w = rebound(x, s[U + j], e, a, reflect)
         n_off, x_off, u, leaves = lift_off(n, x, w, r, x_lift, wait, u_lift)
         rest = 0.0 if leaves else (n_off - n) + (x_off - x)
-        s[base + X_LAND + j] = x
-        s[base + N_LAND + j] = n
-        s[base + STAY + j] = rest if rest > r else r
-        s[base + DUE + j] = 1.0 if due else 0.0
-        s[base + X + j] = x_off if due else s[base + X + j]
-        s[base + N + j] = n_off if due else s[base + N + j]
-        s[base + U + j] = u if due else s[base + U + j]
+        s[X_LAND + j] = x
+        s[N_LAND + j] = n
+        s[STAY + j] = rest if rest > r else r
+        s[DUE + j] = 1.0 if due else 0.0
+        s[X + j] = x_off if due else s[X + j]
+        s[N + j] = n_off if due else s[N + j]
+        s[U + j] = u if due else s[U + j]
 
 
 @jit
-def _due_first(s: Floats, base: int, lanes: int) -> int:
+def _due_first(s: Floats, lanes: int) -> int:
     """Move the lanes that were due to the front of their block; return how many there are."""
     front = 0
     for j in range(lanes):
-        if s[base + DUE + j] != 0.0:
+        if s[DUE + j] != 0.0:
             if j > front:
                 for row in (X, N, U, WHO):
-                    kept = s[base + row + front]
-                    s[base + row + front] = s[base + row + j]
-                    s[base + row + j] = kept
+                    kept = s[row + front]
+                    s[row + front] = s[row + j]
+                    s[row + j] = kept
             front += 1
     return front
 
 
 @jit
 def _append(
-    s: Floats, base: int, lanes: int, window: int | None, begin: Instant, work: Workspace, k: int
+    s: Floats, lanes: int, window: int | None, begin: Instant, work: Workspace, k: int
 ) -> tuple[int, int]:
     """Append the landings that were due to the list; return its length and how many were due.
 
@@ -144,11 +148,11 @@ def _append(
     n_begin, x_begin = begin
     start, due = k, 0
     for j in range(lanes):  # each lane is written, and overwritten unless it was due
-        work.whole[k] = s[base + N_LAND + j]
-        work.phase[k] = s[base + X_LAND + j]
-        work.stay[k] = s[base + STAY + j]
-        work.who[k] = int(s[base + WHO + j])
-        k += int(s[base + DUE + j])
+        work.whole[k] = s[N_LAND + j]
+        work.phase[k] = s[X_LAND + j]
+        work.stay[k] = s[STAY + j]
+        work.who[k] = int(s[WHO + j])
+        k += int(s[DUE + j])
     due = k - start
     if window is not None:
         k = start
@@ -166,9 +170,6 @@ def _append(
 
 @jit
 def _collect(
-    s: Floats,
-    blocks: int,
-    particles: int,
     scene: Scene,
     stop: Instant,
     window: int | None,
@@ -179,17 +180,16 @@ def _collect(
     """List all landings up to the stop; return their number, or -1 where the list is too short."""
     n_stop, x_stop = stop
     k = 0
-    for block in range(blocks):
-        base = block * BLOCK
-        lanes = min(LANES, particles - block * LANES)
+    for block in range(work.lanes.size):
+        s, lanes = work.state[block], work.lanes[block]
         while lanes > 0:
             if k + lanes > work.whole.size:
                 return -1
             padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
-            _next_landings(s, base, padded, scene, n_stop, x_stop, reflect)
-            k, due = _append(s, base, lanes, window, begin, work, k)
+            _next_landings(s, padded, scene, n_stop, x_stop, reflect)
+            k, due = _append(s, lanes, window, begin, work, k)
             if 2 * due < lanes or due == 0:
-                lanes = _due_first(s, base, lanes)
+                lanes = _due_first(s, lanes)
     return k
 
 
@@ -266,7 +266,9 @@ def _compare(
     for q in range(k):
         i = work.order[q]
         other = work.who[i]
-        if n < np.inf and (other if other >= 0 else -1 - other) != (who if who >= 0 else -1 - who):
+        if n < np.inf and (other if other >= 0 else -1 - other) != (
+            who if who >= 0 else -1 - who
+        ):
             apart = abs((work.whole[i] - n) + (work.phase[i] - x))
             if apart <= stay:
                 shared = 1
@@ -278,18 +280,20 @@ def _compare(
 
 @jit
 def _copy(source: Floats, target: Floats) -> None:
-    for q in range(source.size):
-        target[q] = source[q]
+    for block in range(source.shape[0]):
+        for q in range(WHO + STRIDE):  # what follows is no state
+            target[block, q] = source[block, q]
 
 
 @jit
-def _earliest(s: Floats, particles: int) -> float:
+def _earliest(work: Workspace) -> float:
     """Whole periods of the earliest first landing."""
     earliest = np.inf
-    for p in range(particles):
-        base, j = p // LANES * BLOCK, p % LANES
-        _, passed = land(s[base + X + j], s[base + U + j])
-        earliest = min(earliest, s[base + N + j] + passed)
+    for block in range(work.lanes.size):
+        s = work.state[block]
+        for j in range(work.lanes[block]):
+            _, passed = land(s[X + j], s[U + j])
+            earliest = min(earliest, s[N + j] + passed)
     return earliest
 
 
@@ -299,7 +303,6 @@ def _all_landings(
     window: int | None,
     begin: Instant,
     x_end: float,
-    particles: int,
     reflect: int | None,
     work: Workspace,
 ) -> tuple[float, int]:
@@ -307,25 +310,23 @@ def _all_landings(
 
     Returns (inf, UNKNOWN) where landings crowd beyond what slabs can resolve.
     """
-    s = work.state
-    blocks = (particles + LANES - 1) // LANES
-    n_stop, x_stop = _earliest(s, particles), -0.5
+    n_stop, x_stop = _earliest(work), -0.5
     if window is not None and begin[0] > n_stop:
         n_stop = begin[0]
     slab = 1.0
     latest = (np.inf, 0.0, 0.0, 0)
     gap, shared = np.inf, 0
     while n_stop <= x_end - x_stop and not (gap == 0.0 and shared == 1):
-        _copy(s, work.saved)
+        _copy(work.state, work.saved)
         n_next, x_next = n_stop + np.floor(x_stop + slab + 0.5), x_stop + slab
         x_next -= np.floor(x_next + 0.5)
         at_end = not n_next <= x_end - x_next
         stop = (0.0, x_end) if at_end else (n_next, x_next)
-        k = _collect(s, blocks, particles, scene, stop, window, begin, reflect, work)
+        k = _collect(scene, stop, window, begin, reflect, work)
         if k < 0:
             if slab <= SHORTEST_SLAB:
                 return np.inf, UNKNOWN
-            _copy(work.saved, s)
+            _copy(work.saved, work.state)
             slab *= 0.5
             continue
         _order(work, k)
@@ -344,24 +345,22 @@ def _same_index(
     window: int | None,
     begin: Instant,
     x_end: float,
-    particles: int,
     reflect: int | None,
     work: Workspace,
     bound: float,
 ) -> float:
     """Smallest gap between landings with equal impact numbers; no smaller one than bound exists."""
-    s = work.state
-    blocks = (particles + LANES - 1) // LANES
     gap = np.inf
-    active = particles
+    active = 2
     while active > 1 and gap > bound:
         k, active = 0, 0
-        for block in range(blocks):
-            base = block * BLOCK
-            lanes = min(LANES, particles - block * LANES)
+        for block in range(work.lanes.size):
+            s, lanes = work.state[block], work.lanes[block]
             padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
-            _next_landings(s, base, padded, scene, 0.0, x_end, reflect)
-            k, due = _append(s, base, lanes, window, begin, work, k)
+            _next_landings(s, padded, scene, 0.0, x_end, reflect)
+            k, due = _append(s, lanes, window, begin, work, k)
+            if due < lanes:  # the others have passed the end
+                work.lanes[block] = _due_first(s, lanes)
             active += due
         _order(work, k)
         _, gap, _ = _compare(work, k, (np.inf, 0.0, 0.0, 0), gap, 0)
@@ -405,7 +404,6 @@ def separate(
         Written: 1 where two particles were on the base at once, each stay counted as at least the
         contact time; `UNKNOWN` where the realization was not measured.
     """
-    particles = launches.whole.shape[1]
     for i in range(first, last):
         gap[i], same[i], shared[i] = np.nan, np.nan, UNKNOWN
         if not complete[i]:
@@ -415,13 +413,13 @@ def separate(
         scene = (problem.restitution[i], a, r, problem.liftoff_phase[i], wait, u_lift)
         begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
         x_end = problem.end_phase[i]
-        _start(work.state, problem, launches, i)
-        smallest, base = _all_landings(scene, window, begin, x_end, particles, reflect, work)
+        _start(work, problem, launches, i)
+        smallest, base = _all_landings(scene, window, begin, x_end, reflect, work)
         shared[i] = base
         if smallest == np.inf:
             continue
         gap[i] = smallest
-        _start(work.state, problem, launches, i)
-        smallest = _same_index(scene, window, begin, x_end, particles, reflect, work, smallest)
+        _start(work, problem, launches, i)
+        smallest = _same_index(scene, window, begin, x_end, reflect, work, smallest)
         if smallest < np.inf:
             same[i] = smallest

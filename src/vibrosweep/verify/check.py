@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import ParameterError
@@ -20,8 +21,10 @@ from vibrosweep.verify.bounds import BOUNDS, judge_again, judge_bounds, measure_
 from vibrosweep.verify.claims import Bounds, claims
 from vibrosweep.verify.judgement import Judgement, judge
 from vibrosweep.verify.measures import Measures, measures
+from vibrosweep.verify.reading import read_sample
+from vibrosweep.verify.record import judge_record
 from vibrosweep.verify.report import Outcome, Report, State
-from vibrosweep.verify.sample import Sample, Scene, read_sample
+from vibrosweep.verify.sample import Sample
 
 __all__ = ["MAX_LANDINGS", "verify"]
 
@@ -67,7 +70,7 @@ def verify(
     """
     if max_landings < 1:
         raise ParameterError(f"max_landings = {max_landings!r}: must be at least 1")
-    drawn = read_sample(Path(path), sample, seed)
+    drawn, record = read_sample(Path(path), sample, seed)
     claimed = {*BOUNDS, "trusted_until"} <= drawn.stored.keys()
     outcomes = []
     with Workers(1) as workers:
@@ -75,6 +78,8 @@ def verify(
         for row in range(drawn.rows.size):
             outcomes.append(_checked(drawn, again, row, claimed, max_landings, workers))
             advance(row + 1, drawn.rows.size)
+        if record is not None:
+            outcomes.append(_checked_record(record, max_landings, workers))
     return Report(str(path), drawn.total, seed, outcomes, claimed)
 
 
@@ -87,30 +92,49 @@ def _checked(
     workers: Workers,
 ) -> Outcome:
     """Judge one realization as far as it can be."""
-    realization, judged = int(sample.rows[row]), []
-    if claimed and sample.own:
-        judged += judge_again(sample, again, row)
-    bounds = Bounds(*(float((sample.stored if claimed else again)[n][row]) for n in BOUNDS))
-    if not all(map(math.isfinite, bounds)):
-        completed = sample.stored["status"][row] == Status.COMPLETED
-        state = State.NO_CLAIM if completed else State.NOT_COMPLETED
-        return Outcome(realization, state, judgements=judged)
-    if again["impact_count"][row] > max_landings:
-        return Outcome(realization, State.TOO_LONG, judgements=judged)
+    realization = int(sample.rows[row])
+    judged = judge_again(sample, again, row) if claimed and sample.own else []
+    bounds = _bounds(sample.stored if claimed else again, row)
+    proved = _proved(sample, row, bounds, int(again["impact_count"][row]), max_landings)
+    if isinstance(proved, State):
+        return Outcome(realization, proved, judgements=judged)
     scene = sample.scene(row)
-    try:
-        trajectories = _proved(scene, max_landings)
-    except UndecidableError:
-        return Outcome(realization, State.UNDECIDED, judgements=judged)
-    measured = measures(scene, trajectories)
+    measured = measures(scene, proved)
     judged += _judge_values(sample, row, measured, claims(bounds, scene, measured))
     if claimed:
-        judged += judge_bounds(sample, row, scene, trajectories, workers)
-    landings = sum(len(t.impacts) for t in trajectories)
-    return Outcome(realization, State.COMPARED, landings, judged)
+        judged += judge_bounds(sample, row, scene, proved, workers)
+    return Outcome(realization, State.COMPARED, _landings(proved), judged)
 
 
-def _proved(scene: Scene, max_landings: int) -> list[Trajectory]:
+def _checked_record(record: Sample, max_landings: int, workers: Workers) -> Outcome:
+    """Judge the record of every landing, whose bounds a dataset does not hold."""
+    again = measure_bounds(record, workers)
+    bounds = _bounds(again, 0)
+    proved = _proved(record, 0, bounds, int(again["impact_count"][0]), max_landings)
+    if isinstance(proved, State):
+        return Outcome(None, proved)
+    judged = judge_record(record, bounds, proved)
+    return Outcome(None, State.COMPARED, _landings(proved), judged)
+
+
+def _bounds(values: Mapping[str, NDArray[Any]], row: int) -> Bounds:
+    return Bounds(*(float(values[name][row]) for name in BOUNDS))
+
+
+def _landings(trajectories: Sequence[Trajectory]) -> int:
+    return sum(len(trajectory.impacts) for trajectory in trajectories)
+
+
+def _proved(
+    sample: Sample, row: int, bounds: Bounds, landings: int, max_landings: int
+) -> list[Trajectory] | State:
+    """Return the proved trajectories of a realization, or why there are none."""
+    if not all(map(math.isfinite, bounds)):
+        completed = np.all(sample.stored["status"][row] == Status.COMPLETED)
+        return State.NO_CLAIM if completed else State.NOT_COMPLETED
+    if landings > max_landings:
+        return State.TOO_LONG
+    scene = sample.scene(row)
     shared: dict[str, Any] = {
         **scene.parameters,
         "duration": scene.duration,
@@ -118,7 +142,10 @@ def _proved(scene: Scene, max_landings: int) -> list[Trajectory]:
         "max_impacts": max_landings,
         "max_bits": MAX_BITS,
     }
-    return [trajectory(launch_time=time, **shared) for time in scene.launch_times]
+    try:
+        return [trajectory(launch_time=time, **shared) for time in scene.launch_times]
+    except UndecidableError:
+        return State.UNDECIDED
 
 
 def _judge_values(

@@ -13,6 +13,8 @@ few sums and products that lead from flights to the stored number; EPS is one ro
   two phases, 2 EPS periods; of all pairs the smallest moves by no more.
 * Whether two stays overlap is decided by a difference of a landing and a lift-off.  Where the exact
   difference is within their errors nothing is claimed.
+* A recorded time is rounded relative to itself and, before the phase of the forcing is taken off,
+  to a period; a lift-off after a rest has the error of asin(v_rest / A) / omega.
 * A landing within its error of the beginning of the window may be counted or not: then nothing is
   claimed of the measures over the window.  The dataset's own bounds cover the window's end.
 """
@@ -26,7 +28,7 @@ from typing import Any, Final, NamedTuple
 from vibrosweep.verify.measures import Measures, Proved
 from vibrosweep.verify.sample import Scene
 
-__all__ = ["EPS", "Bounds", "claims"]
+__all__ = ["EPS", "Bounds", "claims", "record_claims"]
 
 EPS: Final = 2.0**-53
 HEIGHTS: Final = ("rebound_height_mean", "rebound_height_max", "flight_height_max")
@@ -88,19 +90,34 @@ def _separations(dt: float, measured: Measures, period: float) -> dict[str, floa
 def _stay_error(dt: float, scene: Scene) -> float:
     """Error of the time between a landing and the end of another particle's stay, s.
 
-    Two landings and a lift-off take part; that of a lift-off after a rest is the error of
-    asin(v_rest / A), which grows where the kick barely reaches the threshold.
+    Two landings, a lift-off and a sum of phases take part.
     """
+    return 3.0 * dt + _lift_off_error(scene) + 8.0 * EPS / scene.parameters["frequency"]
+
+
+def record_claims(bounds: Bounds, scene: Scene, number: float) -> Mapping[str, float]:
+    """Largest error of a recorded number of that size, by the variable that it belongs to."""
+    size = abs(number) if math.isfinite(number) else 0.0
+    landing = bounds.landing_time + 4.0 * EPS * (size + 2.0 / scene.parameters["frequency"])
+    return {
+        "landing_time": landing,
+        "liftoff_time": landing + _lift_off_error(scene),
+        "rebound_velocity": bounds.rebound_velocity + 4.0 * EPS * size,
+        "rested": 0.0,
+    }
+
+
+def _lift_off_error(scene: Scene) -> float:
+    """Error of a lift-off after a rest, s; it grows where the kick barely reaches v_rest."""
     p = scene.parameters
     period, rest = 1.0 / p["frequency"], 0.5 * p["gravity"] * p["contact_time"]
-    lift_off = 0.0
-    if p["amplitude"] > rest:
-        ratio = rest / p["amplitude"]
-        slope = math.sqrt((1.0 - ratio) * (1.0 + ratio))
-        if slope * slope <= 32.0 * EPS:
-            return math.inf
-        lift_off = (8.0 * ratio / (2.0 * math.pi * slope) + 1.0) * EPS
-    return 3.0 * dt + (lift_off + 8.0 * EPS) * period
+    if p["amplitude"] <= rest:
+        return 0.0
+    ratio = rest / p["amplitude"]
+    slope = math.sqrt((1.0 - ratio) * (1.0 + ratio))
+    if slope * slope <= 32.0 * EPS:
+        return math.inf
+    return (8.0 * ratio / (2.0 * math.pi * slope) + 1.0) * EPS * period
 
 
 def _reaches(distance: Proved, error: float) -> bool:

@@ -11,31 +11,39 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.verify.judgement import Judgement
-from vibrosweep.verify.sample import VARIABLES
+from vibrosweep.verify.reading import VARIABLES
+from vibrosweep.verify.record import RECORDED
 
 __all__ = ["Outcome", "Report", "State", "VariableReport"]
+
+ALL: Final = {**VARIABLES, **RECORDED}
 
 COMPLAINTS_SHOWN: Final = 20
 
 
 class State(Enum):
-    """How far a realization could be compared; the value is a sentence about several."""
+    """How far a realization could be compared; the value is what the report says of it."""
 
     COMPARED = "compared"
-    NO_CLAIM = "claim nothing: rounding may have changed a decision"
-    NOT_COMPLETED = "were not completed by the run, as their status says"
-    TOO_LONG = "were left out: more landings than --max-landings, raise it to include them"
-    UNDECIDED = "could not be decided by the reference (an exact tie, or too chaotic)"
+    NO_CLAIM = "without a claim: rounding may have changed a decision"
+    NOT_COMPLETED = "not completed by the run, as the status says"
+    TOO_LONG = "left out: too many landings; raise --max-landings"
+    UNDECIDED = "undecided by the reference: an exact tie, or too chaotic"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one realization."""
+    """What became of one realization, or (None) of the record of every landing."""
 
-    realization: int
+    realization: int | None
     state: State
     landings: int = 0
     judgements: Sequence[Judgement] = ()
+
+    @property
+    def place(self) -> str:
+        """Where in the dataset it is, in words."""
+        return "record" if self.realization is None else f"realization {self.realization}"
 
 
 @dataclass
@@ -47,24 +55,24 @@ class VariableReport:
     errors, claims, digits
         Of each number compared; digits only where they are defined.
     outside
-        Realizations with a number outside its claim.
+        Places with a number outside its claim: realizations, or the record.
     undecided
-        Realizations with a number about which nothing is claimed.
+        Places with a number about which nothing is claimed.
     """
 
     errors: list[float] = field(default_factory=list)
     claims: list[float] = field(default_factory=list)
     digits: list[float] = field(default_factory=list)
-    outside: set[int] = field(default_factory=set)
-    undecided: set[int] = field(default_factory=set)
+    outside: set[str] = field(default_factory=set)
+    undecided: set[str] = field(default_factory=set)
 
-    def add(self, realization: int, judgement: Judgement) -> None:
+    def add(self, place: str, judgement: Judgement) -> None:
         """Add one comparison."""
         if judgement.complaint:
-            self.outside.add(realization)
+            self.outside.add(place)
         if judgement.claim is None:
             if not judgement.complaint:
-                self.undecided.add(realization)
+                self.undecided.add(place)
             return
         self.errors.append(judgement.error)
         self.claims.append(judgement.claim)
@@ -73,7 +81,7 @@ class VariableReport:
 
     def line(self, name: str) -> str:
         """Row of the table."""
-        variable = VARIABLES[name]
+        variable = ALL[name]
         exact = bool(variable.flags) or variable.dtype == "int64"
         label = name if variable.units == "1" else f"{name} ({variable.units})"
         known = [error for error in self.errors if not math.isnan(error)]
@@ -103,7 +111,7 @@ class Report:
     seed
         Seed with which realizations were drawn.
     outcomes
-        Of each realization drawn.
+        Of each realization drawn, then of the record where there is one.
     claimed
         Whether the dataset states its claims; else they were computed anew.
     """
@@ -121,7 +129,7 @@ class Report:
 
     def count(self, state: State) -> int:
         """Return the number of realizations in a state."""
-        return sum(outcome.state is state for outcome in self.outcomes)
+        return sum(o.state is state for o in self.outcomes if o.realization is not None)
 
     def variables(self) -> Mapping[str, VariableReport]:
         """Comparisons of each variable that the dataset holds and that was compared."""
@@ -129,8 +137,8 @@ class Report:
         for outcome in self.outcomes:
             for judgement in outcome.judgements:
                 report = reports.setdefault(judgement.variable, VariableReport())
-                report.add(outcome.realization, judgement)
-        return {name: reports[name] for name in VARIABLES if name in reports}
+                report.add(outcome.place, judgement)
+        return {name: reports[name] for name in ALL if name in reports}
 
     def complaints(self) -> Iterator[str]:
         """Give a sentence for each number outside its claim."""
@@ -138,20 +146,24 @@ class Report:
             for j in outcome.judgements:
                 if j.complaint:
                     of = "" if j.particle is None else f", particle {j.particle}"
-                    yield f"realization {outcome.realization}{of}: {j.variable} {j.complaint}"
+                    yield f"{outcome.place}{of}: {j.variable} {j.complaint}"
 
     def lines(self) -> Iterator[str]:
         """Give the report as text."""
         landings = sum(outcome.landings for outcome in self.outcomes)
+        drawn = sum(self.count(state) for state in State)
         yield (
-            f"{self.path}: {len(self.outcomes)} of {self.total} realizations, drawn with seed "
-            f"{self.seed}; {self.count(State.COMPARED)} compared, {landings} landings proved"
+            f"{self.path}: {drawn} of {self.total} realizations, drawn with seed {self.seed}; "
+            f"{self.count(State.COMPARED)} compared, {landings} landings proved"
         )
         if not self.claimed:
             yield "the dataset holds no bounds of its errors: they were computed anew"
         for state in State:
             if state is not State.COMPARED and self.count(state):
                 yield f"{self.count(state)} {state.value}"
+        for outcome in self.outcomes:
+            if outcome.realization is None:
+                yield f"the record of every landing: {outcome.state.value}"
         reports = self.variables()
         if reports:
             heads = ("largest", "median", "largest", "least", "median")
@@ -169,7 +181,7 @@ class Report:
             yield f"... and {len(complaints) - COMPLAINTS_SHOWN} more"
         if complaints:
             yield f"FAILED: {len(complaints)} numbers are outside the error claimed for them"
-        elif self.count(State.COMPARED):
+        elif any(outcome.state is State.COMPARED for outcome in self.outcomes):
             yield "passed: every number compared is within the error claimed for it"
         else:
             yield "nothing was compared"

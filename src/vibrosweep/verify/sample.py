@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
-from vibrosweep.store.provenance import provenance
 from vibrosweep.sweep.engine import Observation
-from vibrosweep.sweep.run import record_observation
-from vibrosweep.variables import PER_PARTICLE, SWEEP, TRUST
 
-__all__ = ["VARIABLES", "Sample", "Scene", "read_sample"]
+__all__ = ["Sample", "Scene"]
 
 Array = NDArray[np.float64]
-
-VARIABLES: Final = {**SWEEP, **PER_PARTICLE, **TRUST}
 
 
 @dataclass(frozen=True)
@@ -58,7 +48,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Sample:
-    """Realizations drawn from a dataset.
+    """Realizations drawn from a dataset; its record of every landing is a sample of one.
 
     Attributes
     ----------
@@ -102,94 +92,4 @@ class Sample:
             windowed=observation.window is not None,
             launch_rounding=rounding,
             rebound=observation.rebound,
-        )
-
-
-def read_sample(path: Path, size: int, seed: int) -> Sample:
-    """Draw realizations without replacement; all where there are no more than `size`.
-
-    Raises
-    ------
-    ParameterError
-        The size or the seed is not a number that can be used.
-    DataError
-        There is no such file, or it is not a result that can be read.
-    """
-    for name, value, low in (("sample", size, 1), ("seed", seed, 0)):
-        if value < low:
-            raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {low}")
-    try:
-        with h5netcdf.File(path, "r", phony_dims="access") as file:
-            sample = _drawn(file, size, seed)
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: there is no such result file; check the path") from error
-    except Exception as error:  # what a damaged file makes the library raise has no common base
-        raise DataError(
-            f"{path}: is not a result of vibrosweep, or is damaged; check the path, or compute it "
-            f"again with vibrosweep run"
-        ) from error
-    _require_sound(path, sample)
-    return sample
-
-
-def _drawn(file: Any, size: int, seed: int) -> Sample:
-    total = file.dimensions["realization"].size
-    rows = np.arange(total)
-    chosen: Any = slice(None)
-    if size < total:
-        chosen = rows = np.sort(np.random.default_rng(seed).choice(total, size, replace=False))
-    here = provenance(threads=1)
-    names = [n for n in VARIABLES if n in file.variables]
-    return Sample(
-        total=total,
-        rows=rows,
-        parameters={name: _parameter(file.variables[name], chosen, rows) for name in PARAMETERS},
-        observation=_observation(file),
-        own=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
-        stored={name: file.variables[name][chosen] for name in names},
-    )
-
-
-def _parameter(variable: Any, chosen: Any, rows: NDArray[np.int64]) -> Array:
-    """Values of a parameter at the rows, sampled or fixed."""
-    values = variable[chosen] if variable.dimensions else np.full(rows.size, variable[()])
-    return np.asarray(values, dtype=np.float64)
-
-
-def _observation(file: Any) -> Observation:
-    launch: str | tuple[float, ...] = STAGGERED
-    if file.attrs["launch"] != STAGGERED:
-        launch = tuple(file.variables["launch_time"][...].tolist())
-    watched = record_observation(
-        particles=int(file.attrs["particles"]),
-        launch=launch,
-        duration=float(file.variables["duration"][()]),
-        rebound=str(file.attrs["rebound"]),
-        impact_budget=int(file.attrs["impact_budget"]),
-    )
-    return replace(
-        watched,
-        transient=float(file.variables["transient"][()]),
-        tolerance=float(file.attrs.get("tolerance", math.inf)),
-    )
-
-
-def _require_sound(path: Path, sample: Sample) -> None:
-    """Refuse what no sweep can have written, and no kernel should be given."""
-    observation = sample.observation
-    bad = [n for n, v in sample.parameters.items() if not np.all(PARAMETERS[n].accepts(v))]
-    times = () if isinstance(observation.launch, str) else observation.launch
-    if not all(map(math.isfinite, (observation.transient, observation.duration, *times))):
-        bad.append("transient, duration or launch_time")
-    if observation.particles < 1 or (times and len(times) != observation.particles):
-        bad.append("particles")
-    if observation.rebound not in LAWS:
-        bad.append("rebound")
-    shapes = {"realization": sample.rows.size, "particle": observation.particles}
-    for name, values in sample.stored.items():
-        if values.shape != tuple(shapes[d] for d in VARIABLES[name].dims):
-            bad.append(name)
-    if bad:
-        raise DataError(
-            f"{path}: {', '.join(bad)}: is not what vibrosweep run writes; compute it again"
         )

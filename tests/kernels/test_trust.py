@@ -1,0 +1,117 @@
+"""Error bounds of trajectories against proved trajectories: they hold, and they are not idle."""
+
+import numpy as np
+import pytest
+
+from vibrosweep import theory
+from vibrosweep.reference.ball import UndecidableError, trajectory
+from vibrosweep.sweep.engine import measure
+
+LAWS = ["rest", "reflect"]
+HALF_ULP = 2.0**-53
+TOLERANCE = 1e-12
+DYADIC = {"gravity": 2.0, "frequency": 1.0}
+
+
+@pytest.fixture
+def bounds(observe, workers):
+    """Bounds of one particle in each realization."""
+
+    def find(scene, launch=0.0, **changes):
+        changes = {"separation": False, "per_particle": False, "impact_budget": 2000} | changes
+        observation = observe((launch,), trust=True, tolerance=TOLERANCE, **changes)
+        found = measure(scene, observation, workers)
+        return (
+            found["trusted_until"][:, 0],
+            found["landing_time_error"],
+            found["rebound_velocity_error"],
+        )
+
+    return find
+
+
+@pytest.mark.parametrize("rebound", LAWS)
+@pytest.mark.parametrize("launch", [0.0, -3.7])
+def test_every_landing_lies_within_its_bound(
+    rebound, launch, random_scenes, observe, record, bounds
+):
+    size, duration = 100, 12.0
+    scenes = random_scenes(seed=31, size=size, contact_time=1e-2)
+    until, landing_bound, speed_bound = bounds(scenes, launch, duration=duration, rebound=rebound)
+    found = record(scenes, observe((launch,), duration=duration, rebound=rebound))
+    bounded = trusted = 0
+    for i in range(size):
+        scene = {name: float(values[i]) for name, values in scenes.items()}
+        try:
+            exact = trajectory(
+                **scene, launch_time=launch, duration=duration, rebound=rebound, max_impacts=2000
+            )
+        except UndecidableError:
+            assert landing_bound[i] == np.inf
+            continue
+        # a bound is of the phase: a time in seconds is rounded three times more
+        rounding = 3.0 * HALF_ULP * (duration + 1.0 / scene["frequency"])
+        n = len(exact.impacts)
+        landing, speed = found["landing_time"][i, 0], found["rebound_velocity"][i, 0]
+        if np.isfinite(landing_bound[i]):
+            bounded += n
+            assert np.isnan(landing[n:]).all()
+            assert np.array_equal(found["rested"][i, 0, :n], exact.rested)
+            off = np.abs(landing[:n] - exact.landing_time)
+            assert np.all(off <= landing_bound[i] + rounding)
+            moving = ~np.isnan(exact.rebound_velocity)
+            slack = speed_bound[i] + 3.0 * HALF_ULP * exact.rebound_velocity[moving]
+            off = np.abs(speed[:n] - exact.rebound_velocity)[moving]
+            assert np.all(off <= slack)
+        if np.isfinite(until[i]):
+            known = exact.landing_time <= until[i] + rounding
+            trusted += known.sum()
+            off = np.abs(landing[:n] - exact.landing_time)[known]
+            assert np.all(off <= TOLERANCE + rounding)
+    assert bounded > 1000
+    assert trusted > 1000
+
+
+def test_a_stable_orbit_is_known_for_ever(parameters, bounds):
+    scene = parameters(
+        restitution=0.9, amplitude=1.2, launch_velocity=float(theory.locked_velocity(1))
+    )
+    x = float(theory.locked_phase(1, 0.9, 1.2))
+    until, landing, speed = bounds(scene, x, duration=1e6, impact_budget=2_000_000)
+    # a million impacts with multipliers of 0.949: errors settle at some roundings
+    assert until == 1e6
+    assert landing < 1e-13
+    assert speed < 1e-13
+
+
+def test_a_rest_erases_the_errors_before_it(parameters, bounds):
+    # resting orbits are superstable: only the flights since the last rest can err
+    scene = parameters(restitution=0.3, amplitude=1.2, contact_time=1e-2)
+    until, landing, _ = bounds(scene, duration=2000.0, impact_budget=100_000)
+    assert until == 2000.0
+    assert landing < 1e-12
+
+
+def test_chaos_is_known_for_a_while_only(parameters, bounds):
+    scene = parameters(restitution=0.9, amplitude=4.0)
+    until, landing, speed = bounds(scene, 0.3, duration=1000.0, rebound="reflect")
+    assert 1.0 < until < 100.0
+    assert landing == speed == np.inf
+
+
+def test_a_tie_is_not_known(parameters, bounds):
+    # the landing at t = 3 is at the end of the observation: a rounding decides whether it counts
+    scene = parameters(restitution=1.0, amplitude=0.0, launch_velocity=1.0, **DYADIC)
+    until, landing, speed = bounds(scene, duration=3.0)
+    assert until == 2.0
+    assert landing == speed == np.inf
+    until, landing, speed = bounds(scene, duration=3.5)
+    assert until == 3.5
+    assert landing < 1e-14
+    assert speed < 1e-14
+
+
+def test_before_the_first_landing_nothing_can_be_wrong(parameters, bounds):
+    until, landing, speed = bounds(parameters(), duration=0.5)
+    assert until == 0.5
+    assert landing == speed == 0.0

@@ -1,0 +1,193 @@
+"""The contract of `simulate`: what comes back, and what is refused with which words."""
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import vibrosweep
+from vibrosweep import simulate
+from vibrosweep.errors import DataError, ParameterError, SpecError
+from vibrosweep.scene import PARAMETERS
+from vibrosweep.variables import RECORD
+
+
+def test_dims_types_and_attributes_of_a_record():
+    found = simulate(amplitude=[1.2, 2.0], launch_time=[0.0, 0.05, 0.1])
+    assert dict(found.sizes)["realization"] == 2
+    assert dict(found.sizes)["particle"] == 3
+    assert found.sizes["impact"] == found.impact_count.max()
+    assert set(found.data_vars) == set(RECORD)
+    for name, variable in RECORD.items():
+        assert found[name].dims == variable.dims
+        assert found[name].dtype == variable.dtype
+        for key, value in variable.attributes.items():
+            assert np.array_equal(found[name].attrs[key], value)
+    assert found.attrs == {"rebound": "rest"}
+
+
+def test_parameters_are_coordinates():
+    found = simulate(amplitude=[1.2, 2.0], phase=[0.1], launch_time=0.3, duration=5, gravity=9.5)
+    assert found.amplitude.dims == ("realization",)
+    assert found.amplitude.values.tolist() == [1.2, 2.0]
+    assert found.amplitude.attrs["units"] == "m s-1"
+    for name, value in (("gravity", 9.5), ("restitution", 0.9), ("duration", 5.0)):
+        assert found[name].dims == ()
+        assert found[name].item() == value
+    assert found.phase.values.tolist() == [0.1, 0.1]  # a list of one is broadcast
+    assert found.launch_time.dims == ("particle",)
+    assert found.launch_time.values.tolist() == [0.3]
+    assert set(PARAMETERS) <= set(found.coords)
+
+
+def test_past_the_last_landing_there_is_nothing():
+    found = simulate(launch_time=[0.0, 0.125, 11.0])
+    past = np.arange(found.sizes["impact"]) >= found.impact_count.values[..., np.newaxis]
+    assert past.any()
+    for name in ("landing_time", "liftoff_time", "rebound_velocity"):
+        assert np.array_equal(np.isnan(found[name]), past)
+    assert not found.rested.values[past].any()
+
+
+def test_realizations_and_particles_do_not_depend_on_their_company():
+    together = simulate(amplitude=[0.4, 1.2, 2.9], launch_time=[0.0, 0.6])
+    for i, amplitude in enumerate([0.4, 1.2, 2.9]):
+        for p, launch in enumerate([0.0, 0.6]):
+            alone = simulate(amplitude=amplitude, launch_time=launch)
+            count = alone.sizes["impact"]
+            for name in RECORD:
+                one = together[name].values[i, p]
+                if one.ndim:
+                    one = one[:count]
+                assert np.array_equal(one, alone[name].values[0, 0], equal_nan=True)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3, np.int64(2)])
+def test_threads_do_not_change_a_record(threads):
+    amplitude = np.linspace(0.0, 4.0, 150)
+    launch = [0.0, 0.3]
+    one = simulate(amplitude=amplitude, launch_time=launch, threads=1, impact_budget=500)
+    other = simulate(amplitude=amplitude, launch_time=launch, threads=threads, impact_budget=500)
+    xr.testing.assert_identical(one, other)
+
+
+def test_numbers_of_any_kind_are_taken():
+    given = simulate(
+        amplitude=np.float32(1.5),
+        launch_time=(0, 1),
+        duration=np.int32(12),
+        frequency=xr.DataArray([1.0, 2.0]),
+        impact_budget=np.int64(1000),
+    )
+    plain = simulate(amplitude=1.5, launch_time=[0.0, 1.0], frequency=[1.0, 2.0])
+    xr.testing.assert_identical(given, plain)
+
+
+ALLOWED = {name: parameter.allowed for name, parameter in PARAMETERS.items()}
+KIND = "a number{} or a 1-D array of numbers"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "shown", "allowed"),
+    [
+        ("restitution", -0.1, "-0.1", ALLOWED["restitution"]),
+        ("restitution", 1.0 + 1e-13, "1.0000000000001", ALLOWED["restitution"]),
+        ("restitution", [0.5, np.nan], "nan", ALLOWED["restitution"]),
+        ("amplitude", [1.0, -2.0, 3.0], "-2.0", ALLOWED["amplitude"]),
+        ("amplitude", np.inf, "inf", ALLOWED["amplitude"]),
+        ("frequency", 0, "0.0", ALLOWED["frequency"]),
+        ("phase", 2e9, "2000000000.0", ALLOWED["phase"]),
+        ("gravity", -9.81, "-9.81", ALLOWED["gravity"]),
+        ("launch_velocity", -1e-300, "-1e-300", ALLOWED["launch_velocity"]),
+        ("contact_time", 0.0, "0.0", ALLOWED["contact_time"]),
+        ("restitution", "0.9", "'0.9'", KIND.format("")),
+        ("restitution", True, "True", KIND.format("")),
+        ("amplitude", None, "None", KIND.format(" in m s-1")),
+        ("amplitude", 1j, "1j", KIND.format(" in m s-1")),
+        ("amplitude", [[1.0]], "[[1.0]]", KIND.format(" in m s-1")),
+        ("amplitude", [1.0, [2.0]], "[1.0, [2.0]]", KIND.format(" in m s-1")),
+        ("amplitude", [], "[]", KIND.format(" in m s-1")),
+        ("launch_time", [0.0, np.inf], "[0.0, inf]", "finite, in s"),
+        ("launch_time", [[0.0]], "[[0.0]]", KIND.format(" in s")),
+        ("launch_time", "staggered", "'staggered'", KIND.format(" in s")),
+        ("duration", 0.0, "0.0", "a finite number greater than 0 s"),
+        ("duration", -1, "-1", "a finite number greater than 0 s"),
+        ("duration", np.nan, "nan", "a finite number greater than 0 s"),
+        ("duration", np.inf, "inf", "a finite number greater than 0 s"),
+        ("duration", [1.0, 2.0], "[1.0, 2.0]", "a finite number greater than 0 s"),
+        ("rebound", "bounce", "'bounce'", "one of rest, reflect"),
+        ("rebound", 1, "1", "one of rest, reflect"),
+        ("rebound", ["rest"], "['rest']", "one of rest, reflect"),
+        ("impact_budget", 0, "0", "a whole number, at least 1"),
+        ("impact_budget", 1e3, "1000.0", "a whole number, at least 1"),
+        ("impact_budget", True, "True", "a whole number, at least 1"),
+        ("threads", 0, "0", "a whole number, at least 1"),
+        ("threads", 1.0, "1.0", "a whole number, at least 1"),
+    ],
+)
+def test_a_mistake_is_named_with_its_value_and_what_is_allowed(name, value, shown, allowed):
+    with pytest.raises(ParameterError) as caught:
+        simulate(**{name: value})
+    assert str(caught.value) == f"{name} = {shown}: must be {allowed}"
+
+
+def test_arrays_of_different_lengths_are_refused_by_name():
+    with pytest.raises(ParameterError, match=r"one length.*'restitution': 2, 'amplitude': 3"):
+        simulate(restitution=[0.8, 0.9], amplitude=[1.0, 2.0, 3.0], gravity=[9.81])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"duration": 1e20}, r"duration = 1e\+20 s is 1e\+20 forcing periods: at most"),
+        ({"launch_time": -1e20}, r"launch time = 1e\+20 s is 1e\+20 forcing periods: at most"),
+        ({"amplitude": 1e308, "frequency": 9.0}, "2 frequency amplitude / gravity is not finite"),
+    ],
+)
+def test_numbers_beyond_double_precision_are_refused(changes, message):
+    with pytest.raises(ParameterError, match=message):
+        simulate(**changes)
+
+
+def test_an_unknown_parameter_is_refused():
+    with pytest.raises(TypeError, match="weight"):
+        simulate(weight=1.0)
+
+
+def test_a_mistake_is_also_a_value_error():
+    with pytest.raises(ValueError, match="restitution"):
+        simulate(restitution=2.0)
+
+
+@pytest.mark.parametrize("opened", ["open_sweep", "open_record"])
+def test_what_is_no_result_is_refused(opened, tmp_path):
+    function = getattr(vibrosweep, opened)
+    absent, text = tmp_path / "absent.h5", tmp_path / "text.h5"
+    text.write_text("no result")
+    for path in (absent, text):
+        with pytest.raises(DataError, match=re.escape(str(path))):
+            function(path)
+
+
+def test_a_missing_sweep_file_is_named(tmp_path):
+    with pytest.raises(SpecError, match=r"absent\.toml"):
+        vibrosweep.run(tmp_path / "absent.toml", tmp_path / "out.h5")
+    assert not (tmp_path / "out.h5").exists()
+
+
+def test_public_names_are_loaded_lazily():
+    script = (
+        "import sys, vibrosweep; "
+        "print(sorted({'numba', 'xarray', 'h5py', 'matplotlib', 'scipy'} & set(sys.modules)), "
+        "dir(vibrosweep))"
+    )
+    shown = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
+    ).stdout
+    assert shown.startswith("[] ")
+    assert "simulate" in shown
+    with pytest.raises(AttributeError, match="no attribute 'absent'"):
+        _ = vibrosweep.absent
