@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 
 import numpy as np
 from methods.scenes import Point, Scene
-from methods.timing import BUDGET, fastest, once
+from methods.timing import BUDGET, timed
 from methods.truth import Orbit, worst
 from numba import njit
 
@@ -117,14 +118,14 @@ def kernel(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
         observation = _observation(scene, batch)
         impacts = int(stream(scene, batch, workers).landings.sum())
         for crew in (workers, alone):
-            seconds = fastest(lambda crew=crew: statistics(problem, lanes, observation, crew))
+            _, seconds = timed(lambda crew=crew: statistics(problem, lanes, observation, crew))
             yield Point(
                 scene.key, KERNEL, "streaming", crew.threads, batch.size, impacts, seconds, error,
                 "same orbit bit for bit as the landings that the error is taken from",
             )  # fmt: skip
         few = batch[:: max(1, impacts // MOST_RECORDED)]
         kept = int(every_landing(scene, few, workers)["impact_count"].sum())
-        seconds = fastest(lambda: every_landing(scene, few, workers))
+        _, seconds = timed(lambda: every_landing(scene, few, workers))
         yield Point(
             scene.key, KERNEL_RECORD, "table of times", threads, few.size, kept, seconds, error,
             "counts the landings in a first pass, writes them in a second",
@@ -133,7 +134,7 @@ def kernel(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
         float(orbit.errors(counts[i, : orbit.size], phases[i, : orbit.size]).max())
         for i, orbit in enumerate(orbits)
     )
-    seconds = fastest(
+    _, seconds = timed(
         lambda: _phases(*_problem(scene, scene.sample), scene.reflect, counts, phases)
     )
     yield Point(
@@ -203,7 +204,7 @@ def naive(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
             )
 
         run()
-        seconds = fastest(run)
+        _, seconds = timed(run)
     impacts = int(out.landings.sum())
     yield Point(scene.key, NAIVE, "streaming", threads, scene.lanes, impacts, seconds, error, note)
 
@@ -220,21 +221,17 @@ def fixed_step(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Poin
 
     run(scene.steps[0], scene.sample, 1.0, 1)
     for step in scene.steps:
-        found = None
-
-        def compare(step: float = step) -> None:
-            nonlocal found
-            found = run(step, scene.sample, scene.duration + MARGIN, longest)
-
-        seconds = once(compare)
+        began = time.perf_counter()
+        found = run(step, scene.sample, scene.duration + MARGIN, longest)
+        seconds = time.perf_counter() - began
         error, note = worst(orbits, list(found.landing_time))
-        timed = scene.sample
+        batch = scene.sample
         if seconds < BUDGET:
             wanted = int(scene.proved * BUDGET / (4.0 * seconds))
-            timed = scene.batch[: max(scene.proved, min(scene.lanes, wanted))]
-            seconds = fastest(lambda step=step, timed=timed: run(step, timed, scene.duration, 1))
+            batch = scene.batch[: max(scene.proved, min(scene.lanes, wanted))]
+            _, seconds = timed(lambda step=step, batch=batch: run(step, batch, scene.duration, 1))
         with Workers(threads) as workers:
-            impacts = int(stream(scene, timed, workers).landings.sum())
+            impacts = int(stream(scene, batch, workers).landings.sum())
         yield Point(
-            scene.key, RK4, f"{step:.0e} s", threads, timed.size, impacts, seconds, error, note
+            scene.key, RK4, f"{step:.0e} s", threads, batch.size, impacts, seconds, error, note
         )

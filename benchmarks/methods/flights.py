@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from methods.law import Base
 from methods.scenes import Point, Scene
-from methods.timing import once
+from methods.timing import timed
 from methods.truth import Orbit, worst
 from scipy.integrate import solve_ivp
 
@@ -54,12 +54,11 @@ def scipy_events(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Po
     pairs = list(zip(scene.sample, compared, strict=False))
     _landings(scene, scene.sample[0], 1, 1e-3)
     for rtol in scene.tolerances:
-        times: list[np.ndarray] = []
-        seconds = once(
-            lambda rtol=rtol, times=times: times.extend(
-                _landings(scene, launch, orbit.size, rtol) for launch, orbit in pairs
-            )
-        )
+
+        def run(rtol: float = rtol) -> list[np.ndarray]:
+            return [_landings(scene, launch, orbit.size, rtol) for launch, orbit in pairs]
+
+        times, seconds = timed(run)
         error, _ = worst(compared, times)
         impacts = sum(time.size for time in times)
         yield Point(

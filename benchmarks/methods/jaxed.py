@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from methods.scenes import Point, Scene
-from methods.timing import BUDGET, fastest, once
+from methods.timing import timed
 from methods.truth import Orbit, worst
 
 # read when jax is first imported
@@ -76,12 +76,9 @@ def diffrax_events(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[
     extra = scene.batch[:: scene.lanes // LANES][: lanes - scene.proved]
     launch_times = jnp.concatenate([scene.sample, extra])
     for rtol in scene.tolerances:
-        run = _trajectories(scene, rtol, impacts).lower(launch_times).compile()
-        found: list[np.ndarray] = []
-        seconds = once(lambda run=run, found=found: found.extend(np.asarray(run(launch_times))))
-        if seconds < BUDGET:
-            seconds = fastest(lambda run=run: jax.block_until_ready(run(launch_times)))
-        error, note = worst(orbits, found[: scene.proved])
+        solve = _trajectories(scene, rtol, impacts).lower(launch_times).compile()
+        found, seconds = timed(lambda solve=solve: np.asarray(solve(launch_times)))
+        error, note = worst(orbits, list(found[: scene.proved]))
         yield Point(
             scene.key, DIFFRAX, f"rtol {rtol:.0e}", 1, lanes, impacts * lanes, seconds, error,
             note or f"{lanes} lanes under vmap; compilation is not timed",

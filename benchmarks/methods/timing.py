@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import TypeVar
+
+T = TypeVar("T")
 
 BUDGET = 1.0  # s for the repetitions of one point
 MOST = 40
 
 
-def once(run: Callable[[], object]) -> float:
-    began = time.perf_counter()
-    run()
-    return time.perf_counter() - began
+def timed(run: Callable[[], T]) -> tuple[T, float]:
+    """What a run returns, and the seconds of the fastest one.
 
-
-def fastest(run: Callable[[], object]) -> float:
-    """Seconds of the fastest run; one that is longer than the budget is not repeated."""
-    best = spent = once(run)
+    A run that is longer than the budget is not repeated.
+    """
+    result, best = _once(run)
+    spent = best
     for _ in range(MOST - 1):
         if spent >= BUDGET:
             break
-        seconds = once(run)
+        result, seconds = _once(run)
         best, spent = min(best, seconds), spent + seconds
-    return best
+    return result, best
+
+
+def _once(run: Callable[[], T]) -> tuple[T, float]:
+    began = time.perf_counter()
+    result = run()
+    return result, time.perf_counter() - began

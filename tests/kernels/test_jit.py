@@ -59,15 +59,15 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
 ):
     # all products are fused where the source says so and nowhere else
     cases = []
-    for case in range(4):
-        scene = random_scenes(seed=70 + case, size=12, contact_time=0.02, launch_velocity=2.0)
+    for case in range(2):
+        scene = random_scenes(seed=70 + case, size=16, contact_time=0.02, launch_velocity=2.0)
         observation = observe(
             (0.0, 0.3, -1.7),
             duration=3.0,
-            transient=(0.0, 1.3)[case // 2],
-            rebound=("rest", "reflect")[case % 2],
+            transient=(0.0, 1.3)[case],
+            rebound=("rest", "reflect")[case],
             impact_budget=100,
-            regimes=case > 1,
+            regimes=case == 0,
             trust=True,
             tolerance=1e-9,
         )

@@ -246,7 +246,8 @@ def _close(s: Floats, j: int, reflect: int | None, window: int | None, cycles: C
         s[SUM + j] += times * u
         s[SQUARES + j] += times * (u * u)
         s[LARGEST + j] = max(s[LARGEST + j], u if times > 0.0 else 0.0)
-    for shorter in range(1, impacts + 1):
+    cycles.impacts[lane], cycles.rests[lane], cycles.periods[lane] = impacts, rests, int(period)
+    for shorter in range(1, impacts // 2 + 1):
         if impacts % shorter == 0:
             same, period = _repeats(s, j, reflect, impacts, shorter)
             if same:

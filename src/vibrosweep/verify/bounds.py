@@ -36,7 +36,12 @@ def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
 
 def _all_landings(observation: Observation) -> Observation:
     return replace(
-        observation, transient=-math.inf, separation=False, per_particle=False, trust=False
+        observation,
+        transient=-math.inf,
+        separation=False,
+        per_particle=False,
+        regimes=False,
+        trust=False,
     )
 
 
@@ -142,10 +147,11 @@ def _trusted(
         return "", math.nan
     if len(times) != len(errors.landing_time):
         return "while other landings are proved", math.inf
-    slack = tolerance + 4.0 * EPS * abs(until)
-    error = float(np.max(errors.landing_time[times <= until + slack], initial=0.0))
-    if error > tolerance:
-        return f"proved error of a landing up to it {error:.3g}", error
-    if until != duration and not np.any(np.abs(times - until) <= slack):
-        return "which is no time of a landing, nor the end", error
-    return "", error
+    count = len(times)
+    if until != duration:
+        near = np.abs(times - until) <= tolerance + 4.0 * EPS * duration
+        if not np.any(near):
+            return "which is no time of a landing, nor the end", math.nan
+        count = int(np.argmax(near)) + 1
+    error = float(np.max(errors.landing_time[:count], initial=0.0))
+    return (f"proved error of a landing up to it {error:.3g}" if error > tolerance else ""), error

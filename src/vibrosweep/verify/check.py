@@ -23,6 +23,7 @@ from vibrosweep.verify.judgement import Judgement, judge
 from vibrosweep.verify.measures import Measures, measures
 from vibrosweep.verify.reading import read_sample
 from vibrosweep.verify.record import judge_record
+from vibrosweep.verify.regimes import REGIME_VARIABLES, judge_regimes
 from vibrosweep.verify.report import Outcome, Report, State
 from vibrosweep.verify.sample import Sample
 
@@ -101,6 +102,9 @@ def _checked(
     scene = sample.scene(row)
     measured = measures(scene, proved)
     judged += _judge_values(sample, row, measured, claims(bounds, scene, measured))
+    if sample.stored.keys() >= {*REGIME_VARIABLES}:
+        stored = {name: sample.stored[name][row] for name in REGIME_VARIABLES}
+        judged += judge_regimes(stored, scene, bounds, proved)
     if claimed:
         judged += judge_bounds(sample, row, scene, proved, workers)
     return Outcome(realization, State.COMPARED, _landings(proved), judged)
@@ -152,11 +156,10 @@ def _judge_values(
     sample: Sample, row: int, measured: Measures, claimed: Mapping[str, float | None]
 ) -> list[Judgement]:
     """Judge every measured variable that the dataset holds."""
-    left_out = {*BOUNDS, "trusted_until"}
     unresolved = SEPARATIONS if _is_unresolved(sample, row) else ()
     judged = []
     for name, values in sample.stored.items():
-        if name in left_out:
+        if name not in measured.values:  # judged elsewhere
             continue
         claim = None if name in unresolved else claimed[name]
         proved, stored = measured.values[name], values[row]

@@ -17,14 +17,14 @@ from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
 from vibrosweep.store.provenance import provenance
 from vibrosweep.sweep.engine import Observation
 from vibrosweep.sweep.run import record_observation
-from vibrosweep.variables import PER_PARTICLE, RECORD, SWEEP, TRUST, Variable
+from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST, Variable
 from vibrosweep.verify.sample import Sample
 
 __all__ = ["VARIABLES", "read_sample"]
 
 Array = NDArray[np.float64]
 
-VARIABLES: Final = {**SWEEP, **PER_PARTICLE, **TRUST}
+VARIABLES: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **TRUST}
 
 
 def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None]:

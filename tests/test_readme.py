@@ -1,0 +1,99 @@
+"""What the README says is true: its commands, files, keys, variables and its Python."""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from vibrosweep import variables
+from vibrosweep.sweep.schema import _KEYS
+from vibrosweep.variables import Variable
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = {
+    "Install and run": "python -m pip install . && vibrosweep run sweeps/paper.toml"
+    " && vibrosweep figures paper.h5 -o figures",
+    "Install and test": "python -m pip install '.[test]' && python -m pytest",
+}
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+def extracted(readme, heading, tmp_path):
+    """What .ci/run finds below a heading, by its own function."""
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    function = re.search(r"^readme_command\(\) \{.*?^\}$", script, re.MULTILINE | re.DOTALL)
+    (tmp_path / "README.md").write_text(readme, encoding="utf-8")
+    return subprocess.run(
+        ["bash", "-c", f'{function[0]}\nreadme_command "$1"', "bash", heading],
+        env={**os.environ, "root": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("heading", COMMANDS)
+def test_continuous_integration_finds_the_command(heading, tmp_path):
+    assert extracted(README, heading, tmp_path).stdout == COMMANDS[heading] + "\n"
+
+
+@pytest.mark.parametrize("change", ["", "x\n", "absent"])
+def test_continuous_integration_fails_without_one_command(change, tmp_path):
+    line = COMMANDS["Install and run"] + "\n"
+    readme = README.replace("## Install and run", "## Run") if change == "absent" else ""
+    readme = readme or README.replace(line, change and line + change)
+    found = extracted(readme, "Install and run", tmp_path)
+    assert found.returncode != 0
+    assert found.stdout == ""
+    assert 'no single command below "## Install and run"' in found.stderr
+
+
+def test_continuous_integration_can_be_run():
+    assert os.access(ROOT / ".ci" / "run", os.X_OK)
+
+
+def test_every_file_exists():
+    named = set(re.findall(r"`([\w./-]+/|[\w./-]*\.(?:toml|md|py|cff))`", README))
+    named |= set(re.findall(r"\]\(([^)#]+)\)", README)) | {".ci/run", "LICENSE"}
+    homes = (ROOT, ROOT / "sweeps", ROOT / "src" / "vibrosweep" / "kernels")
+    missing = {name for name in named if not any((home / name).exists() for home in homes)}
+    assert missing == set()
+    assert {"sweeps/paper.toml", "docs/model.md", "docs/images/return_map.png"} <= named
+
+
+def test_pictures_are_small():
+    assert sum(p.stat().st_size for p in (ROOT / "docs" / "images").iterdir()) < 400_000
+
+
+def test_every_key_and_variable_is_explained():
+    registries = [v for v in vars(variables).values() if isinstance(v, dict)]
+    names = {name for r in registries for name, v in r.items() if isinstance(v, Variable)}
+    assert len(names) > 30
+    names |= {key for keys in _KEYS.values() for key in keys} | {f"[{t}]" for t in _KEYS}
+    assert {name for name in names if f"`{name}`" not in README} == set()
+
+
+def test_the_python_prints_what_is_shown(paper, monkeypatch, capsys):
+    monkeypatch.chdir(paper.parent)
+    (code,) = blocks("python")
+    exec(compile(code, "README.md", "exec"), {})
+    numbers = re.compile(r"(?<![\w.])\d+\.\d+(?:e[+-]\d+)?")
+    shown = next(text for text in blocks("text") if text.startswith("<xarray.Dataset>"))
+    printed = capsys.readouterr().out.partition("Attributes")[0]
+    assert numbers.findall(printed) == numbers.findall(shown)
+    assert len(numbers.findall(shown)) > 10
+
+
+def test_the_functions_it_names(paper, tmp_path):
+    import vibrosweep
+
+    for name in re.findall(r"`vibrosweep\.(\w+)\(", README):
+        assert name in vibrosweep.__all__
+    call = re.search(r"`(vibrosweep\.simulate\(.*?\))`", README)[1]
+    assert eval(call, {"vibrosweep": vibrosweep}).sizes["particle"] == 2
