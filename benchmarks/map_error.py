@@ -20,10 +20,10 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from accuracy import provenance, table, write_section
 from flint import arb, ctx
 from numba import njit
 
+from accuracy import provenance, table, write_section
 from vibrosweep.kernels.impact import land, rebound
 
 BITS = 192

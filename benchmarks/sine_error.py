@@ -19,10 +19,10 @@ from multiprocessing import get_context
 from typing import NamedTuple
 
 import numpy as np
-from accuracy import provenance, table, write_section
 from flint import arb, arb_poly, arb_series, ctx
 from numba import njit
 
+from accuracy import provenance, table, write_section
 from vibrosweep.kernels import sine
 from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.sine import sin_turns

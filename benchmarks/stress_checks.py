@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from accuracy import LAWS, ULP, arrays_of, orbit, problem_of
 from flint import arb, ctx
-from trust_check import compare, kernel_jobs
 
+from accuracy import LAWS, ULP, arrays_of, orbit, problem_of
+from trust_check import compare, kernel_jobs
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import launch as launch_state
 from vibrosweep.status import Status
@@ -140,6 +140,8 @@ def check_measures(
         yield f"status {status} has no meaning"
         return
     if status != Status.COMPLETED:
+        return
+    if record["status"].any():  # a recurrence is counted to the end, a record is not
         return
     times, slack = record["landing_time"][0], rounding(case)
     most = int((times >= case.transient - slack).sum())

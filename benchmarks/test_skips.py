@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from test_kernels import THREADS, scene
 
+from test_kernels import THREADS, scene
 from vibrosweep.kernels.advance import empty_cycles
 from vibrosweep.kernels.separation import separate, workspace
 from vibrosweep.sweep.engine import Workers, statistics

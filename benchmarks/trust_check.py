@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from multiprocessing import get_context
 
 import numpy as np
-from accuracy import LAWS, orbit, problem_of, provenance, table, write_section
 
+from accuracy import LAWS, orbit, problem_of, provenance, table, write_section
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.reference import ball
 from vibrosweep.status import Status

@@ -139,8 +139,8 @@ def test_version_and_help(vibrosweep):
     assert vibrosweep("--version")[:2] == (0, "vibrosweep 0.1.0\n")
     code, text, _ = vibrosweep("--help")
     assert code == 0
-    assert all(name in text for name in ("run", "info", "figures"))
-    for command in ("run", "info", "figures"):
+    assert all(name in text for name in ("run", "info", "figures", "verify"))
+    for command in ("run", "info", "figures", "verify"):
         assert vibrosweep(command, "--help")[0] == 0
 
 
@@ -259,7 +259,7 @@ def test_commands_that_are_none(vibrosweep, words):
 # mistakes in what is read
 
 
-@pytest.mark.parametrize("command", ["info", "figures"])
+@pytest.mark.parametrize("command", ["info", "figures", "verify"])
 def test_files_that_are_no_results(refused, result, tmp_path, command):
     garbage, empty, foreign, half, cut = (tmp_path / f"{k}.h5" for k in range(5))
     garbage.write_bytes(b"no HDF5 at all")
@@ -345,7 +345,7 @@ def test_an_interruption_inside_is_130(vibrosweep, monkeypatch):
     assert message.count("\n") == 1
 
 
-def test_signals_are_as_before_afterwards(vibrosweep, result):
+def test_a_call_leaves_the_process_alone(vibrosweep, result):
     before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     vibrosweep("info", result)
     assert (signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)) == before

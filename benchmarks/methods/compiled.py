@@ -7,11 +7,11 @@ import time
 from collections.abc import Iterator
 
 import numpy as np
+from numba import njit
+
 from methods.scenes import Point, Scene
 from methods.timing import BUDGET, timed
 from methods.truth import Orbit, worst
-from numba import njit
-
 from vibrosweep.kernels.advance import Statistics, empty_statistics
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound
 from vibrosweep.reference.rk4 import rk4
@@ -26,7 +26,7 @@ MOST_RECORDED = 8_000_000  # landings in memory
 
 KERNEL = "kernel"
 KERNEL_RECORD = "kernel, every landing"
-KERNEL_PHASE = "kernel, count and phase"
+KERNEL_STATE = "kernel, state"
 NAIVE = "naive map"
 RK4 = "RK4"
 
@@ -117,30 +117,25 @@ def kernel(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
         problem, lanes = _problem(scene, batch)
         observation = _observation(scene, batch)
         impacts = int(stream(scene, batch, workers).landings.sum())
-        for crew in (workers, alone):
+        for crew in (alone, workers):
             _, seconds = timed(lambda crew=crew: statistics(problem, lanes, observation, crew))
-            yield Point(
-                scene.key, KERNEL, "streaming", crew.threads, batch.size, impacts, seconds, error,
-                "same orbit bit for bit as the landings that the error is taken from",
-            )  # fmt: skip
-        few = batch[:: max(1, impacts // MOST_RECORDED)]
-        kept = int(every_landing(scene, few, workers)["impact_count"].sum())
-        _, seconds = timed(lambda: every_landing(scene, few, workers))
+            run = ("streaming", crew.threads, batch.size, impacts, seconds)
+            yield Point(scene.key, KERNEL, *run, error, "error of the same orbits as recorded")
+        state = _state_error(orbits, counts, phases)
+        yield Point(scene.key, KERNEL_STATE, *run, state, "before rounding to one double")
+        few = batch[:: -(-impacts // MOST_RECORDED)]
+        found, seconds = timed(lambda: every_landing(scene, few, workers))
+        kept = int(found["impact_count"].sum())
         yield Point(
-            scene.key, KERNEL_RECORD, "table of times", threads, few.size, kept, seconds, error,
-            "counts the landings in a first pass, writes them in a second",
-        )  # fmt: skip
-    apart = max(
-        float(orbit.errors(counts[i, : orbit.size], phases[i, : orbit.size]).max())
-        for i, orbit in enumerate(orbits)
+            scene.key, KERNEL_RECORD, "all recorded", threads, few.size, kept, seconds, error
+        )
+
+
+def _state_error(orbits: list[Orbit], counts: np.ndarray, phases: np.ndarray) -> float:
+    return max(
+        float(orbit.errors(count[: orbit.size], phase[: orbit.size]).max())
+        for orbit, count, phase in zip(orbits, counts, phases, strict=True)
     )
-    _, seconds = timed(
-        lambda: _phases(*_problem(scene, scene.sample), scene.reflect, counts, phases)
-    )
-    yield Point(
-        scene.key, KERNEL_PHASE, "state", 1, scene.proved, counts.size, seconds, apart,
-        "the kernel's own state, before it is rounded to one double of time",
-    )  # fmt: skip
 
 
 @njit(nogil=True, error_model="numpy")
@@ -233,5 +228,6 @@ def fixed_step(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Poin
         with Workers(threads) as workers:
             impacts = int(stream(scene, batch, workers).landings.sum())
         yield Point(
-            scene.key, RK4, f"{step:.0e} s", threads, batch.size, impacts, seconds, error, note
-        )
+            scene.key, RK4, f"{step:.0e} s", threads, batch.size, impacts, seconds, error, note,
+            step=step,
+        )  # fmt: skip

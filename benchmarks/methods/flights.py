@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.integrate import solve_ivp
+
 from methods.law import Base
 from methods.scenes import Point, Scene
 from methods.timing import timed
 from methods.truth import Orbit, worst
-from scipy.integrate import solve_ivp
 
 SCIPY = "SciPy solve_ivp"
 MOST_IMPACTS = 10_000  # per trajectory; a call takes some tenths of a millisecond

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterator
 
 import numpy as np
+
 from methods.scenes import Point, Scene
 from methods.timing import timed
 from methods.truth import Orbit, worst

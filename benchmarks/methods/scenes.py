@@ -98,6 +98,8 @@ class Point:
         What the reader must know about this point.
     partial
         Whether it covers fewer landings than the scene has.
+    step
+        Step of the integration in s, where it is fixed.
     """
 
     scene: str
@@ -110,6 +112,7 @@ class Point:
     error: float
     note: str = ""
     partial: bool = False
+    step: float | None = None
 
     @property
     def ns_per_impact(self) -> float:

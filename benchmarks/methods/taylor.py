@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import heyoka
 import numpy as np
+
 from methods.law import Base
 from methods.scenes import Point, Scene
 from methods.timing import timed

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from flint import arb, ctx
-from methods.scenes import Scene
 
+from methods.scenes import Scene
 from vibrosweep.reference import ball
 from vibrosweep.reference.results import Impact
 

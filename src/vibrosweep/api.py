@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from numbers import Integral
 from pathlib import Path
 from typing import Any, Final
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.scene import LAWS, PARAMETERS
 from vibrosweep.store.disk import check_output
+from vibrosweep.store.reading import reading
 from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.landings import record_landings
 from vibrosweep.sweep.run import (
@@ -181,12 +181,12 @@ def has_record(path: str | os.PathLike[str]) -> bool:
     DataError
         There is no such file, or it is not a result.
     """
-    with _reading(path), h5netcdf.File(Path(path), "r", phony_dims="access") as file:
+    with reading(path), h5netcdf.File(Path(path), "r", phony_dims="access") as file:
         return "record" in file.groups
 
 
 def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
-    with _reading(path):
+    with reading(path):
         # without phony_dims a foreign file makes h5netcdf warn
         dataset = xr.open_dataset(path, engine="h5netcdf", group=group, phony_dims="access")
     needed = {*PARAMETERS, "landing_time" if group else "impact_count"}
@@ -194,20 +194,6 @@ def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
         dataset.close()
         raise DataError(f"{path}: is not a result of vibrosweep run; check the path")
     return dataset
-
-
-@contextmanager
-def _reading(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Say of a file that cannot be opened what that means."""
-    try:
-        yield
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: there is no such result file; check the path") from error
-    except Exception as error:  # what a damaged file makes the libraries raise has no common base
-        raise DataError(
-            f"{path}: is not a result of vibrosweep, or is damaged; check the path, or compute it "
-            f"again with vibrosweep run"
-        ) from error
 
 
 def _require(condition: object, name: str, value: object, allowed: str) -> None:

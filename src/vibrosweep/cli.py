@@ -34,33 +34,47 @@ PATIENCE: Final = 2.0  # seconds for which a second interruption is not one more
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; return its exit code."""
+    """Run one command; return its exit code.
+
+    Without `arguments` this is the command of the process, and it looks after its streams, its
+    signals and its end.
+    """
+    if arguments is not None:
+        return _perform(arguments)
     _prepare_output()
-    options = _parser().parse_args(arguments)
+    # a file object that could not be opened complains of it again when it is thrown away
+    sys.unraisablehook = lambda unraisable: None
     # the objects of large libraries live until the end: to sift them at exit took 0.1 s
     atexit.register(gc.freeze)
-    code = DONE
     with _interruptible():
-        try:
-            code = options.command(options) or DONE
-            sys.stdout.flush()
-        except VibrosweepError as error:
-            _complain(str(error))
-            return MISTAKE
-        except MemoryError as error:
-            _complain(f"not enough memory: {error}; lower --chunk, or close other programs")
-            return MISTAKE
-        except KeyboardInterrupt:
-            _complain("interrupted; an unfinished result is not kept")
-            _leave_kernels()
-            return INTERRUPTED
-        except BrokenPipeError:  # the reader of our output has gone, as `head` does
-            _drop_output()
-        except OSError as error:
-            _complain(str(error))
-            _drop_output()
-            return MISTAKE
+        code = _perform(sys.argv[1:])
+    if code == INTERRUPTED:
+        _leave_kernels()
     return code
+
+
+def _perform(arguments: Sequence[str]) -> int:
+    options = _parser().parse_args(arguments)
+    try:
+        code: int | None = options.command(options)
+        sys.stdout.flush()
+    except VibrosweepError as error:
+        _complain(str(error))
+        return MISTAKE
+    except MemoryError as error:
+        _complain(f"not enough memory: {error}; lower --chunk, or close other programs")
+        return MISTAKE
+    except KeyboardInterrupt:
+        _complain("interrupted; an unfinished result is not kept")
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has gone, as `head` does
+        _drop_output()
+        return DONE
+    except OSError as error:
+        _complain(str(error))
+        _drop_output()
+        return MISTAKE
+    return code or DONE
 
 
 def _complain(message: str) -> None:

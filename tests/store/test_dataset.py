@@ -13,8 +13,9 @@ from vibrosweep._version import __version__
 from vibrosweep.api import open_record, open_sweep
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.store.dataset import CHUNK_VALUES, creating
-from vibrosweep.variables import PER_PARTICLE, RECORD, SWEEP, TRUST
+from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
 
+MEASURED = {**SWEEP, **PER_PARTICLE, **TRUST, **REGIMES}
 EVERYTHING = """
 [scene]
 particles = 3
@@ -27,6 +28,7 @@ frequency = [0.8, 2.0]
 separation = true
 per_particle = true
 trust = true
+regimes = true
 [record]
 restitution = 0.9
 frequency = 1.0
@@ -54,9 +56,9 @@ def test_the_public_functions_open_the_same(full):
 
 def test_every_variable_is_as_registered(full):
     sweep, record = xr.load_dataset(full), xr.load_dataset(full, group="record")
-    assert set(sweep.data_vars) == {*SWEEP, *PER_PARTICLE, *TRUST}
+    assert set(sweep.data_vars) == {*MEASURED}
     assert set(record.data_vars) == set(RECORD)
-    for dataset, registry in ((sweep, SWEEP | PER_PARTICLE | TRUST), (record, RECORD)):
+    for dataset, registry in ((sweep, MEASURED), (record, RECORD)):
         for name, variable in registry.items():
             found = dataset[name]
             assert found.dims == variable.dims
@@ -93,7 +95,7 @@ def test_every_axis_has_its_dimension_scale(full):
     def check(name, item):
         if not isinstance(item, h5py.Dataset) or item.is_scale:
             return
-        wanted = {**SWEEP, **PER_PARTICLE, **TRUST, **(RECORD if "record/" in name else {})}
+        wanted = RECORD if "record/" in name else MEASURED
         for axis, dimension in enumerate(item.dims):
             assert len(dimension) == 1, name
             if name.split("/")[-1] in wanted:

@@ -15,7 +15,7 @@ from vibrosweep.sweep.spec import read_spec
 from vibrosweep.variables import PER_PARTICLE
 
 SWEEPS = sorted((Path(__file__).parents[2] / "sweeps").glob("*.toml"))
-ALL_MEASURES = "[measure]\nseparation = true\nper_particle = true\ntrust = true\n"
+ALL_MEASURES = "[measure]\nseparation = true\nper_particle = true\ntrust = true\nregimes = true\n"
 DRAWN = """
 [scene]
 particles = 5
@@ -43,7 +43,8 @@ def bits(path):
 
 @pytest.mark.parametrize("law", ["rest", "reflect"])
 def test_bits_depend_on_neither_threads_nor_chunks(compute, law):
-    text = DRAWN.replace("particles", f'rebound = "{law}"\nparticles') + ALL_MEASURES
+    text = DRAWN.replace("particles", f'rebound = "{law}"\nparticles').replace("= 40", "= 11")
+    text += ALL_MEASURES
     expected = bits(compute(text, threads=2))
     for threads in (1, 2):
         for chunk in (1, 7, 1000, None):

@@ -266,9 +266,7 @@ def _compare(
     for q in range(k):
         i = work.order[q]
         other = work.who[i]
-        if n < np.inf and (other if other >= 0 else -1 - other) != (
-            who if who >= 0 else -1 - who
-        ):
+        if n < np.inf and (other if other >= 0 else -1 - other) != (who if who >= 0 else -1 - who):
             apart = abs((work.whole[i] - n) + (work.phase[i] - x))
             if apart <= stay:
                 shared = 1

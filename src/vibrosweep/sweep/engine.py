@@ -191,7 +191,8 @@ def measure(
     )
     measured = _physical(whole, parameters, problem)
     measured["at_rest_count"] = whole.at_rest
-    launch_height = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
+    with np.errstate(over="ignore"):
+        launch_height = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
     launched = _launch_in_window(observation, parameters["frequency"])
     measured["flight_height_max"] = np.fmax(
         measured["rebound_height_max"], np.where(launched, launch_height, np.nan)
@@ -201,7 +202,10 @@ def measure(
     if cycles is not None:
         measured |= regimes(each, cycles, problem, parameters["frequency"])
     if observation.separation:
-        measured |= _separations(problem, launch, observation, whole, parameters, workers)
+        complete = whole.status == Status.COMPLETED
+        if cycles is not None:
+            complete &= _within_budget(cycles, size, observation.impact_budget)
+        measured |= _separations(problem, launch, observation, complete, parameters, workers)
     if observation.trust:
         measured |= _error_bounds(problem, launch, observation, parameters, workers)
     return measured
@@ -260,18 +264,27 @@ def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.
     return np.full(frequency.shape, inside)
 
 
+def _within_budget(cycles: Cycles, size: int, budget: int) -> NDArray[np.bool_]:
+    """Whether all landings of a realization can be followed; shape (realization,).
+
+    Those of a cycle are counted to the end without being followed, however many they are.
+    """
+    periods = np.where(cycles.impacts > 0, -cycles.begin, 0.0)
+    landings = periods / np.maximum(cycles.periods, 1) * cycles.impacts
+    return np.asarray((landings <= budget).reshape(size, -1).all(axis=1))
+
+
 def _separations(
     problem: Dimensionless,
     launch: Launches,
     observation: Observation,
-    whole: Statistics,
+    complete: NDArray[np.bool_],
     parameters: Mapping[str, Array],
     workers: Workers,
 ) -> Measured:
     size = problem.kick.size
     gap, same = np.empty(size), np.empty(size)
     shared = np.empty(size, np.int8)
-    complete = whole.status == Status.COMPLETED
 
     def task(first: int, last: int) -> None:
         work = workspace(observation.particles)

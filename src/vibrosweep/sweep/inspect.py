@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import h5netcdf
 
-from vibrosweep.errors import DataError
 from vibrosweep.scene import PARAMETERS
+from vibrosweep.store.reading import reading
 from vibrosweep.sweep.summary import Summary
 from vibrosweep.variables import SWEEP
 
@@ -32,16 +32,8 @@ def describe(path: Path) -> Iterator[str]:
     DataError
         There is no such file, or it is not a result that can be read.
     """
-    try:
-        with h5netcdf.File(path, "r", phony_dims="access") as file:
-            lines = [*_head(file), *_measures(file)]
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: there is no such result file; check the path") from error
-    except Exception as error:  # what a damaged file makes the library raise has no common base
-        raise DataError(
-            f"{path}: is not a result of vibrosweep, or is damaged; check the path, or compute it "
-            f"again with vibrosweep run"
-        ) from error
+    with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+        lines = [*_head(file), *_measures(file)]
     yield from lines
 
 

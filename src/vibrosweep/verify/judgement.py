@@ -26,7 +26,7 @@ class Judgement:
         Largest error that the dataset admits; None where it claims nothing.
     digits
         Certified decimal digits: of the claim and the reference's radius together, relative to
-        the value; 0 where they exceed it.  None for counts, codes, zero and undefined values.
+        the value; 0 where they exceed it.  None for what is exact, zero or undefined.
     complaint
         What is wrong; empty if the number is within its claim or nothing is claimed.
     """
@@ -52,9 +52,9 @@ def judge(
     elif math.isfinite(stored):
         distance = proved - stored
         least, error = float(distance.abs_lower()), float(distance.abs_upper())
-        size = float(proved.abs_lower())
-        if claim is not None and size > 0.0:
-            digits = max(0.0, -math.log10((claim + float(proved.rad())) / size))
+        size, bound = float(proved.abs_lower()), (claim or 0.0) + float(proved.rad())
+        if claim is not None and size > 0.0 and bound > 0.0:
+            digits = max(0.0, -math.log10(bound / size))
     complaint = ""
     if claim is not None and least > claim:
         known = "undefined" if proved is None else f"{float(proved)!r}"

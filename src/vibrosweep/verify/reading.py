@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
 from vibrosweep.store.provenance import provenance
+from vibrosweep.store.reading import reading
 from vibrosweep.sweep.engine import Observation
 from vibrosweep.sweep.run import record_observation
 from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST, Variable
@@ -42,17 +43,9 @@ def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None
     for name, value, low in (("sample", size, 1), ("seed", seed, 0)):
         if value < low:
             raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {low}")
-    try:
-        with h5netcdf.File(path, "r", phony_dims="access") as file:
-            sample = _drawn(file, size, seed)
-            record = _record(file, sample) if "record" in file.groups else None
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: there is no such result file; check the path") from error
-    except Exception as error:  # what a damaged file makes the library raise has no common base
-        raise DataError(
-            f"{path}: is not a result of vibrosweep, or is damaged; check the path, or compute it "
-            f"again with vibrosweep run"
-        ) from error
+    with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+        sample = _drawn(file, size, seed)
+        record = _record(file, sample) if "record" in file.groups else None
     _require_sound(path, sample, VARIABLES)
     if record is not None:
         _require_sound(path, record, RECORD)

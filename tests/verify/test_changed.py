@@ -1,0 +1,118 @@
+"""Whatever is changed in a dataset by hand is found, and named."""
+
+import shutil
+
+import h5py
+import numpy as np
+import pytest
+
+from vibrosweep.variables import RECORD
+from vibrosweep.verify import verify
+from vibrosweep.verify.reading import VARIABLES
+
+NUMBERS = [name for name, v in VARIABLES.items() if v.dtype == "float64"]
+CODES = [name for name, v in VARIABLES.items() if v.flags]
+COUNTS = [name for name in VARIABLES if name not in NUMBERS + CODES]
+
+
+def everything(path):
+    return verify(path, sample=10**9)
+
+
+def moved(value):
+    """Move a number by a millionth, and further than zero."""
+    return value * (1 + 1e-6) + 1e-9
+
+
+def caught(change, name):
+    report = everything(change.path)
+    assert not report.passed
+    found = report.variables()
+    assert found[name].outside == {change.place}
+    assert any(c.startswith(change.place) and f" {name} " in c for c in report.complaints())
+    return found
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("new", [moved, lambda _: np.nan])
+def test_changed_number(claimed, changed, name, new):
+    caught(changed(claimed, name, new), name)
+
+
+@pytest.mark.parametrize("name", COUNTS)
+@pytest.mark.parametrize("step", [-1, 1])
+def test_changed_count(claimed, changed, name, step):
+    found = caught(changed(claimed, name, lambda n: n + step), name)
+    assert [n for n in found if found[n].outside] == [name]
+
+
+@pytest.mark.parametrize("name", CODES)
+@pytest.mark.parametrize("new", [lambda code: 1 - code, lambda _: -1])
+def test_changed_code(claimed, changed, name, new):
+    found = caught(changed(claimed, name, new), name)
+    assert [n for n in found if found[n].outside] == [name]
+
+
+@pytest.mark.parametrize("name", ["restitution", "amplitude"])
+def test_changed_parameter(claimed, changed, name):
+    change = changed(claimed, name, lambda value: value * (1 + 1e-6))
+    caught(change, "rebound_height_mean")
+
+
+@pytest.mark.parametrize("name", ["dt_min", "rebound_height_max", "flight_time_mean"])
+def test_changed_number_without_bounds(bare, changed, name):
+    caught(changed(bare, name, moved, realization=3), name)
+
+
+@pytest.mark.parametrize("name", RECORD)
+def test_changed_record(claimed, tmp_path, name):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        variable = file["record"][name]
+        where = (0, 1, 1)[: variable.ndim]
+        integer = np.issubdtype(variable.dtype, np.integer)
+        variable[where] = 1 - variable[where] if integer else moved(variable[where])
+    report = everything(path)
+    assert [n for n, v in report.variables().items() if v.outside] == [f"record/{name}"]
+    assert next(report.complaints()).startswith("record, particle 1: ")
+
+
+def test_invented_landing_in_record(claimed, tmp_path):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        last = file["record"]["landing_time"][0]
+        particle = int(np.argmax(np.isnan(last[:, -1])))
+        file["record"]["landing_time"][0, particle, -1] = 7.9
+    assert not everything(path).passed
+
+
+@pytest.mark.parametrize("name", ["landing_time_error", "rebound_velocity_error"])
+def test_bound_that_is_too_small_is_disproved(claimed, tmp_path, name):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["source"] = "vibrosweep 0.0.1"  # which may have bounded otherwise
+        known_worst = int(np.argmax(file[name][...]))
+        file[name][known_worst] = 1e-18
+    found = everything(path).variables()[name]
+    assert found.outside == {f"realization {known_worst}"}
+    assert max(found.errors) > 1e-18
+
+
+def test_bounds_of_another_version_may_differ(claimed, changed):
+    change = changed(claimed, "landing_time_error", lambda bound: 3.0 * bound)
+    assert not everything(change.path).passed
+    with h5py.File(change.path, "r+") as file:
+        file.attrs["source"] = "vibrosweep 0.0.1"
+    assert everything(change.path).passed
+
+
+def test_tolerance_that_is_not_kept(claimed, tmp_path):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["tolerance"] = 1e-18
+        file["landing_time_error"][...] = np.maximum(file["landing_time_error"][...], 1e-15)
+    assert everything(path).variables()["trusted_until"].outside
