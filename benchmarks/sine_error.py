@@ -146,19 +146,19 @@ def bound_small() -> float:
     return total / float(two_pi.abs_lower()) / HALF_ULP
 
 
-def prove() -> Bound:
+def prove(parts: int = PARTS) -> Bound:
     """Bounds over all phases whose result is a normal double."""
     with ctx.workprec(BITS):
-        parts = [
-            bound_part(math.ldexp(1 + k / PARTS, b), math.ldexp(1 + (k + 1) / PARTS, b))
+        bounds = [
+            bound_part(math.ldexp(1 + k / parts, b), math.ldexp(1 + (k + 1) / parts, b))
             for b in range(SMALLEST, -2)
-            for k in range(PARTS)
+            for k in range(parts)
         ]
         small = bound_small()
     return Bound(
-        max(part.absolute for part in parts),
-        max(small, *(part.ulp for part in parts)),
-        max(small, *(part.relative for part in parts)),
+        max(part.absolute for part in bounds),
+        max(small, *(part.ulp for part in bounds)),
+        max(small, *(part.relative for part in bounds)),
     )
 
 

@@ -110,7 +110,7 @@ def doubles(rng: np.random.Generator, law: str) -> Case:
     scene = {
         "restitution": float(rng.choice([*RESTITUTION, rng.uniform()])),
         "amplitude": float(rng.choice([0.0, any_double()])),
-        "frequency": any_double(),
+        "frequency": min(any_double(), 1e9),
         "phase": float(rng.choice([-1.0, 1.0])) * 10.0 ** rng.uniform(-300.0, 9.0),
         "gravity": any_double(),
         "launch_velocity": float(rng.choice([0.0, any_double()])),

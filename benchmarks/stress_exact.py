@@ -18,6 +18,7 @@ from accuracy import LAWS, ULP, orbit, problem_of
 from vibrosweep.kernels.impact import land, rebound
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.scene import PARAMETERS
+from vibrosweep.status import Status
 from vibrosweep.sweep.engine import Workers, measure
 from vibrosweep.sweep.landings import record_landings
 from vibrosweep.sweep.run import record_observation
@@ -222,9 +223,10 @@ def bad_company(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
             tolerance=1e-9,
         )  # fmt: skip
         bad = {name: values.copy() for name, values in given.items()}
-        where = rng.integers(40, size=4)
-        bad["launch_velocity"][where[0]] = 1e200  # its square overflows
-        bad["restitution"][where[1]], bad["amplitude"][where[1]] = 1.0, 1e300
+        where = rng.choice(40, 4, replace=False)
+        bad["launch_velocity"][where[0]] = 1e200
+        # the square of a flight overflows
+        bad["amplitude"][where[1]], bad["launch_velocity"][where[1]] = 1e300, 1.0
         bad["contact_time"][where[2]], bad["amplitude"][where[2]] = 1e-300, 1e-290
         bad["launch_velocity"][where[3]] = 1e15
         try:
@@ -236,7 +238,7 @@ def bad_company(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
         for name, values in alone.items():
             if not np.array_equal(values[others], beside[name][others], equal_nan=True):
                 faults.append(f"{name} of the others changes")
-        if beside["status"][where[0]] == 0:
+        if beside["status"][where[1]] != Status.NON_FINITE:
             faults.append("an overflow is not reported")
     return max(1, cases // 10), faults
 

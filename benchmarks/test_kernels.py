@@ -9,7 +9,8 @@ import pytest
 from numba import njit
 
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
-from vibrosweep.kernels.advance import advance, empty_statistics, scratch
+from vibrosweep.kernels.advance import advance, empty_statistics
+from vibrosweep.kernels.lanes import scratch
 from vibrosweep.scene import PARAMETERS, dimensionless, launches
 from vibrosweep.sweep.engine import TRAJECTORIES_PER_TASK, Observation, Workers, statistics
 

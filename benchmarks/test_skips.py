@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from test_kernels import THREADS, scene
-from vibrosweep.kernels.advance import empty_cycles
-from vibrosweep.kernels.separation import separate, workspace
+from vibrosweep.kernels.cycles import empty_cycles
+from vibrosweep.kernels.ordering import workspace
+from vibrosweep.kernels.separation import separate
 from vibrosweep.sweep.engine import Workers, statistics
 
 

@@ -99,7 +99,7 @@ def kernel_jobs(
     for i, scene in enumerate(scenes):
         found, inside = orbit(problem, start, i, LAWS[law], capacity)
         found = found[:inside]
-        times = found[:, 0] + (found[:, 1] - problem.phase[i]) + problem.end_count[i]
+        times = (found[:, 0] + problem.end_count[i]) + (found[:, 1] - problem.phase[i])
         prefixes = [
             (tolerance, trusted(times, last))
             for tolerance, last in zip(TOLERANCES, until[i], strict=True)
@@ -133,31 +133,41 @@ def upper(ball_error: object) -> float:
     return float(ball_error.abs_upper())
 
 
+def truth_of(job: Job, complete: bool) -> tuple[ball.Trajectory, int]:
+    """The proved trajectory, and the number of its landings that the kernel claims to know.
+
+    The decision after the last of them may be a tie, at which the reference ends too.
+    """
+    known = job.prefixes[-1][1]
+    limit = known + 1 if complete else known
+    try:
+        return ball.trajectory(**job.scene, rebound=job.law, max_impacts=limit, digits=22), known
+    except ball.UndecidableError as error:
+        if complete or error.impact < known or known == 1:
+            raise
+    known -= 1
+    return ball.trajectory(**job.scene, rebound=job.law, max_impacts=known, digits=22), known
+
+
 def compare(job: Job) -> Verdict:
     """Compare one trajectory with the reference, landing by landing."""
     verdict = Verdict()
-    known = job.prefixes[-1][1]
     complete = job.finite and not job.cut
-    if known == 0 and not complete:
+    if job.prefixes[-1][1] == 0 and not complete:
         return verdict
     try:
-        truth = ball.trajectory(
-            **job.scene,
-            rebound=job.law,
-            max_impacts=known + 1 if complete else known,
-            digits=22,
-        )
+        truth, known = truth_of(job, complete)
     except ball.UndecidableError as error:
-        verdict.faults.append(f"undecided: {error.decision}")
+        if complete or job.prefixes[-1][1] > 1:
+            verdict.faults.append(f"undecided: {error.decision}")
         return verdict
     if complete and (len(truth.impacts) != known or truth.status is not Status.COMPLETED):
         verdict.faults.append(f"{known} landings, {len(truth.impacts)} in truth")
         return verdict
     errors, flights = [], []
     certain = known if complete else known - 1  # what follows the last one may be uncertain
-    for k, (impact, (n, x, u, rested)) in enumerate(
-        zip(truth.impacts[:known], job.landings[:known], strict=True)
-    ):
+    pairs = zip(truth.impacts[:known], job.landings[:known], strict=True)
+    for k, (impact, (n, x, u, rested)) in enumerate(pairs):
         errors.append(upper((impact.phase - float(x)) + (impact.count - int(n))))
         if k < certain and (impact.flight is None) != np.isinf(u):
             verdict.faults.append(f"landing {k}: at rest for good or not")

@@ -16,24 +16,24 @@ from methods.scenes import SCENES, Point
 
 
 class Look(NamedTuple):
-    """Colour (Okabe and Ito), marker, whether it is filled, and the name beside the points."""
+    """Colour (Okabe and Ito), marker, the name beside the points and where it stands."""
 
     colour: str
     marker: str
-    filled: bool
     label: str
+    offset: tuple[float, float] = (7.0, 0.0)
 
 
 LOOKS = {
-    compiled.KERNEL: Look("#0072B2", "o", True, "kernel"),
-    compiled.KERNEL_STATE: Look("#0072B2", "o", False, "kernel,\ncount and phase"),
-    compiled.KERNEL_RECORD: Look("#0072B2", "s", True, "kernel, every landing"),
-    compiled.NAIVE: Look("#E69F00", "D", True, "naive map"),
-    compiled.RK4: Look("#000000", "v", True, "RK4"),
-    SCIPY: Look("#CC79A7", "^", True, "SciPy events"),
-    "heyoka.py": Look("#009E73", "P", True, "heyoka.py"),
-    "diffrax": Look("#D55E00", "X", True, "diffrax"),
+    compiled.KERNEL: Look("#0072B2", "o", "kernel", (5.0, -10.0)),
+    compiled.KERNEL_RECORD: Look("#0072B2", "s", "kernel, every landing", (-4.0, 11.0)),
+    compiled.NAIVE: Look("#E69F00", "D", "naive map", (7.0, -3.0)),
+    compiled.RK4: Look("#000000", "v", "RK4"),
+    SCIPY: Look("#CC79A7", "^", "SciPy events"),
+    "heyoka.py": Look("#009E73", "P", "heyoka.py"),
+    "diffrax": Look("#D55E00", "X", "diffrax"),
 }
+TEXT = "0.15"
 
 STYLE = {
     "font.size": 9,
@@ -63,7 +63,7 @@ def draw(points: list[Point], path: Path) -> None:
 def _panel(axis: Axes, points: list[Point]) -> None:
     axis.set_xscale("log")
     axis.set_yscale("log")
-    axis.set_xlim(1e-17, 1e3)
+    axis.set_xlim(1e-17, 1e5)
     axis.set_ylim(0.4, 2e7)
     axis.grid(which="major", color="0.9", linewidth=0.6)
     axis.set_axisbelow(True)
@@ -72,6 +72,7 @@ def _panel(axis: Axes, points: list[Point]) -> None:
         if drawn:
             _series(axis, drawn, look)
     _steps(axis, _of_method(points, compiled.RK4))
+    _state(axis, *_of_method(points, compiled.KERNEL), *_of_method(points, compiled.KERNEL_STATE))
 
 
 def _of_method(points: list[Point], method: str) -> list[Point]:
@@ -82,24 +83,41 @@ def _of_method(points: list[Point], method: str) -> list[Point]:
 
 
 def _series(axis: Axes, points: list[Point], look: Look) -> None:
-    x = np.array([p.error for p in points])
-    y = np.array([p.ns_per_impact for p in points])
+    x = [p.error for p in points]
+    y = [p.ns_per_impact for p in points]
+    partial = points[0].partial
     axis.plot(
         x, y, color=look.colour, marker=look.marker, markersize=6, linewidth=1.2,
-        markerfacecolor=look.colour if look.filled and not points[0].partial else "white",
+        markerfacecolor="white" if partial else look.colour,
     )  # fmt: skip
-    partial = " (part of the orbit)" if points[0].partial else ""
-    last = int(np.argmax(x)) if look.label != "RK4" else len(x) // 2
+    place = len(x) // 2 if look.label == "RK4" else int(np.argmax(x))
+    label = f"{look.label} (part of the orbit)" if partial else look.label
+    _name(axis, label, points[place], look.offset)
+
+
+def _name(
+    axis: Axes, label: str, point: Point, offset: tuple[float, float], align: str = "left"
+) -> None:
     axis.annotate(
-        look.label + partial, (x[last], y[last]), xytext=(7, 0), textcoords="offset points",
-        color=look.colour, va="center", annotation_clip=False,
+        label, (point.error, point.ns_per_impact), xytext=offset, textcoords="offset points",
+        color=TEXT, ha=align, va="center",
     )  # fmt: skip
 
 
 def _steps(axis: Axes, points: list[Point]) -> None:
     """Name the coarsest and the finest step of RK4."""
     for point in (points[0], points[-1]):
-        axis.annotate(
-            point.setting, (point.error, point.ns_per_impact), xytext=(7, 0),
-            textcoords="offset points", va="center", fontsize=8,
-        )  # fmt: skip
+        exponent = round(np.log10(point.step))
+        _name(axis, f"h = $10^{{{exponent}}}$ s", point, (7.0, 0.0))
+
+
+def _state(axis: Axes, times: Point, state: Point) -> None:
+    """The kernel's own state, open, where rounding it to one time costs accuracy."""
+    if times.error < 3.0 * state.error:
+        return
+    axis.plot(
+        [state.error, times.error], [state.ns_per_impact, times.ns_per_impact],
+        color=LOOKS[compiled.KERNEL].colour, marker="o", markersize=6, linewidth=1.0,
+        linestyle=":", markerfacecolor="white", zorder=1.9,
+    )  # fmt: skip
+    _name(axis, "its count\nand phase", state, (0.0, 16.0), "center")

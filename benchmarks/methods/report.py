@@ -12,7 +12,7 @@ from methods.scenes import SCENES, Point, Scene
 from methods.truth import forced_phase_error
 from vibrosweep.store.provenance import provenance
 
-PACKAGES = ("vibrosweep", "numpy", "numba", "scipy", "python-flint")
+PACKAGES = ("numpy", "numba", "scipy", "python-flint")
 OPTIONAL = {"heyoka": ("heyoka",), "diffrax": ("diffrax", "optimistix", "jax")}
 
 INTRODUCTION = """\
@@ -34,8 +34,8 @@ known in closed form.
 repeated runs; compilation is left out. A method that takes longer gets fewer trajectories, from a
 minimum that is the same for all; the tables say how many.
 
-Run on {when}: {cpu}, {threads} threads, Python {python}, {versions}. The load of the machine was
-{load:.1f} at the start; the run took {minutes:.1f} minutes.{missing}
+Run on {when} on {cpu} with {threads} threads; the load was {load:.1f} at the start, the run took
+{minutes:.0f} minutes. Versions: {source}, Python {python}, {versions}.{missing}
 
 ## Methods
 
@@ -44,7 +44,8 @@ Run on {when}: {cpu}, {threads} threads, Python {python}, {versions}. The load o
 - **kernel, every landing** ({threads} threads): as `vibrosweep.simulate` does it; a first pass
   counts the landings, a second writes times, lift-offs, velocities and rests.
 - **kernel, state**: the error of the count of periods and the phase that the kernel carries, before
-  they are rounded to one double of time; drawn open, at the streaming kernel's time.
+  they are rounded to one double of time; drawn open, at the streaming kernel's time, where it
+  differs.
 - **naive map** ({threads} threads): the same map compiled by numba as a scalar loop, with a running
   double for the time and the library's sin(omega t + phi); same statistics.
 - **RK4** ({threads} threads): the study's scheme, `vibrosweep.reference.rk4`, compiled by numba.
@@ -94,10 +95,11 @@ def report(
     parts = [
         _introduction(missing, radius, threads, load, minutes),
         _ratios(points),
+        _others(points),
         _order(points),
         _long(points),
         _reading(points),
-        "## All numbers",
+        "## All numbers\n",
         *(_table(scene, points) for scene in SCENES),
     ]
     return "\n".join(parts)
@@ -112,6 +114,7 @@ def _introduction(
         radius=radius,
         when=datetime.now(UTC).date().isoformat(),
         cpu=source["cpu"],
+        source=source["source"],
         python=source["python"],
         versions=", ".join(f"{name} {version(name)}" for name in packages),
         threads=threads,
@@ -136,7 +139,7 @@ def _ratios(points: list[Point]) -> str:
     slower = fine.ns_per_impact / kernel.ns_per_impact
     off = fine.error / kernel.error
     cheap = coarse.ns_per_impact / kernel.ns_per_impact
-    period = coarse.step / cheap
+    period = coarse.step * cheap
     rows = "\n".join(_ratio_row(p, kernel) for p in (kernel, kept, *rk4))
     return f"""\
 ## Kernel against RK4 on the locked scene
@@ -157,7 +160,8 @@ All from this run, {kernel.threads} threads each.
   least that. In the kernel's time RK4 could make one step of {period:.2g} s per impact, longer than
   the flight: there is no such run to measure.
 - Against the kernel that records every landing the two measured ratios of time are
-  {fine.ns_per_impact / kept.ns_per_impact:.2g} and {coarse.ns_per_impact / kept.ns_per_impact:.2g}.
+  {fine.ns_per_impact / kept.ns_per_impact:.2g} and
+  {coarse.ns_per_impact / kept.ns_per_impact:.2g}; the errors are the same.
 """
 
 
@@ -167,6 +171,28 @@ def _ratio_row(p: Point, kernel: Point) -> str:
         f"| {p.method} | {step} | {p.ns_per_impact:.3g} | {p.error:.2e} | "
         f"{p.ns_per_impact / kernel.ns_per_impact:.3g} | {p.error / kernel.error:.2g} |"
     )
+
+
+def _others(points: list[Point]) -> str:
+    locked = {(p.method, p.threads): p for p in reversed(points) if p.scene == "locked"}
+    rows = []
+    for (method, threads), p in reversed(locked.items()):
+        if method not in (compiled.KERNEL, compiled.KERNEL_STATE, compiled.RK4):
+            kernel = locked[compiled.KERNEL, threads]
+            rows.append(
+                f"| {method} | {p.setting} | {threads} | "
+                f"{p.ns_per_impact / kernel.ns_per_impact:.2g} | {p.error / kernel.error:.2g} |"
+            )
+    table = "\n".join(rows)
+    return f"""\
+## The other methods on the locked scene
+
+Each against the kernel on as many threads, at its first setting.
+
+| | setting | threads | time over kernel's | error over kernel's |
+|---|---|---|---|---|
+{table}
+"""
 
 
 def _order(points: list[Point]) -> str:

@@ -72,7 +72,7 @@ PARAMETERS: Final[Mapping[str, Parameter]] = {
     for p in (
         Parameter("restitution", "e", "1", "coefficient of restitution", 0.90, 0.0, 1.0),
         Parameter("amplitude", "A", "m s-1", "amplitude of the kick, a velocity", 1.20, 0.0),
-        Parameter("frequency", "f", "Hz", "forcing frequency", 1.0, 0.0, low_open=True),
+        Parameter("frequency", "f", "Hz", "forcing frequency", 1.0, 0.0, 1e9, low_open=True),
         Parameter("phase", "phi", "rad", "phase of the forcing at t = 0", 0.0, -1e9, 1e9),
         Parameter("gravity", "g", "m s-2", "gravitational acceleration", 9.81, 0.0, low_open=True),
         Parameter("launch_velocity", "v0", "m s-1", "speed at launch", 5.0, 0.0),

@@ -65,6 +65,10 @@ _RP = ("realization", "particle")
 _RPI = ("realization", "particle", "impact")
 _SEPARATION = "measure.separation"
 _TRUST = "measure.trust"
+_BOUND = (
+    "against the exact model; infinite where rounding may have changed a decision; on which side "
+    "of the beginning of the window a landing falls is not judged"
+)
 _REGIMES = "measure.regimes"
 _WITHOUT = "0 where no recurrence was found"
 _AFTER_LANDINGS = "flights that follow the landings in the window; NaN without any"
@@ -143,7 +147,7 @@ SWEEP: Final = _registry(
         "s",
         "bound of the error of every landing time",
         key=_TRUST,
-        comment="against the exact model; infinite where rounding may have changed a decision",
+        comment=_BOUND,
     ),
     Variable(
         "rebound_velocity_error",
@@ -152,7 +156,7 @@ SWEEP: Final = _registry(
         "m s-1",
         "bound of the error of every rebound velocity",
         key=_TRUST,
-        comment="against the exact model; infinite where rounding may have changed a decision",
+        comment=_BOUND,
     ),
     *(
         Variable(

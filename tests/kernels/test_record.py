@@ -11,6 +11,7 @@ import pytest
 from vibrosweep import simulate
 from vibrosweep.reference.ball import UndecidableError, trajectory
 from vibrosweep.scene import dimensionless
+from vibrosweep.status import Status
 
 LAWS = ["rest", "reflect"]
 LANDINGS = 64
@@ -65,66 +66,79 @@ class Errors:
         return np.einsum("jik,jk->i", np.abs(self.images), self.sizes) * SECOND_ORDER
 
 
-def compare(found, exact, problem, i, p, gravity, frequency, reflect):
-    """Compare landings one by one; return how many were, and how many rests among them."""
-    e, a, r = problem.restitution[i], problem.kick[i], problem.rest_flight[i]
-    x_lift, unit = problem.liftoff_phase[i], gravity / (2.0 * frequency)
-    land, leave, speed, rested = (
-        found[name][i, p] for name in ("landing_time", "liftoff_time", "rebound_velocity", "rested")
-    )
-    u = problem.launch_flight[i]
+class Scene:
+    """What one realization's comparison needs, and what each decision leaves of it."""
+
+    def __init__(self, problem, i, frequency, gravity, duration, reflect):
+        self.e, self.a, self.r = (
+            float(values[i]) for values in (problem.restitution, problem.kick, problem.rest_flight)
+        )
+        self.u0, self.x_lift = float(problem.launch_flight[i]), float(problem.liftoff_phase[i])
+        self.frequency, self.unit = frequency, gravity / (2.0 * frequency)
+        self.duration, self.reflect = duration, reflect
+
+    def rounding(self, time):
+        """Of a recorded time: a sum of periods and a phase, divided by the frequency."""
+        return 3.0 * HALF_ULP * (abs(time) + 1.0 / self.frequency)
+
+    def lift_error(self):
+        """Of the phase of lift-off, asin(r / a) / 2 pi."""
+        ratio = self.r / self.a
+        return 8.0 * HALF_ULP * (ratio / np.sqrt(1.0 - ratio**2) + 1.0)
+
+    def impact(self, errors, phase, u):
+        """Carry the errors through an impact; return the flight time that would follow."""
+        off, _ = errors.bounds()
+        sine, cosine = np.sin(2.0 * np.pi * phase), np.cos(2.0 * np.pi * phase)
+        w = self.e * u + self.a * sine
+        errors.carry(np.array([[1.0, 0.0], [2.0 * np.pi * self.a * cosine, self.e]]))
+        kick = self.a * (SINE_ERROR + 3.0 * HALF_ULP * abs(sine) + 20.0 * off**2)
+        errors.add(0.0, kick + HALF_ULP * abs(w) + 1e-300)
+        if self.reflect and w < 0.0:
+            errors.carry(np.diag([1.0, -1.0]))
+            w = -w
+        return w
+
+
+def compare(land, leave, speed, rested, exact, scene):
+    """Compare landings one by one as far as decisions are certain; count them, and the rests."""
+    u, rests = scene.u0, 0
     errors = Errors(4.0 * HALF_ULP, 2.0 * HALF_ULP * u)
-    rests = 0
     for n, impact in enumerate(exact.impacts):
         errors.carry(np.array([[1.0, 1.0], [0.0, 1.0]]))
         errors.add(HALF_ULP / 2.0, 0.0)
         off, _ = errors.bounds()
-        if off > LARGEST or abs(exact.landing_time[n] - exact_end(problem, i, frequency)) < 1e-9:
+        time = exact.landing_time[n]
+        if off > LARGEST or abs(time - scene.duration) < off / scene.frequency + 1e-12:
             return n, rests
-        time = np.abs(exact.landing_time[n]) * 3.0 * HALF_ULP + 3.0 * HALF_ULP / frequency
-        assert abs(land[n] - exact.landing_time[n]) <= off / frequency + time
+        assert abs(land[n] - time) <= off / scene.frequency + scene.rounding(time)
 
-        angle = 2.0 * np.pi * float(impact.phase)
-        slope, w = 2.0 * np.pi * a * np.cos(angle), e * u + a * np.sin(angle)
-        errors.carry(np.array([[1.0, 0.0], [slope, e]]))
-        sine = SINE_ERROR + 3.0 * HALF_ULP * abs(np.sin(angle))
-        errors.add(0.0, a * (sine + 20.0 * off**2) + HALF_ULP * abs(w) + 1e-300)
-        if reflect and w < 0.0:
-            errors.carry(np.diag([1.0, -1.0]))
-            w = -w
-        off, u_off = errors.bounds()
-        if abs(w - r) <= u_off + 4.0 * HALF_ULP * (r + abs(w)):
+        w = scene.impact(errors, float(impact.phase), u)
+        _, u_off = errors.bounds()
+        if abs(w - scene.r) <= u_off + 4.0 * HALF_ULP * (scene.r + abs(w)):
             return n, rests
         assert rested[n] == impact.rested
         if not impact.rested:
+            u, v = float(impact.flight), exact.rebound_velocity[n]
             assert leave[n] == land[n]
-            u = float(impact.flight)
-            allowed = u_off * unit + 3.0 * HALF_ULP * exact.rebound_velocity[n]
-            assert abs(speed[n] - exact.rebound_velocity[n]) <= allowed
+            assert abs(speed[n] - v) <= u_off * scene.unit + 3.0 * HALF_ULP * v
             continue
         rests += 1
         if impact.liftoff_time is None:
             assert np.isnan(leave[n])
             assert np.isnan(speed[n])
             return n + 1, rests
-        ratio = r / a
-        rise = 8.0 * HALF_ULP * (ratio / np.sqrt(1.0 - ratio**2) + 1.0)
-        if abs(float(impact.phase) - x_lift) <= off + rise:
+        rise = scene.lift_error()
+        if abs(float(impact.phase) - scene.x_lift) <= off + rise:
             return n, rests
-        time = exact.liftoff_time[n] * 3.0 * HALF_ULP
-        assert abs(leave[n] - exact.liftoff_time[n]) <= (rise + 3.0 * HALF_ULP) / frequency + abs(
-            time
-        )
+        time = exact.liftoff_time[n]
+        assert abs(leave[n] - time) <= rise / scene.frequency + scene.rounding(time)
         assert speed[n] == pytest.approx(exact.rebound_velocity[n], rel=4.0 * HALF_ULP)
-        u = r
-        errors = Errors(rise, HALF_ULP * r)
-    if exact.status == 0:
+        # the state is forgotten
+        u, errors = scene.r, Errors(rise, HALF_ULP * scene.r)
+    if exact.status == Status.COMPLETED:
         assert np.isnan(land[len(exact.impacts) :]).all()
     return len(exact.impacts), rests
-
-
-def exact_end(problem, i, frequency):
-    return (problem.end_count[i] + problem.end_phase[i] - problem.phase[i]) / frequency
 
 
 @pytest.mark.parametrize("rebound", LAWS)
@@ -132,34 +146,22 @@ def test_random_scenes_follow_the_proved_trajectories(rebound, random_scenes):
     size, duration = 120, 30.0
     scenes = random_scenes(seed=3, size=size)
     problem = dimensionless(scenes, duration)
-    found = simulate(
-        **scenes, launch_time=TIMES, duration=duration, rebound=rebound, impact_budget=LANDINGS
-    )
-    found = {name: values.values for name, values in found.items()}
+    ends = {"duration": duration, "rebound": rebound}
+    found = simulate(**scenes, **ends, launch_time=TIMES, impact_budget=LANDINGS)
+    names = ("landing_time", "liftoff_time", "rebound_velocity", "rested")
+    recorded = [found[name].values for name in names]
     compared = rests = 0
     for i in range(size):
-        scene = {name: float(values[i]) for name, values in scenes.items()}
+        given = {name: float(values[i]) for name, values in scenes.items()}
+        scene = Scene(
+            problem, i, given["frequency"], given["gravity"], duration, rebound == "reflect"
+        )
         for p, launch_time in enumerate(TIMES):
             try:
-                exact = trajectory(
-                    **scene,
-                    launch_time=launch_time,
-                    duration=duration,
-                    rebound=rebound,
-                    max_impacts=LANDINGS,
-                )
+                exact = trajectory(**given, **ends, launch_time=launch_time, max_impacts=LANDINGS)
             except UndecidableError:
                 continue
-            landings = compare(
-                found,
-                exact,
-                problem,
-                i,
-                p,
-                scene["gravity"],
-                scene["frequency"],
-                rebound == "reflect",
-            )
+            landings = compare(*(values[i, p] for values in recorded), exact, scene)
             compared, rests = compared + landings[0], rests + landings[1]
     assert compared > 15_000
     assert rests > 500

@@ -234,6 +234,18 @@ def test_an_occupant_stands_between_no_two_landings(order, parameters, observe, 
     assert measured["base_shared"] == 1
 
 
+@pytest.mark.parametrize("middle", [1.5, 3.5, 1.0, 2.0])
+def test_a_pair_astride_the_end_of_a_slab(middle, parameters, observe, workers):
+    # the first slab ends at a phase of 1/2 after the first landing, later ones mostly do too
+    h = 2.0**-13
+    launch = (0.0, middle - h - 1.0, middle + h - 1.0)
+    scene = parameters(**(DYADIC | {"amplitude": 0.0, "contact_time": 2.0**-11}))
+    measured = measure(scene, observe(launch, duration=9.0), workers)
+    if middle != 1.0:
+        assert measured["dt_min"] == measured["dt_min_same_index"] == 2.0 * h
+    assert measured["base_shared"] == 1
+
+
 def test_particles_at_rest_for_good_share_the_base(parameters, observe, workers, record):
     scene = parameters(amplitude=[0.0, 1e-5], restitution=0.5)
     for transient in (0.0, 6.0):

@@ -48,13 +48,13 @@ def _sources_digest() -> str:
 def _make_cache_directory() -> Path | None:
     """Directory of the machine code of exactly these sources; None where none can be written."""
     home = Path(numba.config.CACHE_DIR) if numba.config.CACHE_DIR else None
-    bases = [home] if home else [Path(__file__).parent / "__pycache__", Path.home() / ".cache"]
-    for base in bases:
+    beside = Path(__file__).parent / "__pycache__"
+    for base in [home] if home else [beside, Path.home() / ".cache"]:
         directory = base / "vibrosweep-kernels" / _sources_digest()
         try:
             if not directory.is_dir():
-                # machine code of other sources can never be loaded again
-                shutil.rmtree(directory.parent, ignore_errors=True)
+                if base == beside:  # machine code of other sources can never be loaded again
+                    shutil.rmtree(directory.parent, ignore_errors=True)
                 directory.mkdir(parents=True, exist_ok=True)
             probe = directory / ".writable"
             probe.touch()

@@ -1,12 +1,8 @@
 """Trajectories through time with running statistics; no landing is stored.
 
-A block of lanes (trajectories) lives in one flat scratch array, one row per quantity.  The inner
-loop runs over the lanes without a branch and becomes vector code; every `CHECK` impacts the lanes
-whose next landing lies past the end are written out and their places are filled again.
-
-One array with constant row offsets, rather than one array per quantity, lets the compiler prove
-that rows do not overlap, and the padding keeps equal lanes of different rows off the same sets of
-the first-level cache.
+The inner loop runs over a block of lanes (see `lanes`) without a branch and becomes vector code;
+every `CHECK` impacts the lanes whose next landing lies past the end are written out and their
+places are filled again.
 """
 
 from __future__ import annotations
@@ -16,40 +12,48 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel
+from vibrosweep.kernels.cycles import Cycles, close_cycle
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound
+from vibrosweep.kernels.lanes import (
+    AGE,
+    DONE,
+    ENDED,
+    GOES_ON,
+    LANDINGS,
+    LANE,
+    LANES,
+    LARGEST,
+    N_ANCHOR,
+    N_BEGIN,
+    NEXT_ANCHOR,
+    RECURRED,
+    RESTS,
+    ROWS,
+    SPENT,
+    SQUARES,
+    STRIDE,
+    SUM,
+    U_ANCHOR,
+    U_LIFT,
+    VECTOR,
+    WAIT,
+    X_ANCHOR,
+    X_BEGIN,
+    X_END,
+    X_LIFT,
+    A,
+    E,
+    N,
+    R,
+    U,
+    X,
+)
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Status
 
-__all__ = [
-    "CHECK",
-    "Cycles",
-    "Statistics",
-    "advance",
-    "empty_cycles",
-    "empty_statistics",
-    "scratch",
-]
+__all__ = ["CHECK", "Statistics", "advance", "empty_statistics"]
 
-LANES = 128
-VECTOR = 8
-STRIDE = LANES + VECTOR
-CHECK = 4
-
-# rows of the scratch array
-X, N, U = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE  # phase, count (from the end), flight time
-E, A, R = 3 * STRIDE, 4 * STRIDE, 5 * STRIDE  # restitution, kick, rest threshold
-X_LIFT, WAIT, U_LIFT = 6 * STRIDE, 7 * STRIDE, 8 * STRIDE  # where a rest ends
-X_END, N_BEGIN, X_BEGIN = 9 * STRIDE, 10 * STRIDE, 11 * STRIDE  # window
-LANDINGS, RESTS = 12 * STRIDE, 13 * STRIDE
-SUM, SQUARES, LARGEST = 14 * STRIDE, 15 * STRIDE, 16 * STRIDE  # of the flight times
-AGE, DONE, LANE = 17 * STRIDE, 18 * STRIDE, 19 * STRIDE  # impacts so far, why it leaves, name
-X_ANCHOR, N_ANCHOR, U_ANCHOR = 20 * STRIDE, 21 * STRIDE, 22 * STRIDE  # an earlier state
-NEXT_ANCHOR = 23 * STRIDE  # age at which the next one is taken
-ROWS = 24
-
-SAME = 2.0**-40  # periods
-
-GOES_ON, ENDED, SPENT, RECURRED = 0.0, 1.0, 2.0, 3.0  # values of DONE
+CHECK = 4  # impacts between two looks at what is done
 
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
@@ -81,44 +85,12 @@ class Statistics(NamedTuple):
     status: Flags
 
 
-class Cycles(NamedTuple):
-    """Cycles that trajectories have entered, each array of shape (trajectory,).
-
-    Attributes
-    ----------
-    impacts, periods, rests
-        Impacts, forcing periods and rests in one cycle; 0 where no recurrence was found.  Rounding
-        lets an orbit alternate between neighbouring numbers: states closer than `SAME` are one.
-    begin
-        When it had been entered at the latest: whole periods from the end's, plus the phase; NaN
-        without.
-    """
-
-    impacts: Integers
-    periods: Integers
-    rests: Integers
-    begin: Floats
-
-
-def empty_cycles(trajectories: int) -> Cycles:
-    """Room for the cycles of a batch."""
-    impacts, periods, rests = (np.empty(trajectories, np.int64) for _ in range(3))
-    return Cycles(impacts, periods, rests, np.empty(trajectories))
-
-
 def empty_statistics(trajectories: int) -> Statistics:
     """Room for the statistics of a batch."""
     landings, rests, at_rest = (np.empty(trajectories, np.int64) for _ in range(3))
     total, squares, largest = (np.empty(trajectories) for _ in range(3))
     status = np.empty(trajectories, np.int8)
     return Statistics(landings, rests, at_rest, total, squares, largest, status)
-
-
-def scratch() -> Floats:
-    """Scratch memory for one caller of `advance`, on a cache line so that no vector spans two."""
-    memory = np.zeros(ROWS * STRIDE + VECTOR)
-    offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
-    return memory[offset : offset + ROWS * STRIDE]
 
 
 @jit
@@ -172,89 +144,6 @@ def _find_done(s: Floats, lanes: int, places: Integers) -> int:
         places[done] = j
         done += 1 if s[DONE + j] != GOES_ON else 0
     return done
-
-
-@jit
-def _occurrences(first: float, last: float, period: float) -> float:
-    """Count the members of first, first + period, ... up to last; all are whole numbers."""
-    # below 2**53 the quotient is never rounded across a whole number
-    times: float = np.floor((last - first) / period) + 1.0
-    return max(0.0, times)
-
-
-@jit
-def _impact(
-    s: Floats, j: int, n: float, x: float, u: float, reflect: int | None
-) -> tuple[float, float, float, float, float, bool]:
-    """Landing and lift-off of lane j after a flight u from (n, x)."""
-    x, passed = land(x, u)
-    n += passed
-    w = rebound(x, u, s[E + j], s[A + j], reflect)
-    n_off, x_off, u, leaves = lift_off(n, x, w, s[R + j], s[X_LIFT + j], s[WAIT + j], s[U_LIFT + j])
-    return n, x, n_off, x_off, u, leaves
-
-
-@jit
-def _cycle(s: Floats, j: int, reflect: int | None) -> tuple[int, int, float]:
-    """Impacts, rests and forcing periods of the cycle that lane j has entered."""
-    x, n, u = s[X + j], s[N + j], s[U + j]
-    impacts, rests = 0, 0
-    while impacts == 0 or x != s[X + j] or u != s[U + j]:
-        _, _, n, x, u, leaves = _impact(s, j, n, x, u, reflect)
-        impacts += 1
-        rests += 0 if leaves else 1
-    return impacts, rests, n - s[N + j]
-
-
-@jit
-def _repeats(
-    s: Floats, j: int, reflect: int | None, impacts: int, shorter: int
-) -> tuple[bool, float]:
-    """Whether a cycle of lane j is, up to rounding, a shorter one; and that one's periods."""
-    x, n, u = s[X + j], s[N + j], s[U + j]
-    ahead_x, ahead_n, ahead_u = x, n, u
-    for _ in range(shorter):
-        _, _, ahead_n, ahead_x, ahead_u, _ = _impact(s, j, ahead_n, ahead_x, ahead_u, reflect)
-    periods = np.rint((ahead_n - n) + (ahead_x - x))
-    for _ in range(impacts):
-        apart = (ahead_n - n - periods) + (ahead_x - x)
-        if abs(apart) > SAME or abs(ahead_u - u) > SAME:
-            return False, periods
-        _, _, n, x, u, _ = _impact(s, j, n, x, u, reflect)
-        _, _, ahead_n, ahead_x, ahead_u, _ = _impact(s, j, ahead_n, ahead_x, ahead_u, reflect)
-    return True, periods
-
-
-@jit
-def _close(s: Floats, j: int, reflect: int | None, window: int | None, cycles: Cycles) -> None:
-    """Count each landing of the cycle that lane j has entered as often as it recurs.
-
-    The landing decided by n <= x_end - x is decided by n <= floor(x_end - x), for n is whole: the
-    number of landings is the one that going on would find.
-    """
-    lane = int(s[LANE + j])
-    impacts, rests, period = _cycle(s, j, reflect)
-    x, n, u = s[X + j], s[N + j], s[U + j]
-    for _ in range(impacts):
-        landed_n, landed_x, n, x, u, leaves = _impact(s, j, n, x, u, reflect)
-        times = _occurrences(landed_n, np.floor(s[X_END + j] - landed_x), period)
-        if window is not None:
-            early = s[N_BEGIN + j] - np.floor(landed_x - s[X_BEGIN + j]) - 1.0
-            times -= _occurrences(landed_n, early, period)
-        s[LANDINGS + j] += times
-        s[RESTS + j] += 0.0 if leaves else times
-        s[SUM + j] += times * u
-        s[SQUARES + j] += times * (u * u)
-        s[LARGEST + j] = max(s[LARGEST + j], u if times > 0.0 else 0.0)
-    cycles.impacts[lane], cycles.rests[lane], cycles.periods[lane] = impacts, rests, int(period)
-    for shorter in range(1, impacts // 2 + 1):
-        if impacts % shorter == 0:
-            same, period = _repeats(s, j, reflect, impacts, shorter)
-            if same:
-                cycles.impacts[lane], cycles.periods[lane] = shorter, int(period)
-                cycles.rests[lane] = rests * shorter // impacts
-                break
-    cycles.begin[lane] = s[N_ANCHOR + j] + s[X_ANCHOR + j]
 
 
 @jit
@@ -369,5 +258,5 @@ def advance(
         done = _find_done(s, lanes, places)
         for q in range(done):
             if cycles is not None and s[DONE + places[q]] == RECURRED:
-                _close(s, places[q], reflect, window, cycles)
+                close_cycle(s, places[q], reflect, window, cycles)
             _write(s, places[q], out)

@@ -144,7 +144,7 @@ def _follow(
         landing_error = max(landing_error, error)
         known = known and error <= tolerance
         if known:
-            until = n + (x - problem.phase[i]) + problem.end_count[i]
+            until = (n + problem.end_count[i]) + (x - problem.phase[i])
         sine = sin_turns(x)
         w = rebound(x, u, e, a, None)
         k = 2.0 * math.pi * a * sin_turns(0.25 - abs(x))

@@ -14,15 +14,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels.advance import (
-    Cycles,
-    Statistics,
-    advance,
-    empty_cycles,
-    empty_statistics,
-    scratch,
-)
+from vibrosweep.kernels.advance import Statistics, advance, empty_statistics
 from vibrosweep.kernels.combine import combine
+from vibrosweep.kernels.cycles import Cycles, empty_cycles
+from vibrosweep.kernels.lanes import scratch
 from vibrosweep.kernels.separation import separate, workspace
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.scene import Dimensionless, Launches, dimensionless, launches

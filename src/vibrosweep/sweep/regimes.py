@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels.advance import Cycles, Statistics
+from vibrosweep.kernels.advance import Statistics
+from vibrosweep.kernels.cycles import Cycles
 from vibrosweep.scene import Dimensionless
 from vibrosweep.status import Regime
 
