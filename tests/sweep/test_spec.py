@@ -286,7 +286,7 @@ MISTAKES = {
         ["record: launch time = 1e+20 s", "lower it"],
     ),
     "infinite kick": (
-        "[scene]\namplitude = 1e200\nfrequency = 1e200",
+        "[scene]\namplitude = 1e200\ngravity = 1e-200",
         ["scene: 2 frequency amplitude / gravity", "not finite"],
     ),
 }
