@@ -17,7 +17,6 @@ from vibrosweep.scene import PARAMETERS, Dimensionless, Launches, dimensionless,
 REPORT = Path(__file__).parents[1] / "docs" / "accuracy.md"
 LAWS = {"rest": None, "reflect": 1}
 ULP = 2.0**-53  # spacing of doubles in [1/2, 1): one ulp of a turn
-NOT_WRITTEN = "(not run yet)"
 
 
 @njit(error_model="numpy", nogil=True)

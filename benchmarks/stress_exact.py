@@ -160,7 +160,7 @@ def fold_points(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
                 if (x, passed) != (phase, whole):
                     faults.append(f"phase {phase!r} becomes {x!r}")
                 exact = abs(arb(e) * whole + arb(a) * (2 * arb(phase)).sin_pi())
-                larger = max(e * whole, a * abs(math.sin(2.0 * math.pi * phase)))
+                larger = max(e * whole, a * abs(math.sin(2.0 * math.pi * phase)), 1e-300)
                 error = float(abs(exact - abs(w)).abs_upper())
                 if error > 3.0 * np.spacing(larger):
                     faults.append(f"phase {phase!r}: w off by {error / np.spacing(larger):.3g} ulp")

@@ -97,7 +97,8 @@ def main() -> None:
     write_table(points, missing, options.output / "work_precision.csv")
     draw(points, images / "work_precision.png")
     minutes = (time.perf_counter() - began) / 60.0
-    text = report(points, missing, bound, options.threads, load, minutes)
+    loads = (load, os.getloadavg()[0])
+    text = report(points, missing, bound, options.threads, loads, minutes)
     (options.output / "work-precision.md").write_text(text, encoding="utf-8")
     print(f"{minutes:.1f} minutes; written to {options.output}")
 

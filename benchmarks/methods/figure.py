@@ -63,8 +63,8 @@ def draw(points: list[Point], path: Path) -> None:
 def _panel(axis: Axes, points: list[Point]) -> None:
     axis.set_xscale("log")
     axis.set_yscale("log")
-    axis.set_xlim(1e-17, 1e5)
-    axis.set_ylim(0.4, 2e7)
+    axis.set_xlim(1e-18, 1e5)
+    axis.set_ylim(0.1, 2e7)
     axis.grid(which="major", color="0.9", linewidth=0.6)
     axis.set_axisbelow(True)
     for method, look in LOOKS.items():

@@ -34,8 +34,9 @@ known in closed form.
 repeated runs; compilation is left out. A method that takes longer gets fewer trajectories, from a
 minimum that is the same for all; the tables say how many.
 
-Run on {when} on {cpu} with {threads} threads; the load was {load:.1f} at the start, the run took
-{minutes:.0f} minutes. Versions: {source}, Python {python}, {versions}.{missing}
+Run on {when} on {cpu} with {threads} threads; the load of the machine was {load[0]:.1f} before
+and {load[1]:.1f} at the end of the run of {minutes:.0f} minutes. Versions: {source},
+Python {python}, {versions}.{missing}
 
 ## Methods
 
@@ -88,7 +89,7 @@ def report(
     missing: list[str],
     radius: float,
     threads: int,
-    load: float,
+    load: tuple[float, float],
     minutes: float,
 ) -> str:
     """The whole page, in Markdown."""
@@ -106,7 +107,7 @@ def report(
 
 
 def _introduction(
-    missing: list[str], radius: float, threads: int, load: float, minutes: float
+    missing: list[str], radius: float, threads: int, load: tuple[float, float], minutes: float
 ) -> str:
     packages = [*PACKAGES, *(p for name, ps in OPTIONAL.items() if name not in missing for p in ps)]
     source = provenance(threads)
@@ -153,8 +154,8 @@ All from this run, {kernel.threads} threads each.
 - **At equal error.** Measured: with its finest step RK4 takes {slower:.2g} times the kernel's time
   per impact and still errs {off:.2g} times as much, so the ratio at equal error is larger than
   {slower:.2g}. Extrapolated at first order to the kernel's error, RK4 would need steps of
-  {fine.step / off:.1g} s and {slower * off:.1g} times the kernel's time. That is a
-  figure of speech: a time of 200 s cannot be resolved by such steps in double precision.
+  {fine.step / off:.1g} s and {slower * off:.1g} times the kernel's time. No such run exists:
+  a time of 200 s cannot be resolved by such steps in double precision.
 - **At equal time.** Measured: with its coarsest step RK4 still takes {cheap:.3g} times the kernel's
   time, and errs {coarse.error / kernel.error:.2g} times as much, so the ratio at equal time is at
   least that. In the kernel's time RK4 could make one step of {period:.2g} s per impact, longer than
