@@ -197,10 +197,12 @@ def _run(options: argparse.Namespace) -> None:
     from vibrosweep.store.disk import check_output
 
     check_output(output, force=options.force, inputs=(options.spec, spec.table))
+    gc.disable()  # importing makes many objects and hardly any garbage
     _leave_linear_algebra_out()
     from vibrosweep.sweep.progress import reporting
     from vibrosweep.sweep.run import available_threads, run_sweep
 
+    gc.enable()
     threads = options.threads or available_threads()
     print(spec.title)
     began = time.perf_counter()

@@ -110,7 +110,7 @@ SWEEP: Final = _registry(
         "s",
         "smallest separation between landings of different particles",
         key=_SEPARATION,
-        comment="NaN where no two particles land",
+        comment="NaN where no two particles land, or the impact budget does not reach the end",
     ),
     Variable(
         "dt_min_same_index",

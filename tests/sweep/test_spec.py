@@ -150,7 +150,10 @@ MISTAKES = {
         "[scene]\nrestitution = 1.2",
         ["scene.restitution = 1.2", "at least 0 and at most 1"],
     ),
-    "open range": ("[record]\nfrequency = 0", ["record.frequency = 0", "greater than 0 and at most 1e+09 Hz"]),
+    "open range": (
+        "[record]\nfrequency = 0",
+        ["record.frequency = 0", "greater than 0 and at most 1e+09 Hz"],
+    ),
     "particles": ("[scene]\nparticles = 0", ["scene.particles = 0", "whole number, at least 1"]),
     "particles type": ("[scene]\nparticles = 2.0", ["scene.particles = 2.0", "whole number"]),
     "launch word": ('[scene]\nlaunch = "now"', ['scene.launch = "now"', '"staggered" or a list']),

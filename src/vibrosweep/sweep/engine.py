@@ -30,7 +30,7 @@ __all__ = ["Observation", "Workers", "measure", "statistics"]
 Array = NDArray[np.float64]
 Measured = dict[str, NDArray[Any]]
 
-TRAJECTORIES_PER_TASK = 8192
+TRAJECTORIES_PER_TASK = 16384
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,7 @@ class Workers:
     def __init__(self, threads: int) -> None:
         self.threads = threads
         self._pool = ThreadPoolExecutor(threads)
+        self._room = empty_statistics(0)
 
     def __enter__(self) -> Self:
         return self
@@ -107,6 +108,12 @@ class Workers:
     def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
         # a running kernel cannot be stopped: after an interruption nobody waits for it
         self._pool.shutdown(wait=kind is None, cancel_futures=True)
+
+    def room(self, trajectories: int) -> Statistics:
+        """Memory for statistics, the same at each call: fresh pages cost a third of a sweep."""
+        if self._room.status.size < trajectories:
+            self._room = empty_statistics(trajectories)
+        return Statistics._make(values[:trajectories] for values in self._room)
 
     def each(self, task: Callable[[int, int], object], total: int, size: int) -> None:
         """Call ``task(first, last)`` for ranges of at most `size` that cover ``range(total)``."""
@@ -125,10 +132,11 @@ def statistics(
 ) -> Statistics:
     """Statistics of every trajectory, in the order of realizations and within them of particles.
 
-    Where `cycles` are given, they are written, and trajectories that recur are followed no further.
+    They stand in the workers' `Workers.room` until its next use.  Where `cycles` are given, they
+    are written, and trajectories that recur are followed no further.
     """
     total = problem.kick.size * observation.particles
-    each = empty_statistics(total)
+    each = workers.room(total)
 
     def task(first: int, last: int) -> None:
         advance(
@@ -245,7 +253,8 @@ def _per_particle(
     )
     measured = _physical(each, repeated, lanes)
     measured["at_rest"] = each.at_rest.astype(np.int8)
-    return {f"particle_{name}": values.reshape(shape) for name, values in measured.items()}
+    # a copy: `each` is written over by the next batch
+    return {f"particle_{name}": values.reshape(shape).copy() for name, values in measured.items()}
 
 
 def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:

@@ -77,8 +77,8 @@ def record_landings(
     found: dict[str, NDArray[Any]] = {
         name: values.reshape(*shape, capacity) for name, values in out._asdict().items()
     }
-    found["impact_count"] = each.landings.reshape(shape)
-    found["status"] = each.status.reshape(shape)
+    found["impact_count"] = each.landings.reshape(shape).copy()
+    found["status"] = each.status.reshape(shape).copy()
     return found
 
 
