@@ -127,6 +127,15 @@ def test_the_whole_job(vibrosweep, tmp_path, monkeypatch):
     assert {p.name for p in tmp_path.iterdir()} == {"single_ball.h5", "figures"}
 
 
+def test_figures_of_a_result_without_particles(vibrosweep, spec, tmp_path):
+    """Staggered launches at a sampled frequency: no variable has the dimension of particles."""
+    sweep = spec('title = "x"\n[sample]\nrealizations = 3\nfrequency = [8, 9]')
+    assert vibrosweep("run", sweep, "-o", tmp_path / "f.h5")[0] == 0
+    code, text, message = vibrosweep("figures", tmp_path / "f.h5", "-o", tmp_path / "figures")
+    assert (code, message) == (0, "")
+    assert "figure return_map needs" in text
+
+
 def test_options_do_not_change_the_result(vibrosweep, result, tmp_path):
     other = tmp_path / "other.h5"
     assert vibrosweep("run", SINGLE, "-o", other, "--threads", 1, "--chunk", 1)[0] == 0

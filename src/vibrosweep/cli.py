@@ -274,6 +274,6 @@ def _loaded(path: Path, opener: Callable[[Path], xr.Dataset], *without: str) -> 
     """Read what figures are drawn from, but not along the dimensions `without`."""
     with opener(path) as dataset:
         try:
-            return dataset.drop_dims(without).load()
+            return dataset.drop_dims(without, errors="ignore").load()
         except (OSError, RuntimeError) as error:
             raise DataError(f"{path}: is damaged; compute it again with vibrosweep run") from error
