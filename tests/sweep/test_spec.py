@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -48,7 +49,15 @@ def test_every_sweep_of_the_repository_is_sound(path):
 
 def test_all_sweeps_are_there():
     names = "laboratory million paper population return_map sensitivity single_ball twenty_balls"
-    assert [p.stem for p in SWEEPS] == names.split()
+    fewer = [f"population_{n:03}" for n in (5, 10, 20, 50)]
+    assert [p.stem for p in SWEEPS] == sorted([*names.split(), *fewer])
+
+
+def test_populations_differ_in_the_number_of_particles_alone():
+    specs = [read_spec(p) for p in SWEEPS if p.stem.startswith("population")]
+    assert sorted(s.particles for s in specs) == [5, 10, 20, 50, 100]
+    same = {"title": "", "text": "", "source": None, "particles": 1, "record": None}
+    assert len({str(replace(s, **same)) for s in specs}) == 1
 
 
 def test_laboratory_keeps_the_dimensionless_kick_of_the_paper():
