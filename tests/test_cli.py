@@ -323,8 +323,8 @@ def test_an_interrupted_run_leaves_nothing(spec, tmp_path, text, ending):
         process.send_signal(ending)
         time.sleep(0.01)
     messages = process.communicate(timeout=20)[1]
-    assert process.returncode == 130
-    assert messages == "vibrosweep: interrupted; an unfinished result is not kept\n"
+    expected = "vibrosweep: interrupted; an unfinished result is not kept\n"
+    assert (process.returncode, messages) == (130, expected)
     assert old.read_bytes() == b"old"
     assert {p.name for p in tmp_path.iterdir()} == {"sweep.toml", "out.h5"}
 

@@ -22,6 +22,12 @@ import jax
 import jax.numpy as jnp
 import optimistix
 
+# XLA sizes its pool of threads by the processors that it may use when it starts
+_allowed = os.sched_getaffinity(0)
+os.sched_setaffinity(0, {max(_allowed)})
+jax.devices()
+os.sched_setaffinity(0, _allowed)
+
 DIFFRAX = "diffrax"
 LANES = 256
 ABOVE = 1e-300  # an event needs a change of sign, so the flight starts above the base
