@@ -16,20 +16,17 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from vibrosweep._version import __version__
-from vibrosweep.errors import DataError, VibrosweepError
-
-if TYPE_CHECKING:
-    import xarray as xr
+from vibrosweep.commands import COMMANDS
+from vibrosweep.errors import VibrosweepError
 
 __all__ = ["main"]
 
-DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
+DONE, MISTAKE, INTERRUPTED = 0, 2, 130
 PATIENCE: Final = 2.0  # seconds for which a second interruption is not one more
 
 
@@ -56,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _perform(arguments: Sequence[str]) -> int:
     options = _parser().parse_args(arguments)
     try:
-        code: int | None = options.command(options)
+        code: int | None = options.perform(options)
         sys.stdout.flush()
     except VibrosweepError as error:
         _complain(str(error))
@@ -140,140 +137,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"vibrosweep {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
-    run = commands.add_parser("run", help="compute a sweep file")
-    run.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
-    run.add_argument(
-        "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
-    )
-    run.add_argument("--threads", metavar="N", type=_positive, help="default: all processors")
-    run.add_argument("--chunk", metavar="N", type=_positive, help="realizations held in memory")
-    run.add_argument("--force", action="store_true", help="replace an existing output")
-    run.set_defaults(command=_run)
-
-    info = commands.add_parser("info", help="show what a result file holds")
-    info.add_argument("result", metavar="OUT.h5", type=Path)
-    info.set_defaults(command=_info)
-
-    figures = commands.add_parser("figures", help="draw the figures of a result file")
-    figures.add_argument("result", metavar="OUT.h5", type=Path)
-    figures.add_argument(
-        "-o", "--output", metavar="DIR", type=Path, default=Path("figures"), help="default: figures"
-    )
-    figures.set_defaults(command=_figures)
-
-    verify = commands.add_parser("verify", help="hold a result file against proved values")
-    verify.add_argument("result", metavar="OUT.h5", type=Path)
-    verify.add_argument(
-        "--sample", metavar="K", type=_positive, default=20, help="realizations drawn; default: 20"
-    )
-    verify.add_argument("--seed", metavar="S", type=_whole, default=0, help="default: 0")
-    verify.add_argument(
-        "--max-landings",
-        metavar="N",
-        type=_positive,
-        default=250_000,
-        help="leave out realizations with more; default: 250000, some ten seconds",
-    )
-    verify.set_defaults(command=_verify)
+    for command in COMMANDS:
+        added = commands.add_parser(command.NAME, help=command.HELP, description=command.HELP)
+        command.add_arguments(added)
+        added.set_defaults(perform=command.perform)
     return parser
-
-
-def _positive(text: str) -> int:
-    return _whole(text, 1)
-
-
-def _whole(text: str, low: int = 0) -> int:
-    value = int(text) if text.isdecimal() else -1
-    if value < low:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least {low}")
-    return value
-
-
-def _run(options: argparse.Namespace) -> None:
-    from vibrosweep.sweep.spec import read_spec
-
-    spec = read_spec(options.spec)
-    output = options.output or Path(f"{options.spec.stem}.h5")
-    from vibrosweep.store.disk import check_output
-
-    check_output(output, force=options.force, inputs=(options.spec, spec.table))
-    gc.disable()  # importing makes many objects and hardly any garbage
-    _leave_linear_algebra_out()
-    from vibrosweep.sweep.progress import reporting
-    from vibrosweep.sweep.run import available_threads, run_sweep
-
-    gc.enable()
-    threads = options.threads or available_threads()
-    print(spec.title)
-    began = time.perf_counter()
-    with reporting(sys.stderr) as advance:
-        summary = run_sweep(spec, output, threads=threads, chunk=options.chunk, advance=advance)
-    seconds = time.perf_counter() - began
-    print(
-        f"{_some(summary.realizations, 'realization')} of {_some(spec.particles, 'particle')}, "
-        f"{_some(summary.landings, 'landing')} in {seconds:.3g} s on {_some(threads, 'thread')}"
-    )
-    print("\n".join(summary.lines()))
-    print(f"written to {output}")
-
-
-def _some(number: int, thing: str) -> str:
-    return f"{number} {thing}{'' if number == 1 else 's'}"
-
-
-def _leave_linear_algebra_out() -> None:
-    """Keep numba from importing scipy's linear algebra, which no kernel uses: 0.15 s of each run.
-
-    Done here and not in the library: this process is ours alone.
-    """
-    sys.modules.setdefault("scipy.linalg.cython_blas", None)  # type: ignore[arg-type]
-    from numba.core.registry import cpu_target
-
-    cpu_target.target_context.refresh()
-    if sys.modules["scipy.linalg.cython_blas"] is None:
-        del sys.modules["scipy.linalg.cython_blas"]
-
-
-def _info(options: argparse.Namespace) -> None:
-    from vibrosweep.sweep.inspect import describe
-
-    print("\n".join(describe(options.result)))
-
-
-def _figures(options: argparse.Namespace) -> None:
-    from vibrosweep.api import has_record, open_record, open_sweep
-    from vibrosweep.figures import missing, save_all
-
-    # no figure of a sweep shows single particles, which may be many
-    sweep = _loaded(options.result, open_sweep, "particle")
-    record = _loaded(options.result, open_record) if has_record(options.result) else None
-    for path in save_all(sweep, record, options.output):
-        print(path)
-    for sentence in missing(sweep, record).values():
-        print(f"left out: {sentence}")
-
-
-def _verify(options: argparse.Namespace) -> int:
-    _leave_linear_algebra_out()
-    from vibrosweep.sweep.progress import reporting
-    from vibrosweep.verify import verify
-
-    with reporting(sys.stderr) as advance:
-        report = verify(
-            options.result,
-            sample=options.sample,
-            seed=options.seed,
-            max_landings=options.max_landings,
-            advance=advance,
-        )
-    print("\n".join(report.lines()))
-    return DONE if report.passed else FAILED
-
-
-def _loaded(path: Path, opener: Callable[[Path], xr.Dataset], *without: str) -> xr.Dataset:
-    """Read what figures are drawn from, but not along the dimensions `without`."""
-    with opener(path) as dataset:
-        try:
-            return dataset.drop_dims(without, errors="ignore").load()
-        except (OSError, RuntimeError) as error:
-            raise DataError(f"{path}: is damaged; compute it again with vibrosweep run") from error

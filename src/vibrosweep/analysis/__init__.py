@@ -1,0 +1,1 @@
+"""Dataset in, dataset out: one question per file."""

@@ -1,0 +1,1 @@
+"""Every claim of the study judged by computation: numbers, verdicts, one page."""

@@ -1,0 +1,16 @@
+"""The commands, a file each; what a command needs is imported when it runs.
+
+Each file states its ``NAME`` and ``HELP``, adds its arguments to a parser, and performs the
+command, returning an exit code or None for success.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Final
+
+from vibrosweep.commands import figures, info, run, verify
+
+__all__ = ["COMMANDS"]
+
+COMMANDS: Final[tuple[ModuleType, ...]] = (run, info, figures, verify)

@@ -1,0 +1,25 @@
+"""Kinds of argument that several commands take."""
+
+from __future__ import annotations
+
+import argparse
+
+__all__ = ["positive", "some", "whole"]
+
+
+def positive(text: str) -> int:
+    """Read a whole number of at least 1."""
+    return whole(text, 1)
+
+
+def whole(text: str, low: int = 0) -> int:
+    """Read a whole number of at least `low`."""
+    value = int(text) if text.isdecimal() else -1
+    if value < low:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least {low}")
+    return value
+
+
+def some(number: int, thing: str) -> str:
+    """Count things: 1 particle, 2 particles."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"

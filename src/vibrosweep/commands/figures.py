@@ -1,0 +1,49 @@
+"""``vibrosweep figures``: draw the figures of a result file."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from vibrosweep.errors import DataError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "figures"
+HELP: Final = "draw the figures of a result file"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("result", metavar="OUT.h5", type=Path)
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, default=Path("figures"), help="default: figures"
+    )
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    from vibrosweep.api import has_record, open_record, open_sweep
+    from vibrosweep.figures import missing, save_all
+
+    # no figure of a sweep shows single particles, which may be many
+    sweep = _loaded(options.result, open_sweep, "particle")
+    record = _loaded(options.result, open_record) if has_record(options.result) else None
+    for path in save_all(sweep, record, options.output):
+        print(path)
+    for sentence in missing(sweep, record).values():
+        print(f"left out: {sentence}")
+
+
+def _loaded(path: Path, opener: Callable[[Path], xr.Dataset], *without: str) -> xr.Dataset:
+    """Read what figures are drawn from, but not along the dimensions `without`."""
+    with opener(path) as dataset:
+        try:
+            return dataset.drop_dims(without, errors="ignore").load()
+        except (OSError, RuntimeError) as error:
+            raise DataError(f"{path}: is damaged; compute it again with vibrosweep run") from error

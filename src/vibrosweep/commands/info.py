@@ -1,0 +1,24 @@
+"""``vibrosweep info``: show what a result file holds."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Final
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "info"
+HELP: Final = "show what a result file holds"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("result", metavar="OUT.h5", type=Path)
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    from vibrosweep.sweep.inspect import describe
+
+    print("\n".join(describe(options.result)))

@@ -1,0 +1,50 @@
+"""``vibrosweep verify``: hold a result file against proved values."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Final
+
+from vibrosweep.commands.arguments import positive, whole
+from vibrosweep.commands.start import leave_linear_algebra_out
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "verify"
+HELP: Final = "hold a result file against proved values"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("result", metavar="OUT.h5", type=Path)
+    parser.add_argument(
+        "--sample", metavar="K", type=positive, default=20, help="realizations drawn; default: 20"
+    )
+    parser.add_argument("--seed", metavar="S", type=whole, default=0, help="default: 0")
+    parser.add_argument(
+        "--max-landings",
+        metavar="N",
+        type=positive,
+        default=250_000,
+        help="leave out realizations with more; default: 250000, some ten seconds",
+    )
+
+
+def perform(options: argparse.Namespace) -> int:
+    """Carry the command out; return 1 if a number is outside its claim."""
+    leave_linear_algebra_out()
+    from vibrosweep.sweep.progress import reporting
+    from vibrosweep.verify import verify
+
+    with reporting(sys.stderr) as advance:
+        report = verify(
+            options.result,
+            sample=options.sample,
+            seed=options.seed,
+            max_landings=options.max_landings,
+            advance=advance,
+        )
+    print("\n".join(report.lines()))
+    return 0 if report.passed else 1

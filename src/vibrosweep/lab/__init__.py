@@ -1,0 +1,1 @@
+"""From camera tracks of real particles to landings, estimates, and a comparison with prediction."""
