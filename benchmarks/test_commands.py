@@ -17,9 +17,9 @@ import pytest
 from vibrosweep.scene import dimensionless, launches
 from vibrosweep.sweep import run
 from vibrosweep.sweep.design import open_design
-from vibrosweep.sweep.engine import Workers
-from vibrosweep.sweep.engine import statistics as trajectory_statistics
+from vibrosweep.sweep.following import statistics as trajectory_statistics
 from vibrosweep.sweep.spec import read_spec
+from vibrosweep.sweep.workers import Workers
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
 VIBROSWEEP = [sys.executable, "-c", "import sys; from vibrosweep.cli import main; sys.exit(main())"]

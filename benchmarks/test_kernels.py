@@ -12,7 +12,9 @@ from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
 from vibrosweep.kernels.advance import advance, empty_statistics
 from vibrosweep.kernels.lanes import scratch
 from vibrosweep.scene import PARAMETERS, dimensionless, launches
-from vibrosweep.sweep.engine import TRAJECTORIES_PER_TASK, Observation, Workers, statistics
+from vibrosweep.sweep.following import statistics
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
 THREADS = 2
 

@@ -8,7 +8,8 @@ from test_kernels import THREADS, scene
 from vibrosweep.kernels.cycles import empty_cycles
 from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.separation import separate
-from vibrosweep.sweep.engine import Workers, statistics
+from vibrosweep.sweep.following import statistics
+from vibrosweep.sweep.workers import Workers
 
 
 def recognising(realizations, periods, workers):

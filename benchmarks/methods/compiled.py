@@ -16,9 +16,11 @@ from vibrosweep.kernels.advance import Statistics, empty_statistics
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound
 from vibrosweep.reference.rk4 import rk4
 from vibrosweep.scene import PARAMETERS, dimensionless, launches
-from vibrosweep.sweep.engine import TRAJECTORIES_PER_TASK, Observation, Workers, statistics
+from vibrosweep.sweep.following import statistics
 from vibrosweep.sweep.landings import record_landings
+from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.run import record_observation
+from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
 MARGIN = 1.0  # s past the end, so that a late landing is compared rather than missed
 MOST_IMPACTS = 10_000_000

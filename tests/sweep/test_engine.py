@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.advance import CHECK
 from vibrosweep.status import Status
-from vibrosweep.sweep import engine
+from vibrosweep.sweep import following
 from vibrosweep.sweep.engine import Workers, measure
 from vibrosweep.variables import PER_PARTICLE, REGIMES, SWEEP, TRUST
 
@@ -222,7 +222,7 @@ def test_threads_and_tasks_do_not_change_a_bit(
     )
     results = []
     for threads, trajectories in ((1, 8192), (2, 8192), (2, 1), (3, 17), (3, 130)):
-        monkeypatch.setattr(engine, "TRAJECTORIES_PER_TASK", trajectories)
+        monkeypatch.setattr(following, "TRAJECTORIES_PER_TASK", trajectories)
         with Workers(threads) as workers:
             results.append(measure(scene, observation, workers))
     for other in results[1:]:

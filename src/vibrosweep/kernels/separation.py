@@ -11,11 +11,15 @@ dyadic phases, where the comparison is exact: nothing is lost at late times.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Flags, Floats, jit, kernel
-from vibrosweep.kernels.impact import land, launch, lift_off, rebound
+from vibrosweep.kernels.cycles import Cycles
+from vibrosweep.kernels.impact import Scene, land, launch, lift_off, rebound, scene
+from vibrosweep.kernels.joint import Joint, affordable, joint_cycle, no_joint
 from vibrosweep.kernels.lanes import LANES, STRIDE, VECTOR
 from vibrosweep.kernels.ordering import (
     DUE,
@@ -32,7 +36,14 @@ from vibrosweep.kernels.ordering import (
 )
 from vibrosweep.scene import Dimensionless, Launches
 
-__all__ = ["UNKNOWN", "Workspace", "separate", "workspace"]
+__all__ = [
+    "UNKNOWN",
+    "Separations",
+    "Workspace",
+    "empty_separations",
+    "separate",
+    "workspace",
+]
 
 UNKNOWN = -1
 
@@ -41,8 +52,30 @@ LONGEST_SLAB = 2.0**50
 SHORTEST_SLAB = 2.0**-40
 
 
-# restitution, kick, rest threshold, phase of lift-off, wait for ever or not, flight after a rest
-Scene = tuple[float, float, float, float, float, float]
+class Separations(NamedTuple):
+    """Separations of realizations, each array of shape (realization,).
+
+    Attributes
+    ----------
+    gap, same
+        Smallest separation over all landings, and over landings with equal impact numbers, in
+        forcing periods; NaN where there is no pair.
+    shared
+        1 where two particles were on the base at once, each stay counted as at least the contact
+        time; `UNKNOWN` where the realization was not measured.
+    """
+
+    gap: Floats
+    same: Floats
+    shared: Flags
+
+
+def empty_separations(realizations: int) -> Separations:
+    """Room for the separations of a batch of which nothing is known."""
+    gap, same = (np.full(realizations, np.nan) for _ in range(2))
+    return Separations(gap, same, np.full(realizations, UNKNOWN, np.int8))
+
+
 Instant = tuple[float, float]  # whole periods and phase
 Latest = tuple[float, float, float, int]  # whole periods, phase, stay, particle
 
@@ -65,13 +98,13 @@ def _start(work: Workspace, problem: Dimensionless, launches: Launches, i: int) 
 def _next_landings(
     s: Floats,
     lanes: int,
-    scene: Scene,
+    fixed: Scene,
     n_stop: float,
     x_stop: float,
     reflect: int | None,
 ) -> None:
     """Find the next landing of each lane; take those up to the stop and leave the others be."""
-    e, a, r, x_lift, wait, u_lift = scene
+    e, a, r, x_lift, wait, u_lift = fixed
     for j in range(lanes):
         x, passed = land(s[X + j], s[U + j])
         n = s[N + j] + passed
@@ -138,7 +171,7 @@ def _append(
 
 @jit
 def _collect(
-    scene: Scene,
+    fixed: Scene,
     stop: Instant,
     window: int | None,
     begin: Instant,
@@ -154,7 +187,7 @@ def _collect(
             if k + lanes > work.whole.size:
                 return -1
             padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
-            _next_landings(s, padded, scene, n_stop, x_stop, reflect)
+            _next_landings(s, padded, fixed, n_stop, x_stop, reflect)
             k, due = _append(s, lanes, window, begin, work, k)
             if 2 * due < lanes or due == 0:
                 lanes = _due_first(s, lanes)
@@ -205,10 +238,10 @@ def _earliest(work: Workspace) -> float:
 
 @jit
 def _all_landings(
-    scene: Scene,
+    fixed: Scene,
     window: int | None,
     begin: Instant,
-    x_end: float,
+    end: Instant,
     reflect: int | None,
     work: Workspace,
 ) -> tuple[float, int]:
@@ -216,19 +249,20 @@ def _all_landings(
 
     Returns (inf, UNKNOWN) where landings crowd beyond what slabs can resolve.
     """
+    n_end, x_end = end
     n_stop, x_stop = _earliest(work), -0.5
     if window is not None and begin[0] > n_stop:
         n_stop = begin[0]
     slab = 1.0
     latest = (np.inf, 0.0, 0.0, 0)
     gap, shared = np.inf, 0
-    while n_stop <= x_end - x_stop and not (gap == 0.0 and shared == 1):
+    while n_stop - n_end <= x_end - x_stop and not (gap == 0.0 and shared == 1):
         _copy(work.state, work.saved)
         n_next, x_next = n_stop + np.floor(x_stop + slab + 0.5), x_stop + slab
         x_next -= np.floor(x_next + 0.5)
-        at_end = not n_next <= x_end - x_next
-        stop = (0.0, x_end) if at_end else (n_next, x_next)
-        k = _collect(scene, stop, window, begin, reflect, work)
+        at_end = not n_next - n_end <= x_end - x_next
+        stop = end if at_end else (n_next, x_next)
+        k = _collect(fixed, stop, window, begin, reflect, work)
         if k < 0:
             if slab <= SHORTEST_SLAB:
                 return np.inf, UNKNOWN
@@ -246,31 +280,114 @@ def _all_landings(
 
 
 @jit
+def _append_all(
+    s: Floats, lanes: int, window: int | None, begin: Instant, work: Workspace, k: int
+) -> tuple[int, int]:
+    """Append the landings that were due; return the length of the list and how many were early.
+
+    A landing before the window gets a negative name.
+    """
+    n_begin, x_begin = begin
+    early = 0
+    for j in range(lanes):
+        work.whole[k], work.phase[k], work.stay[k] = s[N_LAND + j], s[X_LAND + j], 0.0
+        who = int(s[WHO + j])
+        if window is not None:
+            before = (n_begin - s[N_LAND + j]) + (x_begin - s[X_LAND + j]) > 0.0
+            early += 1 if before and s[DUE + j] != 0.0 else 0
+            who = -1 - who if before else who
+        work.who[k] = who
+        k += int(s[DUE + j])
+    return k, early
+
+
+@jit
+def _drift_apart(work: Workspace, k: int, joint: Joint) -> bool:
+    """Whether, of k ordered landings of equal number, later ones are never of faster particles."""
+    slowest = -np.inf
+    for q in range(k):
+        who = work.who[work.order[q]]
+        pace = joint.pace[who if who >= 0 else -1 - who]
+        if pace < slowest:
+            return False
+        slowest = pace
+    return True
+
+
+@jit
+def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint, impacts: int) -> None:
+    """Pass over whole cycles of every particle, as long as none of them enters the window."""
+    times = np.inf
+    for q in range(k):
+        if work.who[q] < 0:
+            before = (begin[0] - work.whole[q]) + (begin[1] - work.phase[q])
+            times = min(times, np.floor(before / (impacts * joint.pace[-1 - work.who[q]])) - 1.0)
+    if times > 0.0:
+        for block in range(work.lanes.size):
+            s = work.state[block]
+            for j in range(work.lanes[block]):
+                s[N + j] += times * np.rint(impacts * joint.pace[int(s[WHO + j])])
+
+
+@jit
 def _same_index(
-    scene: Scene,
+    fixed: Scene,
     window: int | None,
     begin: Instant,
     x_end: float,
     reflect: int | None,
     work: Workspace,
     bound: float,
+    joint: Joint,
 ) -> float:
-    """Smallest gap between landings with equal impact numbers; no smaller one than bound exists."""
+    """Smallest gap between landings with equal impact numbers; no smaller one than bound exists.
+
+    Once all particles are on their cycles the gaps of equally fast ones repeat after the joint
+    cycle, and those of others grow as soon as the slower one is the later one.  When that has held
+    for one joint cycle, nothing smaller can follow.
+    """
     gap = np.inf
-    active = 2
+    active, number, repeated, early = 2, 0, 0, 0
     while active > 1 and gap > bound:
-        k, active = 0, 0
+        k, active, before = 0, 0, early
+        early = 0
         for block in range(work.lanes.size):
             s, lanes = work.state[block], work.lanes[block]
             padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
-            _next_landings(s, padded, scene, 0.0, x_end, reflect)
-            k, due = _append(s, lanes, window, begin, work, k)
-            if due < lanes:  # the others have passed the end
+            _next_landings(s, padded, fixed, 0.0, x_end, reflect)
+            start = k
+            k, outside = _append_all(s, lanes, window, begin, work, k)
+            early += outside
+            if k - start < lanes:  # the others have passed the end
                 work.lanes[block] = _due_first(s, lanes)
-            active += due
+        active = k
         put_in_order(work, k)
         _, gap, _ = _compare(work, k, (np.inf, 0.0, 0.0, 0), gap, 0)
+        number += 1
+        if joint.impacts > 0 and number > joint.age:
+            same = early == before and _drift_apart(work, k, joint)
+            repeated = repeated + 1 if same else 0
+            if repeated > joint.impacts:
+                if early == 0:
+                    break
+                _pass_over(work, k, begin, joint, joint.impacts)
+                repeated = 0
     return gap
+
+
+@jit
+def _until(
+    window: int | None, begin: Instant, x_end: float, joint: Joint
+) -> tuple[Instant, Instant]:
+    """Window of two joint cycles, at most, in which every gap and stay of the true one occurs."""
+    n_begin, n_end = begin[0], 0.0
+    known = joint.known
+    if window is not None:
+        shift = np.floor((n_begin - known) / joint.periods) * joint.periods
+        if shift > 0.0:
+            n_begin, n_end = n_begin - shift, -shift
+        known = max(known, n_begin)
+    return (n_begin, begin[1]), (min(n_end, known + 2.0 * joint.periods + 2.0), x_end)
 
 
 @kernel
@@ -280,12 +397,12 @@ def separate(
     problem: Dimensionless,
     launches: Launches,
     complete: NDArray[np.bool_],
+    budget: int,
     reflect: int | None,
     window: int | None,
     work: Workspace,
-    gap: Floats,
-    same: Floats,
-    shared: Flags,
+    cycles: Cycles | None,
+    out: Separations,
 ) -> None:
     """Measure the separations of realizations first ... last - 1.
 
@@ -298,34 +415,42 @@ def separate(
     complete
         Shape (realization,): false where a trajectory ran out of its budget; such a realization
         is not measured.
+    budget
+        Landings of a particle up to which a realization is measured.
     reflect, window
         None, or 1 for the `reflect` law and for a window that begins after the launch; chosen at
         compile time.
     work : Workspace
         Not shared between threads.
-    gap, same
-        Written: smallest separation over all landings, and over landings with equal impact
-        numbers, in forcing periods; NaN where there is no pair.
-    shared
-        Written: 1 where two particles were on the base at once, each stay counted as at least the
-        contact time; `UNKNOWN` where the realization was not measured.
+    cycles : vibrosweep.kernels.cycles.Cycles or None
+        Where given, and all particles of a realization have entered theirs, no more is followed
+        than the joint cycle of all; the result is the same, bit for bit.
+    out : Separations
+        Only the slots first ... last - 1 are written.
     """
+    particles = launches.whole.shape[1]
+    pace = np.empty(particles)
     for i in range(first, last):
-        gap[i], same[i], shared[i] = np.nan, np.nan, UNKNOWN
+        out.gap[i], out.same[i], out.shared[i] = np.nan, np.nan, UNKNOWN
         if not complete[i]:
             continue
-        a, r = problem.kick[i], problem.rest_flight[i]
-        wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
-        scene = (problem.restitution[i], a, r, problem.liftoff_phase[i], wait, u_lift)
+        fixed = scene(problem, i)
         begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
         x_end = problem.end_phase[i]
+        joint, start, end = no_joint(pace), begin, (0.0, x_end)
+        if cycles is not None:
+            joint = joint_cycle(cycles, i * particles, pace)
+            if joint.impacts > 0:
+                start, end = _until(window, begin, x_end, joint)
+            if not affordable(cycles, i * particles, particles, end[0], budget):
+                continue
         _start(work, problem, launches, i)
-        smallest, base = _all_landings(scene, window, begin, x_end, reflect, work)
-        shared[i] = base
+        smallest, base = _all_landings(fixed, window, start, end, reflect, work)
+        out.shared[i] = base
         if smallest == np.inf:
             continue
-        gap[i] = smallest
+        out.gap[i] = smallest
         _start(work, problem, launches, i)
-        smallest = _same_index(scene, window, begin, x_end, reflect, work, smallest)
+        smallest = _same_index(fixed, window, begin, x_end, reflect, work, smallest, joint)
         if smallest < np.inf:
-            same[i] = smallest
+            out.same[i] = smallest

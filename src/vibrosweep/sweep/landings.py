@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.record import empty_record, record
 from vibrosweep.scene import PARAMETERS, Launches, dimensionless, launches
-from vibrosweep.sweep.engine import TRAJECTORIES_PER_TASK, Observation, Workers, statistics
+from vibrosweep.sweep.following import statistics
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
 __all__ = ["launch_times", "record_landings"]
 

@@ -102,7 +102,7 @@ def _require_memory(realizations: int, particles: int) -> None:
 
 
 def observation_of(spec: SweepSpec) -> Observation:
-    names = Observation.__dataclass_fields__
+    names = Observation.__dataclass_fields__.keys() - {"skip"}
     return Observation(**{name: getattr(spec, name) for name in names})
 
 
@@ -126,6 +126,7 @@ def record_observation(
         trust=False,
         tolerance=math.inf,
         impact_budget=impact_budget,
+        skip=False,  # every landing is wanted
     )
 
 

@@ -1,0 +1,65 @@
+"""What is watched and measured, for every realization alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Observation"]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What is launched, how long it is watched and what is measured.
+
+    Attributes
+    ----------
+    particles
+        Number of particles per realization.
+    launch
+        ``"staggered"`` or the launch times of all particles in s.
+    duration
+        End of the observation in s.
+    rebound
+        ``"rest"`` or ``"reflect"``.
+    transient
+        Beginning of the window that measures cover, in s.
+    separation
+        Whether separations between particles are measured.
+    per_particle
+        Whether measures are kept for each particle.
+    regimes
+        Whether orbits that repeat exactly are recognised; they are then not followed any further.
+    trust
+        Whether an error bound is carried along each trajectory.
+    tolerance
+        Error of a landing time in s up to which it is trusted.
+    impact_budget
+        Impacts after which a particle is given up.
+    skip
+        Whether what is known already is counted instead of followed; off only to compare.
+    """
+
+    particles: int
+    launch: str | tuple[float, ...]
+    duration: float
+    rebound: str
+    transient: float
+    separation: bool
+    per_particle: bool
+    regimes: bool
+    trust: bool
+    tolerance: float
+    impact_budget: int
+    skip: bool = True
+
+    @property
+    def reflect(self) -> int | None:
+        """The rebound law as the kernels take it."""
+        return 1 if self.rebound == "reflect" else None
+
+    @property
+    def window(self) -> int | None:
+        """1 where landings before the window are possible, else None: kernels compile that out."""
+        starts_late = self.transient > 0.0
+        early_launch = not isinstance(self.launch, str) and min(self.launch) < self.transient
+        return 1 if starts_late or early_launch else None
