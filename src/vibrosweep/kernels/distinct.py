@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
 from vibrosweep.scene import Launches
 
 __all__ = ["first_of_each"]
 
-# FNV-1a over whole words; what matters is only that different numbers rarely meet
-OFFSET = np.uint64(0xCBF29CE484222325)
-PRIME = np.uint64(0x100000001B3)
-HALF = np.uint64(32)
+Words = NDArray[np.uint64]
+
+SEED = np.uint64(88172645463325252)
+LEFT, RIGHT, AGAIN = np.uint64(13), np.uint64(7), np.uint64(17)
 
 
 @jit
 def _mixed(code: np.uint64, word: np.uint64) -> np.uint64:
-    code = (code ^ word) * PRIME
-    return code ^ (code >> HALF)
+    """Let every bit of a word change many of the code: one step of xorshift (Marsaglia 2003)."""
+    code ^= word
+    code ^= code << LEFT
+    code ^= code >> RIGHT
+    return code ^ (code << AGAIN)
 
 
 @jit
-def _same(columns: Integers, launches: Launches, i: int, j: int) -> bool:
-    for c in range(columns.shape[0]):
-        if columns[c, i] != columns[c, j]:
+def _same(bits: Words, launches: Launches, i: int, j: int) -> bool:
+    for c in range(bits.shape[0]):
+        if bits[c, i] != bits[c, j]:
             return False
     if launches.whole.shape[0] > 1:
         for p in range(launches.whole.shape[1]):
@@ -47,7 +51,7 @@ def first_of_each(columns: Floats, launches: Launches, first: Integers) -> int:
     first
         Written, shape (realization,).
     """
-    bits = columns.view(np.int64)
+    bits = columns.view(np.uint64)
     size = bits.shape[1]
     places = 16
     while places < 2 * size:
@@ -55,9 +59,9 @@ def first_of_each(columns: Floats, launches: Launches, first: Integers) -> int:
     table = np.full(places, -1)
     found = 0
     for i in range(size):
-        code = OFFSET
+        code = SEED
         for c in range(bits.shape[0]):
-            code = _mixed(code, np.uint64(bits[c, i]))
+            code = _mixed(code, bits[c, i])
         place = np.int64(code & np.uint64(places - 1))
         while table[place] >= 0 and not _same(bits, launches, table[place], i):
             place = (place + 1) & (places - 1)

@@ -136,8 +136,8 @@ def statistics(
     written, and trajectories that recur are followed no further.
     """
     particles = observation.particles
-    closed = is_unforced(problem) if observation.skip else np.zeros(problem.kick.size, bool)
-    if not closed.any():
+    closed = is_unforced(problem, observation.impact_budget)
+    if not (observation.skip and closed.any()):
         return _advanced(problem, launch, observation, workers, cycles)
     each = empty_statistics(closed.size * particles)
     parts = [(closed, unforced(_taken(problem, closed), _launches_of(launch, closed)))]
@@ -216,7 +216,7 @@ def _separations(
         found.shared[:] = np.where(whole.status == Status.COMPLETED, 0, found.shared)
         return found
     complete = whole.status == Status.COMPLETED
-    closing = cycles if observation.skip else None
+    known = cycles if cycles is not None and observation.skip else workers.cycles(0)
 
     def task(first: int, last: int) -> None:
         separate(
@@ -229,7 +229,7 @@ def _separations(
             observation.reflect,
             observation.window,
             workspace(particles),
-            closing,
+            known,
             found,
         )
 

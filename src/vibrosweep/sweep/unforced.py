@@ -14,9 +14,13 @@ __all__ = ["is_unforced", "unforced"]
 Array = NDArray[np.float64]
 
 
-def is_unforced(problem: Dimensionless) -> NDArray[np.bool_]:
-    """Whether a realization has the closed form: no kick and some loss; shape (realization,)."""
-    return np.asarray((problem.kick == 0.0) & (problem.restitution < 1.0))
+def is_unforced(problem: Dimensionless, budget: int) -> NDArray[np.bool_]:
+    """Whether a realization has the closed form: no kick, some loss, and rest within the budget."""
+    lossy = (problem.kick == 0.0) & (problem.restitution < 1.0)
+    if lossy.any():
+        e, u, r = problem.restitution, problem.launch_flight, problem.rest_flight
+        lossy[lossy] = _landings_until_rest(e[lossy], u[lossy], r[lossy]) <= budget
+    return np.asarray(lossy)
 
 
 def unforced(problem: Dimensionless, launch: Launches) -> Statistics:
