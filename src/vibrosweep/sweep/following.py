@@ -19,10 +19,10 @@ from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.lanes import scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
+from vibrosweep.kernels.unforced import has_closed_form, unforced
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Status
 from vibrosweep.sweep.observation import Observation
-from vibrosweep.sweep.unforced import is_unforced, unforced
 from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
 __all__ = ["Followed", "follow", "statistics"]
@@ -136,11 +136,11 @@ def statistics(
     written, and trajectories that recur are followed no further.
     """
     particles = observation.particles
-    closed = is_unforced(problem, observation.impact_budget)
-    if not (observation.skip and closed.any()):
+    closed = np.empty(problem.kick.size, bool)
+    if not (observation.skip and has_closed_form(problem, observation.impact_budget, closed)):
         return _advanced(problem, launch, observation, workers, cycles)
     each = empty_statistics(closed.size * particles)
-    parts = [(closed, unforced(_taken(problem, closed), _launches_of(launch, closed)))]
+    parts = [(closed, _unforced(problem, launch, closed, workers))]
     if not closed.all():
         forced = _taken(problem, ~closed), _launches_of(launch, ~closed)
         found = _advanced(*forced, observation, workers, cycles)
@@ -150,6 +150,20 @@ def statistics(
             target[which] = source
     if cycles is not None:
         _place_cycles(cycles, ~closed, particles)
+    return each
+
+
+def _unforced(
+    problem: Dimensionless, launch: Launches, which: NDArray[np.bool_], workers: Workers
+) -> Statistics:
+    chosen, launches = _taken(problem, which), _launches_of(launch, which)
+    size, particles = chosen.kick.size, launch.whole.shape[1]
+    each = empty_statistics(size * particles)
+    workers.each(
+        lambda first, last: unforced(first, last, chosen, launches, each),
+        size,
+        max(1, TRAJECTORIES_PER_TASK // particles),
+    )
     return each
 
 
