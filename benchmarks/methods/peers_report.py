@@ -138,19 +138,19 @@ def bare_sentence(rows: list[Row]) -> str:
 
 def draw(rows: list[Row], path: Path) -> None:
     """Time of every method on a logarithmic axis, its error written beside it; a panel a scene."""
+    least = min(float(r["ns_per_impact"]) for s in SWEEPS for r in _of(rows, s.key).values())
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 3.6), layout="constrained")
         axes = figure.subplots(1, len(SWEEPS), sharey=True)
         for letter, axis, sweep in zip("ab", axes, SWEEPS, strict=True):
             _panel(axis, _of(rows, sweep.key))
+            axis.set_xlim(10.0 ** np.floor(np.log10(least) - 0.5), 1e8)
             axis.set_title(f"({letter}) {sweep.title}")
         figure.savefig(path, dpi=130)
 
 
 def _panel(axis: Axes, found: dict[str, Row]) -> None:
     axis.set_xscale("log")
-    least = min(float(row["ns_per_impact"]) for row in found.values())
-    axis.set_xlim(10.0 ** np.floor(np.log10(least) - 0.5), 1e8)
     axis.grid(axis="x", color="0.9", linewidth=0.6)
     axis.set_axisbelow(True)
     for place, (method, (_, colour)) in enumerate(NAMES.items()):
