@@ -60,8 +60,8 @@ import os
 import time
 
 def test_race(race):
-    ratio = race(lambda: spin(float(os.environ["SUBJECT"])), lambda: spin(0.01), rounds=5)
-    assert ratio > 0.0
+    race(lambda: spin(float(os.environ["SUBJECT"])), lambda: spin(0.01), rounds=5)
+    assert "MISS" not in os.environ
 
 def test_can_fail():
     assert "FAIL" not in os.environ
@@ -111,11 +111,13 @@ def test_the_command_stores_compares_and_fails(command):
     assert said.count("times the speed") == 2  # it was given a second chance
     code, said = command(SUBJECT="0.005", FAIL="1")
     assert code == 1
-    assert "FAILED twice: benchmarks/test_made_up.py::test_can_fail" in said
+    assert "FAILED, twice: benchmarks/test_made_up.py::test_can_fail" in said
+    code, said = command(SUBJECT="0.005", MISS="1")
+    assert (code, f"misses a target, twice: {NAME}" in said) == (0, True)
 
 
 def test_the_command_misses_a_figure_and_does_not_store_failures(command):
-    assert command("--store", SUBJECT="0.005", FAIL="1")[0] == 1
+    assert command("--store", SUBJECT="0.005", MISS="1")[0] == 1
     assert not command.stored.exists()
     known = {"processor": "an abacus", "ratios": {NAME: 2.0, "benchmarks/test_gone.py::test": 1.0}}
     command.stored.write_text(json.dumps(known), encoding="utf-8")
