@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from accuracy import table
+from methods.ensembles import NOTHING_SKIPPED, RECORD, STATISTICS
 from methods.figure import STYLE, TEXT
 from methods.sweeps import SWEEPS
 
@@ -19,9 +20,9 @@ Row = dict[str, str]
 
 # method of a point: the name in the table and the figure, and the colour (Okabe and Ito)
 NAMES = {
-    "vibrosweep, statistics": ("**vibrosweep**, statistics", "#0072B2"),
-    "vibrosweep, regimes": ("**vibrosweep**, statistics and regimes", "#0072B2"),
-    "vibrosweep, every landing": ("**vibrosweep**, every landing kept", "#56B4E9"),
+    STATISTICS: ("**vibrosweep**, statistics", "#0072B2"),
+    NOTHING_SKIPPED: ("**vibrosweep**, nothing skipped", "#0072B2"),
+    RECORD: ("**vibrosweep**, every landing kept", "#56B4E9"),
     "naive map": ("scalar numba loop", "#E69F00"),
     "numpy": ("numpy over all trajectories", "#E69F00"),
     "pynamicalsys": ("pynamicalsys, ensemble call", "#000000"),
@@ -108,19 +109,18 @@ def _wrapped(text: str) -> str:
 
 
 def agreement(rows: list[Row]) -> str:
-    """How well the numbers of landings agree, of the methods that ran all trajectories."""
-    sentences = []
+    """What rounding leaves undecided, and how far the counts of landings lie apart for it."""
+    lost, apart = [], []
     for sweep in SWEEPS:
-        every = [
-            r for r in rows if (r["scene"], r["trajectories"]) == (sweep.key, str(sweep.lanes))
+        found = _of(rows, sweep.key)
+        counts = [
+            int(r["impacts"]) for r in found.values() if int(r["trajectories"]) == sweep.lanes
         ]
-        counts = [int(row["impacts"]) for row in every]
-        apart = 100.0 * (max(counts) - min(counts)) / max(counts)
-        equal = "the same number" if apart == 0.0 else f"numbers at most {apart:.1g} % apart"
-        sentences.append(f"{equal} over {sweep.title}")
+        lost.append(f"{found[STATISTICS]['note']} over {sweep.title}")
+        apart.append(f"{100.0 * (max(counts) - min(counts)) / max(counts):.1g} %")
     return (
-        f"Of landings, those that ran all trajectories found {', '.join(sentences)}; where these "
-        f"differ, the rounding of a running time led some orbits to another attractor."
+        f"Chaotic orbits amplify rounding, by any method in double precision: {', '.join(lost)}. "
+        f"The counts of landings by the methods differ by up to {' and '.join(apart)}."
     )
 
 
