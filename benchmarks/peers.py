@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
 from accuracy import write_section
@@ -28,7 +29,7 @@ PICTURE = ROOT / "docs" / "images" / "peers.png"
 LIBRARIES = ("numpy", "numba", "scipy", "pynamicalsys", "jax", "diffrax", "heyoka")
 OPTIONAL = (
     ("pynamicalsys", "methods.dynamical", "ensemble"),
-    ("jax", "methods.jaxed", "jax_map"),
+    ("diffrax", "methods.jaxed", "jax_map"),  # in one module, and diffrax needs jax
     ("diffrax", "methods.jaxed", "diffrax_events"),
     ("heyoka", "methods.taylor", "heyoka_events"),
 )
@@ -46,7 +47,8 @@ def bare_points(threads: int, missing: list[str]) -> list[Point]:
 def origin(threads: int, missing: list[str]) -> str:
     """Versions and processor, and what is absent."""
     known = provenance(threads)
-    versions = ", ".join(f"{name} {version(name)}" for name in LIBRARIES if name not in missing)
+    there = [name for name in LIBRARIES if find_spec(name) is not None]
+    versions = ", ".join(f"{name} {version(name)}" for name in there)
     absent = f" Not installed: {', '.join(missing)}." if missing else ""
     return (
         f"Measured on {known['cpu']}, {threads} threads, {known['created'][:10]}; "

@@ -30,7 +30,7 @@ def available(optional: Sequence[tuple[str, str, str]]) -> tuple[list[Method], l
     found, missing = [], []
     for name, module, function in optional:
         if importlib.util.find_spec(name) is None:
-            missing.append(name)
+            missing += [name] if name not in missing else []
         else:
             found.append(getattr(importlib.import_module(module), function))
     return found, missing
