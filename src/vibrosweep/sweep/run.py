@@ -1,40 +1,44 @@
-"""A sweep from its spec to its file, chunk by chunk: memory does not grow with its length."""
+"""A sweep from its spec to its file: what is finished is kept, memory does not grow."""
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from vibrosweep.errors import ParameterError
-from vibrosweep.scene import PARAMETERS, Parameter
-from vibrosweep.store.dataset import Group, creating
-from vibrosweep.store.provenance import provenance
+from vibrosweep.errors import Interruption, OutputError, RunError, VibrosweepError
+from vibrosweep.store.dataset import creating
+from vibrosweep.store.disk import check_output, reporting
+from vibrosweep.store.parts import Manifest, Parts, read_manifest, write_manifest
+from vibrosweep.store.rundir import abandon, empty, holding
+from vibrosweep.sweep.chunks import (
+    Columns,
+    Job,
+    Runner,
+    batch_size,
+    compute_chunk,
+    compute_rows,
+    in_process,
+)
 from vibrosweep.sweep.design import Design, open_design
-from vibrosweep.sweep.engine import Observation, Workers, measure
-from vibrosweep.sweep.landings import launch_times, record_landings
+from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.identity import differences, identity
+from vibrosweep.sweep.observation import observation_of, parameters_of, record_observation
+from vibrosweep.sweep.plan import make_plan
 from vibrosweep.sweep.progress import Advance, silent
-from vibrosweep.sweep.spec import RecordSpec, SweepSpec
+from vibrosweep.sweep.result import Rows, declare, write_record
+from vibrosweep.sweep.spec import SweepSpec
 from vibrosweep.sweep.summary import Summary
-from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
 
-__all__ = ["TRAJECTORIES_PER_CHUNK", "available_threads", "record_observation", "run_sweep"]
-
-Array = NDArray[np.float64]
-
-# Statistics of so many trajectories take 15 MB, which the last-level cache of a workstation holds.
-TRAJECTORIES_PER_CHUNK: Final = 1 << 18
-# Measured at 10^7 trajectories in a chunk, with all measures.
-BYTES_PER_TRAJECTORY: Final = 320
-LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
-DURATION: Final = {"units": "s", "long_name": "end of the observation"}
-TRANSIENT: Final = {"units": "s", "long_name": "beginning of the window that measures cover"}
+__all__ = [
+    "available_threads",
+    "observation_of",
+    "parameters_of",
+    "record_observation",
+    "run_sweep",
+]
 
 
 def available_threads() -> int:
@@ -48,163 +52,196 @@ def run_sweep(
     *,
     threads: int,
     chunk: int | None = None,
+    force: bool = False,
     advance: Advance = silent,
+    runner: Runner | None = None,
 ) -> Summary:
     """Compute a sweep and write it to `output`, which appears when it is complete.
+
+    A sweep of more than one chunk keeps each finished chunk in a directory beside the output; if
+    it was ended early, the same call computes what is missing.
 
     Parameters
     ----------
     spec
         What to compute.
     output
-        Path of the file; an existing one is replaced.
+        Path of the file.
     threads
         Number of threads; the result does not depend on it.
     chunk
-        Realizations computed at a time; the result does not depend on it.
+        Realizations in a chunk, by default some seconds of work; the result does not depend on it.
+        A run that continues keeps the chunks that it began with.
+    force
+        Whether an existing output is replaced, and an unfinished run thrown away.
     advance
-        Called after each chunk with the number of realizations done and that of all.
+        Called with the number of realizations done and that of all.
+    runner
+        What computes the chunks; by default this process.
 
     Raises
     ------
+    RunError
+        Another run makes this output, an unfinished run of another sweep stands in the way, or
+        chunks failed.
     OutputError, TableError, ParameterError
-        The file cannot be written, a table cannot be used, or parameters are too extreme.
+        The file cannot be written, a table cannot be used, or the sweep does not fit into memory.
     """
-    design = open_design(spec)
-    observation = observation_of(spec)
-    size = min(chunk or max(1, TRAJECTORIES_PER_CHUNK // spec.particles), design.realizations)
-    _require_memory(size, spec.particles)
-    summary = Summary()
-    with Workers(threads) as workers, creating(output) as file:
-        _declare(file, spec, design, threads)
-        for start in range(0, design.realizations, size):
-            stop = min(start + size, design.realizations)
-            sampled = design.take(start, stop)
-            measured = measure(parameters_of(spec, sampled, stop - start), observation, workers)
-            for name, values in (*sampled.items(), *measured.items()):
-                file.write(name, start, values)
-            summary.add(measured)
-            advance(stop, design.realizations)
-        if spec.record is not None:
-            _write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+    with holding(output) as directory:
+        if force:
+            with reporting(output):
+                empty(directory)
+        manifest = _continued(spec, output, directory)
+        check_output(output, force=force or (manifest is not None and manifest.replaces))
+        design = open_design(spec)
+        if manifest is None:
+            plan = make_plan(spec, design, threads, chunk)
+            if plan.chunks == 1 and runner is None:
+                return _run_at_once(spec, design, output, directory, threads, advance)
+            manifest = Manifest(identity(spec), design.realizations, plan.chunk, replaces=force)
+            write_manifest(directory, manifest)
+        run = _Run(output, design, Job(spec, manifest, Parts(directory, manifest.key)), threads)
+        with run.kept():
+            run.compute(runner or in_process(threads), advance)
+            summary = run.consolidate()
+        abandon(directory)
     return summary
 
 
-def _require_memory(realizations: int, particles: int) -> None:
-    needed = BYTES_PER_TRAJECTORY * realizations * particles
-    available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    if needed > available / 2:
-        raise ParameterError(
-            f"a chunk of {realizations} realizations of {particles} particles needs about "
-            f"{needed / 2**30:.3g} GiB of this machine's {available / 2**30:.3g} GiB: lower "
-            f"--chunk where it was given, or take fewer particles"
+def _continued(spec: SweepSpec, output: Path, directory: Path) -> Manifest | None:
+    """Return the manifest of the unfinished run of this very sweep, None where there is none."""
+    manifest = read_manifest(directory)
+    if manifest is None:
+        with reporting(output):
+            empty(directory)
+        return None
+    changes = differences(manifest.identity, identity(spec))
+    if changes:
+        finished = len(Parts(directory, manifest.key).finished())
+        raise RunError(
+            f"{output}: an unfinished run of another sweep stands in {directory}, "
+            f"{finished} of {manifest.chunks} chunks finished:\n  "
+            + "\n  ".join(changes)
+            + "\nfinish it with what it began with, write to another file with -o, or throw it "
+            "away and start again with --force"
         )
+    return manifest
 
 
-def observation_of(spec: SweepSpec) -> Observation:
-    names = Observation.__dataclass_fields__
-    return Observation(**{name: getattr(spec, name) for name in names})
+def _run_at_once(
+    spec: SweepSpec,
+    design: Design,
+    output: Path,
+    directory: Path,
+    threads: int,
+    advance: Advance,
+) -> Summary:
+    """Compute a sweep of one chunk straight into its file: there would be nothing to continue."""
+    summary = Summary()
+    with Workers(threads) as workers, creating(output, directory) as file:
+        declare(file, spec, design, threads)
+        rows = Rows(file, batch_size(spec))
+        try:
+            for columns in compute_rows(spec, design, 0, design.realizations, workers):
+                rows.add(columns)
+                summary.add(columns)
+                advance(summary.realizations, design.realizations)
+        except (VibrosweepError, MemoryError):
+            raise
+        except Exception as error:
+            raise RunError(
+                f"{output}: the computation failed twice after {summary.realizations} of "
+                f"{design.realizations} realizations ({type(error).__name__}: {error}); nothing "
+                f"was written"
+            ) from error
+        rows.flush()
+        if spec.record is not None:
+            write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+    return summary
 
 
-def record_observation(
-    particles: int,
-    launch: str | tuple[float, ...],
-    duration: float,
-    rebound: str,
-    impact_budget: int,
-) -> Observation:
-    """The observation of a scene whose every landing is kept."""
-    return Observation(
-        particles=particles,
-        launch=launch,
-        duration=duration,
-        rebound=rebound,
-        transient=-math.inf,
-        separation=False,
-        per_particle=False,
-        regimes=False,
-        trust=False,
-        tolerance=math.inf,
-        impact_budget=impact_budget,
-    )
+@dataclass(frozen=True)
+class _Run:
+    """A run whose chunks are kept."""
 
+    output: Path
+    design: Design
+    job: Job
+    threads: int
 
-def parameters_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> dict[str, Array]:
-    """Every parameter of realizations of a sweep, each of shape (realization,)."""
-    return {
-        name: sampled[name] if name in sampled else np.full(size, spec.fixed[name])
-        for name in PARAMETERS
-    }
+    def compute(self, runner: Runner, advance: Advance) -> None:
+        """Compute the chunks that are missing."""
+        manifest, finished = self.job.manifest, self.job.parts.finished()
+        missing = [index for index in range(manifest.chunks) if index not in finished]
+        sizes = (stop - start for start, stop in map(manifest.bounds, missing))
+        done = manifest.realizations - sum(sizes)
+        advance(done, manifest.realizations)
 
+        def tick(realizations: int) -> None:
+            nonlocal done
+            done += realizations
+            advance(done, manifest.realizations)
 
-def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
-    """CF attributes of a physical parameter."""
-    return {
-        "units": parameter.units,
-        "long_name": parameter.long_name,
-        "symbol": parameter.symbol,
-    }
+        failed = runner(self.job, missing, tick)
+        if failed:
+            names = ", ".join(map(str, sorted(failed)[:10])) + (" ..." if len(failed) > 10 else "")
+            raise RunError(
+                f"{self.output}: {len(failed)} of {manifest.chunks} chunks failed twice (numbers "
+                f"{names}; the first: {failed[min(failed)]})"
+            )
 
+    def consolidate(self) -> Summary:
+        """Write all parts into one file, in their order."""
+        spec, summary = self.job.spec, Summary()
+        finished = self.job.parts.finished()
+        with Workers(self.threads) as workers, creating(self.output, self.job.parts.directory) as f:
+            declare(f, spec, self.design, self.threads)
+            rows = Rows(f, batch_size(spec))
+            for index in range(self.job.manifest.chunks):
+                columns = self._part(index, finished.get(index), summary)
+                rows.add(columns)
+                summary.add(columns)
+            rows.flush()
+            if spec.record is not None:
+                write_record(f.group("record"), spec.record, spec.impact_budget, workers)
+        return summary
 
-def _declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
-    """Declare what the file will hold."""
-    file.dimensions({"realization": design.realizations, "particle": spec.particles})
-    for name, parameter in PARAMETERS.items():
-        attributes = coordinate_attributes(parameter)
-        if name in design.sampled:
-            file.coordinate(name, ("realization",), attributes)
-        else:
-            file.coordinate(name, (), attributes, np.array(spec.fixed[name]))
-    _declare_times(file, spec.launch, spec.particles, spec.fixed.get("frequency"), spec.duration)
-    file.coordinate("transient", (), TRANSIENT, np.array(spec.transient))
-    for registry in (SWEEP, PER_PARTICLE, REGIMES, TRUST):
-        for variable in registry.values():
-            asked = variable.key.removeprefix("measure.")
-            if not asked or getattr(spec, asked):
-                file.variable(variable)
-    file.attributes(
-        {
-            "title": spec.title,
-            "rebound": spec.rebound,
-            "particles": spec.particles,
-            "design": spec.design,
-            "seed": spec.seed,
-            "impact_budget": spec.impact_budget,
-            **({"tolerance": spec.tolerance} if spec.trust else {}),
-            "sweep_file": spec.text,
-            **provenance(threads),
-        }
-    )
+    def _part(self, index: int, path: Path | None, summary: Summary) -> Columns:
+        """Read a part; one that is damaged is computed again."""
+        columns = None if path is None else self.job.parts.read(index, path)
+        if columns is not None:
+            return columns
+        if path is not None:
+            path.unlink(missing_ok=True)
+        summary.repaired += 1
+        compute_chunk(self.job, index, self.threads)
+        path = self.job.parts.finished()[index]
+        columns = self.job.parts.read(index, path)
+        if columns is None:
+            raise OutputError(
+                f"{path}: what was just written reads back differently: the disk is damaged; "
+                f"choose another place with -o"
+            )
+        return columns
 
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Say of whatever ends the run early what was kept."""
+        try:
+            yield
+        except KeyboardInterrupt as error:
+            raise Interruption(f"interrupted; {self._remains()}") from error
+        except (OutputError, RunError) as error:
+            raise type(error)(f"{error}; {self._remains()}") from error
 
-def _declare_times(
-    file: Group,
-    launch: str | tuple[float, ...],
-    particles: int,
-    frequency: float | None,
-    duration: float,
-) -> None:
-    """Launch times and duration; staggered launches follow the frequency, fixed or not."""
-    if frequency is not None or not isinstance(launch, str):
-        times = launch_times(launch, particles, frequency or 1.0)
-        file.coordinate("launch_time", ("particle",), LAUNCH_TIME, times)
-    file.attributes({"launch": launch if isinstance(launch, str) else "listed"})
-    file.coordinate("duration", (), DURATION, np.array(duration))
-
-
-def _write_record(file: Group, record: RecordSpec, budget: int, workers: Workers) -> None:
-    """Every landing of the recorded scene, as its own group."""
-    scene = asdict(record)
-    parameters = {name: np.array([value]) for name, value in scene.pop("parameters").items()}
-    found = record_landings(parameters, record_observation(**scene, impact_budget=budget), workers)
-    sizes = dict(zip(RECORD["landing_time"].dims, found["landing_time"].shape, strict=True))
-    file.dimensions(sizes)
-    for name, values in parameters.items():
-        file.coordinate(name, (), coordinate_attributes(PARAMETERS[name]), values[0])
-    _declare_times(
-        file, record.launch, record.particles, record.parameters["frequency"], record.duration
-    )
-    for name, variable in RECORD.items():
-        file.variable(variable)
-        file.write(name, 0, found[name])
-    file.attributes({"rebound": record.rebound})
+    def _remains(self) -> str:
+        directory = self.job.parts.directory
+        try:
+            finished = len(self.job.parts.finished())
+        except OSError:
+            return f"what was finished has gone with {directory}"
+        again = "without --force " if self.job.manifest.replaces else ""
+        return (
+            f"{finished} of {self.job.manifest.chunks} chunks are finished and kept in "
+            f"{directory}: run the same command {again}again to continue"
+        )

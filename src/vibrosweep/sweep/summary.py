@@ -35,10 +35,14 @@ class _Spread:
 
 @dataclass
 class Summary:
-    """What the realizations of a sweep have in common; add chunks in their order."""
+    """What the realizations of a sweep have in common; add chunks in their order.
+
+    `repaired` counts parts that were found damaged and computed again.
+    """
 
     realizations: int = 0
     landings: int = 0
+    repaired: int = 0
     spreads: dict[str, _Spread] = field(default_factory=dict)
     codes: dict[str, dict[int, int]] = field(default_factory=dict)
 
