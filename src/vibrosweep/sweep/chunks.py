@@ -29,6 +29,7 @@ __all__ = [
     "compute_chunk",
     "compute_rows",
     "in_process",
+    "measure_all",
 ]
 
 Array = NDArray[np.float64]
@@ -127,13 +128,17 @@ def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) 
     """
     design = _design(job)
     start, stop = job.manifest.bounds(index)
-    pieces = []
+    columns: Columns = {}
+    done = 0
     with Workers(threads) as workers:
         for piece in compute_rows(job.spec, design, start, stop, workers):
-            pieces.append(piece)
+            size = piece["status"].size
+            for name, values in piece.items():
+                whole = (stop - start, *values.shape[1:])
+                columns.setdefault(name, np.empty(whole, values.dtype))[done : done + size] = values
+            done += size
             if tick is not None:
-                tick(piece["status"].size)
-    columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+                tick(size)
     job.parts.write(index, columns)
     return stop - start
 
@@ -167,15 +172,14 @@ def compute_rows(
         Sampled parameters and measured variables, each of shape (realization, ...).
     """
     for first in range(start, stop, batch_size(spec)):
-        last = min(first + batch_size(spec), stop)
-        sampled = design.take(first, last)
-        parameters = parameters_of(spec, sampled, last - first)
+        sampled = design.take(first, min(first + batch_size(spec), stop))
+        size = min(batch_size(spec), stop - first)
         try:
-            measured = _measured(spec, parameters, workers)
+            measured = measure_all(spec, sampled, size, workers)
         except VibrosweepError:
             raise
         except Exception:  # once more: what failed may have been the moment
-            measured = _measured(spec, parameters, workers)
+            measured = measure_all(spec, sampled, size, workers)
         yield {**sampled, **measured}
 
 
@@ -184,13 +188,27 @@ def batch_size(spec: SweepSpec) -> int:
     return max(1, TRAJECTORIES_PER_BATCH // spec.particles)
 
 
-def _measured(spec: SweepSpec, parameters: Mapping[str, Array], workers: Workers) -> Columns:
-    """Measure realizations; those that cannot be computed with get the status that says so."""
-    observation = observation_of(spec)
+def measure_all(
+    spec: SweepSpec, sampled: Mapping[str, Array], size: int, workers: Workers
+) -> Columns:
+    """Measure realizations; those that cannot be computed with get the status that says so.
+
+    Parameters
+    ----------
+    spec
+        The sweep.
+    sampled
+        Sampled parameters of the realizations, each of shape (realization,).
+    size
+        Number of realizations.
+    workers
+        Threads to use.
+    """
+    observation, parameters = observation_of(spec), parameters_of(spec, sampled, size)
     usable = representable(parameters, _times(observation))
     if usable.all():
         return measure(parameters, observation, workers)
-    found = {v.name: _refused(v, usable.size, spec.particles) for v in measured_variables(spec)}
+    found = {v.name: _refused(v, size, spec.particles) for v in measured_variables(spec)}
     if usable.any():
         kept = {name: values[usable] for name, values in parameters.items()}
         for name, values in measure(kept, observation, workers).items():

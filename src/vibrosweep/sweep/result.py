@@ -13,14 +13,23 @@ from vibrosweep.scene import PARAMETERS, Parameter
 from vibrosweep.store.dataset import Group
 from vibrosweep.store.provenance import provenance
 from vibrosweep.sweep.design import Design
-from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.engine import Observation, Workers
 from vibrosweep.sweep.landings import launch_times, record_landings
 from vibrosweep.sweep.observation import measured_variables, record_observation
 from vibrosweep.sweep.spec import RecordSpec, SweepSpec
 from vibrosweep.variables import RECORD
 
-__all__ = ["DURATION", "LAUNCH_TIME", "Rows", "coordinate_attributes", "declare", "write_record"]
+__all__ = [
+    "DURATION",
+    "LAUNCH_TIME",
+    "Rows",
+    "coordinate_attributes",
+    "declare",
+    "recorded",
+    "write_record",
+]
 
+Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
 
 LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
@@ -117,11 +126,17 @@ def _declare_times(
     file.coordinate("duration", (), DURATION, np.array(duration))
 
 
-def write_record(file: Group, record: RecordSpec, budget: int, workers: Workers) -> None:
-    """Write every landing of the recorded scene, as its own group."""
+def recorded(record: RecordSpec, budget: int) -> tuple[dict[str, Array], Observation]:
+    """Parameters of the recorded scene, and how it is watched."""
     scene = asdict(record)
     parameters = {name: np.array([value]) for name, value in scene.pop("parameters").items()}
-    found = record_landings(parameters, record_observation(**scene, impact_budget=budget), workers)
+    return parameters, record_observation(**scene, impact_budget=budget)
+
+
+def write_record(file: Group, record: RecordSpec, budget: int, workers: Workers) -> None:
+    """Write every landing of the recorded scene, as its own group."""
+    parameters, observation = recorded(record, budget)
+    found = record_landings(parameters, observation, workers)
     sizes = dict(zip(RECORD["landing_time"].dims, found["landing_time"].shape, strict=True))
     file.dimensions(sizes)
     for name, values in parameters.items():

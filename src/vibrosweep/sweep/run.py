@@ -24,9 +24,10 @@ from vibrosweep.sweep.chunks import (
 )
 from vibrosweep.sweep.design import Design, open_design
 from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.estimate import estimate, has_room, record_bytes, require_disk
 from vibrosweep.sweep.identity import differences, identity
 from vibrosweep.sweep.observation import observation_of, parameters_of, record_observation
-from vibrosweep.sweep.plan import make_plan
+from vibrosweep.sweep.plan import Plan, bytes_per_realization, make_plan
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.result import Rows, declare, write_record
 from vibrosweep.sweep.spec import SweepSpec
@@ -55,6 +56,7 @@ def run_sweep(
     force: bool = False,
     advance: Advance = silent,
     runner: Runner | None = None,
+    at_least: int = 1,
 ) -> Summary:
     """Compute a sweep and write it to `output`, which appears when it is complete.
 
@@ -78,6 +80,8 @@ def run_sweep(
         Called with the number of realizations done and that of all.
     runner
         What computes the chunks; by default this process.
+    at_least
+        Number of chunks that are wanted, for a runner that computes several at a time.
 
     Raises
     ------
@@ -93,13 +97,16 @@ def run_sweep(
                 empty(directory)
         manifest = _continued(spec, output, directory)
         check_output(output, force=force or (manifest is not None and manifest.replaces))
-        design = open_design(spec)
         if manifest is None:
-            plan = make_plan(spec, design, threads, chunk)
-            if plan.chunks == 1 and runner is None:
-                return _run_at_once(spec, design, output, directory, threads, advance)
+            with Workers(threads) as workers:
+                plan = _planned(spec, output, workers, chunk, at_least)
+                if plan.chunks == 1 and runner is None:
+                    return _run_at_once(spec, plan.design, output, directory, workers, advance)
+            design = plan.design
             manifest = Manifest(identity(spec), design.realizations, plan.chunk, replaces=force)
             write_manifest(directory, manifest)
+        else:
+            design = open_design(spec)
         run = _Run(output, design, Job(spec, manifest, Parts(directory, manifest.key)), threads)
         with run.kept():
             run.compute(runner or in_process(threads), advance)
@@ -128,18 +135,36 @@ def _continued(spec: SweepSpec, output: Path, directory: Path) -> Manifest | Non
     return manifest
 
 
+def _planned(
+    spec: SweepSpec,
+    output: Path,
+    workers: Workers,
+    chunk: int | None,
+    at_least: int,
+) -> Plan:
+    """Cut the sweep, and refuse it before it starts if its files or its record cannot fit."""
+    plan = make_plan(spec, workers, chunk, at_least=at_least)
+    record = record_bytes(spec, workers)
+    # without compression, and with every part beside the result
+    most = record + 2 * bytes_per_realization(spec, plan.design) * plan.design.realizations
+    if not has_room(output, most):
+        needs = estimate(spec, plan, workers)
+        require_disk(output, needs.result + needs.parts)
+    return plan
+
+
 def _run_at_once(
     spec: SweepSpec,
     design: Design,
     output: Path,
     directory: Path,
-    threads: int,
+    workers: Workers,
     advance: Advance,
 ) -> Summary:
     """Compute a sweep of one chunk straight into its file: there would be nothing to continue."""
     summary = Summary()
-    with Workers(threads) as workers, creating(output, directory) as file:
-        declare(file, spec, design, threads)
+    with creating(output, directory) as file:
+        declare(file, spec, design, workers.threads)
         rows = Rows(file, batch_size(spec))
         try:
             for columns in compute_rows(spec, design, 0, design.realizations, workers):
