@@ -13,7 +13,7 @@ from vibrosweep.errors import RunError, VibrosweepError
 from vibrosweep.scene import representable
 from vibrosweep.status import Status
 from vibrosweep.store.parts import Manifest, Parts
-from vibrosweep.sweep.design import Design, open_design
+from vibrosweep.sweep.design import Design, chosen, open_design
 from vibrosweep.sweep.engine import Observation, Workers, measure
 from vibrosweep.sweep.identity import differences, identity
 from vibrosweep.sweep.observation import measured_variables, observation_of, parameters_of
@@ -52,11 +52,19 @@ class Job:
         How it is cut.
     parts
         Where its parts go.
+    rows
+        The realizations of the sweep that are computed, where not all are.
     """
 
     spec: SweepSpec
     manifest: Manifest
     parts: Parts
+    rows: tuple[int, ...] = ()
+
+    def open(self) -> Design:
+        """Open the design of what is computed."""
+        design = open_design(self.spec)
+        return chosen(design, self.rows) if self.rows else design
 
 
 class Runner(Protocol):
@@ -151,13 +159,14 @@ def _design(job: Job) -> Design:
     global _opened  # to open a table or a Latin hypercube may take a second
     opened = _opened
     if opened is None or opened[0] != job:
-        changes = differences(job.manifest.identity, identity(job.spec))
+        same = {key: job.manifest.identity.get(key, "") for key in identity(job.spec)}
+        changes = differences(same, identity(job.spec))
         if changes:
             raise RunError(
                 f"{job.parts.directory}: this process would compute another sweep than the run "
                 f"began with: {'; '.join(changes)}; use the same versions and tables everywhere"
             )
-        _opened = opened = (job, open_design(job.spec))
+        _opened = opened = (job, job.open())
     return opened[1]
 
 

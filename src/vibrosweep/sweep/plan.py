@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.sweep.chunks import batch_size
-from vibrosweep.sweep.design import Design, open_design
+from vibrosweep.sweep.design import Design, chosen, open_design
 from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.landings import physical_memory
 from vibrosweep.sweep.observation import measured_variables
@@ -61,6 +62,7 @@ def make_plan(
     workers: Workers,
     chunk: int | None = None,
     *,
+    rows: Sequence[int] = (),
     at_least: int = 1,
     seconds: float = SECONDS_TO_PLAN,
     enough: float = SECONDS_PER_CHUNK / 4,
@@ -75,6 +77,8 @@ def make_plan(
         Threads that compute a chunk.
     chunk
         Realizations in a chunk, where the user gave it.
+    rows
+        Indices of the realizations to compute, where not all are.
     at_least
         Number of chunks that are wanted, as far as there are realizations.
     seconds, enough
@@ -89,6 +93,7 @@ def make_plan(
     """
     began = time.perf_counter()
     design = open_design(spec)
+    design = chosen(design, rows) if rows else design
     opening = time.perf_counter() - began
     _require_memory(spec, design, min(chunk or 1, design.realizations))
     cost = explore(spec, design, workers, seconds, enough)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Final
@@ -14,6 +15,7 @@ from vibrosweep.store.dataset import Group
 from vibrosweep.store.provenance import provenance
 from vibrosweep.sweep.design import Design
 from vibrosweep.sweep.engine import Observation, Workers
+from vibrosweep.sweep.identity import identity
 from vibrosweep.sweep.landings import launch_times, record_landings
 from vibrosweep.sweep.observation import measured_variables, record_observation
 from vibrosweep.sweep.spec import RecordSpec, SweepSpec
@@ -21,6 +23,7 @@ from vibrosweep.variables import RECORD
 
 __all__ = [
     "DURATION",
+    "IDENTITY",
     "LAUNCH_TIME",
     "Rows",
     "coordinate_attributes",
@@ -34,6 +37,8 @@ Columns = Mapping[str, NDArray[Any]]
 
 LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
 DURATION: Final = {"units": "s", "long_name": "end of the observation"}
+# Attribute that says what the numbers depend on.
+IDENTITY: Final = "identity"
 TRANSIENT: Final = {"units": "s", "long_name": "beginning of the window that measures cover"}
 
 
@@ -106,6 +111,7 @@ def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
             "impact_budget": spec.impact_budget,
             **({"tolerance": spec.tolerance} if spec.trust else {}),
             "sweep_file": spec.text,
+            IDENTITY: json.dumps(identity(spec)),
             **provenance(threads),
         }
     )

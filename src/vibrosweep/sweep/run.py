@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
-from vibrosweep.errors import Interruption, OutputError, RunError, VibrosweepError
+from vibrosweep.errors import RunError, VibrosweepError
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, reporting
-from vibrosweep.store.parts import Manifest, Parts, read_manifest, write_manifest
+from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.rundir import abandon, empty, holding
-from vibrosweep.sweep.chunks import (
-    Columns,
-    Job,
-    Runner,
-    batch_size,
-    compute_chunk,
-    compute_rows,
-    in_process,
-)
+from vibrosweep.sweep.chunks import Job, Runner, batch_size, compute_rows, in_process
 from vibrosweep.sweep.design import Design, open_design
 from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.estimate import estimate, has_room, record_bytes, require_disk
-from vibrosweep.sweep.identity import differences, identity
+from vibrosweep.sweep.identity import identity
+from vibrosweep.sweep.kept import KeptRun, continued
 from vibrosweep.sweep.observation import observation_of, parameters_of, record_observation
 from vibrosweep.sweep.plan import Plan, bytes_per_realization, make_plan
 from vibrosweep.sweep.progress import Advance, silent
@@ -95,7 +85,7 @@ def run_sweep(
         if force:
             with reporting(output):
                 empty(directory)
-        manifest = _continued(spec, output, directory)
+        manifest = continued(output, directory, identity(spec))
         check_output(output, force=force or (manifest is not None and manifest.replaces))
         if manifest is None:
             with Workers(threads) as workers:
@@ -107,32 +97,27 @@ def run_sweep(
             write_manifest(directory, manifest)
         else:
             design = open_design(spec)
-        run = _Run(output, design, Job(spec, manifest, Parts(directory, manifest.key)), threads)
+        run = KeptRun(output, design, Job(spec, manifest, Parts(directory, manifest.key)), threads)
         with run.kept():
             run.compute(runner or in_process(threads), advance)
-            summary = run.consolidate()
+            summary = _consolidated(run)
         abandon(directory)
     return summary
 
 
-def _continued(spec: SweepSpec, output: Path, directory: Path) -> Manifest | None:
-    """Return the manifest of the unfinished run of this very sweep, None where there is none."""
-    manifest = read_manifest(directory)
-    if manifest is None:
-        with reporting(output):
-            empty(directory)
-        return None
-    changes = differences(manifest.identity, identity(spec))
-    if changes:
-        finished = len(Parts(directory, manifest.key).finished())
-        raise RunError(
-            f"{output}: an unfinished run of another sweep stands in {directory}, "
-            f"{finished} of {manifest.chunks} chunks finished:\n  "
-            + "\n  ".join(changes)
-            + "\nfinish it with what it began with, write to another file with -o, or throw it "
-            "away and start again with --force"
-        )
-    return manifest
+def _consolidated(run: KeptRun) -> Summary:
+    """Write all parts into one file, in their order."""
+    spec, summary = run.job.spec, Summary()
+    with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
+        declare(file, spec, run.design, run.threads)
+        rows = Rows(file, batch_size(spec))
+        for columns in run.columns(summary):
+            rows.add(columns)
+            summary.add(columns)
+        rows.flush()
+        if spec.record is not None:
+            write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+    return summary
 
 
 def _planned(
@@ -183,90 +168,3 @@ def _run_at_once(
         if spec.record is not None:
             write_record(file.group("record"), spec.record, spec.impact_budget, workers)
     return summary
-
-
-@dataclass(frozen=True)
-class _Run:
-    """A run whose chunks are kept."""
-
-    output: Path
-    design: Design
-    job: Job
-    threads: int
-
-    def compute(self, runner: Runner, advance: Advance) -> None:
-        """Compute the chunks that are missing."""
-        manifest, finished = self.job.manifest, self.job.parts.finished()
-        missing = [index for index in range(manifest.chunks) if index not in finished]
-        sizes = (stop - start for start, stop in map(manifest.bounds, missing))
-        done = manifest.realizations - sum(sizes)
-        advance(done, manifest.realizations)
-
-        def tick(realizations: int) -> None:
-            nonlocal done
-            done += realizations
-            advance(done, manifest.realizations)
-
-        failed = runner(self.job, missing, tick)
-        if failed:
-            names = ", ".join(map(str, sorted(failed)[:10])) + (" ..." if len(failed) > 10 else "")
-            raise RunError(
-                f"{self.output}: {len(failed)} of {manifest.chunks} chunks failed twice (numbers "
-                f"{names}; the first: {failed[min(failed)]})"
-            )
-
-    def consolidate(self) -> Summary:
-        """Write all parts into one file, in their order."""
-        spec, summary = self.job.spec, Summary()
-        finished = self.job.parts.finished()
-        with Workers(self.threads) as workers, creating(self.output, self.job.parts.directory) as f:
-            declare(f, spec, self.design, self.threads)
-            rows = Rows(f, batch_size(spec))
-            for index in range(self.job.manifest.chunks):
-                columns = self._part(index, finished.get(index), summary)
-                rows.add(columns)
-                summary.add(columns)
-            rows.flush()
-            if spec.record is not None:
-                write_record(f.group("record"), spec.record, spec.impact_budget, workers)
-        return summary
-
-    def _part(self, index: int, path: Path | None, summary: Summary) -> Columns:
-        """Read a part; one that is damaged is computed again."""
-        columns = None if path is None else self.job.parts.read(index, path)
-        if columns is not None:
-            return columns
-        if path is not None:
-            path.unlink(missing_ok=True)
-        summary.repaired += 1
-        compute_chunk(self.job, index, self.threads)
-        path = self.job.parts.finished()[index]
-        columns = self.job.parts.read(index, path)
-        if columns is None:
-            raise OutputError(
-                f"{path}: what was just written reads back differently: the disk is damaged; "
-                f"choose another place with -o"
-            )
-        return columns
-
-    @contextmanager
-    def kept(self) -> Iterator[None]:
-        """Say of whatever ends the run early what was kept."""
-        try:
-            yield
-        except KeyboardInterrupt as error:
-            raise Interruption(f"interrupted; {self._remains()}") from error
-        except (OutputError, RunError) as error:
-            raise type(error)(f"{error}; {self._remains()}") from error
-
-    def _remains(self) -> str:
-        directory = self.job.parts.directory
-        try:
-            finished = len(self.job.parts.finished())
-        except OSError:
-            return f"what was finished has gone with {directory}"
-        again = "without --force " if self.job.manifest.replaces else ""
-        return (
-            f"{finished} of {self.job.manifest.chunks} chunks are finished and kept in "
-            f"{directory}: run the same command {again}again to continue"
-        )

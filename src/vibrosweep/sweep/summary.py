@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.status import Status
-from vibrosweep.variables import SWEEP, Variable
+from vibrosweep.variables import SWEEP, UNDETERMINED, Variable
 
-__all__ = ["Summary"]
+__all__ = ["Summary", "unsettled"]
 
 
 @dataclass
@@ -87,3 +87,12 @@ def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
         f"{meanings[code]} {count} ({count / total:.1%})" for code, count in sorted(counts.items())
     )
     return ", ".join(parts)
+
+
+def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+    """Tell which realizations did not complete, or lack a measure that a larger budget gives."""
+    failed = columns["status"] != Status.COMPLETED
+    if "base_shared" in columns:
+        # cycles are counted to the end for nothing, but separations must follow every landing
+        failed = failed | (columns["base_shared"] == UNDETERMINED)
+    return np.asarray(failed)
