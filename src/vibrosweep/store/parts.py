@@ -51,7 +51,7 @@ class Manifest:
     identity: Mapping[str, str]
     realizations: int
     chunk: int
-    replaces: bool
+    replaces: bool = False
 
     @property
     def key(self) -> str:

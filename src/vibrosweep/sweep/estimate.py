@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from vibrosweep.errors import OutputError, ParameterError
+from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.store.dataset import creating
 from vibrosweep.sweep.chunks import batch_size
 from vibrosweep.sweep.engine import Workers
@@ -58,7 +58,14 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
     ------
     ParameterError
         The record of landings does not fit into memory.
+    RunError
+        The sample could not be computed.
     """
+    if not plan.cost.known:
+        raise RunError(
+            "the first realizations cannot be computed, so that nothing is known of the others; "
+            "vibrosweep run computes those that can be, and reports the others"
+        )
     design, cost = plan.design, plan.cost
     record = record_bytes(spec, workers)
     size, seconds = _written(spec, plan, workers.threads)

@@ -11,7 +11,9 @@ import numpy as np
 
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.status import Status
-from vibrosweep.store.reading import reading
+from vibrosweep.store.parts import Parts, read_manifest
+from vibrosweep.store.reading import no_result, reading
+from vibrosweep.store.rundir import run_directory
 from vibrosweep.sweep.summary import Summary, unsettled
 from vibrosweep.variables import SWEEP
 
@@ -24,7 +26,7 @@ PROVENANCE: Final = ("source", "created", "git_revision", "libraries", "python",
 
 
 def describe(path: Path) -> Iterator[str]:
-    """Describe a result file.
+    """Describe a result file, or the unfinished run of one that is not there yet.
 
     Yields
     ------
@@ -35,10 +37,27 @@ def describe(path: Path) -> Iterator[str]:
     ------
     DataError
         There is no such file, or it is not a result that can be read.
+    RunError
+        The manifest of an unfinished run is damaged.
     """
+    if not path.exists():
+        yield from _unfinished(path)
+        return
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         lines = [*_head(file), *summary_of(file).lines(), *_unsettled(file)]
     yield from lines
+
+
+def _unfinished(path: Path) -> Iterator[str]:
+    """Describe the run that has not finished a result yet."""
+    directory = run_directory(path)
+    manifest = read_manifest(directory)
+    if manifest is None:
+        raise no_result(path)
+    finished = len(Parts(directory, manifest.key).finished())
+    yield f"{path}: is not finished: {finished} of {manifest.chunks} chunks are in {directory}"
+    for key, value in manifest.identity.items():
+        yield f"{key:32}{value}"
 
 
 def _head(file: Any) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import tracemalloc
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.schema import DRAWN
 from vibrosweep.sweep.spec import SweepSpec
 
-__all__ = ["Cost", "explore", "memory_per_realization"]
+__all__ = ["UNKNOWN", "Cost", "explore", "memory_per_realization"]
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ class Cost:
     start
         Seconds to load or compile the kernels.
     columns
-        What was measured.
+        What was measured; nothing where the sample could not be computed.
     """
 
     seconds: float
@@ -57,6 +58,11 @@ class Cost:
     share: float
     start: float
     columns: Columns
+
+    @property
+    def known(self) -> bool:
+        """Whether the sample could be computed."""
+        return bool(self.columns)
 
     @property
     def compiled(self) -> bool:
@@ -104,6 +110,9 @@ def explore(
             shares, before = [1.0], (0.0, 0.0, 0.0)
             size = min(most, STEP * size)
             sampled = _sampled(spec, design, size)
+
+
+UNKNOWN: Final = Cost(math.nan, math.nan, math.nan, 0.0, 0.0, {})
 
 
 def memory_per_realization(spec: SweepSpec, design: Design, workers: Workers) -> float:

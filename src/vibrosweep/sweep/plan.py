@@ -9,13 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import ParameterError, VibrosweepError
 from vibrosweep.sweep.chunks import batch_size
 from vibrosweep.sweep.design import Design, chosen, open_design
 from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.landings import physical_memory
 from vibrosweep.sweep.observation import measured_variables
-from vibrosweep.sweep.pilot import Cost, explore
+from vibrosweep.sweep.pilot import UNKNOWN, Cost, explore
 from vibrosweep.sweep.spec import SweepSpec
 
 __all__ = ["Plan", "bytes_per_realization", "make_plan"]
@@ -24,6 +24,7 @@ __all__ = ["Plan", "bytes_per_realization", "make_plan"]
 SECONDS_PER_CHUNK: Final = 10.0
 # A chunk of quick realizations is held in memory and written at once.
 BYTES_PER_CHUNK: Final = 1 << 26
+CHUNKS_IF_UNKNOWN: Final = 100
 # Measured at 10^7 trajectories in a batch, with all measures.
 BYTES_PER_TRAJECTORY: Final = 320
 # Time that a run may spend on planning a sweep which is not obviously short.
@@ -96,10 +97,17 @@ def make_plan(
     design = chosen(design, rows) if rows else design
     opening = time.perf_counter() - began
     _require_memory(spec, design, min(chunk or 1, design.realizations))
-    cost = explore(spec, design, workers, seconds, enough)
+    try:
+        cost = explore(spec, design, workers, seconds, enough)
+    except VibrosweepError:
+        raise
+    except Exception:  # what fails in the sample fails in its chunk, and is reported there
+        cost = UNKNOWN
     size = design.realizations
     if chunk is not None:
         size = chunk
+    elif not cost.known:
+        size = min(batch_size(spec), -(-design.realizations // CHUNKS_IF_UNKNOWN))
     elif cost.seconds * size > SECONDS_PER_CHUNK or at_least > 1:
         size = min(
             int(SECONDS_PER_CHUNK / cost.seconds),
