@@ -14,7 +14,7 @@ from vibrosweep.errors import Interruption, OutputError, RunError
 from vibrosweep.store.disk import Disk
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.rundir import holding, run_directory
-from vibrosweep.sweep import chunks, identity, result, run
+from vibrosweep.sweep import chunks, identity, result
 from vibrosweep.sweep.run import run_sweep
 from vibrosweep.sweep.spec import read_spec
 

@@ -98,7 +98,11 @@ def read_manifest(directory: Path) -> Manifest | None:
             return manifest
     except (FileNotFoundError, NotADirectoryError):
         return None
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+    except OSError as error:
+        raise RunError(
+            f"{path}: cannot be read ({error.strerror}); choose another place with -o"
+        ) from error
+    except (ValueError, TypeError, KeyError, RecursionError):
         pass
     raise RunError(
         f"{path}: is damaged, so that nobody knows what the parts beside it are; start the run "

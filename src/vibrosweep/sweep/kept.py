@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,9 @@ from vibrosweep.sweep.summary import Summary
 __all__ = ["KeptRun", "continued"]
 
 
-def continued(output: Path, directory: Path, now: Mapping[str, str]) -> Manifest | None:
+def continued(
+    output: Path, directory: Path, now: Callable[[], Mapping[str, str]]
+) -> Manifest | None:
     """Return the manifest of the unfinished run of this very sweep, None where there is none.
 
     Parameters
@@ -28,7 +30,7 @@ def continued(output: Path, directory: Path, now: Mapping[str, str]) -> Manifest
     output, directory
         The output and its run directory, which is emptied of what no run can continue with.
     now
-        Identity of the sweep that is to run.
+        Gives the identity of the sweep that is to run.
 
     Raises
     ------
@@ -40,7 +42,7 @@ def continued(output: Path, directory: Path, now: Mapping[str, str]) -> Manifest
         with reporting(output):
             empty(directory)
         return None
-    changes = differences(manifest.identity, now)
+    changes = differences(manifest.identity, now())
     if changes:
         finished = len(Parts(directory, manifest.key).finished())
         raise RunError(

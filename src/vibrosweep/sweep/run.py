@@ -85,7 +85,7 @@ def run_sweep(
         if force:
             with reporting(output):
                 empty(directory)
-        manifest = continued(output, directory, identity(spec))
+        manifest = continued(output, directory, lambda: identity(spec))
         check_output(output, force=force or (manifest is not None and manifest.replaces))
         if manifest is None:
             with Workers(threads) as workers:
