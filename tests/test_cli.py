@@ -106,7 +106,7 @@ def wait_for(process, directory, pattern, number=1):
     raise TimeoutError
 
 
-PARTIAL, PARTS = "*.parts/.*.partial", "*.parts/chunk-*.npz"
+PARTIAL, PARTS = "*.parts/.*.partial", "*.parts/chunk-*.part"
 
 
 def variables(path):

@@ -66,7 +66,7 @@ def test_a_part_of_another_run_or_chunk_is_not_taken(parts):
 
 
 def test_what_is_no_part_is_not_counted(parts):
-    for name in ("lock", MANIFEST, ".chunk-0000000000.1234.partial", "chunk-1-ab.npz"):
+    for name in ("lock", MANIFEST, ".chunk-0000000000.1234.partial", "chunk-1-ab.part"):
         (parts.directory / name).touch()
     assert parts.finished() == {}
 

@@ -10,10 +10,10 @@ taken for one of this.
 from __future__ import annotations
 
 import hashlib
-import io
 import json
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -29,7 +29,8 @@ __all__ = ["Manifest", "Parts", "read_manifest", "write_manifest"]
 Columns = dict[str, NDArray[Any]]
 
 MANIFEST: Final = "manifest.json"
-PART: Final = re.compile(r"chunk-(\d{10})-[0-9a-f]{32}\.npz")
+PART: Final = re.compile(r"chunk-(\d{10})-[0-9a-f]{32}\.part")
+ALIGNMENT: Final = 64
 
 
 @dataclass(frozen=True)
@@ -133,11 +134,10 @@ class Parts:
         OutputError
             It cannot be written.
         """
-        memory = io.BytesIO()
-        np.savez(memory, **columns)  # type: ignore[arg-type]
-        data = memory.getbuffer()
-        with replacing(self.directory / self._name(index, data)) as disk:
-            disk.write(data)
+        pieces = _packed(columns)
+        with replacing(self.directory / self._name(index, pieces)) as disk:
+            for piece in pieces:
+                disk.write(piece)
 
     def finished(self) -> dict[int, Path]:
         """Path of the part of each finished chunk."""
@@ -150,12 +150,34 @@ class Parts:
             data = path.read_bytes()
         except OSError:
             return None
-        if path.name != self._name(index, data):
-            return None
-        with np.load(io.BytesIO(data), allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
+        return _unpacked(data) if path.name == self._name(index, [data]) else None
 
-    def _name(self, index: int, data: bytes | memoryview) -> str:
+    def _name(self, index: int, pieces: Iterable[bytes | memoryview]) -> str:
         digest = hashlib.blake2b(f"{self.key} {index}\n".encode(), digest_size=16)
-        digest.update(data)
-        return f"chunk-{index:010d}-{digest.hexdigest()}.npz"
+        for piece in pieces:
+            digest.update(piece)
+        return f"chunk-{index:010d}-{digest.hexdigest()}.part"
+
+
+# A part is a line of JSON, which names its arrays in their order, and their bytes, each filled up
+# to a multiple of `ALIGNMENT`.  numpy's own .npz copies and sums up everything once more, which
+# took a tenth of the time of a quick sweep.
+
+
+def _packed(columns: Mapping[str, NDArray[Any]]) -> list[bytes | memoryview]:
+    head = json.dumps([(name, v.dtype.str, v.shape) for name, v in columns.items()]).encode()
+    pieces: list[bytes | memoryview] = [head + b" " * (-(len(head) + 1) % ALIGNMENT) + b"\n"]
+    for values in columns.values():
+        whole = np.ascontiguousarray(values).reshape(-1).view(np.uint8)
+        pieces += [whole.data, bytes(-whole.size % ALIGNMENT)]
+    return pieces
+
+
+def _unpacked(data: bytes) -> Columns:
+    place = data.index(b"\n") + 1
+    columns = {}
+    for name, kind, shape in json.loads(data[:place]):
+        values = np.frombuffer(data, kind, math.prod(shape), place).reshape(shape)
+        columns[name] = values
+        place += values.nbytes + -values.nbytes % ALIGNMENT
+    return columns

@@ -114,6 +114,7 @@ def make_plan(
             BYTES_PER_CHUNK // bytes_per_realization(spec, design),
             design.realizations // at_least,
         )
+        size -= size % batch_size(spec) if size > batch_size(spec) else 0
     return Plan(design, max(1, min(size, design.realizations)), cost, opening)
 
 
