@@ -7,7 +7,7 @@ import xarray as xr
 from vibrosweep.errors import DataError, Interruption, RunError
 from vibrosweep.store.parts import Parts
 from vibrosweep.store.rundir import run_directory
-from vibrosweep.sweep import chunks
+from vibrosweep.sweep import measuring
 from vibrosweep.sweep.retry import retry_failed
 from vibrosweep.sweep.run import run_sweep
 from vibrosweep.sweep.spec import read_spec
@@ -85,8 +85,8 @@ def test_only_what_failed_is_computed(sweep, output, monkeypatch):
         seen.extend(parameters["amplitude"].tolist())
         return original(parameters, *rest)
 
-    original = chunks.measure
-    monkeypatch.setattr(chunks, "measure", measure)
+    original = measuring.measure
+    monkeypatch.setattr(measuring, "measure", measure)
     retry_failed(sweep(32), output, threads=1, impact_budget=1000)
     assert set(seen) == set(failed["amplitude"].values.tolist())
 
@@ -132,46 +132,3 @@ def test_what_is_not_the_same_sweep(sweep, output, tmp_path):
     with pytest.raises(DataError, match="is not a result"):
         retry_failed(sweep(32), tmp_path / "foreign.h5", threads=1)
     assert not run_directory(output).exists()
-
-
-TABLE = """restitution,amplitude,frequency
-0.9,0.0,1.0
-0.9,1e308,1e9
-0.8,0.0,1.0
-0.9,1.0,1e9
-"""
-ROWS = """
-[scene]
-particles = 2
-duration = 1e7
-launch = [0.0, 0.25]
-[sample]
-design = "table.csv"
-[measure]
-transient = 0.5
-separation = true
-per_particle = true
-regimes = true
-trust = true
-"""
-
-
-@pytest.mark.parametrize("chunk", [1, 2, None])
-def test_absurd_rows_are_refused_and_harm_no_other(compute, tmp_path, chunk):
-    (tmp_path / "table.csv").write_text(TABLE)
-    mixed = xr.load_dataset(compute(ROWS, chunk=chunk))
-    assert mixed["status"].values.tolist() == [0, 3, 0, 3]
-    refused = mixed.isel(realization=[1, 3])
-    for name, variable in refused.data_vars.items():
-        if name in ("status", "particle_status"):
-            assert (variable == 3).all()
-        elif variable.dtype.kind == "f":
-            assert np.isnan(variable).all(), name
-        elif "flag_values" in variable.attrs:
-            assert (variable == -1).all(), name
-            assert -1 in variable.attrs["flag_values"]
-        else:
-            assert (variable == 0).all(), name
-    (tmp_path / "table.csv").write_text("restitution,amplitude,frequency\n0.9,0,1\n0.8,0,1\n")
-    alone = xr.load_dataset(compute(ROWS))
-    xr.testing.assert_identical(mixed.isel(realization=[0, 2]).drop_attrs(), alone.drop_attrs())

@@ -12,7 +12,7 @@ from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.figures import FIGURES, available
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.store.parts import Parts
-from vibrosweep.sweep import chunks
+from vibrosweep.sweep import chunks, measuring
 from vibrosweep.sweep import run as module
 from vibrosweep.sweep.spec import read_spec
 from vibrosweep.variables import PER_PARTICLE
@@ -211,8 +211,8 @@ def test_a_huge_sweep_does_not_fill_memory_before_it_starts(compute, monkeypatch
         assert sum(values.nbytes for values in columns.values()) < 100e6
         raise KeyboardInterrupt
 
-    original = chunks.measure
-    monkeypatch.setattr(chunks, "measure", measure)
+    original = measuring.measure
+    monkeypatch.setattr(measuring, "measure", measure)
     monkeypatch.setattr(Parts, "write", write)
     with pytest.raises(KeyboardInterrupt):
         compute(DRAWN.replace("= 40", "= 100_000_000"))

@@ -14,7 +14,7 @@ from vibrosweep.errors import Interruption, OutputError, RunError
 from vibrosweep.store.disk import Disk
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.rundir import holding, run_directory
-from vibrosweep.sweep import chunks, identity, result
+from vibrosweep.sweep import chunks, identity, measuring, result
 from vibrosweep.sweep.run import run_sweep
 from vibrosweep.sweep.spec import read_spec
 
@@ -285,8 +285,8 @@ def test_a_chunk_that_fails_once_is_computed_again(sweep, expected, tmp_path, mo
             raise FloatingPointError("a moment")
         return original(*arguments)
 
-    failed, original = [], chunks.measure
-    monkeypatch.setattr(chunks, "measure", measure)
+    failed, original = [], measuring.measure
+    monkeypatch.setattr(measuring, "measure", measure)
     sweep()
     assert len(failed) > 6
     assert (tmp_path / "out.h5").read_bytes() == expected
@@ -307,9 +307,9 @@ def failing(sweep, tmp_path):
                 raise FloatingPointError("always")
             return original(parameters, *rest)
 
-        calls, original, bad = [], chunks.measure, restitution[list(realizations)]
+        calls, original, bad = [], measuring.measure, restitution[list(realizations)]
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(chunks, "measure", measure)
+            patch.setattr(measuring, "measure", measure)
             yield calls
 
     return fail

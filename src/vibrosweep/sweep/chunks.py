@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import RunError, VibrosweepError
-from vibrosweep.scene import representable
-from vibrosweep.status import Status
 from vibrosweep.store.parts import Manifest, Parts
 from vibrosweep.sweep.design import Design, chosen, open_design
-from vibrosweep.sweep.engine import Observation, Workers, measure
+from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.identity import differences, identity
-from vibrosweep.sweep.observation import measured_variables, observation_of, parameters_of
+from vibrosweep.sweep.measuring import measure_all
+from vibrosweep.sweep.observation import observation_of, parameters_of
 from vibrosweep.sweep.spec import SweepSpec
-from vibrosweep.variables import UNDETERMINED, Variable
 
 __all__ = [
     "Columns",
@@ -29,7 +27,6 @@ __all__ = [
     "compute_chunk",
     "compute_rows",
     "in_process",
-    "measure_all",
 ]
 
 Array = NDArray[np.float64]
@@ -182,62 +179,17 @@ def compute_rows(
     """
     for first in range(start, stop, batch_size(spec)):
         sampled = design.take(first, min(first + batch_size(spec), stop))
-        size = min(batch_size(spec), stop - first)
+        parameters = parameters_of(spec, sampled, min(batch_size(spec), stop - first))
+        observation = observation_of(spec)
         try:
-            measured = measure_all(spec, sampled, size, workers)
+            measured = measure_all(parameters, observation, workers)
         except VibrosweepError:
             raise
         except Exception:  # once more: what failed may have been the moment
-            measured = measure_all(spec, sampled, size, workers)
+            measured = measure_all(parameters, observation, workers)
         yield {**sampled, **measured}
 
 
 def batch_size(spec: SweepSpec) -> int:
     """Realizations that are computed at a time."""
     return max(1, TRAJECTORIES_PER_BATCH // spec.particles)
-
-
-def measure_all(
-    spec: SweepSpec, sampled: Mapping[str, Array], size: int, workers: Workers
-) -> Columns:
-    """Measure realizations; those that cannot be computed with get the status that says so.
-
-    Parameters
-    ----------
-    spec
-        The sweep.
-    sampled
-        Sampled parameters of the realizations, each of shape (realization,).
-    size
-        Number of realizations.
-    workers
-        Threads to use.
-    """
-    observation, parameters = observation_of(spec), parameters_of(spec, sampled, size)
-    usable = representable(parameters, _times(observation))
-    if usable.all():
-        return measure(parameters, observation, workers)
-    found = {v.name: _refused(v, size, spec.particles) for v in measured_variables(spec)}
-    if usable.any():
-        kept = {name: values[usable] for name, values in parameters.items()}
-        for name, values in measure(kept, observation, workers).items():
-            found[name][usable] = values
-    return found
-
-
-def _times(observation: Observation) -> tuple[float, ...]:
-    launch = () if isinstance(observation.launch, str) else observation.launch
-    return (observation.duration, observation.transient, *launch)
-
-
-def _refused(variable: Variable, realizations: int, particles: int) -> NDArray[Any]:
-    """Values of a variable where nothing was computed."""
-    shape = tuple({"realization": realizations, "particle": particles}[d] for d in variable.dims)
-    codes = [code for code, _ in variable.flags]
-    if np.issubdtype(np.dtype(variable.dtype), np.floating):
-        fill: float = np.nan
-    elif UNDETERMINED in codes:
-        fill = UNDETERMINED
-    else:
-        fill = Status.REFUSED if Status.REFUSED in codes else 0
-    return np.full(shape, fill, variable.dtype)

@@ -19,8 +19,8 @@ from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.landings import BYTES_PER_LANDING, physical_memory, record_capacity
 from vibrosweep.sweep.pilot import memory_per_realization
 from vibrosweep.sweep.plan import Plan, bytes_per_realization
-from vibrosweep.sweep.result import Rows, declare, recorded
-from vibrosweep.sweep.spec import SweepSpec
+from vibrosweep.sweep.result import Rows, declare, recorded, write_record
+from vibrosweep.sweep.spec import RecordSpec, SweepSpec
 
 __all__ = ["Needs", "estimate", "has_room", "record_bytes", "require_disk", "require_memory"]
 
@@ -69,6 +69,9 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
     design, cost = plan.design, plan.cost
     record = record_bytes(spec, workers)
     size, seconds = _written(spec, plan, workers.threads)
+    if spec.record is not None:
+        more, longer = _record_file(spec, spec.record, record, workers)
+        size, seconds = size + more, seconds + longer
     per_realization = bytes_per_realization(spec, design)
     cut = plan.chunks > 1
     loading = 0.0 if cost.compiled else cost.start
@@ -79,7 +82,7 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
         impacts=cost.impacts * design.realizations,
         memory=_memory_now()
         + max(batch * memory_per_realization(spec, design, workers) + held, record),
-        result=size + record,
+        result=size,
         parts=per_realization * design.realizations if cut else 0,
     )
 
@@ -146,6 +149,24 @@ def _sample_file(spec: SweepSpec, plan: Plan, rows: int, threads: int) -> tuple[
             writer.add({name: values[drawn] for name, values in columns.items()})
             writer.flush()
         return path.stat().st_size, time.perf_counter() - began
+
+
+def _record_file(
+    spec: SweepSpec, record: RecordSpec, size: int, workers: Workers
+) -> tuple[float, float]:
+    """Bytes that the record adds to the file, and seconds to compute and write it.
+
+    Measured on as much of its duration as makes a small file.
+    """
+    share = min(1.0, SAMPLE_BYTES / max(size, 1))
+    short = replace(record, duration=record.duration * share)
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "record.h5"
+        began = time.perf_counter()
+        with creating(path) as file:
+            write_record(file.group("record"), short, spec.impact_budget, workers)
+        took = time.perf_counter() - began
+        return path.stat().st_size / share, took / share
 
 
 def _memory_now() -> float:

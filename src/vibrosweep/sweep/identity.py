@@ -18,7 +18,16 @@ __all__ = ["differences", "identity"]
 # scipy draws two of the designs, and an arcsine of numpy enters every realization
 LIBRARIES: Final = ("numpy", "scipy")
 # what computes beside the kernels
-SOURCES: Final = ("chunks", "design", "engine", "landings", "observation", "regimes", "table")
+SOURCES: Final = (
+    "chunks",
+    "design",
+    "engine",
+    "landings",
+    "measuring",
+    "observation",
+    "regimes",
+    "table",
+)
 LONGEST: Final = 200
 
 

@@ -55,10 +55,10 @@ def parameters_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> d
     }
 
 
-def measured_variables(spec: SweepSpec) -> Iterator[Variable]:
-    """Give the variables that a sweep measures."""
+def measured_variables(asked: SweepSpec | Observation) -> Iterator[Variable]:
+    """Give the variables that are measured."""
     for registry in (SWEEP, PER_PARTICLE, REGIMES, TRUST):
         for variable in registry.values():
-            asked = variable.key.removeprefix("measure.")
-            if not asked or getattr(spec, asked):
+            key = variable.key.removeprefix("measure.")
+            if not key or getattr(asked, key):
                 yield variable

@@ -12,9 +12,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.sweep.chunks import Columns, batch_size, measure_all
+from vibrosweep.sweep.chunks import Columns, batch_size
 from vibrosweep.sweep.design import Design
 from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.measuring import measure_all
+from vibrosweep.sweep.observation import observation_of, parameters_of
 from vibrosweep.sweep.schema import DRAWN
 from vibrosweep.sweep.spec import SweepSpec
 
@@ -176,7 +178,7 @@ def _timed(
             impact_budget=max(1, int(spec.impact_budget * share)),
         )
     began = time.perf_counter()
-    measured = measure_all(short, sampled, size, workers)
+    measured = measure_all(parameters_of(short, sampled, size), observation_of(short), workers)
     return time.perf_counter() - began, {**sampled, **measured}
 
 
