@@ -87,12 +87,12 @@ def provenance(seconds: float, seed: int | None) -> str:
     )
 
 
-def write_section(name: str, text: str, report: Path = REPORT) -> None:
-    """Replace the section between the two markers of that name in the report."""
-    page = report.read_text(encoding="utf-8")
+def write_section(name: str, text: str, path: Path = REPORT) -> None:
+    """Replace the section between the two markers of that name in a page."""
+    page = path.read_text(encoding="utf-8")
     pattern = re.compile(rf"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)", re.DOTALL)
     if not pattern.search(page):
-        raise SystemExit(f"{report}: has no section {name!r}")
+        raise SystemExit(f"{path}: has no section {name!r}")
     page = pattern.sub(lambda found: f"{found[1]}{text.strip()}\n{found[2]}", page)
-    report.write_text(page, encoding="utf-8")
+    path.write_text(page, encoding="utf-8")
     print(text)

@@ -2,39 +2,63 @@
 
 from __future__ import annotations
 
+import resource
 import statistics
 import time
 
 import pytest
 
 
+def processor_seconds():
+    """Time of all threads of this process and of the processes that it has waited for."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
+def timed(run):
+    """Wall and processor time of a run in s."""
+    wall, processor = time.perf_counter(), processor_seconds()
+    run()
+    return time.perf_counter() - wall, processor_seconds() - processor
+
+
 @pytest.fixture
-def race(benchmark):
-    """Time a subject and a reference in turn; return median time of reference over subject."""
+def race(benchmark, record_property):
+    """Time a subject and a reference in turn; return how many times as fast the subject is.
 
-    def run(subject, reference, *, work_subject=1.0, work_reference=1.0, rounds=9):
-        subject()
-        reference()
-        reference_seconds = []
+    The ratio is the median over pairs of runs, so that what disturbs the machine for longer than
+    a pair disturbs both.  `regressions.py` holds it against the stored one under the test's name.
+    """
 
-        def time_reference():
-            began = time.perf_counter()
+    def run(subject, reference, *, work_subject=1.0, work_reference=1.0, rounds=9, warm_up=True):
+        if warm_up:
+            subject()
             reference()
-            reference_seconds.append(time.perf_counter() - began)
-
-        benchmark.pedantic(subject, setup=time_reference, rounds=rounds, iterations=1)
-        subject_seconds = benchmark.stats.stats.median
-        reference_median = statistics.median(reference_seconds)
-        ratio = (reference_median / work_reference) / (subject_seconds / work_subject)
+        references, subjects = [], []
+        benchmark.pedantic(
+            lambda: subjects.append(timed(subject)),
+            setup=lambda: references.append(timed(reference)),
+            rounds=rounds,
+            iterations=1,
+        )
+        work = work_subject / work_reference
+        pairs = list(zip(references, subjects, strict=True))
+        ratio = work * statistics.median(r[0] / s[0] for r, s in pairs)
+        subject_ns, reference_ns = (
+            1e9 * statistics.median(wall for wall, _ in times) / units
+            for times, units in ((subjects, work_subject), (references, work_reference))
+        )
+        processor_ratio = work * statistics.median(r[1] / s[1] for r, s in pairs)
+        record_property("processor_ratio", processor_ratio)
         benchmark.extra_info.update(
             ratio=ratio,
-            subject_ns=1e9 * subject_seconds / work_subject,
-            reference_ns=1e9 * reference_median / work_reference,
+            processor_ratio=processor_ratio,
+            subject_ns=subject_ns,
+            reference_ns=reference_ns,
         )
         print(
             f"\n{benchmark.name}: {ratio:.3g} times the speed of the reference "
-            f"({1e9 * subject_seconds / work_subject:.3g} against "
-            f"{1e9 * reference_median / work_reference:.3g} ns per unit of work)"
+            f"({subject_ns:.3g} against {reference_ns:.3g} ns per unit of work)"
         )
         return ratio
 

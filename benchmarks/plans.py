@@ -21,11 +21,11 @@ from pathlib import Path
 from accuracy import processor, table, write_section
 from kills import REPORT
 from vibrosweep.commands.start import leave_linear_algebra_out
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.estimate import estimate
 from vibrosweep.sweep.plan import make_plan
 from vibrosweep.sweep.run import run_sweep
 from vibrosweep.sweep.spec import read_spec
+from vibrosweep.sweep.workers import Workers
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
 THREADS = 2

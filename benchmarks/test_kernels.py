@@ -9,20 +9,20 @@ import pytest
 from numba import njit
 
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
+from methods.sweeps import paper_parameters
 from vibrosweep.kernels.advance import advance, empty_statistics
 from vibrosweep.kernels.lanes import scratch
-from vibrosweep.scene import PARAMETERS, dimensionless, launches
-from vibrosweep.sweep.engine import TRAJECTORIES_PER_TASK, Observation, Workers, statistics
+from vibrosweep.scene import dimensionless, launches
+from vibrosweep.sweep.following import statistics
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
 THREADS = 2
 
 
 def scene(realizations, particles, duration):
     """The ranges of sweeps/paper.toml."""
-    rng = np.random.default_rng(1)
-    parameters = {n: np.full(realizations, p.default) for n, p in PARAMETERS.items()}
-    parameters["restitution"] = rng.uniform(0.80, 0.98, realizations)
-    parameters["amplitude"] = rng.uniform(0.2, 3.5, realizations)
+    parameters = paper_parameters(realizations)
     observation = Observation(
         particles=particles,
         launch="staggered",

@@ -1,4 +1,7 @@
-"""What is saved by not doing it; run with ``pytest benchmarks/test_skips.py -s``."""
+"""What is saved by not doing it; run with ``pytest benchmarks/test_skips.py -s``.
+
+The subject skips, the reference follows everything.
+"""
 
 from __future__ import annotations
 
@@ -6,48 +9,114 @@ import numpy as np
 
 from test_kernels import THREADS, scene
 from vibrosweep.kernels.cycles import empty_cycles
-from vibrosweep.kernels.ordering import workspace
-from vibrosweep.kernels.separation import separate
-from vibrosweep.sweep.engine import Workers, statistics
+from vibrosweep.kernels.separation import empty_separations, separate, workspace
+from vibrosweep.scene import PARAMETERS
+from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.following import statistics
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import Workers
 
 
-def recognising(realizations, periods, workers):
-    """Trajectories of the paper's ranges, those that recur followed no further."""
-    problem, launch, observation = scene(realizations, 20, periods)
-    return lambda: statistics(
-        problem, launch, observation, workers, empty_cycles(realizations * 20)
-    )
+def drawn(realizations, **given):
+    """The ranges of sweeps/paper.toml; what is given replaces them."""
+    rng = np.random.default_rng(3)
+    values = {
+        "restitution": rng.uniform(0.80, 0.98, realizations),
+        "amplitude": rng.uniform(0.2, 3.5, realizations),
+    } | given
+    return {
+        name: np.broadcast_to(np.asarray(values.get(name, p.default), float), realizations).copy()
+        for name, p in PARAMETERS.items()
+    }
 
 
-def following(realizations, periods, workers):
-    problem, launch, observation = scene(realizations, 20, periods)
-    return lambda: statistics(problem, launch, observation, workers)
+def measuring(parameters, workers, particles=20, **options):
+    """Measure a batch; `skip` among the options."""
+    asked = {
+        "launch": "staggered",
+        "duration": 1e3,
+        "rebound": "rest",
+        "transient": 0.0,
+        "separation": False,
+        "per_particle": False,
+        "regimes": False,
+        "trust": False,
+        "tolerance": 1e-9,
+        "impact_budget": 10_000_000,
+    } | options
+    observation = Observation(particles=particles, **asked)
+    return lambda: measure(parameters, observation, workers)
+
+
+def skipping(race, parameters, **options):
+    """Race skipping against following."""
+    with Workers(THREADS) as workers:
+        subject, reference = (
+            measuring(parameters, workers, skip=skip, **options) for skip in (True, False)
+        )
+        return race(subject, reference)
 
 
 def test_recurrence_at_a_thousand_periods(race):
-    with Workers(THREADS) as workers:
-        ratio = race(recognising(200, 1e3, workers), following(200, 1e3, workers))
-    assert ratio >= 3.0
+    assert skipping(race, drawn(200)) >= 2.0
 
 
-def test_recognition_over_a_short_horizon(race):
-    """Too short to gain: a fifth of the orbits, those that rest, recur, and are classified."""
-    with Workers(THREADS) as workers:
-        race(recognising(20_000, 12.0, workers), following(20_000, 12.0, workers))
+def test_separations_at_a_thousand_periods(race):
+    assert skipping(race, drawn(200), separation=True) >= 1.0
+
+
+def test_separations_at_ten_thousand_periods(race):
+    assert skipping(race, drawn(50), separation=True, duration=1e4) >= 4.0
+
+
+def test_one_problem_at_four_values_of_gravity(race):
+    factor = np.repeat([1.0, 2.0, 4.0, 8.0], 2500)
+    parameters = drawn(10_000)
+    for name in ("restitution", "amplitude"):
+        parameters[name] = np.tile(parameters[name][:2500], 4)
+    for name in ("amplitude", "gravity", "launch_velocity"):
+        parameters[name] *= factor
+    assert skipping(race, parameters, duration=12.0) >= 2.0
+
+
+def test_nothing_to_skip_over_a_short_horizon(race):
+    """Nothing recurs in time, no two problems are equal: what remains is to find that out."""
+    assert skipping(race, drawn(20_000), duration=12.0) >= 0.9
+
+
+def test_no_excitation(race):
+    assert skipping(race, drawn(5000, amplitude=0.0), duration=60.0) >= 2.0
 
 
 def test_a_million_periods_against_a_thousand(race):
-    """Those few trajectories that never recur are followed to the end; their cost is honest."""
+    """Every orbit of these realizations recurs; a chaotic one would be followed to the end."""
     with Workers(THREADS) as workers:
-        race(recognising(200, 1e6, workers), recognising(200, 1e3, workers))
+        late, early = (
+            measuring(drawn(200), workers, duration=periods, separation=True, regimes=True)
+            for periods in (1e6, 1e3)
+        )
+        ratio = race(late, early)
+    assert ratio >= 1.0 / 3.0
+
+
+def test_a_million_periods_with_chaos_against_a_thousand(race):
+    """Nine trajectories of one realization never recur: their cost is honest."""
+    rng = np.random.default_rng(1)
+    ranges = {"restitution": rng.uniform(0.80, 0.98, 200), "amplitude": rng.uniform(0.2, 3.5, 200)}
+    with Workers(THREADS) as workers:
+        late, early = (
+            measuring(drawn(200, **ranges), workers, duration=periods, separation=True)
+            for periods in (1e6, 1e3)
+        )
+        race(late, early)
 
 
 def test_separation_against_the_trajectories_alone(race):
     """The time of separations, as a multiple of the streaming statistics; 100 particles."""
     realizations, particles = 1000, 100
     problem, launch, observation = scene(realizations, particles, 12.0)
-    gap, same = np.empty(realizations), np.empty(realizations)
-    shared, complete = np.empty(realizations, np.int8), np.ones(realizations, bool)
+    complete, found = np.ones(realizations, bool), empty_separations(realizations)
+    none = empty_cycles(0)
     with Workers(THREADS) as workers:
 
         def separations():
@@ -58,12 +127,12 @@ def test_separation_against_the_trajectories_alone(race):
                     problem,
                     launch,
                     complete,
+                    observation.impact_budget,
                     None,
                     None,
                     workspace(particles),
-                    gap,
-                    same,
-                    shared,
+                    none,
+                    found,
                 ),
                 realizations,
                 10,

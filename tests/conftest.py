@@ -67,7 +67,7 @@ def observe():
             launch = tuple(float(time) for time in launch)
             particles = len(launch)
         plain = record_observation(particles, launch, 12.0, "rest", 10**6)
-        measures = {"transient": 0.0, "separation": True, "per_particle": True}
+        measures = {"transient": 0.0, "separation": True, "per_particle": True, "skip": True}
         return replace(plain, **(measures | changes))
 
     return make

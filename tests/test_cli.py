@@ -18,7 +18,8 @@ from vibrosweep.cli import main
 ROOT = Path(__file__).parents[1]
 SINGLE = ROOT / "sweeps" / "single_ball.toml"
 COMMAND = [sys.executable, "-c", "import sys; from vibrosweep.cli import main; sys.exit(main())"]
-# half a minute of work in chunks, and hours of one kernel that nothing can stop
+# half a minute of work in chunks, and hours of one kernel that nothing can stop, for the bounds of
+# errors are carried along every landing
 CHUNKS = """
 title = "A long sweep"
 [scene]
@@ -32,6 +33,7 @@ title = "A long orbit"
 [scene]
 duration = 1e12
 [measure]
+trust = true
 impact_budget = 1_000_000_000_000
 """
 

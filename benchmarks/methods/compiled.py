@@ -9,16 +9,19 @@ from collections.abc import Iterator
 import numpy as np
 from numba import njit
 
-from methods.scenes import Point, Scene
+from methods.scenes import Point, Scene, table
+from methods.sweeps import Sweep
 from methods.timing import BUDGET, timed
 from methods.truth import Orbit, worst
 from vibrosweep.kernels.advance import Statistics, empty_statistics
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound
 from vibrosweep.reference.rk4 import rk4
-from vibrosweep.scene import PARAMETERS, dimensionless, launches
-from vibrosweep.sweep.engine import TRAJECTORIES_PER_TASK, Observation, Workers, statistics
+from vibrosweep.scene import dimensionless, launches
+from vibrosweep.sweep.following import statistics
 from vibrosweep.sweep.landings import record_landings
+from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.run import record_observation
+from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
 MARGIN = 1.0  # s past the end, so that a late landing is compared rather than missed
 MOST_IMPACTS = 10_000_000
@@ -139,7 +142,7 @@ def _state_error(orbits: list[Orbit], counts: np.ndarray, phases: np.ndarray) ->
 
 
 @njit(nogil=True, error_model="numpy")
-def _naive(first, last, table, duration, reflect, times, out):
+def naive_trajectories(first, last, table, duration, reflect, times, out):
     """One trajectory after the other: a running time, and the library's sine of omega t."""
     for i in range(first, last):
         e, amplitude, frequency, phi = table[i, 0], table[i, 1], table[i, 2], table[i, 3]
@@ -174,26 +177,29 @@ def _naive(first, last, table, duration, reflect, times, out):
         out.flight_sum[i], out.flight_squares[i], out.flight_max[i] = total, squares, largest
 
 
-def _table(scene: Scene, launch_times: np.ndarray) -> np.ndarray:
-    """One row per trajectory: the seven parameters and the launch time."""
-    table = np.tile([*(scene.parameters[name] for name in PARAMETERS), 0.0], (launch_times.size, 1))
-    table[:, -1] = launch_times
-    return table
+def count_landings(rows: np.ndarray, duration: float, reflect: int | None) -> np.ndarray:
+    """Landings of the trajectories of a table, by the naive map."""
+    out = empty_statistics(len(rows))
+    naive_trajectories(0, len(rows), rows, duration, reflect, None, out)
+    return out.landings
 
 
-def naive(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+def naive(scene: Scene | Sweep, orbits: list[Orbit], threads: int) -> Iterator[Point]:
     """The same map with a running double t and sin(omega t + phi)."""
-    times = np.full((scene.proved, max(orbit.size for orbit in orbits)), np.nan)
-    sample = _table(scene, scene.sample)
+    sample = table(scene.cases)
+    times = np.full((len(sample), max(orbit.size for orbit in orbits)), np.nan)
     end = scene.duration + MARGIN
-    _naive(0, scene.proved, sample, end, scene.reflect, times, empty_statistics(scene.proved))
+    seen = empty_statistics(len(sample))
+    naive_trajectories(0, len(sample), sample, end, scene.reflect, times, seen)
     error, note = worst(orbits, list(times))
-    table, out = _table(scene, scene.batch), empty_statistics(scene.lanes)
+    rows, out = scene.table, empty_statistics(scene.lanes)
     with Workers(threads) as workers:
 
         def run() -> None:
             workers.each(
-                lambda a, b: _naive(a, b, table, scene.duration, scene.reflect, None, out),
+                lambda a, b: naive_trajectories(
+                    a, b, rows, scene.duration, scene.reflect, None, out
+                ),
                 scene.lanes,
                 min(TRAJECTORIES_PER_TASK, -(-scene.lanes // (4 * threads))),
             )

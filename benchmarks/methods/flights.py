@@ -8,7 +8,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from methods.law import Base
-from methods.scenes import Point, Scene
+from methods.scenes import Case, Point, Scene
+from methods.sweeps import Sweep
 from methods.timing import timed
 from methods.truth import Orbit, worst
 
@@ -29,11 +30,11 @@ _height.terminal = True
 _height.direction = -1.0
 
 
-def _landings(scene: Scene, launch: float, impacts: int, rtol: float) -> np.ndarray:
+def _landings(case: Case, impacts: int, rtol: float) -> np.ndarray:
     """The first landing times; the clock of each flight starts at its lift-off."""
-    base, gravity = Base(scene), scene.parameters["gravity"]
-    end = 1.01 * scene.longest_flight
-    t, v = launch, scene.parameters["launch_velocity"]
+    base, gravity = Base(case), case.parameters["gravity"]
+    end = 1.01 * case.longest_flight
+    t, v = case.launch, case.parameters["launch_velocity"]
     times = np.empty(impacts)
     for k in range(impacts):
         flight = solve_ivp(
@@ -45,19 +46,17 @@ def _landings(scene: Scene, launch: float, impacts: int, rtol: float) -> np.ndar
     return times
 
 
-def scipy_events(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+def scipy_events(scene: Scene | Sweep, orbits: list[Orbit], threads: int) -> Iterator[Point]:
     """Every tolerance of the scene, one thread."""
     compared = [orbit.head(MOST_IMPACTS) for orbit in orbits]
-    partial = compared[0].size < orbits[0].size
-    if partial:
-        compared = compared[:1]
-    note = f"first {MOST_IMPACTS} landings of one trajectory only" if partial else ""
-    pairs = list(zip(scene.sample, compared, strict=False))
-    _landings(scene, scene.sample[0], 1, 1e-3)
+    partial = any(head.size < orbit.size for head, orbit in zip(compared, orbits, strict=True))
+    note = f"first {MOST_IMPACTS} landings of a trajectory only" if partial else ""
+    pairs = list(zip(scene.cases, compared, strict=True))
+    _landings(scene.cases[0], 1, 1e-3)
     for rtol in scene.tolerances:
 
         def run(rtol: float = rtol) -> list[np.ndarray]:
-            return [_landings(scene, launch, orbit.size, rtol) for launch, orbit in pairs]
+            return [_landings(case, orbit.size, rtol) for case, orbit in pairs]
 
         times, seconds = timed(run)
         error, _ = worst(compared, times)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from methods.scenes import Scene
+from methods.scenes import Case
 
 
 class Base:
@@ -12,18 +12,18 @@ class Base:
 
     Parameters
     ----------
-    scene
-        Its parameters and law.
+    case
+        The trajectory's parameters and law.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        p = scene.parameters
+    def __init__(self, case: Case) -> None:
+        p = case.parameters
         self.restitution, self.amplitude = p["restitution"], p["amplitude"]
         self.omega = 2.0 * math.pi * p["frequency"]
         self.phase = p["phase"]
         self.rest_velocity = 0.5 * p["gravity"] * p["contact_time"]
         self.liftoff_angle = math.asin(self.rest_velocity / self.amplitude)
-        self.reflects = scene.rebound == "reflect"
+        self.reflects = case.rebound == "reflect"
 
     def leave(self, time: float, speed: float) -> tuple[float, float]:
         """Time and velocity of the lift-off after a landing at `time` with `speed`."""

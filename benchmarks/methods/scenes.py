@@ -1,4 +1,4 @@
-"""The scenes of the comparison, and what a measured point of it is.
+"""The scenes of the comparisons, and what a measured point of them is.
 
 Every scene has frequency 1 Hz and phase 0, so seconds are forcing periods and an instant is a whole
 number plus a reduced phase without any rounding.
@@ -13,6 +13,43 @@ import numpy as np
 from vibrosweep.scene import PARAMETERS
 
 TABLE_1 = {name: parameter.default for name, parameter in PARAMETERS.items()}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One trajectory.
+
+    Attributes
+    ----------
+    parameters
+        As in `vibrosweep.scene.PARAMETERS`.
+    rebound
+        The law.
+    duration
+        s; landings at t <= duration count.
+    launch
+        Launch time in s.
+    locked
+        Flight time in periods of the orbit that it settles on, where that shortens the proof.
+    """
+
+    parameters: dict[str, float]
+    rebound: str
+    duration: float
+    launch: float
+    locked: int | None = None
+
+    @property
+    def longest_flight(self) -> float:
+        """No flight lasts longer: speeds stay below the launch and below A / (1 - e)."""
+        p = self.parameters
+        speed = max(p["launch_velocity"], p["amplitude"] / (1.0 - p["restitution"]))
+        return 2.0 * speed / p["gravity"]
+
+
+def table(cases: list[Case]) -> np.ndarray:
+    """One row per trajectory: the seven parameters and the launch time."""
+    return np.array([[*(c.parameters[name] for name in PARAMETERS), c.launch] for c in cases])
 
 
 @dataclass(frozen=True)
@@ -66,16 +103,22 @@ class Scene:
         return np.linspace(*self.span, self.proved)
 
     @property
+    def cases(self) -> list[Case]:
+        """The trajectories that are compared with the proved reference."""
+        p, law = self.parameters, self.rebound
+        return [Case(p, law, self.duration, float(t), self.locked) for t in self.sample]
+
+    @property
+    def table(self) -> np.ndarray:
+        """One row per trajectory of the batch: the seven parameters and the launch time."""
+        rows = np.tile([*(self.parameters[name] for name in PARAMETERS), 0.0], (self.lanes, 1))
+        rows[:, -1] = self.batch
+        return rows
+
+    @property
     def reflect(self) -> int | None:
         """The law as compiled functions take it."""
         return 1 if self.rebound == "reflect" else None
-
-    @property
-    def longest_flight(self) -> float:
-        """No flight lasts longer: speeds stay below the launch and below A / (1 - e)."""
-        p = self.parameters
-        speed = max(p["launch_velocity"], p["amplitude"] / (1.0 - p["restitution"]))
-        return 2.0 * speed / p["gravity"]
 
 
 @dataclass(frozen=True)

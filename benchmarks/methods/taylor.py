@@ -8,7 +8,8 @@ import heyoka
 import numpy as np
 
 from methods.law import Base
-from methods.scenes import Point, Scene
+from methods.scenes import Case, Point, Scene
+from methods.sweeps import Sweep
 from methods.timing import timed
 from methods.truth import Orbit, worst
 
@@ -27,16 +28,15 @@ class Bouncer:
 
     Parameters
     ----------
-    scene
-        Its parameters.
+    gravity
+        m s-2
     tolerance
         Of the Taylor series; it sets the order.
     """
 
-    def __init__(self, scene: Scene, tolerance: float) -> None:
-        self.base, self.scene, self.repeated = Base(scene), scene, 0
+    def __init__(self, gravity: float, tolerance: float) -> None:
+        self.repeated = 0
         y, v = heyoka.make_vars("y", "v")
-        gravity = scene.parameters["gravity"]
 
         # heyoka copies its callback deeply: a bound method would act on a copy of this object
         def land(integrator: heyoka.taylor_adaptive, sign: int) -> bool:
@@ -63,12 +63,12 @@ class Bouncer:
         integrator.state[:] = ABOVE, self.speed
         return self.left_at == t and self.found < self.times.size
 
-    def landings(self, launch: float, impacts: int) -> np.ndarray:
-        """The first landing times."""
-        ta = self.integrator
+    def landings(self, case: Case, impacts: int) -> np.ndarray:
+        """The first landing times of a trajectory."""
+        ta, self.base = self.integrator, Base(case)
         self.times, self.found = np.empty(impacts), 0
-        self.left_at, self.speed = launch, self.scene.parameters["launch_velocity"]
-        step = longest = 1.01 * self.scene.longest_flight
+        self.left_at, self.speed = case.launch, case.parameters["launch_velocity"]
+        step = longest = 1.01 * case.longest_flight
         while self.found < impacts:
             # a rest moves the clock, which no callback may do
             ta.time, ta.state[:] = self.left_at, (ABOVE, self.speed)
@@ -83,16 +83,15 @@ class Bouncer:
         return self.times
 
 
-def heyoka_events(scene: Scene, orbits: list[Orbit], threads: int) -> Iterator[Point]:
-    """Every tolerance, one thread; on the long scene the finest one and one trajectory."""
-    long = scene.duration > 1e5
-    pairs = list(zip(scene.sample, orbits, strict=True))[: 1 if long else None]
-    for tolerance in TOLERANCES[-1:] if long else TOLERANCES:
-        bouncer = Bouncer(scene, tolerance)
+def heyoka_events(scene: Scene | Sweep, orbits: list[Orbit], threads: int) -> Iterator[Point]:
+    """Every tolerance, one thread; on long scenes the finest one, on a very long one trajectory."""
+    pairs = list(zip(scene.cases, orbits, strict=True))[: 1 if scene.duration > 1e5 else None]
+    for tolerance in TOLERANCES if len(scene.tolerances) > 1 else TOLERANCES[-1:]:
+        bouncer = Bouncer(scene.cases[0].parameters["gravity"], tolerance)
 
         def run(bouncer: Bouncer = bouncer) -> list[np.ndarray]:
             bouncer.repeated = 0
-            return [bouncer.landings(float(launch), orbit.size) for launch, orbit in pairs]
+            return [bouncer.landings(case, orbit.size) for case, orbit in pairs]
 
         times, seconds = timed(run)
         error, _ = worst([orbit for _, orbit in pairs], times)

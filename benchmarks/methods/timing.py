@@ -1,7 +1,8 @@
-"""Wall times: the fastest of as many runs as fit a small budget."""
+"""Wall times: the fastest of as many runs as fit a small budget, or medians of runs in turn."""
 
 from __future__ import annotations
 
+import statistics
 import time
 from collections.abc import Callable
 from typing import TypeVar
@@ -25,6 +26,14 @@ def timed(run: Callable[[], T]) -> tuple[T, float]:
         result, seconds = _once(run)
         best, spent = min(best, seconds), spent + seconds
     return result, best
+
+
+def medians(*runs: Callable[[], object], rounds: int = 9) -> list[float]:
+    """Median seconds of runs that are timed in turn, after one run of each that is not."""
+    for run in runs:
+        run()
+    seconds = [[_once(run)[1] for run in runs] for _ in range(rounds)]
+    return [statistics.median(column) for column in zip(*seconds, strict=True)]
 
 
 def _once(run: Callable[[], T]) -> tuple[T, float]:

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, ctx
 
-from methods.scenes import Scene
+from methods.scenes import Case, Scene
+from methods.sweeps import Sweep
 from vibrosweep.reference import ball
 from vibrosweep.reference.results import Impact
 
@@ -62,25 +63,25 @@ class Orbit:
         return np.abs(error) + self.radius
 
 
-def prove(scene: Scene) -> list[Orbit]:
+def prove(scene: Scene | Sweep) -> list[Orbit]:
     """The orbits of the scene's sample."""
-    return [_prove_one(scene, float(launch)) for launch in scene.sample]
+    return [_prove_one(case) for case in scene.cases]
 
 
-def _prove_one(scene: Scene, launch: float) -> Orbit:
-    followed = min(scene.duration, SETTLED) if scene.locked else scene.duration
+def _prove_one(case: Case) -> Orbit:
+    followed = min(case.duration, SETTLED) if case.locked else case.duration
     found = ball.trajectory(
-        **scene.parameters, launch_time=launch, duration=followed, rebound=scene.rebound
+        **case.parameters, launch_time=case.launch, duration=followed, rebound=case.rebound
     )
     count = np.array([impact.count for impact in found.impacts], dtype=np.float64)
     split = [_two_doubles(impact.phase) for impact in found.impacts]
     phase, low, radius = (np.array(column) for column in zip(*split, strict=True))
-    if followed == scene.duration:
+    if followed == case.duration:
         return Orbit(count, phase, low, float(radius.max()))
-    fixed, distance = _fixed_orbit(scene, found.impacts[-1])
+    fixed, distance = _fixed_orbit(case, found.impacts[-1])
     value, rest, error = _two_doubles(fixed)
-    last = np.floor(scene.duration - value)
-    later = np.arange(count[-1] + scene.locked, last + 0.5, scene.locked)
+    last = np.floor(case.duration - value)
+    later = np.arange(count[-1] + case.locked, last + 0.5, case.locked)
     return Orbit(
         np.concatenate([count, later]),
         np.concatenate([phase, np.full(later.size, value)]),
@@ -97,23 +98,23 @@ def _two_doubles(value: arb) -> tuple[float, float, float]:
         return high, low, float((value - high - low).abs_upper())
 
 
-def _fixed_orbit(scene: Scene, impact: Impact) -> tuple[arb, float]:
+def _fixed_orbit(case: Case, impact: Impact) -> tuple[arb, float]:
     """Phase of the fixed orbit, and a proved bound of every later landing's distance from it."""
-    p = scene.parameters
+    p = case.parameters
     with ctx.workprec(BITS):
         e = arb(p["restitution"])
         a = 2 * arb(p["frequency"]) * arb(p["amplitude"]) / arb(p["gravity"])
-        sine = (1 - e) * scene.locked / a
+        sine = (1 - e) * case.locked / a
         phase = arb(0.5) - sine.asin() / (2 * arb.pi())
         slope = -2 * arb.pi() * a * (1 - sine * sine).sqrt()
         alpha = (1 + e + slope) / 2
         beta = (e - alpha * alpha).sqrt()
-        off_phase, off_flight = impact.phase - phase, impact.flight - scene.locked
+        off_phase, off_flight = impact.phase - phase, impact.flight - case.locked
         across = (off_flight - (alpha - 1) * off_phase) / beta
         distance = arb((off_phase * off_phase + across * across).abs_upper()).sqrt()
         growth = e.sqrt() * (1 + 2 * arb.pi() ** 2 * a * e.sqrt() * distance / beta)
         if not growth < 1:
-            raise RuntimeError(f"scene {scene.key}: the orbit is not proved to stay locked")
+            raise RuntimeError(f"launch {case.launch} s: the orbit is not proved to stay locked")
         return phase, float(distance.abs_upper())
 
 

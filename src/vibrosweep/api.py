@@ -18,9 +18,9 @@ from vibrosweep.scene import LAWS, PARAMETERS
 from vibrosweep.store.disk import check_output
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import replaces
+from vibrosweep.sweep.asked import record_observation
 from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.landings import record_landings
-from vibrosweep.sweep.observation import record_observation
 from vibrosweep.sweep.result import DURATION, LAUNCH_TIME, coordinate_attributes
 from vibrosweep.sweep.run import available_threads, run_sweep
 from vibrosweep.sweep.spec import read_spec

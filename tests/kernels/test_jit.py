@@ -186,15 +186,17 @@ def test_every_kernel_is_read_from_disk_when_nothing_changed(parameters, observe
 import numpy as np
 from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.combine import combine
+from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.separation import separate
 from vibrosweep.sweep.engine import Workers, measure
 from vibrosweep.sweep.landings import all_parameters
 from vibrosweep.sweep.run import record_observation
 from dataclasses import replace
 observation = record_observation(3, "staggered", 12.0, "rest", 10**6)
+observation = replace(observation, transient=0.0, separation=True, skip=True)
 with Workers(1) as workers:
-    measure(all_parameters({}), replace(observation, transient=0.0, separation=True), workers)
-for kernel in (advance, combine, separate):
+    measure(all_parameters({}), observation, workers)
+for kernel in (advance, combine, first_of_each, separate):
     assert sum(kernel.stats.cache_hits.values()) == 1, kernel
     assert not kernel.stats.cache_misses, kernel
 """

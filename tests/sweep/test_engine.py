@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.advance import CHECK
 from vibrosweep.status import Status
-from vibrosweep.sweep import engine
+from vibrosweep.sweep import following
 from vibrosweep.sweep.engine import Workers, measure
 from vibrosweep.variables import PER_PARTICLE, REGIMES, SWEEP, TRUST
 
@@ -71,7 +71,7 @@ def test_statistics_are_those_of_the_record(
 ):
     scene = random_scenes(seed=21, size=60)
     observation = observe(
-        TIMES, duration=9.0, transient=transient, rebound=rebound, impact_budget=5000
+        TIMES, duration=9.0, transient=transient, rebound=rebound, impact_budget=5000, skip=False
     )
     measured, found = measure(scene, observation, workers), record(scene, observation)
     inside = in_window(found, transient)
@@ -86,7 +86,7 @@ def test_statistics_are_those_of_the_record_bit_for_bit(
 ):
     # gravity 2 and frequency 1: recorded speeds are the flight times that the kernel sums
     scene = random_scenes(seed=22, size=25, gravity=2.0, frequency=1.0)
-    observation = observe((0.0, 0.4), duration=15.0, rebound=rebound, impact_budget=400)
+    observation = observe((0.0, 0.4), duration=15.0, rebound=rebound, impact_budget=400, skip=False)
     measured, found = measure(scene, observation, workers), record(scene, observation)
     for i in range(25):
         for p in range(2):
@@ -222,7 +222,7 @@ def test_threads_and_tasks_do_not_change_a_bit(
     )
     results = []
     for threads, trajectories in ((1, 8192), (2, 8192), (2, 1), (3, 17), (3, 130)):
-        monkeypatch.setattr(engine, "TRAJECTORIES_PER_TASK", trajectories)
+        monkeypatch.setattr(following, "TRAJECTORIES_PER_TASK", trajectories)
         with Workers(threads) as workers:
             results.append(measure(scene, observation, workers))
     for other in results[1:]:

@@ -81,19 +81,14 @@ def test_the_sample_is_drawn_from_all_over_a_grid(workers, monkeypatch):
         assert few[name].max() > high
 
 
-@pytest.mark.parametrize(
-    ("changes", "most"),
-    [
-        ({"duration": 1e12, "impact_budget": 10**15}, 0.01),
-        ({"duration": 1e6, "trust": True, "impact_budget": 10**15}, 0.1),
-    ],
-)
-def test_hours_are_foreseen_in_a_moment(workers, changes, most):
-    spec = replace(parse_spec(WIDE.format(64)), **changes)
+def test_hours_are_foreseen_in_a_moment(workers):
+    """Bounds of errors are carried along every landing, whatever orbits do."""
+    spec = parse_spec(WIDE.format(64) + "trust = true\nimpact_budget = 1_000_000_000_000\n")
+    spec = replace(spec, duration=1e9)
     cost = explore(spec, chunks.open_design(spec), workers, 0.2)
-    assert cost.share < most
-    assert cost.seconds > 1.0 if changes["duration"] < 1e12 else cost.seconds > 3600
-    # three to four landings in a second of the scene
+    assert cost.share < 0.01
+    assert cost.seconds > 3600
+    # some landings in each second of the scene
     landings = cost.impacts / (spec.particles * spec.duration)
     assert 1.0 < landings < 10.0
 
@@ -133,7 +128,7 @@ MEMORY = """
 import re, sys
 from pathlib import Path
 from dataclasses import replace
-from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.sweep.estimate import estimate
 from vibrosweep.sweep.plan import make_plan
 from vibrosweep.sweep.run import run_sweep

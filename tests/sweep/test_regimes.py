@@ -38,29 +38,6 @@ def run(parameters, observation):
         return measure(parameters, observation, workers)
 
 
-@pytest.mark.parametrize("rebound", ["rest", "reflect"])
-@pytest.mark.parametrize("transient", [0.0, 321.4])
-def test_counting_a_cycle_gives_what_following_it_gives(rebound, transient):
-    rng = np.random.default_rng(11)
-    parameters = scene(
-        restitution=rng.uniform(0.3, 0.98, 40),
-        amplitude=rng.uniform(0.0, 3.5, 40),
-        frequency=rng.uniform(0.9, 1.1, 40),
-        phase=rng.uniform(-3.0, 3.0, 40),
-    )
-    counted = run(parameters, observed(1500.0, rebound=rebound, transient=transient))
-    followed = run(
-        parameters, observed(1500.0, rebound=rebound, transient=transient, regimes=False)
-    )
-    recurrent = counted["cycle_impacts"] > 0
-    assert recurrent.mean() > 0.2
-    for name, values in followed.items():
-        if values.dtype.kind == "i" or name.endswith("max"):
-            assert np.array_equal(counted[name], values, equal_nan=True), name
-        else:  # following adds up to 10^5 terms, each time with a rounding
-            np.testing.assert_allclose(counted[name], values, rtol=1e-11, err_msg=name)
-
-
 def test_a_locked_orbit_has_one_impact_in_each_period():
     found = run(scene(), observed(2000.0, launch=(0.125,), particles=1))
     assert found["regime"].item() == Regime.LOCKED

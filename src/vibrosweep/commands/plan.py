@@ -39,10 +39,10 @@ def perform(options: argparse.Namespace) -> None:
 
     spec = read_spec(options.spec)
     leave_linear_algebra_out()
-    from vibrosweep.sweep.engine import Workers
     from vibrosweep.sweep.estimate import estimate, require_disk, require_memory
     from vibrosweep.sweep.plan import make_plan
     from vibrosweep.sweep.run import available_threads
+    from vibrosweep.sweep.workers import Workers
 
     output = options.output or Path(f"{options.spec.stem}.h5")
     with Workers(options.threads or available_threads()) as workers:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel
-from vibrosweep.kernels.cycles import Cycles, close_cycle
+from vibrosweep.kernels.cycles import Cycles, look, no_rests
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound
 from vibrosweep.kernels.lanes import (
     AGE,
@@ -23,10 +23,9 @@ from vibrosweep.kernels.lanes import (
     LANE,
     LANES,
     LARGEST,
-    N_ANCHOR,
+    LOOK,
     N_BEGIN,
     NEXT_ANCHOR,
-    RECURRED,
     RESTS,
     ROWS,
     SPENT,
@@ -54,6 +53,7 @@ from vibrosweep.status import Status
 __all__ = ["CHECK", "Statistics", "advance", "empty_statistics"]
 
 CHECK = 4  # impacts between two looks at what is done
+FIRST_ANCHOR = 32  # age at which recurrence begins to be looked for
 
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
@@ -119,7 +119,7 @@ def _step(s: Floats, lanes: int, reflect: int | None, window: int | None) -> Non
 
 @jit
 def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
-    """Mark the lanes whose next landing is past the end, that recur, or whose budget is spent."""
+    """Mark the lanes whose next landing is past the end, to be looked at, or over the budget."""
     for j in range(lanes):
         x, passed = land(s[X + j], s[U + j])
         s[AGE + j] += CHECK
@@ -127,12 +127,7 @@ def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
         if cycles is not None:
             # the same bits again: from here on the orbit repeats, later by whole periods
             again = (s[X + j] == s[X_ANCHOR + j]) & (s[U + j] == s[U_ANCHOR + j])
-            why = RECURRED if again & (s[N + j] > s[N_ANCHOR + j]) else why
-            anchor = s[AGE + j] >= s[NEXT_ANCHOR + j]  # Brent: at ages that double
-            s[X_ANCHOR + j] = s[X + j] if anchor else s[X_ANCHOR + j]
-            s[N_ANCHOR + j] = s[N + j] if anchor else s[N_ANCHOR + j]
-            s[U_ANCHOR + j] = s[U + j] if anchor else s[U_ANCHOR + j]
-            s[NEXT_ANCHOR + j] = 2.0 * s[AGE + j] if anchor else s[NEXT_ANCHOR + j]
+            why = LOOK if again | (s[AGE + j] >= s[NEXT_ANCHOR + j]) else why
         s[DONE + j] = why if s[N + j] + passed <= s[X_END + j] - x else ENDED
 
 
@@ -157,6 +152,7 @@ def _load(
     launches: Launches,
     window: int | None,
     cycles: Cycles | None,
+    patience: float,
 ) -> None:
     """Put trajectory `lane` (realization i, particle p) into place j."""
     n, x = launch(problem, launches, i, p)
@@ -178,10 +174,10 @@ def _load(
         s[row_start + j] = 0.0
     s[LANE + j] = lane
     if cycles is not None:
-        s[X_ANCHOR + j], s[N_ANCHOR + j], s[U_ANCHOR + j] = x, s[N + j], s[U + j]
-        s[NEXT_ANCHOR + j] = CHECK
+        s[X_ANCHOR + j] = np.nan
+        s[NEXT_ANCHOR + j] = FIRST_ANCHOR if -s[N + j] > patience else np.inf
         cycles.impacts[lane], cycles.periods[lane], cycles.rests[lane] = 0, 0, 0
-        cycles.begin[lane] = np.nan
+        cycles.whole[lane] = cycles.phase[lane] = np.nan
 
 
 @jit
@@ -211,6 +207,9 @@ def advance(
     s: Floats,
     out: Statistics,
     cycles: Cycles | None = None,
+    patience: float = 0.0,
+    all_cycles: int = 0,
+    jump: int = 1,
 ) -> None:
     """Advance trajectories first ... last - 1 of a batch to the end of their window.
 
@@ -232,16 +231,27 @@ def advance(
     cycles : Cycles or None
         Where given, a trajectory whose state returns bit for bit is not followed any further: the
         rest is counted from one cycle.  Sums then differ from those of going on by rounding only.
+    patience
+        Forcing periods; where fewer remain at the launch no recurrence is looked for, unless all
+        are asked for.
+    all_cycles
+        1 to look for every cycle, 0 for those only that save work.
+    jump
+        0 to find cycles and to follow the trajectories nevertheless.
     """
     particles = launches.whole.shape[1]
     i, p = first // particles, first % particles
+    first_realization = i
+    if all_cycles:
+        patience = 0.0
+    rests = no_rests(0 if cycles is None else (last - 1) // particles - i + 1)
     following = first
     places = np.arange(LANES)
     lanes = done = min(LANES, last - first)
     while lanes > 0:
         fresh = min(done, last - following)
         for q in range(fresh):
-            _load(s, places[q], i, p, following + q, problem, launches, window, cycles)
+            _load(s, places[q], i, p, following + q, problem, launches, window, cycles, patience)
             p += 1
             if p == particles:
                 i, p = i + 1, 0
@@ -255,8 +265,16 @@ def advance(
         for _ in range(CHECK):
             _step(s, padded, reflect, window)
         _mark(s, padded, budget, cycles)
-        done = _find_done(s, lanes, places)
-        for q in range(done):
-            if cycles is not None and s[DONE + places[q]] == RECURRED:
-                close_cycle(s, places[q], reflect, window, cycles)
-            _write(s, places[q], out)
+        listed = _find_done(s, lanes, places)
+        done = 0
+        for q in range(listed):
+            j = places[q]
+            if cycles is not None and s[DONE + j] == LOOK:
+                place = int(s[LANE + j]) // particles - first_realization
+                look(s, j, place, reflect, window, all_cycles, jump, rests, cycles)
+                if s[AGE + j] < budget:
+                    continue
+                s[DONE + j] = SPENT
+            _write(s, j, out)
+            places[done] = j
+            done += 1

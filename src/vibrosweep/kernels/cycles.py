@@ -1,4 +1,9 @@
-"""Orbits that repeat: the rest of a trajectory counted from one cycle instead of followed."""
+"""Orbits that repeat: the rest of a trajectory counted from one cycle instead of followed.
+
+A contracting orbit returns, in floating point, to the very same state (x, u); from there on it is
+known for all time.  A lane remembers an earlier state, its anchor, at ages that double (Brent
+1980), and compares with it when it is looked at anyway.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +11,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit
-from vibrosweep.kernels.impact import land, lift_off, rebound
+from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
+from vibrosweep.kernels.impact import Scene, impact, scene
 from vibrosweep.kernels.lanes import (
+    AGE,
     LANDINGS,
     LANE,
     LARGEST,
     N_ANCHOR,
     N_BEGIN,
+    NEXT_ANCHOR,
     RESTS,
     SQUARES,
     SUM,
+    U_ANCHOR,
     U_LIFT,
     WAIT,
     X_ANCHOR,
@@ -30,10 +38,17 @@ from vibrosweep.kernels.lanes import (
     U,
     X,
 )
+from vibrosweep.scene import Dimensionless
 
-__all__ = ["SAME", "Cycles", "close_cycle", "empty_cycles"]
+__all__ = ["SAME", "Cycles", "Rests", "empty_cycles", "look", "no_rests", "shorten"]
 
 SAME = 2.0**-40  # periods
+# A cycle is worth its finding where so many times the time since the anchor remains.
+WORTH = 4.0
+# Instants of the window that rounding might decide are left to be followed.
+MARGIN = 2.0**-20  # periods
+
+Totals = tuple[int, float, int, float, float, float]  # impacts, periods, rests and of the flights
 
 
 class Cycles(NamedTuple):
@@ -42,103 +57,220 @@ class Cycles(NamedTuple):
     Attributes
     ----------
     impacts, periods, rests
-        Impacts, forcing periods and rests in one cycle; 0 where no recurrence was found.  Rounding
-        lets an orbit alternate between neighbouring numbers: states closer than `SAME` are one.
-    begin
-        When it had been entered at the latest: whole periods from the end's, plus the phase; NaN
-        without.
+        Impacts, forcing periods and rests until the same bits return; 0 where no recurrence was
+        found.
+    whole, phase, flight
+        A state on the cycle: whole periods from the end's, phase and flight time.
+    age
+        Impacts from the launch until that state.
     """
 
     impacts: Integers
     periods: Integers
     rests: Integers
-    begin: Floats
+    whole: Floats
+    phase: Floats
+    flight: Floats
+    age: Integers
 
 
 def empty_cycles(trajectories: int) -> Cycles:
     """Room for the cycles of a batch."""
-    impacts, periods, rests = (np.empty(trajectories, np.int64) for _ in range(3))
-    return Cycles(impacts, periods, rests, np.empty(trajectories))
+    impacts, periods, rests, age = (np.empty(trajectories, np.int64) for _ in range(4))
+    whole, phase, flight = (np.empty(trajectories) for _ in range(3))
+    return Cycles(impacts, periods, rests, whole, phase, flight, age)
+
+
+class Rests(NamedTuple):
+    """The orbit from one rest to the next, which all rested particles of a realization share.
+
+    Arrays of shape (realization,): `impacts` is 0 until it is known; `flights`, of shape
+    (realization, 3), holds sum, sum of squares and maximum of the flight time.
+    """
+
+    impacts: Integers
+    periods: Floats
+    flights: Floats
 
 
 @jit
-def _occurrences(first: float, last: float, period: float) -> float:
-    """Count the members of first, first + period, ... up to last; all are whole numbers."""
-    # below 2**53 the quotient is never rounded across a whole number
-    times: float = np.floor((last - first) / period) + 1.0
-    return max(0.0, times)
+def no_rests(realizations: int) -> Rests:
+    """Memory for so many realizations, of which nothing is known."""
+    return Rests(
+        np.zeros(realizations, np.int64), np.zeros(realizations), np.zeros((realizations, 3))
+    )
 
 
 @jit
-def _impact(
-    s: Floats, j: int, n: float, x: float, u: float, reflect: int | None
-) -> tuple[float, float, float, float, float, bool]:
-    """Landing and lift-off of lane j after a flight u from (n, x)."""
-    x, passed = land(x, u)
-    n += passed
-    w = rebound(x, u, s[E + j], s[A + j], reflect)
-    n_off, x_off, u, leaves = lift_off(n, x, w, s[R + j], s[X_LIFT + j], s[WAIT + j], s[U_LIFT + j])
-    return n, x, n_off, x_off, u, leaves
-
-
-@jit
-def _cycle(s: Floats, j: int, reflect: int | None) -> tuple[int, int, float]:
-    """Impacts, rests and forcing periods of the cycle that lane j has entered."""
-    x, n, u = s[X + j], s[N + j], s[U + j]
-    impacts, rests = 0, 0
-    while impacts == 0 or x != s[X + j] or u != s[U + j]:
-        _, _, n, x, u, leaves = _impact(s, j, n, x, u, reflect)
+def _once_round(fixed: Scene, x_start: float, u_start: float, reflect: int | None) -> Totals:
+    """Totals of the cycle through a state; those of no impacts where a rest lies on the way."""
+    n, x, u = 0.0, x_start, u_start
+    impacts, total, squares, largest = 0, 0.0, 0.0, 0.0
+    while impacts == 0 or x != x_start or u != u_start:
+        _, _, n, x, u, leaves = impact(fixed, n, x, u, reflect)
         impacts += 1
-        rests += 0 if leaves else 1
-    return impacts, rests, n - s[N + j]
+        total += u
+        squares += u * u
+        largest = max(largest, u)
+        if not leaves:
+            if x != x_start or u != u_start:
+                return 0, 0.0, 0, 0.0, 0.0, 0.0
+            return impacts, n, 1, total, squares, largest
+    return impacts, n, 0, total, squares, largest
+
+
+@jit
+def _cycle(s: Floats, j: int, place: int, reflect: int | None, rests: Rests) -> Totals:
+    """Totals of the cycle that lane j has entered; `place` is that of its realization."""
+    x_lift, u_lift = s[X_LIFT + j], s[U_LIFT + j]
+    fixed = (s[E + j], s[A + j], s[R + j], x_lift, s[WAIT + j], u_lift)
+    found = _once_round(fixed, s[X + j], s[U + j], reflect)
+    if found[0] > 0 and found[2] == 0:
+        return found
+    if rests.impacts[place] == 0:
+        p, q, _, total, squares, largest = _once_round(fixed, x_lift, u_lift, reflect)
+        rests.impacts[place], rests.periods[place] = p, q
+        rests.flights[place, 0] = total
+        rests.flights[place, 1] = squares
+        rests.flights[place, 2] = largest
+    flights = rests.flights[place]
+    return rests.impacts[place], rests.periods[place], 1, flights[0], flights[1], flights[2]
+
+
+@jit
+def _jump(s: Floats, j: int, totals: Totals, window: int | None) -> bool:
+    """Pass over whole cycles of lane j; return whether they were the last ones.
+
+    The landings that are passed over are all inside the window, or all before it.
+    """
+    impacts, periods, rests, total, squares, largest = totals
+    n, x = s[N + j], s[X + j]
+    if window is not None:
+        begin = s[N_BEGIN + j] - n + (s[X_BEGIN + j] - x)
+        if begin > -MARGIN:
+            times = np.floor((begin - MARGIN) / periods)
+            s[N + j] = n + max(0.0, times) * periods
+            s[N_ANCHOR + j] = s[N + j]  # where it returns, and is looked at again
+            return False
+    times = max(0.0, np.floor(((s[X_END + j] - x) - n - MARGIN) / periods))
+    s[N + j] = n + times * periods
+    s[LANDINGS + j] += times * impacts
+    s[RESTS + j] += times * rests
+    s[SUM + j] += times * total
+    s[SQUARES + j] += times * squares
+    s[LARGEST + j] = max(s[LARGEST + j], largest if times > 0.0 else 0.0)
+    return True
+
+
+@jit
+def look(
+    s: Floats,
+    j: int,
+    place: int,
+    reflect: int | None,
+    window: int | None,
+    all_of_them: int,
+    jump: int,
+    rests: Rests,
+    cycles: Cycles,
+) -> None:
+    """Look at lane j, whose state has returned to its anchor or which is to take a new one.
+
+    Parameters
+    ----------
+    s, j, place
+        Scratch memory, lane, and place of its realization in `rests`.
+    reflect, window
+        As in `vibrosweep.kernels.advance.advance`.
+    all_of_them
+        1 where cycles are asked for, else only those are found that save work.
+    jump
+        1 where cycles are to be passed over.
+    rests : Rests
+        Of the realizations at hand.
+    cycles : Cycles
+        Where the cycle is written.
+    """
+    n, x, u = s[N + j], s[X + j], s[U + j]
+    if x == s[X_ANCHOR + j] and u == s[U_ANCHOR + j] and n > s[N_ANCHOR + j]:
+        last = True
+        if all_of_them or -n > WORTH * (n - s[N_ANCHOR + j]):
+            totals = _cycle(s, j, place, reflect, rests)
+            lane = int(s[LANE + j])
+            if cycles.impacts[lane] == 0:
+                cycles.impacts[lane], cycles.periods[lane] = totals[0], int(totals[1])
+                cycles.rests[lane], cycles.age[lane] = totals[2], int(s[AGE + j])
+                cycles.whole[lane], cycles.phase[lane], cycles.flight[lane] = n, x, u
+            if jump:
+                last = _jump(s, j, totals, window)
+                if last:
+                    s[AGE + j] = -np.inf  # what is left is less than a cycle
+        s[NEXT_ANCHOR + j] = np.inf
+        if last:
+            s[X_ANCHOR + j] = np.nan
+    elif s[AGE + j] >= s[NEXT_ANCHOR + j]:
+        s[X_ANCHOR + j], s[N_ANCHOR + j], s[U_ANCHOR + j] = x, n, u
+        s[NEXT_ANCHOR + j] = 2.0 * s[AGE + j]
 
 
 @jit
 def _repeats(
-    s: Floats, j: int, reflect: int | None, impacts: int, shorter: int
-) -> tuple[bool, float]:
-    """Whether a cycle of lane j is, up to rounding, a shorter one; and that one's periods."""
-    x, n, u = s[X + j], s[N + j], s[U + j]
-    ahead_x, ahead_n, ahead_u = x, n, u
+    fixed: Scene, x: float, u: float, reflect: int | None, impacts: int, shorter: int
+) -> int:
+    """Periods of the shorter cycle that a cycle is up to rounding; 0 if it is none."""
+    n = ahead_n = 0.0
+    ahead_x, ahead_u = x, u
     for _ in range(shorter):
-        _, _, ahead_n, ahead_x, ahead_u, _ = _impact(s, j, ahead_n, ahead_x, ahead_u, reflect)
-    periods = np.rint((ahead_n - n) + (ahead_x - x))
+        _, _, ahead_n, ahead_x, ahead_u, _ = impact(fixed, ahead_n, ahead_x, ahead_u, reflect)
+    periods = np.rint(ahead_n + (ahead_x - x))
     for _ in range(impacts):
         apart = (ahead_n - n - periods) + (ahead_x - x)
         if abs(apart) > SAME or abs(ahead_u - u) > SAME:
-            return False, periods
-        _, _, n, x, u, _ = _impact(s, j, n, x, u, reflect)
-        _, _, ahead_n, ahead_x, ahead_u, _ = _impact(s, j, ahead_n, ahead_x, ahead_u, reflect)
-    return True, periods
+            return 0
+        _, _, n, x, u, _ = impact(fixed, n, x, u, reflect)
+        _, _, ahead_n, ahead_x, ahead_u, _ = impact(fixed, ahead_n, ahead_x, ahead_u, reflect)
+    return int(periods)
 
 
-@jit
-def close_cycle(s: Floats, j: int, reflect: int | None, window: int | None, cycles: Cycles) -> None:
-    """Count each landing of the cycle that lane j has entered as often as it recurs.
+@kernel
+def shorten(
+    first: int,
+    last: int,
+    problem: Dimensionless,
+    particles: int,
+    reflect: int | None,
+    cycles: Cycles,
+    impacts: Integers,
+    periods: Integers,
+) -> None:
+    """Cycles of trajectories first ... last - 1 with states closer than `SAME` taken as one.
 
-    The landing decided by n <= x_end - x is decided by n <= floor(x_end - x), for n is whole: the
-    number of landings is the one that going on would find.
+    Rounding lets an orbit alternate between neighbouring numbers; the cycle of its bits is then a
+    multiple of the orbit's.  One with a rest never is: a rest sets the state exactly.
+
+    Parameters
+    ----------
+    first, last
+        Range of trajectories; trajectory t is particle t % N of realization t // N.
+    problem : vibrosweep.scene.Dimensionless
+    particles
+        N.
+    reflect
+        None, or 1 for the `reflect` law; chosen at compile time.
+    cycles : Cycles
+        As they were found.
+    impacts, periods
+        Written: of the shortest cycle; 0 where there is none.
     """
-    lane = int(s[LANE + j])
-    impacts, rests, period = _cycle(s, j, reflect)
-    x, n, u = s[X + j], s[N + j], s[U + j]
-    for _ in range(impacts):
-        landed_n, landed_x, n, x, u, leaves = _impact(s, j, n, x, u, reflect)
-        times = _occurrences(landed_n, np.floor(s[X_END + j] - landed_x), period)
-        if window is not None:
-            early = s[N_BEGIN + j] - np.floor(landed_x - s[X_BEGIN + j]) - 1.0
-            times -= _occurrences(landed_n, early, period)
-        s[LANDINGS + j] += times
-        s[RESTS + j] += 0.0 if leaves else times
-        s[SUM + j] += times * u
-        s[SQUARES + j] += times * (u * u)
-        s[LARGEST + j] = max(s[LARGEST + j], u if times > 0.0 else 0.0)
-    cycles.impacts[lane], cycles.rests[lane], cycles.periods[lane] = impacts, rests, int(period)
-    for shorter in range(1, impacts // 2 + 1):
-        if impacts % shorter == 0:
-            same, period = _repeats(s, j, reflect, impacts, shorter)
-            if same:
-                cycles.impacts[lane], cycles.periods[lane] = shorter, int(period)
-                cycles.rests[lane] = rests * shorter // impacts
-                break
-    cycles.begin[lane] = s[N_ANCHOR + j] + s[X_ANCHOR + j]
+    for t in range(first, last):
+        impacts[t], periods[t] = cycles.impacts[t], cycles.periods[t]
+        if cycles.rests[t] > 0:
+            continue
+        fixed = scene(problem, t // particles)
+        x, u = cycles.phase[t], cycles.flight[t]
+        for shorter in range(1, cycles.impacts[t] // 2 + 1):
+            if cycles.impacts[t] % shorter == 0:
+                found = _repeats(fixed, x, u, reflect, cycles.impacts[t], shorter)
+                if found > 0:
+                    impacts[t], periods[t] = shorter, found
+                    break

@@ -16,7 +16,18 @@ from vibrosweep.kernels._jit import fma, jit
 from vibrosweep.kernels.sine import sin_turns
 from vibrosweep.scene import Dimensionless, Launches
 
-__all__ = ["land", "launch", "lift_off", "rebound"]
+__all__ = ["Scene", "impact", "land", "launch", "lift_off", "rebound", "scene"]
+
+# restitution, kick, rest threshold, phase of lift-off, wait for ever or not, flight after a rest
+Scene = tuple[float, float, float, float, float, float]
+
+
+@jit
+def scene(problem: Dimensionless, i: int) -> Scene:
+    """What decides the impacts of realization i."""
+    a, r = problem.kick[i], problem.rest_flight[i]
+    wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
+    return problem.restitution[i], a, r, problem.liftoff_phase[i], wait, u_lift
 
 
 @jit
@@ -68,3 +79,20 @@ def lift_off(
         w if leaves else u_lift,
         leaves,
     )
+
+
+@jit
+def impact(
+    scene: Scene, n: float, x: float, u: float, reflect: int | None
+) -> tuple[float, float, float, float, float, bool]:
+    """Landing and lift-off after a flight u from (n, x).
+
+    Returns count and phase of the landing, those of the lift-off, the next flight, and whether the
+    particle leaves at once.
+    """
+    e, a, r, x_lift, wait, u_lift = scene
+    x, passed = land(x, u)
+    n += passed
+    w = rebound(x, u, e, a, reflect)
+    n_off, x_off, u, leaves = lift_off(n, x, w, r, x_lift, wait, u_lift)
+    return n, x, n_off, x_off, u, leaves

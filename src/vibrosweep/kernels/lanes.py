@@ -30,7 +30,7 @@ X_ANCHOR, N_ANCHOR, U_ANCHOR = 20 * STRIDE, 21 * STRIDE, 22 * STRIDE  # an earli
 NEXT_ANCHOR = 23 * STRIDE  # age at which the next one is taken
 ROWS = 24
 
-GOES_ON, ENDED, SPENT, RECURRED = 0.0, 1.0, 2.0, 3.0  # values of DONE
+GOES_ON, ENDED, SPENT, LOOK = 0.0, 1.0, 2.0, 3.0  # values of DONE
 
 
 def scratch() -> Floats:

@@ -5,18 +5,32 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Floats, Integers, jit
 from vibrosweep.kernels.lanes import LANES, STRIDE, VECTOR
 
-__all__ = ["Workspace", "put_in_order", "workspace"]
+__all__ = ["Landings", "Workspace", "put_in_order", "workspace"]
 
 # rows of a block of lanes: state after the last landing taken, then the landing in question
 X, N, U, WHO = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE, 3 * STRIDE
 X_LAND, N_LAND, STAY, DUE = 4 * STRIDE, 5 * STRIDE, 6 * STRIDE, 7 * STRIDE
-BLOCK = 8 * STRIDE
+N_REST = 8 * STRIDE  # whole periods of the lift-off from a rest, else infinite
+BLOCK = 9 * STRIDE
 
-FEW = 24  # up to this many landings are ordered by insertion alone
+FEW = 24  # a cell with more landings is sorted by itself
+PERIODS_REMEMBERED = 64
+
+Places = NDArray[np.int32]
+
+
+class Landings(NamedTuple):
+    """A list of landings: whole periods, phase, stay on the base, and particle."""
+
+    whole: Floats
+    phase: Floats
+    stay: Floats
+    who: Integers
 
 
 class Workspace(NamedTuple):
@@ -25,13 +39,11 @@ class Workspace(NamedTuple):
     state: Floats
     saved: Floats
     lanes: Integers
-    whole: Floats
-    phase: Floats
-    stay: Floats
-    who: Integers
-    key: Floats
-    order: Integers
-    cells: Integers
+    found: Landings
+    ordered: Landings
+    cell: Places
+    ends: Places
+    rests: Floats
 
 
 def workspace(particles: int) -> Workspace:
@@ -40,75 +52,75 @@ def workspace(particles: int) -> Workspace:
     capacity = max(4096, 4 * particles)
     memory = np.zeros(blocks * BLOCK + VECTOR)
     offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
+
+    def landings() -> Landings:
+        whole, phase, stay = (np.zeros(capacity) for _ in range(3))
+        return Landings(whole, phase, stay, np.zeros(capacity, np.int64))
+
     return Workspace(
         state=memory[offset : offset + blocks * BLOCK].reshape(blocks, BLOCK),
         saved=np.zeros((blocks, BLOCK)),
         lanes=np.zeros(blocks, np.int64),
-        whole=np.zeros(capacity),
-        phase=np.zeros(capacity),
-        stay=np.zeros(capacity),
-        who=np.zeros(capacity, np.int64),
-        key=np.zeros(capacity),
-        order=np.zeros(capacity, np.int64),
-        cells=np.zeros(capacity + 1, np.int64),
+        found=landings(),
+        ordered=landings(),
+        cell=np.zeros(capacity, np.int32),
+        ends=np.zeros(capacity + 1, np.int32),
+        rests=np.zeros(PERIODS_REMEMBERED),
     )
 
 
 @jit
-def _sort(work: Workspace, start: int, stop: int, gap: int) -> None:
-    """Put the landings order[start:stop] exactly in the order of time.
+def _sort(listed: Landings, start: int, stop: int, gap: int) -> None:
+    """Put the landings start ... stop - 1 exactly in the order of time.
 
     Shell's method with shrinking gaps; a first gap of 1 makes it an insertion sort.
     """
-    order, whole, phase = work.order, work.whole, work.phase
+    whole, phase, stay, who = listed
     while gap > 0:
         for q in range(start + gap, stop):
-            i, place = order[q], q
+            n, x, place = whole[q], phase[q], q
+            if not (whole[q - gap] - n) + (phase[q - gap] - x) > 0.0:
+                continue
+            lasts, name = stay[q], who[q]
             while place >= start + gap:
-                before = order[place - gap]
-                if not (whole[before] - whole[i]) + (phase[before] - phase[i]) > 0.0:
+                before = place - gap
+                if not (whole[before] - n) + (phase[before] - x) > 0.0:
                     break
-                order[place] = before
-                place -= gap
-            order[place] = i
+                whole[place], phase[place] = whole[before], phase[before]
+                stay[place], who[place] = stay[before], who[before]
+                place = before
+            whole[place], phase[place], stay[place], who[place] = n, x, lasts, name
         gap = 1 if gap == 2 else gap * 5 // 11
 
 
 @jit
-def _bucket(work: Workspace, k: int) -> None:
-    """Order k landings roughly, by counting them into k cells of time."""
-    order, key, cells = work.order, work.key, work.cells
-    n, x = work.whole[0], work.phase[0]
-    low, high = np.inf, -np.inf
+def put_in_order(work: Workspace, k: int, n: float, x: float, span: float) -> None:
+    """Put the k landings that were found into the order of time.
+
+    They are counted into k cells of time, which begin at (n, x) and reach over `span` periods;
+    what lies outside falls into the first or the last cell.  Exact comparisons do the rest, so
+    that the cells decide on the speed only.
+    """
+    found, ordered, cell, ends = work.found, work.ordered, work.cell, work.ends
+    scale = k / span if span > 1e-290 else 0.0
+    last = k - 1.0
     for q in range(k):
-        key[q] = (work.whole[q] - n) + (work.phase[q] - x)
-        low, high = min(low, key[q]), max(high, key[q])
-    if not high - low > 1e-290:
-        _sort(work, 0, k, k // 2)
-        return
-    scale = (k - 1) / (high - low)
-    for q in range(k + 1):
-        cells[q] = 0
+        place = ((found.whole[q] - n) + (found.phase[q] - x)) * scale
+        place = place if place > 0.0 else 0.0
+        cell[q] = np.int32(place if place < last else last)
+    ends[: k + 1] = 0
     for q in range(k):
-        cells[min(int((key[q] - low) * scale), k - 1) + 1] += 1
+        ends[cell[q] + 1] += 1
     for c in range(k):
-        cells[c + 1] += cells[c]
+        ends[c + 1] += ends[c]
     for q in range(k):
-        c = min(int((key[q] - low) * scale), k - 1)
-        order[cells[c]] = q
-        cells[c] += 1
+        to = ends[cell[q]]
+        ends[cell[q]] = to + 1
+        ordered.whole[to], ordered.phase[to] = found.whole[q], found.phase[q]
+        ordered.stay[to], ordered.who[to] = found.stay[q], found.who[q]
     start = 0
-    for c in range(k):  # cells[c] is by now the end of cell c
-        if cells[c] - start > FEW:
-            _sort(work, start, cells[c], (cells[c] - start) // 2)
-        start = cells[c]
-
-
-@jit
-def put_in_order(work: Workspace, k: int) -> None:
-    """Put k landings in the order of time: roughly by cells, then exactly by insertion."""
-    for q in range(k):
-        work.order[q] = q
-    if k > FEW:
-        _bucket(work, k)
-    _sort(work, 0, k, 1)
+    for c in range(k):  # ends[c] is by now the end of cell c
+        if ends[c] - start > FEW:
+            _sort(ordered, start, ends[c], (ends[c] - start) // 2)
+        start = ends[c]
+    _sort(ordered, 0, k, 1)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, kernel
-from vibrosweep.kernels.impact import land, launch, lift_off, rebound
+from vibrosweep.kernels.impact import impact, launch, scene
 from vibrosweep.scene import Dimensionless, Launches
 
 __all__ = ["Record", "empty_record", "record"]
@@ -70,19 +70,14 @@ def record(
     particles = launches.whole.shape[1]
     for t in range(first, last):
         i, p = t // particles, t % particles
-        e, a, r = problem.restitution[i], problem.kick[i], problem.rest_flight[i]
-        x_lift = problem.liftoff_phase[i]
-        wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
+        fixed = scene(problem, i)
         n, x = launch(problem, launches, i, p)
         u = problem.launch_flight[i]
         for k in range(out.rested.shape[1]):
-            x, passed = land(x, u)
-            n += passed
-            if not n - problem.end_count[i] <= problem.end_phase[i] - x:
+            n_land, x_land, n, x, u, leaves = impact(fixed, n, x, u, reflect)
+            if not n_land - problem.end_count[i] <= problem.end_phase[i] - x_land:
                 break
-            out.landing_time[t, k] = (n + (x - problem.phase[i])) / frequency[i]
-            w = rebound(x, u, e, a, reflect)
-            n, x, u, leaves = lift_off(n, x, w, r, x_lift, wait, u_lift)
+            out.landing_time[t, k] = (n_land + (x_land - problem.phase[i])) / frequency[i]
             out.rested[t, k] = 0 if leaves else 1
             if n == np.inf:
                 break

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from vibrosweep.errors import RunError, VibrosweepError
 from vibrosweep.store.parts import Manifest, Parts
+from vibrosweep.sweep.asked import observation_of, parameters_of
 from vibrosweep.sweep.design import Design, chosen, open_design
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.identity import differences, identity
 from vibrosweep.sweep.measuring import measure_all
-from vibrosweep.sweep.observation import observation_of, parameters_of
 from vibrosweep.sweep.spec import SweepSpec
+from vibrosweep.sweep.workers import Workers
 
 __all__ = [
     "Columns",

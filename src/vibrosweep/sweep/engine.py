@@ -1,159 +1,27 @@
-"""A batch of realizations through the kernels: parameters in, measured variables out.
-
-Threads call the compiled kernels, which release the interpreter, on ranges that are theirs alone;
-results therefore do not depend on the number of threads, nor on how a sweep is cut into batches.
-"""
+"""A batch of realizations through the kernels: parameters in, measured variables out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any, Self
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels.advance import Statistics, advance, empty_statistics
-from vibrosweep.kernels.combine import combine
-from vibrosweep.kernels.cycles import Cycles, empty_cycles
-from vibrosweep.kernels.lanes import scratch
-from vibrosweep.kernels.separation import separate, workspace
-from vibrosweep.kernels.trust import empty_trust, trust
-from vibrosweep.scene import Dimensionless, Launches, dimensionless, launches
-from vibrosweep.status import Status
+from vibrosweep.kernels.advance import Statistics
+from vibrosweep.kernels.separation import Separations
+from vibrosweep.kernels.trust import Trust
+from vibrosweep.scene import Dimensionless, dimensionless, launches
+from vibrosweep.sweep.following import follow
+from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.regimes import regimes
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import UNDETERMINED
 
-__all__ = ["Observation", "Workers", "measure", "statistics"]
+__all__ = ["Observation", "Workers", "measure"]
 
 Array = NDArray[np.float64]
 Measured = dict[str, NDArray[Any]]
-
-TRAJECTORIES_PER_TASK = 16384
-
-
-@dataclass(frozen=True)
-class Observation:
-    """What is launched, how long it is watched and what is measured.
-
-    Attributes
-    ----------
-    particles
-        Number of particles per realization.
-    launch
-        ``"staggered"`` or the launch times of all particles in s.
-    duration
-        End of the observation in s.
-    rebound
-        ``"rest"`` or ``"reflect"``.
-    transient
-        Beginning of the window that measures cover, in s.
-    separation
-        Whether separations between particles are measured.
-    per_particle
-        Whether measures are kept for each particle.
-    regimes
-        Whether orbits that repeat exactly are recognised; they are then not followed any further.
-    trust
-        Whether an error bound is carried along each trajectory.
-    tolerance
-        Error of a landing time in s up to which it is trusted.
-    impact_budget
-        Impacts after which a particle is given up.
-    """
-
-    particles: int
-    launch: str | tuple[float, ...]
-    duration: float
-    rebound: str
-    transient: float
-    separation: bool
-    per_particle: bool
-    regimes: bool
-    trust: bool
-    tolerance: float
-    impact_budget: int
-
-    @property
-    def reflect(self) -> int | None:
-        """The rebound law as the kernels take it."""
-        return 1 if self.rebound == "reflect" else None
-
-    @property
-    def window(self) -> int | None:
-        """1 where landings before the window are possible, else None: kernels compile that out."""
-        starts_late = self.transient > 0.0
-        early_launch = not isinstance(self.launch, str) and min(self.launch) < self.transient
-        return 1 if starts_late or early_launch else None
-
-
-class Workers:
-    """A pool of threads for kernels; a context manager.
-
-    Parameters
-    ----------
-    threads
-        Number of threads, at least 1.
-    """
-
-    def __init__(self, threads: int) -> None:
-        self.threads = threads
-        self._pool = ThreadPoolExecutor(threads)
-        self._room = empty_statistics(0)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
-        # a running kernel cannot be stopped: after an interruption nobody waits for it
-        self._pool.shutdown(wait=kind is None, cancel_futures=True)
-
-    def room(self, trajectories: int) -> Statistics:
-        """Memory for statistics, the same at each call: fresh pages cost a third of a sweep."""
-        if self._room.status.size < trajectories:
-            self._room = empty_statistics(trajectories)
-        return Statistics._make(values[:trajectories] for values in self._room)
-
-    def each(self, task: Callable[[int, int], object], total: int, size: int) -> None:
-        """Call ``task(first, last)`` for ranges of at most `size` that cover ``range(total)``."""
-        size = max(1, min(size, -(-total // self.threads)))
-        starts = range(0, total, size)
-        for _ in self._pool.map(lambda first: task(first, min(first + size, total)), starts):
-            pass
-
-
-def statistics(
-    problem: Dimensionless,
-    launch: Launches,
-    observation: Observation,
-    workers: Workers,
-    cycles: Cycles | None = None,
-) -> Statistics:
-    """Statistics of every trajectory, in the order of realizations and within them of particles.
-
-    They stand in the workers' `Workers.room` until its next use.  Where `cycles` are given, they
-    are written, and trajectories that recur are followed no further.
-    """
-    total = problem.kick.size * observation.particles
-    each = workers.room(total)
-
-    def task(first: int, last: int) -> None:
-        advance(
-            first,
-            last,
-            problem,
-            launch,
-            observation.impact_budget,
-            observation.reflect,
-            observation.window,
-            scratch(),
-            each,
-            cycles,
-        )
-
-    workers.each(task, total, TRAJECTORIES_PER_TASK)
-    return each
 
 
 def measure(
@@ -182,35 +50,27 @@ def measure(
         Parameters leave the range in which periods can be counted exactly.
     """
     problem = dimensionless(parameters, observation.duration, observation.transient)
-    launch = launches(observation.launch, observation.particles, parameters["frequency"])
-    size, particles = problem.kick.size, observation.particles
-    cycles = empty_cycles(size * particles) if observation.regimes else None
-    each = statistics(problem, launch, observation, workers, cycles)
-    whole = empty_statistics(size)
-    workers.each(
-        lambda first, last: combine(first, last, particles, each, whole),
-        size,
-        max(1, 8 * TRAJECTORIES_PER_TASK // particles),
-    )
-    measured = _physical(whole, parameters, problem)
-    measured["at_rest_count"] = whole.at_rest
+    frequency, particles = parameters["frequency"], observation.particles
+    launch = launches(observation.launch, particles, frequency)
+    found = follow(problem, launch, observation.tolerance * frequency, observation, workers)
+    measured = _physical(found.whole, parameters, problem)
+    measured["at_rest_count"] = found.whole.at_rest
     with np.errstate(over="ignore"):
         launch_height = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
-    launched = _launch_in_window(observation, parameters["frequency"])
+    launched = _launch_in_window(observation, frequency)
     measured["flight_height_max"] = np.fmax(
         measured["rebound_height_max"], np.where(launched, launch_height, np.nan)
     )
     if observation.per_particle:
-        measured |= _per_particle(each, parameters, problem, (size, particles))
-    if cycles is not None:
-        measured |= regimes(each, cycles, problem, parameters["frequency"])
-    if observation.separation:
-        complete = whole.status == Status.COMPLETED
-        if cycles is not None:
-            complete &= _within_budget(cycles, size, observation.impact_budget)
-        measured |= _separations(problem, launch, observation, complete, parameters, workers)
-    if observation.trust:
-        measured |= _error_bounds(problem, launch, observation, parameters, workers)
+        measured |= _per_particle(found.each, parameters, problem, (frequency.size, particles))
+    if observation.regimes and found.cycles is not None:
+        measured |= regimes(
+            found.each, found.cycles, problem, particles, observation.reflect, frequency, workers
+        )
+    if found.separations is not None:
+        measured |= _separations(found.separations, frequency)
+    if found.bounds is not None:
+        measured |= _error_bounds(found.bounds, observation, parameters)
     return measured
 
 
@@ -268,76 +128,20 @@ def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.
     return np.full(frequency.shape, inside)
 
 
-def _within_budget(cycles: Cycles, size: int, budget: int) -> NDArray[np.bool_]:
-    """Whether all landings of a realization can be followed; shape (realization,).
-
-    Those of a cycle are counted to the end without being followed, however many they are.
-    """
-    periods = np.where(cycles.impacts > 0, -cycles.begin, 0.0)
-    landings = periods / np.maximum(cycles.periods, 1) * cycles.impacts
-    return np.asarray((landings <= budget).reshape(size, -1).all(axis=1))
-
-
-def _separations(
-    problem: Dimensionless,
-    launch: Launches,
-    observation: Observation,
-    complete: NDArray[np.bool_],
-    parameters: Mapping[str, Array],
-    workers: Workers,
-) -> Measured:
-    size = problem.kick.size
-    gap, same = np.empty(size), np.empty(size)
-    shared = np.empty(size, np.int8)
-
-    def task(first: int, last: int) -> None:
-        work = workspace(observation.particles)
-        separate(
-            first,
-            last,
-            problem,
-            launch,
-            complete,
-            observation.reflect,
-            observation.window,
-            work,
-            gap,
-            same,
-            shared,
-        )
-
-    workers.each(task, size, max(1, TRAJECTORIES_PER_TASK // (16 * observation.particles)))
+def _separations(found: Separations, frequency: Array) -> Measured:
+    shared = found.shared
     return {
-        "dt_min": gap / parameters["frequency"],
-        "dt_min_same_index": same / parameters["frequency"],
+        "dt_min": found.gap / frequency,
+        "dt_min_same_index": found.same / frequency,
         "base_shared": shared,
         "collision_free": np.where(shared == UNDETERMINED, shared, 1 - shared).astype(np.int8),
     }
 
 
 def _error_bounds(
-    problem: Dimensionless,
-    launch: Launches,
-    observation: Observation,
-    parameters: Mapping[str, Array],
-    workers: Workers,
+    bounds: Trust, observation: Observation, parameters: Mapping[str, Array]
 ) -> Measured:
     frequency, particles = parameters["frequency"], observation.particles
-    bounds = empty_trust(frequency.size * particles)
-
-    def task(first: int, last: int) -> None:
-        trust(
-            first,
-            last,
-            problem,
-            launch,
-            observation.tolerance * frequency,
-            observation.impact_budget,
-            observation.reflect,
-            bounds,
-        )
-
-    workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 16)
     until = bounds.until.reshape(-1, particles) / frequency[:, np.newaxis]
     velocity = parameters["gravity"] / (2.0 * frequency)
     return {

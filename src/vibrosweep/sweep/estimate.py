@@ -15,12 +15,12 @@ import numpy as np
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.store.dataset import creating
 from vibrosweep.sweep.chunks import batch_size
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.landings import BYTES_PER_LANDING, physical_memory, record_capacity
 from vibrosweep.sweep.pilot import memory_per_realization
 from vibrosweep.sweep.plan import Plan, bytes_per_realization
 from vibrosweep.sweep.result import Rows, declare, recorded, write_record
 from vibrosweep.sweep.spec import RecordSpec, SweepSpec
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["Needs", "estimate", "has_room", "record_bytes", "require_disk", "require_memory"]
 

@@ -19,14 +19,17 @@ __all__ = ["differences", "identity"]
 LIBRARIES: Final = ("numpy", "scipy")
 # what computes beside the kernels
 SOURCES: Final = (
+    "asked",
     "chunks",
     "design",
     "engine",
+    "following",
     "landings",
     "measuring",
     "observation",
     "regimes",
     "table",
+    "workers",
 )
 LONGEST: Final = 200
 

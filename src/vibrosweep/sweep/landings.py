@@ -14,7 +14,9 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import CHECK, Statistics
 from vibrosweep.kernels.record import empty_record, record
 from vibrosweep.scene import PARAMETERS, Dimensionless, Launches, dimensionless, launches
-from vibrosweep.sweep.engine import TRAJECTORIES_PER_TASK, Observation, Workers, statistics
+from vibrosweep.sweep.following import statistics
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
 __all__ = [
     "BYTES_PER_LANDING",

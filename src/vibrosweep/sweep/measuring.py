@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from vibrosweep.scene import representable
 from vibrosweep.status import Status
-from vibrosweep.sweep.engine import Observation, Workers, measure
-from vibrosweep.sweep.observation import measured_variables
+from vibrosweep.sweep.asked import measured_variables
+from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import UNDETERMINED, Variable
 
 __all__ = ["measure_all"]

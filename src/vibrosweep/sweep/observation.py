@@ -1,64 +1,65 @@
-"""From the spec of a sweep to what the engine takes."""
+"""What is watched and measured, for every realization alike."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.engine import Observation
-from vibrosweep.sweep.spec import SweepSpec
-from vibrosweep.variables import PER_PARTICLE, REGIMES, SWEEP, TRUST, Variable
-
-__all__ = ["measured_variables", "observation_of", "parameters_of", "record_observation"]
-
-Array = NDArray[np.float64]
+__all__ = ["Observation"]
 
 
-def observation_of(spec: SweepSpec) -> Observation:
-    """What is launched, watched and measured in each realization of a sweep."""
-    names = Observation.__dataclass_fields__
-    return Observation(**{name: getattr(spec, name) for name in names})
+@dataclass(frozen=True)
+class Observation:
+    """What is launched, how long it is watched and what is measured.
 
+    Attributes
+    ----------
+    particles
+        Number of particles per realization.
+    launch
+        ``"staggered"`` or the launch times of all particles in s.
+    duration
+        End of the observation in s.
+    rebound
+        ``"rest"`` or ``"reflect"``.
+    transient
+        Beginning of the window that measures cover, in s.
+    separation
+        Whether separations between particles are measured.
+    per_particle
+        Whether measures are kept for each particle.
+    regimes
+        Whether orbits that repeat exactly are recognised; they are then not followed any further.
+    trust
+        Whether an error bound is carried along each trajectory.
+    tolerance
+        Error of a landing time in s up to which it is trusted.
+    impact_budget
+        Impacts after which a particle is given up.
+    skip
+        Whether what is known already is counted instead of followed; off only to compare.
+    """
 
-def record_observation(
-    particles: int,
-    launch: str | tuple[float, ...],
-    duration: float,
-    rebound: str,
-    impact_budget: int,
-) -> Observation:
-    """The observation of a scene whose every landing is kept."""
-    return Observation(
-        particles=particles,
-        launch=launch,
-        duration=duration,
-        rebound=rebound,
-        transient=-math.inf,
-        separation=False,
-        per_particle=False,
-        regimes=False,
-        trust=False,
-        tolerance=math.inf,
-        impact_budget=impact_budget,
-    )
+    particles: int
+    launch: str | tuple[float, ...]
+    duration: float
+    rebound: str
+    transient: float
+    separation: bool
+    per_particle: bool
+    regimes: bool
+    trust: bool
+    tolerance: float
+    impact_budget: int
+    skip: bool = True
 
+    @property
+    def reflect(self) -> int | None:
+        """The rebound law as the kernels take it."""
+        return 1 if self.rebound == "reflect" else None
 
-def parameters_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> dict[str, Array]:
-    """Every parameter of realizations of a sweep, each of shape (realization,)."""
-    return {
-        name: sampled[name] if name in sampled else np.full(size, spec.fixed[name])
-        for name in PARAMETERS
-    }
-
-
-def measured_variables(asked: SweepSpec | Observation) -> Iterator[Variable]:
-    """Give the variables that are measured."""
-    for registry in (SWEEP, PER_PARTICLE, REGIMES, TRUST):
-        for variable in registry.values():
-            key = variable.key.removeprefix("measure.")
-            if not key or getattr(asked, key):
-                yield variable
+    @property
+    def window(self) -> int | None:
+        """1 where landings before the window are possible, else None: kernels compile that out."""
+        starts_late = self.transient > 0.0
+        early_launch = not isinstance(self.launch, str) and min(self.launch) < self.transient
+        return 1 if starts_late or early_launch else None

@@ -12,13 +12,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.sweep.asked import observation_of, parameters_of
 from vibrosweep.sweep.chunks import Columns, batch_size
 from vibrosweep.sweep.design import Design
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.measuring import measure_all
-from vibrosweep.sweep.observation import observation_of, parameters_of
 from vibrosweep.sweep.schema import DRAWN
 from vibrosweep.sweep.spec import SweepSpec
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["UNKNOWN", "Cost", "explore", "memory_per_realization"]
 

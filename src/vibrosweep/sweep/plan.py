@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.errors import ParameterError, VibrosweepError
+from vibrosweep.sweep.asked import measured_variables
 from vibrosweep.sweep.chunks import batch_size
 from vibrosweep.sweep.design import Design, chosen, open_design
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.landings import physical_memory
-from vibrosweep.sweep.observation import measured_variables
 from vibrosweep.sweep.pilot import UNKNOWN, Cost, explore
 from vibrosweep.sweep.spec import SweepSpec
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["Plan", "bytes_per_realization", "make_plan"]
 

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels.advance import Statistics
-from vibrosweep.kernels.cycles import Cycles
+from vibrosweep.kernels.cycles import Cycles, shorten
 from vibrosweep.scene import Dimensionless
 from vibrosweep.status import Regime
+from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
 __all__ = ["regimes"]
 
@@ -19,7 +20,10 @@ def regimes(
     each: Statistics,
     cycles: Cycles,
     problem: Dimensionless,
+    particles: int,
+    reflect: int | None,
     frequency: NDArray[np.float64],
+    workers: Workers,
 ) -> dict[str, NDArray[Any]]:
     """Regime and cycle of each particle, and how many particles of a realization are in each.
 
@@ -29,8 +33,14 @@ def regimes(
         Of all trajectories, those of a realization side by side.
     problem
         Of the realizations.
+    particles
+        Number of particles of a realization.
+    reflect
+        The rebound law as the kernels take it.
     frequency
         Hz, shape (realization,).
+    workers
+        Threads to use.
 
     Returns
     -------
@@ -44,16 +54,26 @@ def regimes(
         [Regime.AT_REST, Regime.RESTING, Regime.LOCKED],
         Regime.IRREGULAR,
     ).reshape(shape)
-    begin = cycles.begin.reshape(shape) + (problem.end_count - problem.phase)[:, np.newaxis]
+    begin = (cycles.whole + cycles.phase).reshape(shape)
+    begin += (problem.end_count - problem.phase)[:, np.newaxis]
+    impacts, periods = (np.empty(each.status.size, np.int64) for _ in range(2))
+    workers.each(
+        lambda first, last: shorten(
+            first, last, problem, particles, reflect, cycles, impacts, periods
+        ),
+        each.status.size,
+        TRAJECTORIES_PER_TASK,
+    )
     counts = {
         f"{regime.meaning}_count": np.count_nonzero(found == regime, axis=1)
         for regime in (Regime.RESTING, Regime.LOCKED, Regime.IRREGULAR)
     }
     return {
         "regime": found.astype(np.int8),
-        "cycle_impacts": cycles.impacts.reshape(shape),
-        "cycle_periods": cycles.periods.reshape(shape),
-        "cycle_rests": cycles.rests.reshape(shape),
+        "cycle_impacts": impacts.reshape(shape),
+        "cycle_periods": periods.reshape(shape),
+        # a copy: `cycles` is written over by the next batch
+        "cycle_rests": cycles.rests.reshape(shape).copy(),
         "recurrent_from": begin / frequency[:, np.newaxis],
         **counts,
     }

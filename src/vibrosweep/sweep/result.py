@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from vibrosweep.scene import PARAMETERS, Parameter
 from vibrosweep.store.dataset import Group
 from vibrosweep.store.provenance import provenance
+from vibrosweep.sweep.asked import measured_variables, record_observation
 from vibrosweep.sweep.design import Design
-from vibrosweep.sweep.engine import Observation, Workers
 from vibrosweep.sweep.identity import identity
 from vibrosweep.sweep.landings import launch_times, record_landings
-from vibrosweep.sweep.observation import measured_variables, record_observation
+from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.spec import RecordSpec, SweepSpec
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import RECORD
 
 __all__ = [

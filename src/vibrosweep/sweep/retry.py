@@ -18,18 +18,18 @@ from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import abandon, empty, holding
+from vibrosweep.sweep.asked import measured_variables
 from vibrosweep.sweep.chunks import Columns, Job, batch_size, in_process
 from vibrosweep.sweep.design import Design, open_design
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.identity import differences, identity
 from vibrosweep.sweep.inspect import summary_of
 from vibrosweep.sweep.kept import KeptRun, continued
-from vibrosweep.sweep.observation import measured_variables
 from vibrosweep.sweep.plan import make_plan
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.result import IDENTITY, Rows, declare, write_record
 from vibrosweep.sweep.spec import SweepSpec
 from vibrosweep.sweep.summary import Summary, unsettled
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["retry_failed"]
 

@@ -10,18 +10,18 @@ from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, reporting
 from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.rundir import abandon, empty, holding
+from vibrosweep.sweep.asked import observation_of, parameters_of, record_observation
 from vibrosweep.sweep.chunks import Job, Runner, batch_size, compute_rows, in_process
 from vibrosweep.sweep.design import Design, open_design
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.estimate import estimate, has_room, record_bytes, require_disk
 from vibrosweep.sweep.identity import identity
 from vibrosweep.sweep.kept import KeptRun, continued
-from vibrosweep.sweep.observation import observation_of, parameters_of, record_observation
 from vibrosweep.sweep.plan import Plan, bytes_per_realization, make_plan
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.result import Rows, declare, write_record
 from vibrosweep.sweep.spec import SweepSpec
 from vibrosweep.sweep.summary import Summary
+from vibrosweep.sweep.workers import Workers
 
 __all__ = [
     "available_threads",

@@ -1,0 +1,73 @@
+"""This package and its peers side by side: time per landing beside the error of landing times.
+
+    python benchmarks/peers.py [--threads N]
+
+writes ``docs/peers.csv``, ``docs/images/peers.png`` and the section between the markers of
+``README.md``.  All run the same scenes (`methods.sweeps.SWEEPS`) and find the same landings; errors
+are against the proved reference.  A peer takes part where it is installed (extra ``bench``).
+"""
+
+from __future__ import annotations
+
+import argparse
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+
+from accuracy import write_section
+from methods import compiled, ensembles, flights
+from methods.contest import available, measure, write_table
+from methods.peers_report import draw, read_rows, section
+from methods.scenes import Point
+from methods.sweeps import SWEEPS
+from vibrosweep.store.provenance import provenance
+from vibrosweep.sweep.run import available_threads
+
+ROOT = Path(__file__).parents[1]
+TABLE = ROOT / "docs" / "peers.csv"
+PICTURE = ROOT / "docs" / "images" / "peers.png"
+LIBRARIES = ("numpy", "numba", "scipy", "pynamicalsys", "jax", "diffrax", "heyoka")
+OPTIONAL = (
+    ("pynamicalsys", "methods.dynamical", "ensemble"),
+    ("diffrax", "methods.jaxed", "jax_map"),  # in one module, and diffrax needs jax
+    ("diffrax", "methods.jaxed", "diffrax_events"),
+    ("heyoka", "methods.taylor", "heyoka_events"),
+)
+
+
+def bare_points(threads: int, missing: list[str]) -> list[Point]:
+    """The bare map beside pynamicalsys' ensemble call, where that is installed."""
+    if "pynamicalsys" in missing:
+        return []
+    from methods.dynamical import bare_points
+
+    return bare_points(threads)
+
+
+def origin(threads: int, missing: list[str]) -> str:
+    """Versions and processor, and what is absent."""
+    known = provenance(threads)
+    there = [name for name in LIBRARIES if find_spec(name) is not None]
+    versions = ", ".join(f"{name} {version(name)}" for name in there)
+    absent = f" Not installed: {', '.join(missing)}." if missing else ""
+    return (
+        f"Measured on {known['cpu']}, {threads} threads, {known['created'][:10]}; "
+        f"{known['source']}, Python {known['python']}, {versions}.{absent}"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--threads", type=int, default=available_threads(), metavar="N")
+    threads = parser.parse_args().threads
+    found, missing = available(OPTIONAL)
+    always = [ensembles.package, compiled.naive, ensembles.vectorised, flights.scipy_events]
+    points, _ = measure(SWEEPS, [*always, *found], threads)
+    write_table(points + bare_points(threads, missing), missing, TABLE)
+    rows = read_rows(TABLE)
+    draw(rows, PICTURE)
+    write_section("peers", section(rows, origin(threads, missing)), ROOT / "README.md")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""The joint cycle of all particles of a realization."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Floats, jit
+from vibrosweep.kernels.cycles import Cycles
+
+__all__ = ["Joint", "affordable", "joint_cycle", "no_joint"]
+
+# Up to here quotients of two numbers are equal, in double precision, only if the fractions are.
+LONGEST = 2**25
+
+
+class Joint(NamedTuple):
+    """Cycles of all particles of a realization together.
+
+    Attributes
+    ----------
+    impacts
+        Least common multiple of the impacts in the cycles; 0 where there is no joint cycle.
+    periods
+        Least common multiple of their forcing periods.
+    age
+        Impacts after which each particle is on its cycle.
+    known
+        Whole periods from the end's, after which each is.
+    pace
+        Forcing periods for one impact, shape (particle,).
+    """
+
+    impacts: int
+    periods: float
+    age: int
+    known: float
+    pace: Floats
+
+
+@jit
+def no_joint(pace: Floats) -> Joint:
+    """No joint cycle."""
+    return Joint(0, 0.0, 0, 0.0, pace)
+
+
+@jit
+def _common_multiple(a: int, b: int) -> int:
+    x, y = a, b
+    while y > 0:
+        x, y = y, x % y
+    return a // x * b
+
+
+@jit
+def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
+    """Joint cycle of trajectories first, ...; `pace` is written."""
+    impacts, periods, age, known = 1, 1, 0, -np.inf
+    for p in range(pace.size):
+        t = first + p
+        if cycles.impacts[t] == 0:
+            return no_joint(pace)
+        impacts = _common_multiple(impacts, cycles.impacts[t])
+        periods = _common_multiple(periods, cycles.periods[t])
+        if impacts > LONGEST or periods > LONGEST:
+            return no_joint(pace)
+        age = max(age, cycles.age[t])
+        known = max(known, cycles.whole[t] + 1.0)
+        pace[p] = cycles.periods[t] / cycles.impacts[t]
+    return Joint(impacts, float(periods), age, known, pace)
+
+
+@jit
+def affordable(cycles: Cycles, first: int, particles: int, n_end: float, budget: int) -> bool:
+    """Whether the landings until whole period n_end of each trajectory first, ... fit a budget.
+
+    Those that have no cycle were followed to the end within it.
+    """
+    for t in range(first, first + particles):
+        if cycles.impacts[t] > 0:
+            rounds = (n_end - cycles.whole[t]) / cycles.periods[t]
+            if cycles.age[t] + rounds * cycles.impacts[t] > budget:
+                return False
+    return True

@@ -1,0 +1,155 @@
+"""Smallest separation between any landings of different particles.
+
+The landings are found in slabs of time and put in order by a bucket pass.  Differences are taken as
+(difference of whole periods) + (difference of phases), and slabs end at dyadic phases, where the
+comparison is exact: nothing is lost at late times.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Floats, jit
+from vibrosweep.kernels.impact import Scene, land
+from vibrosweep.kernels.lanes import STRIDE, VECTOR
+from vibrosweep.kernels.listing import Instant, compare, due_first, next_landings
+from vibrosweep.kernels.ordering import (
+    DUE,
+    N_LAND,
+    STAY,
+    WHO,
+    X_LAND,
+    N,
+    U,
+    Workspace,
+    X,
+    put_in_order,
+)
+
+__all__ = ["UNKNOWN", "all_landings"]
+
+UNKNOWN = -1
+
+# periods; when all particles rest for good, only the end is left to reach
+LONGEST_SLAB = 2.0**50
+ENOUGH = 128  # landings in a slab; more would delay the end once nothing smaller can be found
+SHORTEST_SLAB = 2.0**-40
+
+
+@jit
+def _append(
+    s: Floats, lanes: int, window: int | None, begin: Instant, work: Workspace, k: int
+) -> tuple[int, int]:
+    """Append the landings that were due to the list; return its length and how many were due.
+
+    A particle that lands before the window and is still on the base when the window begins is
+    listed one period before the beginning, where it stands between no two landings, with a stay
+    that ends when its own does and a negative name: no landing, but an occupant.
+    """
+    found = work.found
+    n_begin, x_begin = begin
+    start, due = k, 0
+    for j in range(lanes):  # each lane is written, and overwritten unless it was due
+        found.whole[k], found.phase[k] = s[N_LAND + j], s[X_LAND + j]
+        found.stay[k], found.who[k] = s[STAY + j], int(s[WHO + j])
+        k += int(s[DUE + j])
+    due = k - start
+    if window is not None:
+        k = start
+        for q in range(start, start + due):
+            n, x, stay, who = found.whole[q], found.phase[q], found.stay[q], found.who[q]
+            early = (n_begin - n) + (x_begin - x)
+            if early > 0.0:
+                if stay < early:
+                    continue
+                n, x, stay, who = n_begin - 1.0, x_begin, (stay - early) + 1.0, -1 - who
+            found.whole[k], found.phase[k], found.stay[k], found.who[k] = n, x, stay, who
+            k += 1
+    return k, due
+
+
+@jit
+def _collect(
+    fixed: Scene,
+    stop: Instant,
+    window: int | None,
+    begin: Instant,
+    reflect: int | None,
+    work: Workspace,
+) -> int:
+    """List all landings up to the stop; return their number, or -1 where the list is too short."""
+    n_stop, x_stop = stop
+    k = 0
+    for block in range(work.lanes.size):
+        s, lanes = work.state[block], work.lanes[block]
+        while lanes > 0:
+            if k + lanes > work.found.whole.size:
+                return -1
+            padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
+            next_landings(s, padded, fixed, n_stop, x_stop, reflect)
+            k, due = _append(s, lanes, window, begin, work, k)
+            if 2 * due < lanes or due == 0:
+                lanes = due_first(s, lanes)
+    return k
+
+
+@jit
+def _copy(source: Floats, target: Floats) -> None:
+    for block in range(source.shape[0]):
+        for q in range(WHO + STRIDE):  # what follows is no state
+            target[block, q] = source[block, q]
+
+
+@jit
+def _earliest(work: Workspace) -> float:
+    """Whole periods of the earliest first landing."""
+    earliest = np.inf
+    for block in range(work.lanes.size):
+        s = work.state[block]
+        for j in range(work.lanes[block]):
+            _, passed = land(s[X + j], s[U + j])
+            earliest = min(earliest, s[N + j] + passed)
+    return earliest
+
+
+@jit
+def all_landings(
+    fixed: Scene,
+    window: int | None,
+    begin: Instant,
+    end: Instant,
+    reflect: int | None,
+    work: Workspace,
+) -> tuple[float, int]:
+    """Smallest gap between any landings of different particles, and whether the base was shared.
+
+    Returns (inf, UNKNOWN) where landings crowd beyond what slabs can resolve.
+    """
+    n_end, x_end = end
+    n_stop, x_stop = _earliest(work), -0.5
+    if window is not None and begin[0] > n_stop:
+        n_stop = begin[0]
+    slab = 1.0
+    latest = (np.inf, 0.0, 0.0, 0)
+    gap, shared = np.inf, 0
+    while n_stop - n_end <= x_end - x_stop and not (gap == 0.0 and shared == 1):
+        _copy(work.state, work.saved)
+        n_next, x_next = n_stop + np.floor(x_stop + slab + 0.5), x_stop + slab
+        x_next -= np.floor(x_next + 0.5)
+        at_end = not n_next - n_end <= x_end - x_next
+        stop = end if at_end else (n_next, x_next)
+        k = _collect(fixed, stop, window, begin, reflect, work)
+        if k < 0:
+            if slab <= SHORTEST_SLAB:
+                return np.inf, UNKNOWN
+            _copy(work.saved, work.state)
+            slab *= 0.5
+            continue
+        put_in_order(work, k, n_stop, x_stop, slab)
+        latest, gap, shared = compare(work.ordered, k, latest, gap, shared)
+        if at_end:
+            break
+        n_stop, x_stop = n_next, x_next
+        if k < ENOUGH and slab < LONGEST_SLAB:
+            slab *= 2.0
+    return gap, shared

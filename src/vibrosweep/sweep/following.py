@@ -1,0 +1,305 @@
+"""A batch of dimensionless problems through the kernels, without doing anything twice.
+
+Threads call the compiled kernels on ranges that are theirs alone; results therefore do not depend
+on the number of threads, nor on how a sweep is cut into batches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.kernels.advance import Statistics, advance, empty_statistics
+from vibrosweep.kernels.combine import combine
+from vibrosweep.kernels.cycles import Cycles
+from vibrosweep.kernels.distinct import first_of_each
+from vibrosweep.kernels.lanes import scratch
+from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
+from vibrosweep.kernels.trust import Trust, empty_trust, trust
+from vibrosweep.kernels.unforced import has_closed_form, unforced
+from vibrosweep.scene import Dimensionless, Launches
+from vibrosweep.status import Status
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
+
+__all__ = ["Followed", "follow", "statistics"]
+
+Array = NDArray[np.float64]
+Fields = TypeVar("Fields", bound=tuple[Any, ...])
+
+# Over fewer periods hardly an orbit repeats early enough for its recognition to pay.
+PERIODS_TO_RECUR = 64.0
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What is known of a batch of trajectories, in forcing periods; None where not asked for.
+
+    Attributes
+    ----------
+    each
+        Of the trajectories, those of a realization side by side; in the workers' memory until its
+        next use.
+    whole
+        Of the realizations.
+    cycles
+        Of the trajectories, in the workers' memory.
+    separations
+        Of the realizations.
+    bounds
+        Of the trajectories.
+    """
+
+    each: Statistics
+    whole: Statistics
+    cycles: Cycles | None
+    separations: Separations | None
+    bounds: Trust | None
+
+
+def follow(
+    problem: Dimensionless,
+    launch: Launches,
+    tolerance: Array,
+    observation: Observation,
+    workers: Workers,
+) -> Followed:
+    """Follow all trajectories of a batch; realizations that are one problem only once.
+
+    Parameters
+    ----------
+    problem, launch
+        The batch.
+    tolerance
+        Error of a landing instant up to which it is trusted, in forcing periods; shape
+        (realization,).
+    observation
+        What is measured.
+    workers
+        Threads to use.
+    """
+    if observation.skip:
+        columns = np.stack([*problem, tolerance] if observation.trust else problem)
+        first = np.empty(tolerance.size, np.int64)
+        if first_of_each(columns, launch, first) < first.size:
+            chosen, source = np.unique(first, return_inverse=True)
+            found = _follow(
+                _taken(problem, chosen),
+                _launches_of(launch, chosen),
+                tolerance[chosen],
+                observation,
+                workers,
+            )
+            return _repeated(found, source, observation.particles)
+    return _follow(problem, launch, tolerance, observation, workers)
+
+
+def _follow(
+    problem: Dimensionless,
+    launch: Launches,
+    tolerance: Array,
+    observation: Observation,
+    workers: Workers,
+) -> Followed:
+    size, particles = tolerance.size, observation.particles
+    cycles = None
+    if observation.regimes or (observation.skip and _is_long(problem, launch)):
+        cycles = workers.cycles(size * particles)
+    each = statistics(problem, launch, observation, workers, cycles)
+    whole = empty_statistics(size)
+    workers.each(
+        lambda first, last: combine(first, last, particles, each, whole),
+        size,
+        max(1, 8 * TRAJECTORIES_PER_TASK // particles),
+    )
+    separations = bounds = None
+    if observation.separation:
+        separations = _separations(problem, launch, observation, whole, cycles, workers)
+    if observation.trust:
+        bounds = _error_bounds(problem, launch, tolerance, observation, workers)
+    return Followed(each, whole, cycles, separations, bounds)
+
+
+def statistics(
+    problem: Dimensionless,
+    launch: Launches,
+    observation: Observation,
+    workers: Workers,
+    cycles: Cycles | None = None,
+) -> Statistics:
+    """Statistics of every trajectory, in the order of realizations and within them of particles.
+
+    They stand in the workers' memory until its next use.  Where `cycles` are given, they are
+    written, and trajectories that recur are followed no further.
+    """
+    particles = observation.particles
+    closed = np.empty(problem.kick.size, bool)
+    if not (observation.skip and has_closed_form(problem, observation.impact_budget, closed)):
+        return _advanced(problem, launch, observation, workers, cycles)
+    each = empty_statistics(closed.size * particles)
+    parts = [(closed, _unforced(problem, launch, closed, workers))]
+    if not closed.all():
+        forced = _taken(problem, ~closed), _launches_of(launch, ~closed)
+        found = _advanced(*forced, observation, workers, cycles)
+        parts.append((~closed, found))
+    for which, values in parts:
+        for target, source in zip(_rows(each, particles), _rows(values, particles), strict=True):
+            target[which] = source
+    if cycles is not None:
+        _place_cycles(cycles, ~closed, particles)
+    return each
+
+
+def _unforced(
+    problem: Dimensionless, launch: Launches, which: NDArray[np.bool_], workers: Workers
+) -> Statistics:
+    chosen, launches = _taken(problem, which), _launches_of(launch, which)
+    size, particles = chosen.kick.size, launch.whole.shape[1]
+    each = empty_statistics(size * particles)
+    workers.each(
+        lambda first, last: unforced(first, last, chosen, launches, each),
+        size,
+        max(1, TRAJECTORIES_PER_TASK // particles),
+    )
+    return each
+
+
+def _place_cycles(cycles: Cycles, which: NDArray[np.bool_], particles: int) -> None:
+    """Move cycles that were written one after the other to the realizations that have them."""
+    found = np.count_nonzero(which)
+    for values in _rows(cycles, particles):
+        values[which] = values[:found].copy()
+        values[~which] = 0 if values.dtype.kind == "i" else np.nan
+
+
+def _rows(fields: tuple[Any, ...], particles: int) -> list[NDArray[Any]]:
+    """Fields of trajectories, a row for each realization."""
+    return [values.reshape(-1, particles) for values in fields]
+
+
+def _advanced(
+    problem: Dimensionless,
+    launch: Launches,
+    observation: Observation,
+    workers: Workers,
+    cycles: Cycles | None,
+) -> Statistics:
+    total = problem.kick.size * observation.particles
+    each = workers.statistics(total)
+
+    def task(first: int, last: int) -> None:
+        advance(
+            first,
+            last,
+            problem,
+            launch,
+            observation.impact_budget,
+            observation.reflect,
+            observation.window,
+            scratch(),
+            each,
+            cycles,
+            PERIODS_TO_RECUR,
+            int(observation.regimes),
+            int(observation.skip),
+        )
+
+    workers.each(task, total, TRAJECTORIES_PER_TASK)
+    return each
+
+
+def _is_long(problem: Dimensionless, launch: Launches) -> bool:
+    """Whether any trajectory may last long enough for its recurrence to be looked for."""
+    return bool(np.max(problem.end_count) - np.min(launch.whole) + 2.0 > PERIODS_TO_RECUR)
+
+
+def _separations(
+    problem: Dimensionless,
+    launch: Launches,
+    observation: Observation,
+    whole: Statistics,
+    cycles: Cycles | None,
+    workers: Workers,
+) -> Separations:
+    size, particles = problem.kick.size, observation.particles
+    found = empty_separations(size)
+    if particles == 1:  # nothing to be separated from
+        found.shared[:] = np.where(whole.status == Status.COMPLETED, 0, found.shared)
+        return found
+    complete = whole.status == Status.COMPLETED
+    known = cycles if cycles is not None and observation.skip else workers.cycles(0)
+
+    def task(first: int, last: int) -> None:
+        separate(
+            first,
+            last,
+            problem,
+            launch,
+            complete,
+            observation.impact_budget,
+            observation.reflect,
+            observation.window,
+            workspace(particles),
+            known,
+            found,
+        )
+
+    workers.each(task, size, max(1, TRAJECTORIES_PER_TASK // (16 * particles)))
+    return found
+
+
+def _error_bounds(
+    problem: Dimensionless,
+    launch: Launches,
+    tolerance: Array,
+    observation: Observation,
+    workers: Workers,
+) -> Trust:
+    bounds = empty_trust(tolerance.size * observation.particles)
+
+    def task(first: int, last: int) -> None:
+        trust(
+            first,
+            last,
+            problem,
+            launch,
+            tolerance,
+            observation.impact_budget,
+            observation.reflect,
+            bounds,
+        )
+
+    workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 16)
+    return bounds
+
+
+def _taken(problem: Dimensionless, which: NDArray[Any]) -> Dimensionless:
+    return Dimensionless._make(values[which] for values in problem)
+
+
+def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
+    """Launches of some realizations, where they do not share them all."""
+    if launch.whole.shape[0] == 1:
+        return launch
+    return Launches._make(values[which] for values in launch)
+
+
+def _repeated(found: Followed, source: NDArray[np.intp], particles: int) -> Followed:
+    """The results of realizations for all those that are the same problem."""
+
+    def realizations(values: Fields) -> Fields:
+        return type(values)(*(v[source] for v in values))
+
+    def trajectories(values: Fields) -> Fields:
+        return type(values)(*(v.reshape(-1, particles)[source].ravel() for v in values))
+
+    return Followed(
+        trajectories(found.each),
+        realizations(found.whole),
+        None if found.cycles is None else trajectories(found.cycles),
+        None if found.separations is None else realizations(found.separations),
+        None if found.bounds is None else trajectories(found.bounds),
+    )

@@ -1,0 +1,56 @@
+"""Threads that run compiled kernels, which release the interpreter, and memory that they share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Self
+
+from vibrosweep.kernels.advance import Statistics, empty_statistics
+from vibrosweep.kernels.cycles import Cycles, empty_cycles
+
+__all__ = ["TRAJECTORIES_PER_TASK", "Workers"]
+
+TRAJECTORIES_PER_TASK = 16384
+
+
+class Workers:
+    """A pool of threads for kernels; a context manager.
+
+    Parameters
+    ----------
+    threads
+        Number of threads, at least 1.
+    """
+
+    def __init__(self, threads: int) -> None:
+        self.threads = threads
+        self._pool = ThreadPoolExecutor(threads)
+        self._statistics = empty_statistics(0)
+        self._cycles = empty_cycles(0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        # a running kernel cannot be stopped: after an interruption nobody waits for it
+        self._pool.shutdown(wait=kind is None, cancel_futures=True)
+
+    def statistics(self, trajectories: int) -> Statistics:
+        """Memory for statistics, the same at each call: fresh pages cost a third of a sweep."""
+        if self._statistics.status.size < trajectories:
+            self._statistics = empty_statistics(trajectories)
+        return Statistics._make(values[:trajectories] for values in self._statistics)
+
+    def cycles(self, trajectories: int) -> Cycles:
+        """Memory for cycles, the same at each call."""
+        if self._cycles.age.size < trajectories:
+            self._cycles = empty_cycles(trajectories)
+        return Cycles._make(values[:trajectories] for values in self._cycles)
+
+    def each(self, task: Callable[[int, int], object], total: int, size: int) -> None:
+        """Call ``task(first, last)`` for ranges of at most `size` that cover ``range(total)``."""
+        size = max(1, min(size, -(-total // self.threads)))
+        starts = range(0, total, size)
+        for _ in self._pool.map(lambda first: task(first, min(first + size, total)), starts):
+            pass
