@@ -15,6 +15,7 @@ import pytest
 
 from vibrosweep.scene import dimensionless, launches
 from vibrosweep.sweep import run
+from vibrosweep.sweep.chunks import batch_size
 from vibrosweep.sweep.design import open_design
 from vibrosweep.sweep.following import statistics
 from vibrosweep.sweep.spec import read_spec
@@ -70,7 +71,7 @@ def million():
 def batches(spec):
     """The sweep as the kernel takes it, cut as `vibrosweep run` cuts it."""
     design = open_design(spec)
-    size = run.TRAJECTORIES_PER_CHUNK // spec.particles
+    size = batch_size(spec)
     for start in range(0, design.realizations, size):
         stop = min(start + size, design.realizations)
         parameters = run.parameters_of(spec, design.take(start, stop), stop - start)

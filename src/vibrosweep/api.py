@@ -17,16 +17,12 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.scene import LAWS, PARAMETERS
 from vibrosweep.store.disk import check_output
 from vibrosweep.store.reading import reading
+from vibrosweep.store.rundir import replaces
+from vibrosweep.sweep.asked import record_observation
 from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.landings import record_landings
-from vibrosweep.sweep.run import (
-    DURATION,
-    LAUNCH_TIME,
-    available_threads,
-    coordinate_attributes,
-    record_observation,
-    run_sweep,
-)
+from vibrosweep.sweep.result import DURATION, LAUNCH_TIME, coordinate_attributes
+from vibrosweep.sweep.run import available_threads, run_sweep
 from vibrosweep.sweep.spec import read_spec
 from vibrosweep.variables import RECORD
 
@@ -141,8 +137,8 @@ def run(
     """
     path = Path(output)
     checked = read_spec(spec)
-    check_output(path, force=force, inputs=(checked.source, checked.table))
-    run_sweep(checked, path, threads=_threads(threads), chunk=chunk)
+    check_output(path, force=force or replaces(path), inputs=(checked.source, checked.table))
+    run_sweep(checked, path, threads=_threads(threads), chunk=chunk, force=force)
     return open_sweep(path)
 
 

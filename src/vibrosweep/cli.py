@@ -61,8 +61,8 @@ def _perform(arguments: Sequence[str]) -> int:
     except MemoryError as error:
         _complain(f"not enough memory: {error}; lower --chunk, or close other programs")
         return MISTAKE
-    except KeyboardInterrupt:
-        _complain("interrupted; an unfinished result is not kept")
+    except KeyboardInterrupt as error:
+        _complain(str(error) or "interrupted; an unfinished result is not kept")
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output has gone, as `head` does
         _drop_output()

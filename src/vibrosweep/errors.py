@@ -8,8 +8,10 @@ from __future__ import annotations
 
 __all__ = [
     "DataError",
+    "Interruption",
     "OutputError",
     "ParameterError",
+    "RunError",
     "SpecError",
     "TableError",
     "VibrosweepError",
@@ -38,3 +40,11 @@ class OutputError(VibrosweepError, OSError):
 
 class DataError(VibrosweepError, ValueError):
     """A result file cannot be read, or lacks a variable that was asked of it."""
+
+
+class RunError(VibrosweepError, RuntimeError):
+    """Another run or an unfinished one stands in the way, or chunks of a run failed."""
+
+
+class Interruption(KeyboardInterrupt):
+    """An interruption, with a sentence on what was kept."""

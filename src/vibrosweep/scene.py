@@ -7,7 +7,7 @@ dimensionless combinations: phase in turns, flight time in forcing periods.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -27,6 +27,7 @@ __all__ = [
     "dimensionless",
     "launches",
     "reduced_turns",
+    "representable",
 ]
 
 Array = NDArray[np.float64]
@@ -208,11 +209,9 @@ def dimensionless(
     ParameterError
         A combination of parameters leaves the range in which periods can be counted exactly.
     """
-    frequency, gravity = parameters["frequency"], parameters["gravity"]
+    frequency = parameters["frequency"]
+    kick, launch_flight = _kick_and_flight(parameters)
     with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
-        per_velocity = 2.0 * frequency / gravity
-        kick = per_velocity * parameters["amplitude"]
-        launch_flight = per_velocity * parameters["launch_velocity"]
         rest_flight = frequency * parameters["contact_time"]
         lifts = kick > rest_flight
         ratio = np.divide(rest_flight, kick, out=np.zeros_like(kick), where=lifts)
@@ -263,6 +262,29 @@ def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) 
     _require_countable("launch time", rate, float(np.max(np.abs(times))))
     count, phase = reduced_turns(rate[:, np.newaxis], times, 0.0)
     return Launches(count, phase)
+
+
+def representable(parameters: Mapping[str, Array], times: Iterable[float]) -> NDArray[np.bool_]:
+    """Tell which realizations `dimensionless` and `launches` take; shape (realization,).
+
+    Parameters
+    ----------
+    parameters
+        Every parameter of `PARAMETERS`, each of shape (realization,), within its range.
+    times
+        Launch times, transient and duration, in s; infinite ones are left out.
+    """
+    longest = max(abs(time) for time in times if math.isfinite(time))
+    kick, launch_flight = _kick_and_flight(parameters)
+    countable = parameters["frequency"] * longest <= MAX_PERIODS
+    return np.asarray(countable & np.isfinite(kick) & np.isfinite(launch_flight))
+
+
+def _kick_and_flight(parameters: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Kick and first flight in forcing periods; what overflows is not finite."""
+    with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
+        per_velocity = 2.0 * parameters["frequency"] / parameters["gravity"]
+        return per_velocity * parameters["amplitude"], per_velocity * parameters["launch_velocity"]
 
 
 def _require_finite(what: str, values: Array) -> None:

@@ -16,6 +16,7 @@ class Status(IntEnum):
     COMPLETED = 0
     BUDGET_EXCEEDED = 1
     NON_FINITE = 2
+    REFUSED = 3
 
     @property
     def sentence(self) -> str:
@@ -62,5 +63,9 @@ _SENTENCES = {
     ),
     Status.NON_FINITE: (
         "A value became infinite or undefined: the parameters are too extreme for double precision."
+    ),
+    Status.REFUSED: (
+        "The parameters cannot be computed with: 2 f A / g or 2 f v0 / g overflows, or a time is "
+        "more than 2^51 forcing periods; nothing was measured: correct the realization."
     ),
 }

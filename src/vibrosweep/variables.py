@@ -206,7 +206,7 @@ PER_PARTICLE: Final = _registry(
         "int8",
         "1",
         "the particle came to rest for good",
-        flags=((0, "bouncing"), (1, "at_rest")),
+        flags=(*_UNDECIDED, (0, "bouncing"), (1, "at_rest")),
         key="measure.per_particle",
     ),
     Variable(
@@ -241,7 +241,7 @@ REGIMES: Final = _registry(
         "int8",
         "1",
         "regime of the particle's orbit",
-        flags=tuple((int(r), r.meaning) for r in Regime),
+        flags=(*_UNDECIDED, *((int(r), r.meaning) for r in Regime)),
         key=_REGIMES,
         comment="; ".join(f"{r.meaning}: {r.sentence}" for r in Regime),
     ),

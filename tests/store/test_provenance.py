@@ -1,3 +1,5 @@
+from pathlib import Path
+
 from vibrosweep.store import provenance as module
 
 
@@ -19,8 +21,11 @@ def test_the_revision_is_that_of_the_branch(monkeypatch, tmp_path):
 
 
 def test_a_system_without_cpuinfo_still_names_a_processor(monkeypatch):
-    def absent(*args, **options):
-        raise FileNotFoundError
+    def read(path, **options):
+        if path == Path("/proc/cpuinfo"):
+            raise FileNotFoundError
+        return original(path, **options)
 
-    monkeypatch.setattr("pathlib.Path.read_text", absent)
+    original = Path.read_text
+    monkeypatch.setattr("pathlib.Path.read_text", read)
     assert module.provenance(3)["cpu"]

@@ -11,6 +11,8 @@ from vibrosweep.api import open_record, open_sweep, simulate
 from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.figures import FIGURES, available
 from vibrosweep.scene import PARAMETERS
+from vibrosweep.store.parts import Parts
+from vibrosweep.sweep import chunks, measuring
 from vibrosweep.sweep import run as module
 from vibrosweep.sweep.spec import read_spec
 from vibrosweep.variables import PER_PARTICLE
@@ -180,33 +182,14 @@ def test_every_sweep_of_the_repository(spec, tmp_path):
             figure.savefig(tmp_path / f"{name}.png", dpi=30)
 
 
-def test_progress_ends_with_all(tmp_path):
+@pytest.mark.parametrize(("chunk", "steps"), [(None, [200]), (90, [0, 90, 180, 200]), (200, [200])])
+def test_progress_ends_with_all(tmp_path, chunk, steps):
     seen = []
     spec = read_spec(next(p for p in SWEEPS if p.stem == "paper"))
     module.run_sweep(
-        spec, tmp_path / "out.h5", threads=1, chunk=90, advance=lambda *told: seen.append(told)
+        spec, tmp_path / "out.h5", threads=1, chunk=chunk, advance=lambda *told: seen.append(told)
     )
-    assert seen == [(90, 200), (180, 200), (200, 200)]
-
-
-@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
-def test_a_run_that_fails_keeps_the_old_result(compute, tmp_path, monkeypatch, error):
-    path = compute(DRAWN)
-    old = path.read_bytes()
-    calls = []
-
-    def measure(*arguments):
-        calls.append(arguments)
-        if len(calls) == 3:
-            raise error
-        return original(*arguments)
-
-    original = module.measure
-    monkeypatch.setattr(module, "measure", measure)
-    with pytest.raises(error):
-        module.run_sweep(read_spec(path.with_suffix(".toml")), path, threads=1, chunk=5)
-    assert path.read_bytes() == old
-    assert {p.suffix for p in tmp_path.iterdir()} == {".h5", ".toml"}
+    assert seen == [(done, 200) for done in steps]
 
 
 def test_a_chunk_beyond_memory_is_refused(compute, tmp_path):
@@ -222,12 +205,18 @@ def test_a_huge_sweep_does_not_fill_memory_before_it_starts(compute, monkeypatch
 
     def measure(parameters, *arguments):
         started.append(parameters["restitution"].size)
+        return original(parameters, *arguments)
+
+    def write(parts, index, columns):
+        assert sum(values.nbytes for values in columns.values()) < 100e6
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "measure", measure)
+    original = measuring.measure
+    monkeypatch.setattr(measuring, "measure", measure)
+    monkeypatch.setattr(Parts, "write", write)
     with pytest.raises(KeyboardInterrupt):
-        compute(DRAWN.replace("= 40", "= 1_000_000_000_000"))
-    assert started == [module.TRAJECTORIES_PER_CHUNK // 5]
+        compute(DRAWN.replace("= 40", "= 100_000_000"))
+    assert max(started) == chunks.TRAJECTORIES_PER_BATCH // 5
 
 
 def test_per_particle_variables_come_only_when_asked_for(compute):

@@ -6,6 +6,7 @@ import argparse
 import gc
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -25,8 +26,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
     )
     parser.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
-    parser.add_argument("--chunk", metavar="N", type=positive, help="realizations held in memory")
-    parser.add_argument("--force", action="store_true", help="replace an existing output")
+    parser.add_argument(
+        "--chunk",
+        metavar="N",
+        type=positive,
+        help="realizations in a chunk; each finished chunk is kept",
+    )
+    parser.add_argument("--force", action="store_true", help="replace an output or unfinished run")
+    parser.add_argument(
+        "--retry-failed",
+        action="store_true",
+        help="compute again the realizations of a result that did not complete",
+    )
+    parser.add_argument(
+        "--impact-budget",
+        metavar="N",
+        type=positive,
+        help="with --retry-failed: impacts after which a particle is given up",
+    )
 
 
 def perform(options: argparse.Namespace) -> None:
@@ -35,24 +52,50 @@ def perform(options: argparse.Namespace) -> None:
 
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
-    from vibrosweep.store.disk import check_output
-
-    check_output(output, force=options.force, inputs=(options.spec, spec.table))
     gc.disable()  # importing makes many objects and hardly any garbage
+    _check(options, output, (options.spec, spec.table))
     leave_linear_algebra_out()
     from vibrosweep.sweep.progress import reporting
     from vibrosweep.sweep.run import available_threads, run_sweep
 
     gc.enable()
     threads = options.threads or available_threads()
+    settings = {"threads": threads, "chunk": options.chunk, "force": options.force}
     print(spec.title)
     began = time.perf_counter()
     with reporting(sys.stderr) as advance:
-        summary = run_sweep(spec, output, threads=threads, chunk=options.chunk, advance=advance)
+        if options.retry_failed:
+            from vibrosweep.sweep.retry import retry_failed
+
+            budget = options.impact_budget
+            summary, again = retry_failed(
+                spec, output, impact_budget=budget, advance=advance, **settings
+            )
+        else:
+            summary = run_sweep(spec, output, advance=advance, **settings)
     seconds = time.perf_counter() - began
+    if options.retry_failed:
+        print(f"{some(again, 'realization')} computed again")
     print(
         f"{some(summary.realizations, 'realization')} of {some(spec.particles, 'particle')}, "
         f"{some(summary.landings, 'landing')} in {seconds:.3g} s on {some(threads, 'thread')}"
     )
+    if summary.repaired:
+        print(f"{some(summary.repaired, 'damaged part')} found and computed again")
     print("\n".join(summary.lines()))
     print(f"written to {output}")
+
+
+def _check(options: argparse.Namespace, output: Path, inputs: Iterable[Path | None]) -> None:
+    """Refuse what cannot be done before anything is loaded that takes time."""
+    from vibrosweep.errors import ParameterError
+    from vibrosweep.store.disk import check_output
+    from vibrosweep.store.rundir import replaces
+
+    if options.impact_budget and not options.retry_failed:
+        raise ParameterError(
+            "--impact-budget goes with --retry-failed; for a whole sweep set measure.impact_budget "
+            "in its file"
+        )
+    replace = options.force or options.retry_failed
+    check_output(output, force=replace or replaces(output), inputs=inputs)

@@ -21,7 +21,16 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-__all__ = ["Flags", "Floats", "Integers", "cache_directory", "fma", "jit", "kernel"]
+__all__ = [
+    "Flags",
+    "Floats",
+    "Integers",
+    "cache_directory",
+    "fma",
+    "jit",
+    "kernel",
+    "sources_digest",
+]
 
 F = TypeVar("F", bound=Callable[..., Any])
 Floats = NDArray[np.float64]
@@ -32,7 +41,7 @@ Flags = NDArray[np.int8]
 OPTIONS = {"error_model": "numpy", "nogil": True}
 
 
-def _sources_digest() -> str:
+def sources_digest() -> str:
     """Digest of every kernel source: numba's own check sees only the file of the entry point.
 
     The order of the fields in `scene` and the codes of `status` are part of the machine code too.
@@ -50,7 +59,7 @@ def _make_cache_directory() -> Path | None:
     home = Path(numba.config.CACHE_DIR) if numba.config.CACHE_DIR else None
     beside = Path(__file__).parent / "__pycache__"
     for base in [home] if home else [beside, Path.home() / ".cache"]:
-        directory = base / "vibrosweep-kernels" / _sources_digest()
+        directory = base / "vibrosweep-kernels" / sources_digest()
         try:
             if not directory.is_dir():
                 if base == beside:  # machine code of other sources can never be loaded again

@@ -104,15 +104,22 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 @contextmanager
-def creating(path: Path) -> Iterator[Group]:
+def creating(path: Path, room: Path | None = None) -> Iterator[Group]:
     """Create a file; it takes its name when the block ends well, and is removed otherwise.
+
+    Parameters
+    ----------
+    path
+        The name it takes.
+    room
+        Directory of the unfinished file, on the same file system; by default that of `path`.
 
     Raises
     ------
     OutputError
         The file cannot be written.
     """
-    with replacing(path) as disk:
+    with replacing(path, room) as disk:
         with undisturbed():
             file = h5netcdf.File(disk, "w")
         try:

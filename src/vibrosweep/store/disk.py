@@ -6,6 +6,7 @@ renamed: whatever ends a run early, no file that looks finished is left behind.
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import secrets
@@ -24,7 +25,15 @@ from vibrosweep.errors import OutputError
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-__all__ = ["Disk", "check_output", "replacing", "undisturbed"]
+__all__ = [
+    "Disk",
+    "check_output",
+    "flush_directory",
+    "replacing",
+    "reporting",
+    "undisturbed",
+    "unwritten",
+]
 
 # Signals that end a program, on systems that have them.
 ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -112,7 +121,7 @@ class Disk(io.FileIO):
     def check(self) -> None:
         """Raise an OutputError if a write has failed."""
         if self.failure is not None:
-            raise _unwritten(self.path, self.failure)
+            raise unwritten(self.path, self.failure)
 
 
 @contextmanager
@@ -140,8 +149,15 @@ def undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Disk]:
+def replacing(path: Path, room: Path | None = None) -> Iterator[Disk]:
     """Write a file that takes its name when the block ends well, and is removed otherwise.
+
+    Parameters
+    ----------
+    path
+        The name it takes.
+    room
+        Directory of the unfinished file, on the same file system; by default that of `path`.
 
     Raises
     ------
@@ -149,40 +165,47 @@ def replacing(path: Path) -> Iterator[Disk]:
         The file cannot be written.
     """
     target = path.resolve()  # the file behind a link, and not the link, is replaced
-    partial = target.parent / f".{target.name[:40]}.{secrets.token_hex(4)}.partial"
+    partial = (room or target.parent) / f".{target.name[:40]}.{secrets.token_hex(4)}.partial"
     try:
-        with _reporting(path):
+        with reporting(path):
             disk = Disk(partial, path)
         with disk:
             yield disk
             disk.check()
-            with _reporting(path):
+            with reporting(path):
                 os.fsync(disk.fileno())
-        with _reporting(path):
+        with reporting(path):
             partial.replace(target)
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):  # the directory may have gone
+            partial.unlink()
     with suppress(OSError):  # not every system can flush a directory
-        _flush(target.parent)
+        flush_directory(target.parent)
 
 
 @contextmanager
-def _reporting(path: Path) -> Iterator[None]:
-    """Turn a failure to write into an OutputError."""
+def reporting(path: Path) -> Iterator[None]:
+    """Turn a failure to write into an OutputError that names the path."""
     try:
         yield
     except OSError as error:
-        raise _unwritten(path, error) from error
+        raise unwritten(path, error) from error
 
 
-def _unwritten(path: Path, error: OSError) -> OutputError:
+def unwritten(path: Path, error: OSError) -> OutputError:
+    """Return the error that says what could not be written, and what to do."""
+    if error.errno == errno.ENOENT:
+        return OutputError(
+            f"{path}: writing failed, for {path.resolve().parent} has gone; make the directory "
+            f"again, or choose another place with -o, then run again"
+        )
     return OutputError(
         f"{path}: writing failed ({error.strerror or error}); free some space or choose another "
         f"place with -o, then run again"
     )
 
 
-def _flush(directory: Path) -> None:
+def flush_directory(directory: Path) -> None:
     """Force the names in a directory to the disk."""
     descriptor = os.open(directory, os.O_RDONLY)
     try:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from vibrosweep.errors import DataError
 
-__all__ = ["reading"]
+__all__ = ["no_result", "reading"]
 
 
 @contextmanager
@@ -23,9 +23,14 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError as error:
-        raise DataError(f"{path}: there is no such result file; check the path") from error
+        raise no_result(path) from error
     except Exception as error:  # what a damaged file makes the libraries raise has no common base
         raise DataError(
             f"{path}: is not a result of vibrosweep, or is damaged; check the path, or compute it "
             f"again with vibrosweep run"
         ) from error
+
+
+def no_result(path: str | os.PathLike[str]) -> DataError:
+    """Return the error that says that there is no such result."""
+    return DataError(f"{path}: there is no such result file; check the path")

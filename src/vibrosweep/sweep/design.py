@@ -18,7 +18,7 @@ from vibrosweep.errors import SpecError, TableError
 from vibrosweep.sweep.spec import Axis, Range, SweepSpec
 from vibrosweep.sweep.table import read_table
 
-__all__ = ["MAX_LATIN_VALUES", "Design", "open_design"]
+__all__ = ["MAX_LATIN_VALUES", "Design", "chosen", "open_design"]
 
 Array = NDArray[np.float64]
 # (start, stop) -> one array of shape (stop - start,) for each sampled parameter
@@ -93,6 +93,19 @@ def open_design(spec: SweepSpec) -> Design:
     ranges = [s for s in spec.sampled.values() if isinstance(s, Range)]
     rows = {"uniform": _uniform, "sobol": _sobol, "latin": _latin}[spec.design](spec)
     return Design(count, names, _scaled(rows, ranges))
+
+
+def chosen(design: Design, rows: Sequence[int]) -> Design:
+    """Return the design of some realizations of another, given by their growing indices."""
+    places = np.asarray(rows, dtype=np.int64)
+
+    def columns(start: int, stop: int) -> list[Array]:
+        wanted = places[start:stop]
+        spans = np.split(wanted, np.flatnonzero(np.diff(wanted) > 1) + 1) if wanted.size else []
+        found = [design.take(int(span[0]), int(span[-1]) + 1) for span in spans]
+        return [np.concatenate([np.empty(0), *(f[n] for f in found)]) for n in design.sampled]
+
+    return Design(places.size, design.sampled, columns)
 
 
 def _scaled(rows: Callable[[int, int], Array], ranges: Sequence[Range]) -> Columns:

@@ -7,20 +7,26 @@ from pathlib import Path
 from typing import Any, Final
 
 import h5netcdf
+import numpy as np
 
 from vibrosweep.scene import PARAMETERS
-from vibrosweep.store.reading import reading
-from vibrosweep.sweep.summary import Summary
+from vibrosweep.status import Status
+from vibrosweep.store.parts import Parts, read_manifest
+from vibrosweep.store.reading import no_result, reading
+from vibrosweep.store.rundir import run_directory
+from vibrosweep.sweep.summary import Summary, unsettled
 from vibrosweep.variables import SWEEP
 
 __all__ = ["describe"]
 
 ROWS_AT_A_TIME: Final = 1 << 18
+# Realizations that did not complete are listed, up to so many.
+LISTED: Final = 20
 PROVENANCE: Final = ("source", "created", "git_revision", "libraries", "python", "cpu", "threads")
 
 
 def describe(path: Path) -> Iterator[str]:
-    """Describe a result file.
+    """Describe a result file, or the unfinished run of one that is not there yet.
 
     Yields
     ------
@@ -31,10 +37,27 @@ def describe(path: Path) -> Iterator[str]:
     ------
     DataError
         There is no such file, or it is not a result that can be read.
+    RunError
+        The manifest of an unfinished run is damaged.
     """
+    if not path.exists():
+        yield from _unfinished(path)
+        return
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
-        lines = [*_head(file), *_measures(file)]
+        lines = [*_head(file), *summary_of(file).lines(), *_unsettled(file)]
     yield from lines
+
+
+def _unfinished(path: Path) -> Iterator[str]:
+    """Describe the run that has not finished a result yet."""
+    directory = run_directory(path)
+    manifest = read_manifest(directory)
+    if manifest is None:
+        raise no_result(path)
+    finished = len(Parts(directory, manifest.key).finished())
+    yield f"{path}: is not finished: {finished} of {manifest.chunks} chunks are in {directory}"
+    for key, value in manifest.identity.items():
+        yield f"{key:32}{value}"
 
 
 def _head(file: Any) -> Iterator[str]:
@@ -66,12 +89,36 @@ def _range(variable: Any) -> tuple[float, float]:
     return min(low for low, _ in ends), max(high for _, high in ends)
 
 
-def _measures(file: Any) -> Iterator[str]:
+def summary_of(file: Any) -> Summary:
+    """Summarise an open result."""
     summary = Summary()
     names = [name for name in SWEEP if name in file.variables]
     for rows in _rows(file.dimensions["realization"].size):
         summary.add({name: file.variables[name][rows] for name in names})
-    yield from summary.lines()
+    return summary
+
+
+def _unsettled(file: Any) -> Iterator[str]:
+    """List the realizations that did not complete."""
+    names = [name for name in ("status", "base_shared") if name in file.variables]
+    sampled = [name for name in PARAMETERS if file.variables[name].dimensions]
+    lines: list[str] = []
+    total = 0
+    for rows in _rows(file.dimensions["realization"].size):
+        codes = {name: file.variables[name][rows] for name in names}
+        places = np.flatnonzero(unsettled(codes))
+        total += places.size
+        for place in places[: LISTED - len(lines)].tolist():
+            status = Status(int(codes["status"][place]))
+            # completed by counting the landings of a cycle, which separations had to follow
+            meaning = "separations undetermined" if not status else status.meaning
+            values = (f"{name} {file.variables[name][rows.start + place]:g}" for name in sampled)
+            lines.append(f"  {rows.start + place:<10}{', '.join((meaning, *values))}")
+    if total:
+        yield f"realizations that did not complete: {total}; vibrosweep run --retry-failed"
+        yield from lines
+    if total > len(lines):
+        yield f"  ... and {total - len(lines)} more"
 
 
 def _rows(realizations: int) -> Iterator[slice]:

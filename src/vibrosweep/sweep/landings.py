@@ -4,19 +4,28 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.advance import CHECK, Statistics
 from vibrosweep.kernels.record import empty_record, record
-from vibrosweep.scene import PARAMETERS, Launches, dimensionless, launches
+from vibrosweep.scene import PARAMETERS, Dimensionless, Launches, dimensionless, launches
 from vibrosweep.sweep.following import statistics
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
-__all__ = ["launch_times", "record_landings"]
+__all__ = [
+    "BYTES_PER_LANDING",
+    "all_parameters",
+    "launch_times",
+    "physical_memory",
+    "record_capacity",
+    "record_landings",
+]
 
 Array = NDArray[np.float64]
 
@@ -54,11 +63,8 @@ def record_landings(
     ParameterError
         The record would not fit into half of this machine's memory.
     """
-    problem = dimensionless(parameters, observation.duration, observation.transient)
-    launch: Launches = launches(observation.launch, observation.particles, parameters["frequency"])
-    each = statistics(problem, launch, observation, workers)
+    problem, launch, each = _counted(parameters, observation, workers)
     capacity = int(each.landings.max())
-    _require_memory(each.landings.size, capacity)
     out = empty_record(each.landings.size, capacity)
     unit = parameters["gravity"] / (2.0 * parameters["frequency"])
 
@@ -84,15 +90,39 @@ def record_landings(
     return found
 
 
-def _require_memory(trajectories: int, capacity: int) -> None:
-    needed = trajectories * capacity * BYTES_PER_LANDING
-    available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    if needed > available / 2:
+def record_capacity(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> int:
+    """Landings of the trajectory that has most; arguments and errors of `record_landings`."""
+    return int(_counted(parameters, observation, workers)[2].landings.max())
+
+
+def _counted(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> tuple[Dimensionless, Launches, Statistics]:
+    """Count the landings that a record would hold, and refuse one beyond memory."""
+    problem = dimensionless(parameters, observation.duration, observation.transient)
+    launch = launches(observation.launch, observation.particles, parameters["frequency"])
+    trajectories = problem.kick.size * observation.particles
+    available = physical_memory()
+    most = available // (2 * BYTES_PER_LANDING * trajectories)
+    # a trajectory with more than `most` is followed no further: the record is refused anyway
+    enough = replace(observation, impact_budget=min(observation.impact_budget, most + CHECK))
+    each = statistics(problem, launch, enough, workers)
+    capacity = int(each.landings.max())
+    if capacity > most:
+        needed = trajectories * capacity * BYTES_PER_LANDING
         raise ParameterError(
-            f"the record of {trajectories} trajectories with up to {capacity} landings needs "
-            f"{needed / 2**30:.1f} GiB of this machine's {available / 2**30:.1f} GiB: shorten the "
-            f"duration, take fewer particles, or run a sweep, which keeps statistics only"
+            f"the record of {trajectories} trajectories with {capacity} or more landings needs "
+            f"{needed / 2**30:.1f} GiB of this machine's {available / 2**30:.1f} GiB: shorten "
+            f"the duration, take fewer particles, or run a sweep, which keeps statistics only"
         )
+    return problem, launch, each
+
+
+def physical_memory() -> int:
+    """Bytes of memory of this machine."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:

@@ -1,40 +1,35 @@
-"""A sweep from its spec to its file, chunk by chunk: memory does not grow with its length."""
+"""A sweep from its spec to its file: what is finished is kept, memory does not grow."""
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
-from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from vibrosweep.errors import ParameterError
-from vibrosweep.scene import PARAMETERS, Parameter
-from vibrosweep.store.dataset import Group, creating
-from vibrosweep.store.provenance import provenance
+from vibrosweep.errors import RunError, VibrosweepError
+from vibrosweep.store.dataset import creating
+from vibrosweep.store.disk import check_output, reporting
+from vibrosweep.store.parts import Manifest, Parts, write_manifest
+from vibrosweep.store.rundir import abandon, empty, holding
+from vibrosweep.sweep.asked import observation_of, parameters_of, record_observation
+from vibrosweep.sweep.chunks import Job, Runner, batch_size, compute_rows, in_process
 from vibrosweep.sweep.design import Design, open_design
-from vibrosweep.sweep.engine import Observation, Workers, measure
-from vibrosweep.sweep.landings import launch_times, record_landings
+from vibrosweep.sweep.estimate import estimate, has_room, record_bytes, require_disk
+from vibrosweep.sweep.identity import identity
+from vibrosweep.sweep.kept import KeptRun, continued
+from vibrosweep.sweep.plan import Plan, bytes_per_realization, make_plan
 from vibrosweep.sweep.progress import Advance, silent
-from vibrosweep.sweep.spec import RecordSpec, SweepSpec
+from vibrosweep.sweep.result import Rows, declare, write_record
+from vibrosweep.sweep.spec import SweepSpec
 from vibrosweep.sweep.summary import Summary
-from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
+from vibrosweep.sweep.workers import Workers
 
-__all__ = ["TRAJECTORIES_PER_CHUNK", "available_threads", "record_observation", "run_sweep"]
-
-Array = NDArray[np.float64]
-
-# Statistics of so many trajectories take 15 MB, which the last-level cache of a workstation holds.
-TRAJECTORIES_PER_CHUNK: Final = 1 << 18
-# Measured at 10^7 trajectories in a chunk, with all measures.
-BYTES_PER_TRAJECTORY: Final = 320
-LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
-DURATION: Final = {"units": "s", "long_name": "end of the observation"}
-TRANSIENT: Final = {"units": "s", "long_name": "beginning of the window that measures cover"}
+__all__ = [
+    "available_threads",
+    "observation_of",
+    "parameters_of",
+    "record_observation",
+    "run_sweep",
+]
 
 
 def available_threads() -> int:
@@ -48,164 +43,128 @@ def run_sweep(
     *,
     threads: int,
     chunk: int | None = None,
+    force: bool = False,
     advance: Advance = silent,
+    runner: Runner | None = None,
+    at_least: int = 1,
 ) -> Summary:
     """Compute a sweep and write it to `output`, which appears when it is complete.
+
+    A sweep of more than one chunk keeps each finished chunk in a directory beside the output; if
+    it was ended early, the same call computes what is missing.
 
     Parameters
     ----------
     spec
         What to compute.
     output
-        Path of the file; an existing one is replaced.
+        Path of the file.
     threads
         Number of threads; the result does not depend on it.
     chunk
-        Realizations computed at a time; the result does not depend on it.
+        Realizations in a chunk, by default some seconds of work; the result does not depend on it.
+        A run that continues keeps the chunks that it began with.
+    force
+        Whether an existing output is replaced, and an unfinished run thrown away.
     advance
-        Called after each chunk with the number of realizations done and that of all.
+        Called with the number of realizations done and that of all.
+    runner
+        What computes the chunks; by default this process.
+    at_least
+        Number of chunks that are wanted, for a runner that computes several at a time.
 
     Raises
     ------
+    RunError
+        Another run makes this output, an unfinished run of another sweep stands in the way, or
+        chunks failed.
     OutputError, TableError, ParameterError
-        The file cannot be written, a table cannot be used, or parameters are too extreme.
+        The file cannot be written, a table cannot be used, or the sweep does not fit into memory.
     """
-    design = open_design(spec)
-    observation = observation_of(spec)
-    size = min(chunk or max(1, TRAJECTORIES_PER_CHUNK // spec.particles), design.realizations)
-    _require_memory(size, spec.particles)
-    summary = Summary()
-    with Workers(threads) as workers, creating(output) as file:
-        _declare(file, spec, design, threads)
-        for start in range(0, design.realizations, size):
-            stop = min(start + size, design.realizations)
-            sampled = design.take(start, stop)
-            measured = measure(parameters_of(spec, sampled, stop - start), observation, workers)
-            for name, values in (*sampled.items(), *measured.items()):
-                file.write(name, start, values)
-            summary.add(measured)
-            advance(stop, design.realizations)
-        if spec.record is not None:
-            _write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+    with holding(output) as directory:
+        if force:
+            with reporting(output):
+                empty(directory)
+        manifest = continued(output, directory, lambda: identity(spec))
+        check_output(output, force=force or (manifest is not None and manifest.replaces))
+        if manifest is None:
+            with Workers(threads) as workers:
+                plan = _planned(spec, output, workers, chunk, at_least)
+                if plan.chunks == 1 and runner is None:
+                    return _run_at_once(spec, plan.design, output, directory, workers, advance)
+            design = plan.design
+            manifest = Manifest(identity(spec), design.realizations, plan.chunk, replaces=force)
+            write_manifest(directory, manifest)
+        else:
+            design = open_design(spec)
+        run = KeptRun(output, design, Job(spec, manifest, Parts(directory, manifest.key)), threads)
+        with run.kept():
+            run.compute(runner or in_process(threads), advance)
+            summary = _consolidated(run)
+        abandon(directory)
     return summary
 
 
-def _require_memory(realizations: int, particles: int) -> None:
-    needed = BYTES_PER_TRAJECTORY * realizations * particles
-    available = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    if needed > available / 2:
-        raise ParameterError(
-            f"a chunk of {realizations} realizations of {particles} particles needs about "
-            f"{needed / 2**30:.3g} GiB of this machine's {available / 2**30:.3g} GiB: lower "
-            f"--chunk where it was given, or take fewer particles"
-        )
+def _consolidated(run: KeptRun) -> Summary:
+    """Write all parts into one file, in their order."""
+    spec, summary = run.job.spec, Summary()
+    with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
+        declare(file, spec, run.design, run.threads)
+        rows = Rows(file, batch_size(spec))
+        for columns in run.columns(summary):
+            rows.add(columns)
+            summary.add(columns)
+        rows.flush()
+        if spec.record is not None:
+            write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+    return summary
 
 
-def observation_of(spec: SweepSpec) -> Observation:
-    names = Observation.__dataclass_fields__.keys() - {"skip"}
-    return Observation(**{name: getattr(spec, name) for name in names})
+def _planned(
+    spec: SweepSpec,
+    output: Path,
+    workers: Workers,
+    chunk: int | None,
+    at_least: int,
+) -> Plan:
+    """Cut the sweep, and refuse it before it starts if its files or its record cannot fit."""
+    plan = make_plan(spec, workers, chunk, at_least=at_least)
+    record = record_bytes(spec, workers)
+    # without compression, and with every part beside the result
+    most = record + 2 * bytes_per_realization(spec, plan.design) * plan.design.realizations
+    if not has_room(output, most):
+        needs = estimate(spec, plan, workers)
+        require_disk(output, needs.result + needs.parts)
+    return plan
 
 
-def record_observation(
-    particles: int,
-    launch: str | tuple[float, ...],
-    duration: float,
-    rebound: str,
-    impact_budget: int,
-) -> Observation:
-    """The observation of a scene whose every landing is kept."""
-    return Observation(
-        particles=particles,
-        launch=launch,
-        duration=duration,
-        rebound=rebound,
-        transient=-math.inf,
-        separation=False,
-        per_particle=False,
-        regimes=False,
-        trust=False,
-        tolerance=math.inf,
-        impact_budget=impact_budget,
-        skip=False,  # every landing is wanted
-    )
-
-
-def parameters_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> dict[str, Array]:
-    """Every parameter of realizations of a sweep, each of shape (realization,)."""
-    return {
-        name: sampled[name] if name in sampled else np.full(size, spec.fixed[name])
-        for name in PARAMETERS
-    }
-
-
-def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
-    """CF attributes of a physical parameter."""
-    return {
-        "units": parameter.units,
-        "long_name": parameter.long_name,
-        "symbol": parameter.symbol,
-    }
-
-
-def _declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
-    """Declare what the file will hold."""
-    file.dimensions({"realization": design.realizations, "particle": spec.particles})
-    for name, parameter in PARAMETERS.items():
-        attributes = coordinate_attributes(parameter)
-        if name in design.sampled:
-            file.coordinate(name, ("realization",), attributes)
-        else:
-            file.coordinate(name, (), attributes, np.array(spec.fixed[name]))
-    _declare_times(file, spec.launch, spec.particles, spec.fixed.get("frequency"), spec.duration)
-    file.coordinate("transient", (), TRANSIENT, np.array(spec.transient))
-    for registry in (SWEEP, PER_PARTICLE, REGIMES, TRUST):
-        for variable in registry.values():
-            asked = variable.key.removeprefix("measure.")
-            if not asked or getattr(spec, asked):
-                file.variable(variable)
-    file.attributes(
-        {
-            "title": spec.title,
-            "rebound": spec.rebound,
-            "particles": spec.particles,
-            "design": spec.design,
-            "seed": spec.seed,
-            "impact_budget": spec.impact_budget,
-            **({"tolerance": spec.tolerance} if spec.trust else {}),
-            "sweep_file": spec.text,
-            **provenance(threads),
-        }
-    )
-
-
-def _declare_times(
-    file: Group,
-    launch: str | tuple[float, ...],
-    particles: int,
-    frequency: float | None,
-    duration: float,
-) -> None:
-    """Launch times and duration; staggered launches follow the frequency, fixed or not."""
-    if frequency is not None or not isinstance(launch, str):
-        times = launch_times(launch, particles, frequency or 1.0)
-        file.coordinate("launch_time", ("particle",), LAUNCH_TIME, times)
-    file.attributes({"launch": launch if isinstance(launch, str) else "listed"})
-    file.coordinate("duration", (), DURATION, np.array(duration))
-
-
-def _write_record(file: Group, record: RecordSpec, budget: int, workers: Workers) -> None:
-    """Every landing of the recorded scene, as its own group."""
-    scene = asdict(record)
-    parameters = {name: np.array([value]) for name, value in scene.pop("parameters").items()}
-    found = record_landings(parameters, record_observation(**scene, impact_budget=budget), workers)
-    sizes = dict(zip(RECORD["landing_time"].dims, found["landing_time"].shape, strict=True))
-    file.dimensions(sizes)
-    for name, values in parameters.items():
-        file.coordinate(name, (), coordinate_attributes(PARAMETERS[name]), values[0])
-    _declare_times(
-        file, record.launch, record.particles, record.parameters["frequency"], record.duration
-    )
-    for name, variable in RECORD.items():
-        file.variable(variable)
-        file.write(name, 0, found[name])
-    file.attributes({"rebound": record.rebound})
+def _run_at_once(
+    spec: SweepSpec,
+    design: Design,
+    output: Path,
+    directory: Path,
+    workers: Workers,
+    advance: Advance,
+) -> Summary:
+    """Compute a sweep of one chunk straight into its file: there would be nothing to continue."""
+    summary = Summary()
+    with creating(output, directory) as file:
+        declare(file, spec, design, workers.threads)
+        rows = Rows(file, batch_size(spec))
+        try:
+            for columns in compute_rows(spec, design, 0, design.realizations, workers):
+                rows.add(columns)
+                summary.add(columns)
+                advance(summary.realizations, design.realizations)
+        except (VibrosweepError, MemoryError):
+            raise
+        except Exception as error:
+            raise RunError(
+                f"{output}: the computation failed twice after {summary.realizations} of "
+                f"{design.realizations} realizations ({type(error).__name__}: {error}); nothing "
+                f"was written"
+            ) from error
+        rows.flush()
+        if spec.record is not None:
+            write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+    return summary

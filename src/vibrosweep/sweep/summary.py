@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.status import Status
-from vibrosweep.variables import SWEEP, Variable
+from vibrosweep.variables import SWEEP, UNDETERMINED, Variable
 
-__all__ = ["Summary"]
+__all__ = ["Summary", "unsettled"]
 
 
 @dataclass
@@ -35,10 +35,14 @@ class _Spread:
 
 @dataclass
 class Summary:
-    """What the realizations of a sweep have in common; add chunks in their order."""
+    """What the realizations of a sweep have in common; add chunks in their order.
+
+    `repaired` counts parts that were found damaged and computed again.
+    """
 
     realizations: int = 0
     landings: int = 0
+    repaired: int = 0
     spreads: dict[str, _Spread] = field(default_factory=dict)
     codes: dict[str, dict[int, int]] = field(default_factory=dict)
 
@@ -83,3 +87,12 @@ def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
         f"{meanings[code]} {count} ({count / total:.1%})" for code, count in sorted(counts.items())
     )
     return ", ".join(parts)
+
+
+def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+    """Tell which realizations did not complete, or lack a measure that a larger budget gives."""
+    failed = columns["status"] != Status.COMPLETED
+    if "base_shared" in columns:
+        # cycles are counted to the end for nothing, but separations must follow every landing
+        failed = failed | (columns["base_shared"] == UNDETERMINED)
+    return np.asarray(failed)

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.reference.ball import Trajectory
-from vibrosweep.sweep.engine import Observation, Workers, measure
+from vibrosweep.sweep.engine import Observation, Workers
 from vibrosweep.sweep.landings import record_landings
+from vibrosweep.sweep.measuring import measure_all
 from vibrosweep.verify.claims import EPS
 from vibrosweep.verify.judgement import Judgement
 from vibrosweep.verify.sample import Sample, Scene
@@ -31,7 +32,7 @@ BOUNDS: Final = ("landing_time_error", "rebound_velocity_error")
 def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
     """Bounds of all rows and their landings of any time, computed anew."""
     everything = replace(_all_landings(sample.observation), trust=True)
-    return measure(sample.parameters, everything, workers)
+    return measure_all(sample.parameters, everything, workers)
 
 
 def _all_landings(observation: Observation) -> Observation:
@@ -56,7 +57,8 @@ def judge_again(sample: Sample, again: Mapping[str, NDArray[Any]], row: int) -> 
     slack = 1e-9 + 1e3 * float(again["landing_time_error"][row]) * frequency
     for name in BOUNDS:
         stored, bound = float(sample.stored[name][row]), float(again[name][row])
-        if not (stored == bound or abs(stored - bound) <= slack * bound):
+        same = stored == bound or (math.isnan(stored) and math.isnan(bound))
+        if not (same or abs(stored - bound) <= slack * bound):
             complaint = f"is {stored!r}, while the kernel finds {bound!r}"
             found.append(Judgement(name, None, math.nan, None, None, complaint))
     return found

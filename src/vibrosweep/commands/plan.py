@@ -1,0 +1,71 @@
+"""``vibrosweep plan``: say what a sweep will take before it runs."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from vibrosweep.commands.arguments import positive, some
+from vibrosweep.commands.start import leave_linear_algebra_out
+
+if TYPE_CHECKING:
+    from vibrosweep.sweep.estimate import Needs
+    from vibrosweep.sweep.plan import Plan
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "plan"
+HELP: Final = "say what a sweep will take, from a few of its realizations"
+
+SECONDS: Final = 2.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
+    )
+    parser.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
+    parser.add_argument("--chunk", metavar="N", type=positive, help="realizations in a chunk")
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    from vibrosweep.sweep.spec import read_spec
+
+    spec = read_spec(options.spec)
+    leave_linear_algebra_out()
+    from vibrosweep.sweep.estimate import estimate, require_disk, require_memory
+    from vibrosweep.sweep.plan import make_plan
+    from vibrosweep.sweep.run import available_threads
+    from vibrosweep.sweep.workers import Workers
+
+    output = options.output or Path(f"{options.spec.stem}.h5")
+    with Workers(options.threads or available_threads()) as workers:
+        plan = make_plan(spec, workers, options.chunk, seconds=SECONDS, enough=0.0)
+        needs = estimate(spec, plan, workers)
+        print(spec.title)
+        print("\n".join(_lines(plan, needs, spec.particles, workers.threads)))
+    require_memory(needs.memory)
+    require_disk(output, needs.result + needs.parts)
+
+
+def _lines(plan: Plan, needs: Needs, particles: int, threads: int) -> Iterator[str]:
+    cost = plan.cost
+    yield f"{'realizations':16}{plan.design.realizations} of {some(particles, 'particle')}"
+    cut = f"of {some(plan.chunk, 'realization')}, each kept as soon as it is finished"
+    yield f"{'chunks':16}{plan.chunks} {cut if plan.chunks > 1 else '(short: not cut)'}"
+    differ = "" if math.isnan(cost.error) else f" +- {100 * cost.error:.1f} %"
+    yield f"{'impacts':16}{needs.impacts:.3g}{differ}"
+    yield f"{'time':16}{needs.seconds:.2g} s on {some(threads, 'thread')}"
+    kernels = "compiled just now; a run finds them" if cost.compiled else "ready"
+    yield f"{'kernels':16}{kernels} ({cost.start:.2g} s)"
+    yield f"{'memory':16}{needs.memory / 2**20:.0f} MiB"
+    beside = f", and {needs.parts / 2**20:.3g} MiB beside it for chunks" if needs.parts else ""
+    yield f"{'disk':16}{needs.result / 2**20:.3g} MiB{beside}"
+    share = "" if cost.share == 1.0 else f", over {100 * cost.share:.2g} % of their duration"
+    yield f"{'estimated from':16}{some(cost.columns['status'].size, 'realization')}{share}"

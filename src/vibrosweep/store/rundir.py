@@ -1,0 +1,130 @@
+"""The directory of a run beside its output, held by one process at a time."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+from vibrosweep.errors import RunError
+from vibrosweep.store.disk import flush_directory, reporting, unwritten
+from vibrosweep.store.parts import MANIFEST, read_manifest
+
+__all__ = ["abandon", "empty", "holding", "replaces", "run_directory"]
+
+LOCK: Final = "lock"
+
+
+def run_directory(output: Path) -> Path:
+    """Path of the directory of the run that makes an output, on the same file system."""
+    target = output.resolve()  # as the file behind a link is replaced, and not the link
+    return target.with_name(f"{target.name}.parts")
+
+
+def replaces(output: Path) -> bool:
+    """Whether an unfinished run was told to replace the output.
+
+    Raises
+    ------
+    RunError
+        Its manifest is damaged.
+    """
+    manifest = read_manifest(run_directory(output))
+    return manifest is not None and manifest.replaces
+
+
+@contextmanager
+def holding(output: Path) -> Iterator[Path]:
+    """Make the run directory of an output and hold it; a dead process holds nothing.
+
+    At the end it is removed, unless it has a manifest and so a run that can be continued.
+
+    Yields
+    ------
+    pathlib.Path
+        The directory; what unfinished writes of killed processes left in it is removed.
+
+    Raises
+    ------
+    RunError
+        Another process holds it.
+    OutputError
+        It cannot be made.
+    """
+    directory = run_directory(output)
+    descriptor = _locked(output, directory)
+    try:
+        with suppress(OSError):
+            for path in directory.glob(".*.partial"):
+                path.unlink()
+        yield directory
+    finally:
+        if not (directory / MANIFEST).exists():
+            _remove(directory)
+        os.close(descriptor)
+
+
+def _locked(output: Path, directory: Path) -> int:
+    """Descriptor of the locked lock file."""
+    while True:
+        with reporting(output):
+            directory.mkdir(exist_ok=True)
+            with suppress(OSError):  # not every system can flush a directory
+                flush_directory(directory.parent)
+        try:
+            descriptor = os.open(directory / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+        except FileNotFoundError:  # removed in between by a run that ended
+            continue
+        except OSError as error:
+            raise unwritten(output, error) from error
+        try:
+            _lock(output, directory, descriptor)
+            if os.fstat(descriptor).st_nlink:
+                return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)  # the run that removed it has ended
+
+
+def _lock(output: Path, directory: Path, descriptor: int) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        holder = os.read(descriptor, 200).decode(errors="replace").strip()
+        raise RunError(
+            f"{output}: is being computed by another run ({holder or 'process unknown'}), which "
+            f"holds {directory}; wait for its end, or write to another file with -o"
+        ) from error
+    except OSError as error:
+        raise RunError(
+            f"{output}: the file system of {directory} has no locks ({error.strerror}), so that "
+            f"two runs could disturb each other; choose another place with -o"
+        ) from error
+    with suppress(OSError):  # who holds it is a courtesy
+        os.ftruncate(descriptor, 0)
+        os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
+
+
+def empty(directory: Path) -> None:
+    """Remove what a run left in its directory, but not the lock."""
+    abandon(directory)
+    for path in directory.iterdir():
+        if path.name != LOCK:
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def abandon(directory: Path) -> None:
+    """Make the parts in a run directory nobody's, so that no run continues with them."""
+    (directory / MANIFEST).unlink(missing_ok=True)
+
+
+def _remove(directory: Path) -> None:
+    with suppress(OSError):  # what is left over is in nobody's way
+        empty(directory)
+        shutil.rmtree(directory)

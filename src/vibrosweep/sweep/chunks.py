@@ -1,0 +1,195 @@
+"""Chunks of a sweep: each is computed by itself, and may be computed again to the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.errors import RunError, VibrosweepError
+from vibrosweep.store.parts import Manifest, Parts
+from vibrosweep.sweep.asked import observation_of, parameters_of
+from vibrosweep.sweep.design import Design, chosen, open_design
+from vibrosweep.sweep.identity import differences, identity
+from vibrosweep.sweep.measuring import measure_all
+from vibrosweep.sweep.spec import SweepSpec
+from vibrosweep.sweep.workers import Workers
+
+__all__ = [
+    "Columns",
+    "Job",
+    "Runner",
+    "Tick",
+    "batch_size",
+    "compute_chunk",
+    "compute_rows",
+    "in_process",
+]
+
+Array = NDArray[np.float64]
+Columns = dict[str, NDArray[Any]]
+Tick = Callable[[int], object]
+
+# Statistics of so many trajectories take 15 MB, which the last-level cache of a workstation holds.
+TRAJECTORIES_PER_BATCH: Final = 1 << 18
+
+
+@dataclass(frozen=True)
+class Job:
+    """All that a process, on whatever machine, needs to compute a chunk; it can be pickled.
+
+    Attributes
+    ----------
+    spec
+        The sweep.
+    manifest
+        How it is cut.
+    parts
+        Where its parts go.
+    rows
+        The realizations of the sweep that are computed, where not all are.
+    """
+
+    spec: SweepSpec
+    manifest: Manifest
+    parts: Parts
+    rows: tuple[int, ...] = ()
+
+    def open(self) -> Design:
+        """Open the design of what is computed."""
+        design = open_design(self.spec)
+        return chosen(design, self.rows) if self.rows else design
+
+
+class Runner(Protocol):
+    """Computes chunks somewhere, in any order."""
+
+    def __call__(self, job: Job, chunks: Sequence[int], tick: Tick, /) -> Mapping[int, str]:
+        """Compute chunks and write their parts.
+
+        Parameters
+        ----------
+        job
+            The sweep.
+        chunks
+            Numbers of the chunks to compute.
+        tick
+            Called with the number of realizations that were computed since its last call.
+
+        Returns
+        -------
+        dict
+            Number of each chunk that failed -> the reason.
+
+        Raises
+        ------
+        VibrosweepError
+            What concerns all chunks, such as a full disk.
+        """
+
+
+def in_process(threads: int) -> Runner:
+    """Return a runner that computes chunks here, one after the other."""
+
+    def run(job: Job, chunks: Sequence[int], tick: Tick) -> dict[int, str]:
+        failed = {}
+        for index in chunks:
+            try:
+                compute_chunk(job, index, threads, tick)
+            except VibrosweepError:
+                raise
+            except Exception as error:  # a bad chunk must not end the others
+                failed[index] = f"{type(error).__name__}: {error}"
+        return failed
+
+    return run
+
+
+def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) -> int:
+    """Compute a chunk and write its part; return the number of its realizations.
+
+    Safe to repeat, and to do twice at a time: the same bits go to the same name.
+
+    Parameters
+    ----------
+    job
+        The sweep.
+    index
+        Number of the chunk.
+    threads
+        Number of threads; the part does not depend on it.
+    tick
+        As for a `Runner`.
+
+    Raises
+    ------
+    VibrosweepError
+        The part cannot be written, or this is not the sweep or the version that the run began with.
+    Exception
+        The computation failed twice.
+    """
+    design = _design(job)
+    start, stop = job.manifest.bounds(index)
+    columns: Columns = {}
+    done = 0
+    with Workers(threads) as workers:
+        for piece in compute_rows(job.spec, design, start, stop, workers):
+            size = piece["status"].size
+            for name, values in piece.items():
+                whole = (stop - start, *values.shape[1:])
+                columns.setdefault(name, np.empty(whole, values.dtype))[done : done + size] = values
+            done += size
+            if tick is not None:
+                tick(size)
+    job.parts.write(index, columns)
+    return stop - start
+
+
+_opened: tuple[Job, Design] | None = None
+
+
+def _design(job: Job) -> Design:
+    """Open the design of a job; it is kept for the next chunk of the same job."""
+    global _opened  # to open a table or a Latin hypercube may take a second
+    opened = _opened
+    if opened is None or opened[0] != job:
+        same = {key: job.manifest.identity.get(key, "") for key in identity(job.spec)}
+        changes = differences(same, identity(job.spec))
+        if changes:
+            raise RunError(
+                f"{job.parts.directory}: this process would compute another sweep than the run "
+                f"began with: {'; '.join(changes)}; use the same versions and tables everywhere"
+            )
+        _opened = opened = (job, job.open())
+    return opened[1]
+
+
+def compute_rows(
+    spec: SweepSpec, design: Design, start: int, stop: int, workers: Workers
+) -> Iterator[Columns]:
+    """Compute the realizations start, ..., stop - 1 of a sweep, batch by batch.
+
+    Yields
+    ------
+    dict
+        Sampled parameters and measured variables, each of shape (realization, ...).
+    """
+    for first in range(start, stop, batch_size(spec)):
+        sampled = design.take(first, min(first + batch_size(spec), stop))
+        parameters = parameters_of(spec, sampled, min(batch_size(spec), stop - first))
+        observation = observation_of(spec)
+        try:
+            measured = measure_all(parameters, observation, workers)
+        except VibrosweepError:
+            raise
+        except Exception:  # once more: what failed may have been the moment
+            measured = measure_all(parameters, observation, workers)
+        yield {**sampled, **measured}
+
+
+def batch_size(spec: SweepSpec) -> int:
+    """Realizations that are computed at a time."""
+    return max(1, TRAJECTORIES_PER_BATCH // spec.particles)

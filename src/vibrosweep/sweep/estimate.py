@@ -1,0 +1,195 @@
+"""What a planned sweep will take: time, memory and disk, from a sample of it that was computed."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from vibrosweep.errors import OutputError, ParameterError, RunError
+from vibrosweep.store.dataset import creating
+from vibrosweep.sweep.chunks import batch_size
+from vibrosweep.sweep.landings import BYTES_PER_LANDING, physical_memory, record_capacity
+from vibrosweep.sweep.pilot import memory_per_realization
+from vibrosweep.sweep.plan import Plan, bytes_per_realization
+from vibrosweep.sweep.result import Rows, declare, recorded, write_record
+from vibrosweep.sweep.spec import RecordSpec, SweepSpec
+from vibrosweep.sweep.workers import Workers
+
+__all__ = ["Needs", "estimate", "has_room", "record_bytes", "require_disk", "require_memory"]
+
+SAMPLE_ROWS: Final = 1 << 15
+SAMPLE_BYTES: Final = 1 << 25
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a run needs.
+
+    Attributes
+    ----------
+    seconds
+        From reading the design to the end of writing, without compiling kernels.
+    impacts
+        Of all particles.
+    memory
+        Bytes, at most at a time, of the whole process.
+    result, parts
+        Bytes of the result file, and of the parts beside it while it is written.
+    """
+
+    seconds: float
+    impacts: float
+    memory: float
+    result: float
+    parts: float
+
+
+def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
+    """Estimate what a planned sweep needs.
+
+    Raises
+    ------
+    ParameterError
+        The record of landings does not fit into memory.
+    RunError
+        The sample could not be computed.
+    """
+    if not plan.cost.known:
+        raise RunError(
+            "the first realizations cannot be computed, so that nothing is known of the others; "
+            "vibrosweep run computes those that can be, and reports the others"
+        )
+    design, cost = plan.design, plan.cost
+    record = record_bytes(spec, workers)
+    size, seconds = _written(spec, plan, workers.threads)
+    if spec.record is not None:
+        more, longer = _record_file(spec, spec.record, record, workers)
+        size, seconds = size + more, seconds + longer
+    per_realization = bytes_per_realization(spec, design)
+    cut = plan.chunks > 1
+    loading = 0.0 if cost.compiled else cost.start
+    held = 2 * per_realization * plan.chunk if cut else 0
+    batch = min(batch_size(spec), plan.chunk)
+    return Needs(
+        seconds=plan.opening + loading + cost.seconds * design.realizations + seconds,
+        impacts=cost.impacts * design.realizations,
+        memory=_memory_now()
+        + max(batch * memory_per_realization(spec, design, workers) + held, record),
+        result=size,
+        parts=per_realization * design.realizations if cut else 0,
+    )
+
+
+def record_bytes(spec: SweepSpec, workers: Workers) -> int:
+    """Bytes of the record of landings, in memory and on the disk; 0 without one.
+
+    Raises
+    ------
+    ParameterError
+        It does not fit into memory.
+    """
+    if spec.record is None:
+        return 0
+    capacity = record_capacity(*recorded(spec.record, spec.impact_budget), workers)
+    return BYTES_PER_LANDING * spec.record.particles * capacity
+
+
+def has_room(output: Path, needed: float) -> bool:
+    """Whether the disk of an output has so many bytes free."""
+    return needed <= shutil.disk_usage(output.resolve().parent).free
+
+
+def require_disk(output: Path, needed: float) -> None:
+    """Refuse a run whose files do not fit on the disk of its output.
+
+    Raises
+    ------
+    OutputError
+        Naming what to change.
+    """
+    if not has_room(output, needed):
+        free = shutil.disk_usage(output.resolve().parent).free
+        raise OutputError(
+            f"{output}: the sweep needs {needed / 2**30:.3g} GiB of disk, but "
+            f"{output.resolve().parent} has {free / 2**30:.3g} GiB free: make room, choose another "
+            f"place with -o, or lower sample.realizations or what [measure] asks for"
+        )
+
+
+def _written(spec: SweepSpec, plan: Plan, threads: int) -> tuple[float, float]:
+    """Bytes of the file without its record, and seconds to write it, from two small files."""
+    design = plan.design
+    most = max(2, min(SAMPLE_ROWS, SAMPLE_BYTES // bytes_per_realization(spec, design)))
+    rows = min(design.realizations, most)
+    size, seconds = _sample_file(spec, plan, rows, threads)
+    if rows == design.realizations:
+        return size, seconds
+    smaller, sooner = _sample_file(spec, plan, rows // 2, threads)
+    more = (design.realizations - rows) / (rows - rows // 2)
+    return size + more * (size - smaller), seconds + more * max(seconds - sooner, 0.0)
+
+
+def _sample_file(spec: SweepSpec, plan: Plan, rows: int, threads: int) -> tuple[int, float]:
+    """Write a result of so many rows, drawn from those that were computed."""
+    columns = plan.cost.columns
+    drawn = np.random.default_rng(0).integers(columns["status"].size, size=rows)
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "sample.h5"
+        began = time.perf_counter()
+        with creating(path) as file:
+            declare(file, spec, replace(plan.design, realizations=rows), threads)
+            writer = Rows(file, batch_size(spec))
+            writer.add({name: values[drawn] for name, values in columns.items()})
+            writer.flush()
+        return path.stat().st_size, time.perf_counter() - began
+
+
+def _record_file(
+    spec: SweepSpec, record: RecordSpec, size: int, workers: Workers
+) -> tuple[float, float]:
+    """Bytes that the record adds to the file, and seconds to compute and write it.
+
+    Measured on as much of its duration as makes a small file.
+    """
+    share = min(1.0, SAMPLE_BYTES / max(size, 1))
+    short = replace(record, duration=record.duration * share)
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "record.h5"
+        began = time.perf_counter()
+        with creating(path) as file:
+            write_record(file.group("record"), short, spec.impact_budget, workers)
+        took = time.perf_counter() - began
+        return path.stat().st_size / share, took / share
+
+
+def _memory_now() -> float:
+    """Bytes that this process holds."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
+    return float(pages * resource.getpagesize())
+
+
+def require_memory(needed: float) -> None:
+    """Refuse a run that does not fit into memory.
+
+    Raises
+    ------
+    ParameterError
+        Naming what to change.
+    """
+    available = physical_memory()
+    if needed > available:
+        raise ParameterError(
+            f"the sweep needs {needed / 2**30:.3g} GiB of memory, but this machine has "
+            f"{available / 2**30:.3g} GiB: lower --chunk where it was given, take fewer particles, "
+            f"or shorten the record"
+        )
