@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.errors import DataError
-from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
+from vibrosweep.variables import LYAPUNOV, PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["remedy", "require"]
 
-MEASURED: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **TRUST}
+MEASURED: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **TRUST, **LYAPUNOV}
 
 
 def require(dataset: xr.Dataset, analysis: str, *names: str) -> None:

@@ -22,7 +22,7 @@ from vibrosweep.sweep.landings import launch_times, record_landings
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.spec import RecordSpec, SweepSpec
 from vibrosweep.sweep.summary import Summary
-from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
+from vibrosweep.variables import LYAPUNOV, PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
 
 __all__ = ["TRAJECTORIES_PER_CHUNK", "available_threads", "record_observation", "run_sweep"]
 
@@ -158,7 +158,7 @@ def _declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None
             file.coordinate(name, (), attributes, np.array(spec.fixed[name]))
     _declare_times(file, spec.launch, spec.particles, spec.fixed.get("frequency"), spec.duration)
     file.coordinate("transient", (), TRANSIENT, np.array(spec.transient))
-    for registry in (SWEEP, PER_PARTICLE, REGIMES, TRUST):
+    for registry in (SWEEP, PER_PARTICLE, REGIMES, TRUST, LYAPUNOV):
         for variable in registry.values():
             asked = variable.key.removeprefix("measure.")
             if not asked or getattr(spec, asked):

@@ -81,6 +81,7 @@ class MeasureTable:
     separation: bool = False
     per_particle: bool = False
     regimes: bool = False
+    lyapunov: bool = False
     trust: bool = False
     tolerance: float = 1e-9
     impact_budget: int = 10_000_000
@@ -312,6 +313,7 @@ _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
         "separation": _flag,
         "per_particle": _flag,
         "regimes": _flag,
+        "lyapunov": _flag,
         "trust": _flag,
         "tolerance": _positive_time,
         "impact_budget": partial(

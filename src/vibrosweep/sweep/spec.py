@@ -52,9 +52,9 @@ class SweepSpec:
         Seed of the drawn designs.
     transient
         Time in s before the window that measures cover.
-    separation, per_particle, regimes, trust
+    separation, per_particle, regimes, lyapunov, trust
         Whether separations are measured, output per particle is kept, orbits that repeat are
-        recognised, and error bounds are carried along.
+        recognised, Lyapunov exponents are found, and error bounds are carried along.
     tolerance
         Error of a landing time in s up to which it is trusted.
     impact_budget
@@ -82,6 +82,7 @@ class SweepSpec:
     separation: bool
     per_particle: bool
     regimes: bool
+    lyapunov: bool
     trust: bool
     tolerance: float
     impact_budget: int

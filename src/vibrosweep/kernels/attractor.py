@@ -1,0 +1,286 @@
+"""What each trajectory settles on: its cycle, the cycle's multipliers, and Lyapunov exponents.
+
+A trajectory is followed until its state returns bit for bit, or to the end of the observation.  The
+exponents of a cycle follow from its multipliers, the eigenvalues of the product of the Jacobians of
+its impacts; those of any other orbit are means along the orbit, over the landings in the window.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.kernels import growth
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
+from vibrosweep.kernels.advance import _load
+from vibrosweep.kernels.cycles import _cycle, _impact, _repeats
+from vibrosweep.kernels.impact import rebound
+from vibrosweep.kernels.lanes import N_BEGIN, X_BEGIN, X_END, A, E, N, U, X
+from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope, stretch
+from vibrosweep.scene import Dimensionless, Launches
+from vibrosweep.status import Regime
+
+__all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "settle"]
+
+# Two particles on one orbit differ by the rounding of an impact over 1 - |leading multiplier|.
+SAME_ORBIT = 2.0**-30
+
+AT_REST = int(Regime.AT_REST)
+RESTING = int(Regime.RESTING)
+LOCKED = int(Regime.LOCKED)
+IRREGULAR = int(Regime.IRREGULAR)
+
+
+class Orbits(NamedTuple):
+    """Where trajectories settle, each array of shape (trajectory,).
+
+    Attributes
+    ----------
+    regime
+        `vibrosweep.status.Regime`.
+    impacts, periods, rests
+        Impacts, forcing periods and rests in one cycle; 0 where no recurrence was found.
+    whole, phase, flight
+        A state to go on from: whole periods and phase of a lift-off, and the flight that follows.
+        Of a cycle, the member with the shortest flight, so that particles on one orbit agree in it
+        up to rounding; at rest for good, the last landing with a flight of 0.
+    multiplier
+        The leading multiplier of the cycle, 0 if it has a rest; NaN where there is no cycle.
+    largest, largest_error
+        Largest Lyapunov exponent per impact, and the standard error of its mean, or the rounding
+        error to first order where multipliers give it; -inf with error 0 where a rest occurs.
+    total, total_error
+        Sum of both exponents per impact, from the areas of the frames that are carried along, and
+        the bound of its rounding error.
+    """
+
+    regime: Flags
+    impacts: Integers
+    periods: Integers
+    rests: Integers
+    whole: Floats
+    phase: Floats
+    flight: Floats
+    multiplier: NDArray[np.complex128]
+    largest: Floats
+    largest_error: Floats
+    total: Floats
+    total_error: Floats
+
+
+def empty_orbits(trajectories: int) -> Orbits:
+    """Room for the orbits of a batch."""
+    impacts, periods, rests = (np.empty(trajectories, np.int64) for _ in range(3))
+    whole, phase, flight, *exponents = (np.empty(trajectories) for _ in range(7))
+    return Orbits(
+        np.empty(trajectories, np.int8),
+        impacts,
+        periods,
+        rests,
+        whole,
+        phase,
+        flight,
+        np.empty(trajectories, np.complex128),
+        *exponents,
+    )
+
+
+@jit
+def _sign(s: Floats, x: float, u: float, reflect: int | None) -> float:
+    """-1 where the `reflect` law turns a particle back that lands at phase x, else 1."""
+    if reflect is not None and rebound(x, u, s[E], s[A], None) < 0.0:
+        return -1.0
+    return 1.0
+
+
+@jit
+def _follow(
+    s: Floats, budget: int, reflect: int | None, g: Floats
+) -> tuple[int, int, float, float]:
+    """Follow the lane to its recurrence or its end; the state reached is left in the lane.
+
+    Returns what it found (LOCKED for any recurrence) and, of the impacts in the window, the number
+    of rests, the sum of the logarithms of areas, and the bound of its rounding error.
+    """
+    n, x, u = s[N], s[X], s[U]
+    n_anchor, x_anchor, u_anchor, next_anchor = n, x, u, 1
+    c, d = 1.0, 0.0
+    rests, area, slack = 0, 0.0, 0.0
+    growth.empty(g)
+    found = IRREGULAR
+    for age in range(1, budget + 1):
+        landed, x_landed, n_off, x_off, u_off, leaves = _impact(s, 0, n, x, u, reflect)
+        if not landed <= s[X_END] - x_landed:
+            break
+        if s[N_BEGIN] - landed <= x_landed - s[X_BEGIN]:
+            rests += 0 if leaves else 1
+            k, sign = kick_slope(x_landed, s[A]), _sign(s, x_landed, u, reflect)
+            c, d, along, across, error = stretch(c, d, s[E], k, sign)
+            growth.add(g, growth.logarithm(along))
+            area += growth.logarithm(along * across)
+            slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
+        if n_off == np.inf:
+            n, x, u, found = landed, x_landed, 0.0, AT_REST
+            break
+        n, x, u = n_off, x_off, u_off
+        if x == x_anchor and u == u_anchor and n > n_anchor:
+            found = LOCKED
+            break
+        if age == next_anchor:  # Brent
+            n_anchor, x_anchor, u_anchor, next_anchor = n, x, u, 2 * age
+    s[N], s[X], s[U] = n, x, u
+    return found, rests, area, slack
+
+
+@jit
+def _fold(s: Floats, reflect: int | None) -> tuple[int, int, float]:
+    """Impacts, rests and periods of the cycle that the lane is on, in the fewest impacts."""
+    impacts, rests, periods = _cycle(s, 0, reflect)
+    for shorter in range(1, impacts // 2 + 1):
+        if impacts % shorter == 0:
+            same, fewer = _repeats(s, 0, reflect, impacts, shorter)
+            if same:
+                return shorter, rests * shorter // impacts, fewer
+    return impacts, rests, periods
+
+
+@jit
+def _to_representative(s: Floats, impacts: int, reflect: int | None) -> None:
+    """Move the lane along its cycle to the shortest flight, and of equal ones the first phase."""
+    n, x, u = s[N], s[X], s[U]
+    for _ in range(impacts):
+        _, _, n, x, u, _ = _impact(s, 0, n, x, u, reflect)
+        tie = abs(u - s[U]) <= SAME_ORBIT
+        if u < s[U] - SAME_ORBIT or (tie and x < s[X] - SAME_ORBIT):
+            s[N], s[X], s[U] = n, x, u
+    if s[X] < SAME_ORBIT - 0.5:  # phases of -1/2 and 1/2 are one
+        s[N], s[X] = s[N] - 1.0, s[X] + 1.0
+
+
+@jit
+def _leading(trace: float, determinant: float, rounding: float) -> tuple[complex, float]:
+    """Leading eigenvalue of a 2 x 2 matrix, and what a rounding of its entries does to it."""
+    discriminant = trace * trace - 4.0 * determinant
+    root = math.sqrt(abs(discriminant))
+    if discriminant < 0.0:
+        value = complex(0.5 * trace, 0.5 * root)
+    else:
+        value = complex(0.5 * (trace + math.copysign(root, trace)), 0.0)
+    error = rounding * (abs(value) + 1.0)
+    # at a double eigenvalue an error enters by its square root
+    return value, error / root if root > math.sqrt(error) else math.sqrt(error)
+
+
+@jit
+def _cycle_exponents(
+    s: Floats, impacts: int, reflect: int | None
+) -> tuple[complex, float, float, float, float]:
+    """Leading multiplier of the lane's cycle without rests; both exponents with their errors."""
+    n, x, u, e = s[N], s[X], s[U], s[E]
+    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
+    c, d, area, slack = 1.0, 0.0, 0.0, 0.0
+    scale, turned, longest = 0.0, 1.0, 0.0
+    for _ in range(impacts):
+        _, x_landed, n, x_off, u_off, _ = _impact(s, 0, n, x, u, reflect)
+        k, sign = kick_slope(x_landed, s[A]), _sign(s, x_landed, u, reflect)
+        x, u, longest = x_off, u_off, max(longest, u_off)
+        m00, m10 = carry(m00, m10, e, k, sign)
+        m01, m11 = carry(m01, m11, e, k, sign)
+        norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
+        scale += growth.logarithm(norm)
+        m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm
+        c, d, along, across, error = stretch(c, d, e, k, sign)
+        area += growth.logarithm(along * across)
+        slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
+        turned *= sign
+    determinant = turned * math.exp(impacts * growth.logarithm(e) - 2.0 * scale)
+    value, _ = _leading(m00 + m11, determinant, 0.0)
+    modulus = abs(value)
+    # the state itself is known to the rounding of an impact over 1 - |multiplier|
+    gap = max(abs(1.0 - modulus * math.exp(scale)), HALF_ULP)
+    state = 2.0 * HALF_ULP * (1.0 + longest) / gap
+    curvature = (2.0 * math.pi) ** 2 * s[A]
+    value, rounding = _leading(m00 + m11, determinant, impacts * (ROUNDING + curvature * state))
+    largest = (growth.logarithm(modulus) + scale) / impacts
+    relative = rounding / modulus if modulus > 0.0 else 0.0
+    return value * math.exp(scale), largest, relative / impacts, area / impacts, slack / impacts
+
+
+@jit
+def _write_cycle(s: Floats, t: int, reflect: int | None, out: Orbits) -> None:
+    """Write the cycle that the lane is on, and leave the lane on its representative."""
+    impacts, rests, periods = _fold(s, reflect)
+    _to_representative(s, impacts, reflect)
+    out.impacts[t], out.periods[t], out.rests[t] = impacts, int(periods), rests
+    out.regime[t] = RESTING if rests > 0 else LOCKED
+    if rests > 0:
+        out.multiplier[t] = 0.0
+        out.largest[t] = out.total[t] = -np.inf
+        out.largest_error[t] = out.total_error[t] = 0.0
+        return
+    found = _cycle_exponents(s, impacts, reflect)
+    out.multiplier[t], out.largest[t], out.largest_error[t] = found[0], found[1], found[2]
+    out.total[t], out.total_error[t] = found[3], found[4]
+
+
+@jit
+def _write_mean(
+    t: int, found: int, rests: int, area: float, slack: float, g: Floats, out: Orbits
+) -> None:
+    """Write an orbit that does not recur."""
+    out.regime[t] = found
+    out.impacts[t] = out.periods[t] = out.rests[t] = 0
+    out.multiplier[t] = complex(np.nan, np.nan)
+    if rests > 0 or found == AT_REST:
+        out.largest[t] = out.total[t] = -np.inf
+        out.largest_error[t] = out.total_error[t] = 0.0
+        return
+    out.largest[t], out.largest_error[t] = growth.mean(g), growth.error(g)
+    impacts = growth.count(g)
+    out.total[t] = area / impacts if impacts > 0.0 else np.nan
+    out.total_error[t] = slack / impacts if impacts > 0.0 else np.nan
+
+
+@kernel
+def settle(
+    first: int,
+    last: int,
+    problem: Dimensionless,
+    launches: Launches,
+    budget: int,
+    reflect: int | None,
+    s: Floats,
+    out: Orbits,
+) -> None:
+    """Follow trajectories first ... last - 1 of a batch and tell what they settle on.
+
+    Parameters
+    ----------
+    first, last
+        Range of trajectories; trajectory t is particle t % N of realization t // N.
+    problem : vibrosweep.scene.Dimensionless
+    launches : vibrosweep.scene.Launches
+    budget
+        Impacts after which a trajectory is given up.
+    reflect
+        None, or 1 for the `reflect` law; chosen at compile time.
+    s
+        From `lanes.scratch`, of which one lane is used; not shared between threads.
+    out : Orbits
+        Only the slots first ... last - 1 are written.
+    """
+    particles = launches.whole.shape[1]
+    g = np.empty(growth.ROOM)
+    for t in range(first, last):
+        i = t // particles
+        _load(s, 0, i, t % particles, t, problem, launches, 1, None)
+        found, rests, area, slack = _follow(s, budget, reflect, g)
+        if found == LOCKED:
+            _write_cycle(s, t, reflect, out)
+        else:
+            _write_mean(t, found, rests, area, slack, g, out)
+        out.whole[t] = s[N] + problem.end_count[i]
+        out.phase[t], out.flight[t] = s[X], s[U]
