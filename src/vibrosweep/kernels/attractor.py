@@ -23,7 +23,7 @@ from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope, st
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Regime
 
-__all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "settle"]
+__all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle"]
 
 # Two particles on one orbit differ by the rounding of an impact over 1 - |leading multiplier|.
 SAME_ORBIT = 2.0**-30
@@ -161,17 +161,22 @@ def _to_representative(s: Floats, impacts: int, reflect: int | None) -> None:
 
 
 @jit
-def _leading(trace: float, determinant: float, rounding: float) -> tuple[complex, float]:
-    """Leading eigenvalue of a 2 x 2 matrix, and what a rounding of its entries does to it."""
+def leading_eigenvalue(trace: float, determinant: float) -> complex:
+    """Eigenvalue of largest modulus of a 2 x 2 matrix."""
     discriminant = trace * trace - 4.0 * determinant
     root = math.sqrt(abs(discriminant))
     if discriminant < 0.0:
-        value = complex(0.5 * trace, 0.5 * root)
-    else:
-        value = complex(0.5 * (trace + math.copysign(root, trace)), 0.0)
-    error = rounding * (abs(value) + 1.0)
+        return complex(0.5 * trace, 0.5 * root)
+    return complex(0.5 * (trace + math.copysign(root, trace)), 0.0)
+
+
+@jit
+def _eigenvalue_error(trace: float, determinant: float, rounding: float) -> float:
+    """Error of the leading eigenvalue from that of the entries, which are at most 1."""
+    root = math.sqrt(abs(trace * trace - 4.0 * determinant))
+    error = rounding * (abs(trace) + 1.0)
     # at a double eigenvalue an error enters by its square root
-    return value, error / root if root > math.sqrt(error) else math.sqrt(error)
+    return error / root if root > math.sqrt(error) else math.sqrt(error)
 
 
 @jit
@@ -197,15 +202,16 @@ def _cycle_exponents(
         slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
         turned *= sign
     determinant = turned * math.exp(impacts * growth.logarithm(e) - 2.0 * scale)
-    value, _ = _leading(m00 + m11, determinant, 0.0)
+    value = leading_eigenvalue(m00 + m11, determinant)
     modulus = abs(value)
     # the state itself is known to the rounding of an impact over 1 - |multiplier|
     gap = max(abs(1.0 - modulus * math.exp(scale)), HALF_ULP)
     state = 2.0 * HALF_ULP * (1.0 + longest) / gap
     curvature = (2.0 * math.pi) ** 2 * s[A]
-    value, rounding = _leading(m00 + m11, determinant, impacts * (ROUNDING + curvature * state))
+    rounding = impacts * (ROUNDING + curvature * state)
+    error = _eigenvalue_error(m00 + m11, determinant, rounding)
     largest = (growth.logarithm(modulus) + scale) / impacts
-    relative = rounding / modulus if modulus > 0.0 else 0.0
+    relative = error / modulus if modulus > 0.0 else 0.0
     return value * math.exp(scale), largest, relative / impacts, area / impacts, slack / impacts
 
 

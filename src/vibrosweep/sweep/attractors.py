@@ -11,11 +11,20 @@ from vibrosweep.kernels.attractor import SAME_ORBIT, Orbits, empty_orbits, settl
 from vibrosweep.kernels.lanes import scratch
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Regime
+from vibrosweep.variables import LYAPUNOV
 
 if TYPE_CHECKING:
     from vibrosweep.sweep.engine import Observation, Workers
 
-__all__ = ["NO_ORBIT", "find_orbits", "label_orbits", "lyapunov", "slot_count", "slots"]
+__all__ = [
+    "NO_ORBIT",
+    "find_orbits",
+    "label_orbits",
+    "lyapunov",
+    "orbit_variables",
+    "slot_count",
+    "slots",
+]
 
 Codes = NDArray[np.int64]
 
@@ -115,11 +124,31 @@ def lyapunov(
         The variables of `vibrosweep.variables.LYAPUNOV`.
     """
     orbits = find_orbits(problem, launch, observation, workers)
-    shape = (problem.kick.size, -1)
-    labels, slot = label_orbits(orbits, shape[0]), slots(orbits).reshape(shape)
+    found = orbit_variables(orbits, problem.kick.size)
+    return {name: found[name] for name in LYAPUNOV}
+
+
+def orbit_variables(orbits: Orbits, realizations: int) -> dict[str, NDArray[Any]]:
+    """What orbits say of each particle and of each realization.
+
+    Returns
+    -------
+    dict
+        The variables of `vibrosweep.variables.LYAPUNOV`, and of its REGIMES all that do not depend
+        on when an orbit began; arrays of shape (realization, particle) and (realization,).
+    """
+    shape = (realizations, -1)
+    labels, slot = label_orbits(orbits, realizations), slots(orbits).reshape(shape)
     largest, error = orbits.largest.reshape(shape), orbits.largest_error.reshape(shape)
-    irregular = orbits.regime.reshape(shape) == Regime.IRREGULAR
+    regime = orbits.regime.reshape(shape)
+    irregular = regime == Regime.IRREGULAR
+    counts = {f"{one.meaning}_count": np.count_nonzero(regime == one, axis=1) for one in Regime}
     return {
+        "regime": regime,
+        "cycle_impacts": orbits.impacts.reshape(shape),
+        "cycle_periods": orbits.periods.reshape(shape),
+        "cycle_rests": orbits.rests.reshape(shape),
+        **counts,
         "lyapunov_largest": largest,
         "lyapunov_largest_error": error,
         "lyapunov_sum": orbits.total.reshape(shape),
