@@ -94,7 +94,7 @@ class Scene:
         """Scene of a sweep file; a sampled parameter is at its default."""
         own = {field.name for field in fields(cls)} - PARAMETERS.keys()
         values: dict[str, Any] = {name: getattr(spec, name) for name in own}
-        return cls(**values, **spec.fixed)
+        return cls(**{**values, **spec.fixed})
 
     def parameters(self, **varied: Array) -> dict[str, Array]:
         """Every parameter of a batch of realizations, each of shape (realization,)."""

@@ -9,7 +9,7 @@ stable.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -18,18 +18,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis import evaluate
 from vibrosweep.analysis.bisection import find_edges, windows_of_row
-from vibrosweep.analysis.conditions import Condition, Locked, named
+from vibrosweep.analysis.conditions import NAMES, Condition, Locked, named
 from vibrosweep.analysis.scene import Scene, axis, thread_count
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.sweep.engine import Workers
-from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.run import coordinate_attributes
+from vibrosweep.sweep.spec_rules import Axis
 
 if TYPE_CHECKING:
     from vibrosweep.analysis.bisection import Codes
+    from vibrosweep.sweep.spec import SweepSpec
 
-__all__ = ["DIRECTIONS", "TOLERANCE", "find_windows"]
+__all__ = ["DIRECTIONS", "TOLERANCE", "find_windows", "summary", "windows_of_spec"]
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,6 @@ def find_windows(
     continuation: bool = False,
     tolerance: float = TOLERANCE,
     threads: int | None = None,
-    advance: Advance = silent,
 ) -> xr.Dataset:
     """Intervals of amplitude in which conditions hold, for every restitution.
 
@@ -70,8 +70,6 @@ def find_windows(
         Width of a bracket around an edge, relative to the edge.
     threads
         Number of threads, by default all processors; the result does not depend on it.
-    advance
-        Called after each condition and direction with the number done and that of all.
 
     Returns
     -------
@@ -96,14 +94,63 @@ def find_windows(
         raise ParameterError("conditions: must name at least one condition")
     chosen = [named(c) if isinstance(c, str) else c for c in conditions]
     directions = DIRECTIONS if continuation else FRESH
-    found = []
     with Workers(thread_count(threads)) as workers:
-        for condition in chosen:
-            for direction in directions:
-                found.append(_windows(scene, condition, e, a, direction, tolerance, workers))
-                advance(len(found), len(chosen) * len(directions))
+        found = [
+            _windows(scene, condition, e, a, direction, tolerance, workers)
+            for condition in chosen
+            for direction in directions
+        ]
     table = _table(found, (len(chosen), len(directions), e.size))
     return _dataset(scene, chosen, directions, e, a, tolerance, table)
+
+
+def windows_of_spec(spec: SweepSpec, *, threads: int) -> xr.Dataset:
+    """Windows of a sweep file with a [windows] section, as `find_windows`.
+
+    Raises
+    ------
+    SpecError
+        The file has no such section, a condition is not known, or the design is no grid over
+        restitution and amplitude alone.
+    """
+    if spec.windows is None:
+        raise SpecError(
+            f"{spec.source}: [windows] is missing; add it with conditions = [...], each one of "
+            f"{', '.join(NAMES)}"
+        )
+    try:
+        conditions = [named(name) for name in spec.windows.conditions]
+    except ParameterError as error:
+        raise SpecError(f"{spec.source}: windows.conditions: {error}") from error
+    swept = {n: s.values for n, s in spec.sampled.items() if isinstance(s, Axis)}
+    other = [name for name in swept if name not in ("restitution", "amplitude")]
+    if spec.design != "grid" or "amplitude" not in swept or other:
+        key, value = (f"sample.{other[0]}", "") if other else ("sample.design", f" = {spec.design}")
+        raise SpecError(
+            f'{spec.source}: {key}{value}: windows need design = "grid" with an axis of amplitude, '
+            f"their coarse scan, and of restitution or nothing else"
+        )
+    return find_windows(
+        Scene.of(spec),
+        swept.get("restitution", spec.fixed.get("restitution", ())),
+        sorted(swept["amplitude"]),
+        conditions,
+        continuation=spec.windows.continuation,
+        tolerance=spec.windows.tolerance,
+        threads=threads,
+    ).assign_attrs(title=spec.title, sweep_file=spec.text)
+
+
+def summary(windows: xr.Dataset) -> Iterator[str]:
+    """Say in a line for each condition and direction how many restitutions have a window."""
+    for condition in windows["condition"].values:
+        for direction in windows["direction"].values:
+            count = windows["window_count"].sel(condition=condition, direction=direction).values
+            name = condition if direction in FRESH else f"{condition} {direction}"
+            yield (
+                f"{name:24}holds at {np.count_nonzero(count)} of {count.size} restitutions, in up "
+                f"to {count.max()} windows"
+            )
 
 
 Row = list[tuple[float, float, float, float]]

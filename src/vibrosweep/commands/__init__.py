@@ -9,8 +9,8 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Final
 
-from vibrosweep.commands import figures, info, run, verify
+from vibrosweep.commands import figures, info, run, verify, windows
 
 __all__ = ["COMMANDS"]
 
-COMMANDS: Final[tuple[ModuleType, ...]] = (run, info, figures, verify)
+COMMANDS: Final[tuple[ModuleType, ...]] = (run, info, figures, windows, verify)

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED, Parameter
 from vibrosweep.sweep.spec_messages import Mistakes, nearest, quoted, shown
+from vibrosweep.sweep.spec_windows import WindowsTable, condition_names, tolerance
 
 __all__ = [
     "DRAWN",
@@ -96,6 +97,7 @@ class SpecFile:
     sample: SampleTable
     measure: MeasureTable
     record: SceneTable | None
+    windows: WindowsTable | None
 
 
 def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
@@ -118,6 +120,7 @@ def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
         sample=SampleTable(**_grouped(tables.get("sample", {}))),
         measure=MeasureTable(**tables.get("measure", {})),
         record=SceneTable(**_grouped(tables["record"])) if "record" in tables else None,
+        windows=WindowsTable(**tables["windows"]) if "windows" in tables else None,
     )
 
 
@@ -321,4 +324,5 @@ _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
         ),
     },
     "record": _SCENE,
+    "windows": {"conditions": condition_names, "continuation": _flag, "tolerance": tolerance},
 }

@@ -14,6 +14,7 @@ from vibrosweep.sweep import spec_rules as rules
 from vibrosweep.sweep.schema import SpecFile, read_tables
 from vibrosweep.sweep.spec_messages import Mistakes
 from vibrosweep.sweep.spec_rules import Axis, Range, RecordSpec, Setting
+from vibrosweep.sweep.spec_windows import WindowsTable
 
 __all__ = ["Axis", "Range", "RecordSpec", "SweepSpec", "parse_spec", "read_spec"]
 
@@ -61,6 +62,8 @@ class SweepSpec:
         Most impacts of one particle.
     record
         The scene to record, or None.
+    windows
+        The stability windows to find, or None.
     """
 
     title: str
@@ -87,6 +90,7 @@ class SweepSpec:
     tolerance: float
     impact_budget: int
     record: RecordSpec | None
+    windows: WindowsTable | None
 
 
 def read_spec(path: str | os.PathLike[str]) -> SweepSpec:
@@ -174,6 +178,7 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
         realizations=rules.realizations(sample, sampled, mistakes),
         seed=sample.seed,
         record=record,
+        windows=file.windows,
         **shared._asdict(),
         **asdict(measure),
     )
