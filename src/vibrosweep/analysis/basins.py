@@ -50,7 +50,7 @@ def basins(
     Returns
     -------
     xarray.Dataset
-        Dims (launch_velocity, launch_time): ``attractor``, an index into the dim attractor, and
+        Dims (launch_velocity, launch_time): ``basin``, an index into the dim attractor, and
         ``slot``, which of the time-shifted copies of the attractor it is, -1 without recurrence.
         Dim attractor, the most frequent first: ``fraction`` of the launches, ``regime``,
         ``cycle_impacts``, ``cycle_periods``, ``cycle_rests``, ``lyapunov_largest``,
@@ -77,7 +77,7 @@ def basins(
     labels = _labels(orbits)
     first, index, count = _by_frequency(labels)
     data: dict[str, Any] = {
-        "attractor": (
+        "basin": (
             PLANE,
             index.reshape(shape),
             {"units": "1", "long_name": "index of the attractor that the launch leads to"},
