@@ -14,8 +14,8 @@ from vibrosweep.kernels.attractor import Orbits
 from vibrosweep.scene import PARAMETERS, Launches, dimensionless, reduced_turns
 from vibrosweep.status import Regime
 from vibrosweep.sweep.attractors import NO_ORBIT, find_orbits, label_orbits, slots
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.run import coordinate_attributes
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, REGIMES
 
 __all__ = ["basins"]

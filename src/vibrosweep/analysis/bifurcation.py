@@ -16,8 +16,8 @@ from vibrosweep.kernels.attractor import Orbits
 from vibrosweep.kernels.record import empty_record, record
 from vibrosweep.scene import PARAMETERS, Launches, dimensionless
 from vibrosweep.sweep.attractors import orbit_variables
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.run import coordinate_attributes
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, REGIMES
 
 __all__ = ["OBSERVABLES", "Observable", "bifurcation"]

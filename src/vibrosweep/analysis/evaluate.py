@@ -15,7 +15,8 @@ from vibrosweep.kernels.attractor import Orbits
 from vibrosweep.kernels.fixed import ATTRACTS, empty_fixed, find_fixed
 from vibrosweep.scene import Launches, dimensionless, launches
 from vibrosweep.sweep.attractors import find_orbits, orbit_variables
-from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, REGIMES, SWEEP
 
 __all__ = ["HOLDS", "continued", "launch_states", "launched", "locked", "settle_from"]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
-from vibrosweep.sweep.engine import Observation
+from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.run import available_threads, coordinate_attributes, record_observation
 
 if TYPE_CHECKING:

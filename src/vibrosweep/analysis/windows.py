@@ -22,9 +22,9 @@ from vibrosweep.analysis.conditions import NAMES, Condition, Locked, named
 from vibrosweep.analysis.scene import Scene, axis, thread_count
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.run import coordinate_attributes
 from vibrosweep.sweep.spec_rules import Axis
+from vibrosweep.sweep.workers import Workers
 
 if TYPE_CHECKING:
     from vibrosweep.analysis.bisection import Codes

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
-from vibrosweep.kernels.advance import _load
-from vibrosweep.kernels.cycles import _cycle, _impact, _repeats
-from vibrosweep.kernels.impact import rebound
-from vibrosweep.kernels.lanes import N_BEGIN, X_BEGIN, X_END, A, E, N, U, X
+from vibrosweep.kernels.cycles import _once_round, _repeats
+from vibrosweep.kernels.impact import Scene, impact, launch, rebound, scene
 from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope, stretch
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Regime
 
 __all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle"]
+
+State = tuple[float, float, float]  # whole periods, phase, and the flight that follows
 
 # Two particles on one orbit differ by the rounding of an impact over 1 - |leading multiplier|.
 SAME_ORBIT = 2.0**-30
@@ -89,75 +89,84 @@ def empty_orbits(trajectories: int) -> Orbits:
 
 
 @jit
-def _sign(s: Floats, x: float, u: float, reflect: int | None) -> float:
+def _sign(fixed: Scene, x: float, u: float, reflect: int | None) -> float:
     """-1 where the `reflect` law turns a particle back that lands at phase x, else 1."""
-    if reflect is not None and rebound(x, u, s[E], s[A], None) < 0.0:
+    if reflect is not None and rebound(x, u, fixed[0], fixed[1], None) < 0.0:
         return -1.0
     return 1.0
 
 
 @jit
 def _follow(
-    s: Floats, budget: int, reflect: int | None, g: Floats
-) -> tuple[int, int, float, float]:
-    """Follow the lane to its recurrence or its end; the state reached is left in the lane.
+    fixed: Scene,
+    launched: State,
+    window: tuple[float, float, float, float],
+    budget: int,
+    reflect: int | None,
+    g: Floats,
+) -> tuple[int, State, int, float, float]:
+    """Follow a trajectory to its recurrence or its end.
 
-    Returns what it found (LOCKED for any recurrence) and, of the impacts in the window, the number
-    of rests, the sum of the logarithms of areas, and the bound of its rounding error.
+    Returns what it found (LOCKED for any recurrence), the state reached and, of the impacts in the
+    window, the number of rests, the sum of the logarithms of areas, and the bound of its rounding
+    error.
     """
-    n, x, u = s[N], s[X], s[U]
+    n, x, u = launched
     n_anchor, x_anchor, u_anchor, next_anchor = n, x, u, 1
+    n_begin, x_begin, n_end, x_end = window
     c, d = 1.0, 0.0
     rests, area, slack = 0, 0.0, 0.0
     growth.empty(g)
-    found = IRREGULAR
     for age in range(1, budget + 1):
-        landed, x_landed, n_off, x_off, u_off, leaves = _impact(s, 0, n, x, u, reflect)
-        if not landed <= s[X_END] - x_landed:
+        landed, x_landed, n_off, x_off, u_off, leaves = impact(fixed, n, x, u, reflect)
+        if not landed - n_end <= x_end - x_landed:
             break
-        if s[N_BEGIN] - landed <= x_landed - s[X_BEGIN]:
+        if n_begin - landed <= x_landed - x_begin:
             rests += 0 if leaves else 1
-            k, sign = kick_slope(x_landed, s[A]), _sign(s, x_landed, u, reflect)
-            c, d, along, across, error = stretch(c, d, s[E], k, sign)
+            k, sign = kick_slope(x_landed, fixed[1]), _sign(fixed, x_landed, u, reflect)
+            c, d, along, across, error = stretch(c, d, fixed[0], k, sign)
             growth.add(g, growth.logarithm(along))
             area += growth.logarithm(along * across)
             slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
         if n_off == np.inf:
-            n, x, u, found = landed, x_landed, 0.0, AT_REST
-            break
+            return AT_REST, (landed, x_landed, 0.0), rests, area, slack
         n, x, u = n_off, x_off, u_off
         if x == x_anchor and u == u_anchor and n > n_anchor:
-            found = LOCKED
-            break
+            return LOCKED, (n, x, u), rests, area, slack
         if age == next_anchor:  # Brent
             n_anchor, x_anchor, u_anchor, next_anchor = n, x, u, 2 * age
-    s[N], s[X], s[U] = n, x, u
-    return found, rests, area, slack
+    return IRREGULAR, (n, x, u), rests, area, slack
 
 
 @jit
-def _fold(s: Floats, reflect: int | None) -> tuple[int, int, float]:
-    """Impacts, rests and periods of the cycle that the lane is on, in the fewest impacts."""
-    impacts, rests, periods = _cycle(s, 0, reflect)
-    for shorter in range(1, impacts // 2 + 1):
+def _fold(fixed: Scene, state: State, reflect: int | None) -> tuple[int, int, int]:
+    """Impacts, periods and rests of the cycle through a state, in the fewest impacts."""
+    _, x, u = state
+    totals = _once_round(fixed, x, u, reflect)
+    if totals[0] == 0:  # a rest lies on the way, which is a state of the cycle
+        totals = _once_round(fixed, fixed[3], fixed[5], reflect)
+    impacts, periods, rests = totals[0], int(totals[1]), totals[2]
+    for shorter in range(1, 1 if rests > 0 else impacts // 2 + 1):
         if impacts % shorter == 0:
-            same, fewer = _repeats(s, 0, reflect, impacts, shorter)
-            if same:
-                return shorter, rests * shorter // impacts, fewer
-    return impacts, rests, periods
+            fewer = _repeats(fixed, x, u, reflect, impacts, shorter)
+            if fewer > 0:
+                return shorter, fewer, rests
+    return impacts, periods, rests
 
 
 @jit
-def _to_representative(s: Floats, impacts: int, reflect: int | None) -> None:
-    """Move the lane along its cycle to the shortest flight, and of equal ones the first phase."""
-    n, x, u = s[N], s[X], s[U]
+def _representative(fixed: Scene, state: State, impacts: int, reflect: int | None) -> State:
+    """Member of the cycle with the shortest flight; of equal ones that with the first phase."""
+    n, x, u = state
+    n_best, x_best, u_best = state
     for _ in range(impacts):
-        _, _, n, x, u, _ = _impact(s, 0, n, x, u, reflect)
-        tie = abs(u - s[U]) <= SAME_ORBIT
-        if u < s[U] - SAME_ORBIT or (tie and x < s[X] - SAME_ORBIT):
-            s[N], s[X], s[U] = n, x, u
-    if s[X] < SAME_ORBIT - 0.5:  # phases of -1/2 and 1/2 are one
-        s[N], s[X] = s[N] - 1.0, s[X] + 1.0
+        _, _, n, x, u, _ = impact(fixed, n, x, u, reflect)
+        tie = abs(u - u_best) <= SAME_ORBIT
+        if u < u_best - SAME_ORBIT or (tie and x < x_best - SAME_ORBIT):
+            n_best, x_best, u_best = n, x, u
+    if x_best < SAME_ORBIT - 0.5:  # phases of -1/2 and 1/2 are one
+        return n_best - 1.0, x_best + 1.0, u_best
+    return n_best, x_best, u_best
 
 
 @jit
@@ -181,16 +190,17 @@ def _eigenvalue_error(trace: float, determinant: float, rounding: float) -> floa
 
 @jit
 def _cycle_exponents(
-    s: Floats, impacts: int, reflect: int | None
+    fixed: Scene, state: State, impacts: int, reflect: int | None
 ) -> tuple[complex, float, float, float, float]:
-    """Leading multiplier of the lane's cycle without rests; both exponents with their errors."""
-    n, x, u, e = s[N], s[X], s[U], s[E]
+    """Leading multiplier of a cycle without rests; both exponents with their errors."""
+    n, x, u = state
+    e, a = fixed[0], fixed[1]
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
     scale, turned, longest = 0.0, 1.0, 0.0
     for _ in range(impacts):
-        _, x_landed, n, x_off, u_off, _ = _impact(s, 0, n, x, u, reflect)
-        k, sign = kick_slope(x_landed, s[A]), _sign(s, x_landed, u, reflect)
+        _, x_landed, n, x_off, u_off, _ = impact(fixed, n, x, u, reflect)
+        k, sign = kick_slope(x_landed, a), _sign(fixed, x_landed, u, reflect)
         x, u, longest = x_off, u_off, max(longest, u_off)
         m00, m10 = carry(m00, m10, e, k, sign)
         m01, m11 = carry(m01, m11, e, k, sign)
@@ -206,9 +216,9 @@ def _cycle_exponents(
     modulus = abs(value)
     # the state itself is known to the rounding of an impact over 1 - |multiplier|
     gap = max(abs(1.0 - modulus * math.exp(scale)), HALF_ULP)
-    state = 2.0 * HALF_ULP * (1.0 + longest) / gap
-    curvature = (2.0 * math.pi) ** 2 * s[A]
-    rounding = impacts * (ROUNDING + curvature * state)
+    wobble = 2.0 * HALF_ULP * (1.0 + longest) / gap
+    curvature = (2.0 * math.pi) ** 2 * a
+    rounding = impacts * (ROUNDING + curvature * wobble)
     error = _eigenvalue_error(m00 + m11, determinant, rounding)
     largest = (growth.logarithm(modulus) + scale) / impacts
     relative = error / modulus if modulus > 0.0 else 0.0
@@ -216,20 +226,21 @@ def _cycle_exponents(
 
 
 @jit
-def _write_cycle(s: Floats, t: int, reflect: int | None, out: Orbits) -> None:
-    """Write the cycle that the lane is on, and leave the lane on its representative."""
-    impacts, rests, periods = _fold(s, reflect)
-    _to_representative(s, impacts, reflect)
-    out.impacts[t], out.periods[t], out.rests[t] = impacts, int(periods), rests
+def _write_cycle(fixed: Scene, t: int, state: State, reflect: int | None, out: Orbits) -> State:
+    """Write the cycle through a state; return its representative."""
+    impacts, periods, rests = _fold(fixed, state, reflect)
+    state = _representative(fixed, state, impacts, reflect)
+    out.impacts[t], out.periods[t], out.rests[t] = impacts, periods, rests
     out.regime[t] = RESTING if rests > 0 else LOCKED
     if rests > 0:
         out.multiplier[t] = 0.0
         out.largest[t] = out.total[t] = -np.inf
         out.largest_error[t] = out.total_error[t] = 0.0
-        return
-    found = _cycle_exponents(s, impacts, reflect)
+        return state
+    found = _cycle_exponents(fixed, state, impacts, reflect)
     out.multiplier[t], out.largest[t], out.largest_error[t] = found[0], found[1], found[2]
     out.total[t], out.total_error[t] = found[3], found[4]
+    return state
 
 
 @jit
@@ -258,7 +269,6 @@ def settle(
     launches: Launches,
     budget: int,
     reflect: int | None,
-    s: Floats,
     out: Orbits,
 ) -> None:
     """Follow trajectories first ... last - 1 of a batch and tell what they settle on.
@@ -273,8 +283,6 @@ def settle(
         Impacts after which a trajectory is given up.
     reflect
         None, or 1 for the `reflect` law; chosen at compile time.
-    s
-        From `lanes.scratch`, of which one lane is used; not shared between threads.
     out : Orbits
         Only the slots first ... last - 1 are written.
     """
@@ -282,11 +290,14 @@ def settle(
     g = np.empty(growth.ROOM)
     for t in range(first, last):
         i = t // particles
-        _load(s, 0, i, t % particles, t, problem, launches, 1, None)
-        found, rests, area, slack = _follow(s, budget, reflect, g)
+        fixed = scene(problem, i)
+        n, x = launch(problem, launches, i, t % particles)
+        begin = problem.begin_count[i], problem.begin_phase[i]
+        window = (*begin, problem.end_count[i], problem.end_phase[i])
+        launched = (n, x, problem.launch_flight[i])
+        found, state, rests, area, slack = _follow(fixed, launched, window, budget, reflect, g)
         if found == LOCKED:
-            _write_cycle(s, t, reflect, out)
+            state = _write_cycle(fixed, t, state, reflect, out)
         else:
             _write_mean(t, found, rests, area, slack, g, out)
-        out.whole[t] = s[N] + problem.end_count[i]
-        out.phase[t], out.flight[t] = s[X], s[U]
+        out.whole[t], out.phase[t], out.flight[t] = state

@@ -76,6 +76,9 @@ def error(g: Floats) -> float:
         return 0.0
     if filled < 2:
         return np.nan
-    middle = np.sum(g[:filled]) / filled
-    squares = np.sum((g[:filled] - middle) ** 2)
-    return np.sqrt(squares / (filled * (filled - 1.0)))  # type: ignore[no-any-return]
+    middle, squares = 0.0, 0.0
+    for b in range(filled):  # a sum of numpy's would depend on its order
+        middle += g[b] / filled
+    for b in range(filled):
+        squares += (g[b] - middle) * (g[b] - middle)
+    return math.sqrt(squares / (filled * (filled - 1.0)))

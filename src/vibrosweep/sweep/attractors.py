@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels.attractor import SAME_ORBIT, Orbits, empty_orbits, settle
-from vibrosweep.kernels.lanes import scratch
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Regime
 from vibrosweep.variables import LYAPUNOV
 
 if TYPE_CHECKING:
-    from vibrosweep.sweep.engine import Observation, Workers
+    from vibrosweep.sweep.observation import Observation
+    from vibrosweep.sweep.workers import Workers
 
 __all__ = [
     "NO_ORBIT",
@@ -57,7 +57,7 @@ def find_orbits(
 
     def task(first: int, last: int) -> None:
         budget, reflect = observation.impact_budget, observation.reflect
-        settle(first, last, problem, launch, budget, reflect, scratch(), orbits)
+        settle(first, last, problem, launch, budget, reflect, orbits)
 
     workers.each(task, orbits.impacts.size, TRAJECTORIES_PER_TASK)
     return orbits
