@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from vibrosweep.analysis.scene import Scene, axis, thread_count
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.attractor import Orbits
 from vibrosweep.scene import PARAMETERS, Launches, dimensionless, reduced_turns
 from vibrosweep.status import Regime
 from vibrosweep.sweep.attractors import NO_ORBIT, find_orbits, label_orbits, slots
+from vibrosweep.sweep.landings import launch_times
 from vibrosweep.sweep.run import coordinate_attributes
 from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, REGIMES
 
-__all__ = ["basins"]
+if TYPE_CHECKING:
+    from vibrosweep.sweep.spec import SweepSpec
+
+__all__ = ["basins", "basins_of_spec", "name_of", "summary"]
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
@@ -88,6 +93,36 @@ def basins(
     return xr.Dataset(
         data, _coordinates(scene, times, speeds), scene.attributes("Basins of attraction")
     )
+
+
+def basins_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
+    """Basins of a sweep file: the launches of its particles, with speeds from its grid.
+
+    Raises
+    ------
+    SpecError
+        The design is no grid, or has other axes than the launch velocity.
+    """
+    speeds = grid_axes(spec, "basins", "launch_velocity")["launch_velocity"]
+    times = launch_times(spec.launch, spec.particles, spec.fixed["frequency"])
+    found = basins(Scene.of(spec), times, speeds, threads=threads)
+    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
+
+
+def name_of(attractor: xr.Dataset) -> str:
+    """Name of one attractor: its regime, and for a cycle its impacts and periods."""
+    regime = Regime(int(attractor["regime"]))
+    if regime in (Regime.AT_REST, Regime.IRREGULAR):
+        return regime.meaning.replace("_", " ")
+    impacts, periods = int(attractor["cycle_impacts"]), int(attractor["cycle_periods"])
+    return f"{regime.meaning}, {impacts} in {periods} period{'s' if periods > 1 else ''}"
+
+
+def summary(found: xr.Dataset) -> Iterator[str]:
+    """Say in a line for each attractor which fraction of the launches leads to it."""
+    for i in range(found.sizes["attractor"]):
+        one = found.isel(attractor=i)
+        yield f"{name_of(one):32}{float(one['fraction']):.2%}"
 
 
 def _labels(orbits: Orbits) -> Codes:

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Final
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.evaluate import launch_states, settle_from
-from vibrosweep.analysis.scene import Scene, axis, thread_count
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.attractor import Orbits
 from vibrosweep.kernels.record import empty_record, record
 from vibrosweep.scene import PARAMETERS, Launches, dimensionless
+from vibrosweep.status import Regime
 from vibrosweep.sweep.attractors import orbit_variables
 from vibrosweep.sweep.run import coordinate_attributes
 from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, REGIMES
 
-__all__ = ["OBSERVABLES", "Observable", "bifurcation"]
+if TYPE_CHECKING:
+    from vibrosweep.sweep.spec import SweepSpec
+
+__all__ = ["OBSERVABLES", "Observable", "bifurcation", "bifurcation_of_spec", "summary"]
 
 Array = NDArray[np.float64]
 # phase of landing in turns, speed at lift-off in m s-1, gravity in m s-2 -> the observable
@@ -107,6 +111,33 @@ def bifurcation(
                 room = measured.setdefault(kept, np.empty(shape, found[kept].dtype))
                 room[at] = found[kept]
     return _dataset(scene, a, measured, name, values, {"units": units, "long_name": words})
+
+
+def bifurcation_of_spec(spec: SweepSpec, observable: str, samples: int, threads: int) -> xr.Dataset:
+    """Bifurcation diagram of a sweep file whose grid has an axis of amplitude.
+
+    Raises
+    ------
+    SpecError
+        The design is no grid, or has other axes.
+    """
+    amplitude = grid_axes(spec, "bifurcation diagrams", "amplitude")["amplitude"]
+    found = bifurcation(
+        Scene.of(spec), amplitude, observable=observable, samples=samples, threads=threads
+    )
+    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
+
+
+def summary(diagram: xr.Dataset) -> Iterator[str]:
+    """Say in a line for each direction what the orbits have become."""
+    for direction in diagram["direction"].values:
+        regimes = diagram["regime"].sel(direction=direction).values.ravel()
+        parts = [
+            f"{one.meaning.replace('_', ' ')} {np.mean(regimes == one):.1%}"
+            for one in Regime
+            if np.any(regimes == one)
+        ]
+        yield f"amplitude {direction:14}{', '.join(parts)}"
 
 
 def _observable(observable: str | Observable) -> tuple[str, tuple[Observable, str, str]]:

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.run import available_threads, coordinate_attributes, record_observation
+from vibrosweep.sweep.spec_rules import Axis
 
 if TYPE_CHECKING:
     from vibrosweep.sweep.spec import SweepSpec
 
-__all__ = ["Scene", "axis", "thread_count"]
+__all__ = ["Scene", "axis", "grid_axes", "thread_count"]
 
 Array = NDArray[np.float64]
 
@@ -155,6 +156,34 @@ def axis(name: str, values: ArrayLike) -> Array:
         shown = float(bad.flat[0]) if bad.size else values
         raise ParameterError(f"{name} = {shown!r}: must be {parameter.allowed}")
     return array
+
+
+def grid_axes(
+    spec: SweepSpec, purpose: str, needed: str, allowed: tuple[str, ...] = ()
+) -> dict[str, Array]:
+    """Axes of a sweep file's grid, ascending, by the names of parameters.
+
+    Parameters
+    ----------
+    purpose
+        What they are for, as the message names it.
+    needed, allowed
+        The axis that must be there, and those that may.
+
+    Raises
+    ------
+    SpecError
+        The design is no grid, or has other axes.
+    """
+    axes = {n: np.sort(s.values) for n, s in spec.sampled.items() if isinstance(s, Axis)}
+    other = [name for name in axes if name not in (needed, *allowed)]
+    if spec.design != "grid" or needed not in axes or other:
+        wrong = f"sample.{other[0]}" if other else f'sample.design = "{spec.design}"'
+        also = f", and may have one of {' or '.join(allowed)}" if allowed else " and no other"
+        raise SpecError(
+            f'{spec.source}: {wrong}: {purpose} need design = "grid" with an axis of {needed}{also}'
+        )
+    return axes
 
 
 def thread_count(threads: int | None) -> int:

@@ -19,11 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.analysis import evaluate
 from vibrosweep.analysis.bisection import find_edges, windows_of_row
 from vibrosweep.analysis.conditions import NAMES, Condition, Locked, named
-from vibrosweep.analysis.scene import Scene, axis, thread_count
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.sweep.run import coordinate_attributes
-from vibrosweep.sweep.spec_rules import Axis
 from vibrosweep.sweep.workers import Workers
 
 if TYPE_CHECKING:
@@ -104,7 +103,7 @@ def find_windows(
     return _dataset(scene, chosen, directions, e, a, tolerance, table)
 
 
-def windows_of_spec(spec: SweepSpec, *, threads: int) -> xr.Dataset:
+def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
     """Windows of a sweep file with a [windows] section, as `find_windows`.
 
     Raises
@@ -122,18 +121,11 @@ def windows_of_spec(spec: SweepSpec, *, threads: int) -> xr.Dataset:
         conditions = [named(name) for name in spec.windows.conditions]
     except ParameterError as error:
         raise SpecError(f"{spec.source}: windows.conditions: {error}") from error
-    swept = {n: s.values for n, s in spec.sampled.items() if isinstance(s, Axis)}
-    other = [name for name in swept if name not in ("restitution", "amplitude")]
-    if spec.design != "grid" or "amplitude" not in swept or other:
-        key, value = (f"sample.{other[0]}", "") if other else ("sample.design", f" = {spec.design}")
-        raise SpecError(
-            f'{spec.source}: {key}{value}: windows need design = "grid" with an axis of amplitude, '
-            f"their coarse scan, and of restitution or nothing else"
-        )
+    axes = grid_axes(spec, "windows", "amplitude", ("restitution",))
     return find_windows(
         Scene.of(spec),
-        swept.get("restitution", spec.fixed.get("restitution", ())),
-        sorted(swept["amplitude"]),
+        axes.get("restitution", spec.fixed.get("restitution", ())),
+        axes["amplitude"],
         conditions,
         continuation=spec.windows.continuation,
         tolerance=spec.windows.tolerance,

@@ -9,8 +9,16 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Final
 
-from vibrosweep.commands import figures, info, run, verify, windows
+from vibrosweep.commands import basins, bifurcation, figures, info, run, verify, windows
 
 __all__ = ["COMMANDS"]
 
-COMMANDS: Final[tuple[ModuleType, ...]] = (run, info, figures, windows, verify)
+COMMANDS: Final[tuple[ModuleType, ...]] = (
+    run,
+    info,
+    figures,
+    windows,
+    bifurcation,
+    basins,
+    verify,
+)

@@ -9,8 +9,8 @@ from matplotlib import colormaps
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
+from vibrosweep.analysis.basins import name_of
 from vibrosweep.figures import data, style
-from vibrosweep.status import Regime
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,7 +53,7 @@ def basins_of_attraction(basins: xr.Dataset) -> Figure:
     for i in range(shown):
         rest = i == NAMED - 1 and count > NAMED
         fraction = basins["fraction"].values[i:].sum() if rest else basins["fraction"].values[i]
-        name = f"{count - i} others" if rest else _name(basins.isel(attractor=i))
+        name = f"{count - i} others" if rest else name_of(basins.isel(attractor=i))
         label = f"{name}, {100.0 * float(fraction):.3g} %"
         axes.plot([], [], "s", color=colours[i], label=label, markersize=5.0)
     axes.set_xlabel(data.label(basins, "launch_time"))
@@ -62,11 +62,3 @@ def basins_of_attraction(basins: xr.Dataset) -> Figure:
         title=data.conditions(basins), loc="upper left", bbox_to_anchor=(1.0, 1.0), alignment="left"
     )
     return figure
-
-
-def _name(attractor: xr.Dataset) -> str:
-    regime = Regime(int(attractor["regime"]))
-    if regime in (Regime.AT_REST, Regime.IRREGULAR):
-        return regime.meaning.replace("_", " ")
-    impacts, periods = int(attractor["cycle_impacts"]), int(attractor["cycle_periods"])
-    return f"{regime.meaning}, {impacts} in {periods} period{'s' if periods > 1 else ''}"

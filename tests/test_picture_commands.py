@@ -1,4 +1,4 @@
-"""``vibrosweep windows``: files and pictures it writes, and the mistakes it names."""
+"""``vibrosweep windows``, ``bifurcation`` and ``basins``: what they write, what they refuse."""
 
 import pytest
 import xarray as xr
@@ -82,3 +82,61 @@ def test_mistakes_are_named_before_anything_is_written(old, new, words, spec, tm
         assert word in message
     assert "Traceback" not in message
     assert list(tmp_path.iterdir()) == [tmp_path / "w.toml"]
+
+
+GRID = """
+title = "A grid of a test"
+[scene]
+particles = 8
+duration = 600.0
+[sample]
+design = "grid"
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "axis", "words", "variable"),
+    [
+        (
+            "bifurcation",
+            "amplitude = [1.0, 1.5, 2.0]",
+            ["amplitude up", "rest"],
+            "rebound_velocity",
+        ),
+        ("basins", "launch_velocity = [1.0, 3.0, 5.0]", ["in 1 period", "%"], "basin"),
+    ],
+)
+def test_a_diagram_and_its_picture_are_written(
+    command, axis, words, variable, spec, tmp_path, capsys
+):
+    output = tmp_path / "found.h5"
+    assert main([command, str(spec(GRID + axis)), "-o", str(output)]) == 0
+    printed = capsys.readouterr().out
+    for word in ["A grid of a test", *words]:
+        assert word in printed
+    with xr.open_dataset(output, engine="h5netcdf") as found:
+        assert 8 in found[variable].shape
+        assert found.attrs["title"] == "A grid of a test"
+    assert output.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("command", "axis", "options", "words"),
+    [
+        (
+            "bifurcation",
+            "restitution = [0.8, 0.9]",
+            [],
+            ["sample.restitution", "axis of amplitude"],
+        ),
+        ("bifurcation", "amplitude = [1.0, 2.0]", ["--observable", "height"], ["rebound_height"]),
+        ("basins", "amplitude = [1.0, 2.0]", [], ["sample.amplitude", "axis of launch_velocity"]),
+    ],
+)
+def test_a_grid_of_the_wrong_axes_is_refused(command, axis, options, words, spec, tmp_path, capsys):
+    output = tmp_path / "found.h5"
+    assert main([command, str(spec(GRID + axis)), "-o", str(output), *options]) == 2
+    message = capsys.readouterr().err
+    for word in words:
+        assert word in message
+    assert not output.exists()
