@@ -128,6 +128,7 @@ SAMPLED = {
     "paper": ("height_against_restitution", "parameter_plane"),
     "population": ("height_against_restitution", "parameter_plane"),
     "sensitivity": ("height_against_restitution",),
+    "separations": ("height_against_restitution", "parameter_plane"),
 }
 TABLE = {
     "restitution": [0.8, 0.85, 0.9],
@@ -169,11 +170,9 @@ def test_every_sweep_of_the_repository(spec, tmp_path):
         assert (sweep["status"] == 0).all()
         assert sweep["impact_count"].sum() == summary.landings > 0
         drawn = available(sweep, record)
-        assert drawn == [
-            name
-            for name in FIGURES
-            if name in RECORDED + SAMPLED.get(re.sub(r"_\d+$", "", spec.stem), ())
-        ]
+        sampled = SAMPLED.get(re.sub(r"_\d+$", "", spec.stem), ())
+        separated = ("separation_distribution",) if "dt_min" in sweep else ()
+        assert drawn == [name for name in FIGURES if name in (*RECORDED, *sampled, *separated)]
         for name in drawn:
             entry = FIGURES[name]
             figure = entry.draw(sweep if entry.source == "sweep" else record)

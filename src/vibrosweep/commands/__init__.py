@@ -9,7 +9,7 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Final
 
-from vibrosweep.commands import basins, bifurcation, figures, info, run, verify, windows
+from vibrosweep.commands import basins, bifurcation, claims, figures, info, run, verify, windows
 
 __all__ = ["COMMANDS"]
 
@@ -21,4 +21,5 @@ COMMANDS: Final[tuple[ModuleType, ...]] = (
     bifurcation,
     basins,
     verify,
+    claims,
 )
