@@ -15,7 +15,7 @@ from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.reading import no_result, reading
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.sweep.summary import Summary, unsettled
-from vibrosweep.variables import SWEEP
+from vibrosweep.variables import OF_REALIZATIONS
 
 __all__ = ["describe"]
 
@@ -92,7 +92,7 @@ def _range(variable: Any) -> tuple[float, float]:
 def summary_of(file: Any) -> Summary:
     """Summarise an open result."""
     summary = Summary()
-    names = [name for name in SWEEP if name in file.variables]
+    names = [name for name in OF_REALIZATIONS if name in file.variables]
     for rows in _rows(file.dimensions["realization"].size):
         summary.add({name: file.variables[name][rows] for name in names})
     return summary
