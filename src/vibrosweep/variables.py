@@ -10,7 +10,16 @@ import numpy as np
 
 from vibrosweep.status import Regime, Status
 
-__all__ = ["PER_PARTICLE", "RECORD", "REGIMES", "SWEEP", "TRUST", "UNDETERMINED", "Variable"]
+__all__ = [
+    "LYAPUNOV",
+    "PER_PARTICLE",
+    "RECORD",
+    "REGIMES",
+    "SWEEP",
+    "TRUST",
+    "UNDETERMINED",
+    "Variable",
+]
 
 UNDETERMINED: Final = -1
 _UNDECIDED = ((UNDETERMINED, "undetermined"),)
@@ -70,6 +79,7 @@ _BOUND = (
     "of the beginning of the window a landing falls is not judged"
 )
 _REGIMES = "measure.regimes"
+_LYAPUNOV = "measure.lyapunov"
 _WITHOUT = "0 where no recurrence was found"
 _AFTER_LANDINGS = "flights that follow the landings in the window; NaN without any"
 
@@ -266,6 +276,91 @@ REGIMES: Final = _registry(
         "time at which the orbit had entered its cycle at the latest",
         key=_REGIMES,
         comment="NaN where no recurrence was found",
+    ),
+)
+
+# How fast neighbouring orbits part, and which particles share an orbit.
+LYAPUNOV: Final = _registry(
+    Variable(
+        "lyapunov_largest",
+        _RP,
+        "float64",
+        "1",
+        "largest Lyapunov exponent per impact",
+        key=_LYAPUNOV,
+        comment="from the multipliers of the cycle, else the mean over the landings in the window; "
+        "-inf where the orbit rests; NaN without landings in the window",
+    ),
+    Variable(
+        "lyapunov_largest_error",
+        _RP,
+        "float64",
+        "1",
+        "standard error of the largest Lyapunov exponent",
+        key=_LYAPUNOV,
+        comment="from the means of blocks of impacts; of a cycle, its rounding error",
+    ),
+    Variable(
+        "lyapunov_sum",
+        _RP,
+        "float64",
+        "1",
+        "sum of both Lyapunov exponents per impact",
+        key=_LYAPUNOV,
+        comment="the logarithm of the restitution, but -inf where the orbit rests",
+    ),
+    Variable(
+        "lyapunov_sum_error",
+        _RP,
+        "float64",
+        "1",
+        "bound of the rounding error of the sum of both Lyapunov exponents",
+        key=_LYAPUNOV,
+    ),
+    Variable(
+        "orbit",
+        _RP,
+        "int64",
+        "1",
+        "number of the particle's orbit within the realization",
+        key=_LYAPUNOV,
+        comment="-1 where no recurrence was found",
+    ),
+    Variable(
+        "slot",
+        _RP,
+        "int64",
+        "1",
+        "which of the copies of its orbit, shifted by whole periods, the particle is on",
+        key=_LYAPUNOV,
+        comment="-1 where no recurrence was found",
+    ),
+    Variable(
+        "lyapunov_max",
+        _R,
+        "float64",
+        "1",
+        "largest Lyapunov exponent per impact of any particle",
+        key=_LYAPUNOV,
+    ),
+    Variable(
+        "chaotic_count",
+        _R,
+        "int64",
+        "1",
+        "irregular particles whose exponent exceeds zero by three standard errors",
+        key=_LYAPUNOV,
+    ),
+    Variable(
+        "orbit_count", _R, "int64", "1", "distinct orbits that particles settled on", key=_LYAPUNOV
+    ),
+    Variable(
+        "slot_count",
+        _R,
+        "int64",
+        "1",
+        "distinct slots, of all orbits, that particles occupy",
+        key=_LYAPUNOV,
     ),
 )
 

@@ -69,6 +69,7 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
             impact_budget=100,
             regimes=case == 0,
             trust=True,
+            lyapunov=True,
             tolerance=1e-9,
         )
         cases.append((scene, observation))

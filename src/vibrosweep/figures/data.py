@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.analysis.requirements import remedy
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.scene import PARAMETERS
-from vibrosweep.variables import RECORD, SWEEP
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -74,9 +74,9 @@ class Needs:
         """Say what is missing and what would supply it; None if the figure can be drawn."""
         absent = [name for name in self.variables if name not in dataset.variables]
         if absent:
-            return f"the variable {' and '.join(absent)}: {_remedy(absent[0])}"
+            return f"the variable {' and '.join(absent)}: {remedy(absent[0])}"
         if self.one_of and not any(name in dataset.variables for name in self.one_of):
-            return f"the variable {' or '.join(self.one_of)}: {_remedy(self.one_of[0])}"
+            return f"the variable {' or '.join(self.one_of)}: {remedy(self.one_of[0])}"
         for name in self.varied:
             if not (np.ptp(kick(dataset)) > 0 if name == KICK else varies(dataset, name)):
                 wanted = "amplitude" if name == KICK else name
@@ -91,15 +91,6 @@ class Needs:
         reason = self.lacking(dataset)
         if reason is not None:
             raise DataError(f"figure {figure} needs {reason}")
-
-
-def _remedy(name: str) -> str:
-    if name in SWEEP and SWEEP[name].key:
-        table, key = SWEEP[name].key.split(".")
-        return f"set {key} = true in the [{table}] section of the sweep file"
-    if name == "launch_time" or name in RECORD.keys() - SWEEP.keys():
-        return "use the result of simulate(), or add a [record] section to the sweep file"
-    return "the dataset is not the complete result of a sweep; run the sweep again"
 
 
 def varies(dataset: xr.Dataset, name: str) -> bool:

@@ -17,7 +17,7 @@ from vibrosweep.figures.data import Needs
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["FIGURES", "FigureEntry", "available", "missing", "save_all"]
+__all__ = ["FIGURES", "FigureEntry", "available", "missing", "save", "save_all"]
 
 # Dates and versions would make two drawings of the same data differ.
 FORMATS: Final[Mapping[str, Mapping[str, None]]] = {
@@ -188,11 +188,18 @@ def save_all(
         if dataset is None or entry.lacking(dataset) is not None:
             continue
         figure = entry.draw(dataset)
-        written += [_save(figure, target / f"{entry.file_stem}.{kind}") for kind in FORMATS]
+        written += [save(figure, target / f"{entry.file_stem}.{kind}") for kind in FORMATS]
     return written
 
 
-def _save(figure: Figure, path: Path) -> Path:
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure in the format of the path's ending, one of `FORMATS`; return the path.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
     try:
         with mpl.rc_context(style.RC):
             figure.savefig(path, dpi=DOTS_PER_INCH, metadata=dict(FORMATS[path.suffix[1:]]))

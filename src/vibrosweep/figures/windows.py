@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,9 +30,13 @@ class Curve:
 
 
 def window_curves(
-    x_range: tuple[float, float], y_range: tuple[float, float], frequency: float, gravity: float
+    x_range: tuple[float, float],
+    y_range: tuple[float, float],
+    frequency: float,
+    gravity: float,
+    modes: Sequence[int] = MODES,
 ) -> list[Curve]:
-    """Return both ends of the windows of modes 1 to 3, as far as they cross the view.
+    """Return both ends of the windows of the modes, as far as they cross the view.
 
     Parameters
     ----------
@@ -39,18 +44,28 @@ def window_curves(
         The view: restitution and amplitude.
     frequency, gravity
         In Hz and m/s2.  With frequency 1 and gravity 2 the amplitude is the dimensionless kick.
+    modes
+        The modes k.
     """
     e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
     curves = [
         Curve(k, is_upper, e, end(k, e, frequency, gravity))
         for is_upper, end in ((False, theory.amplitude_min), (True, theory.amplitude_max))
-        for k in MODES
+        for k in modes
     ]
     low, high = y_range
     return [c for c in curves if np.any((c.amplitude > low) & (c.amplitude < high))]
 
 
-def draw_windows(axes: Axes, frequency: float, gravity: float, symbol: str, *, over: bool) -> None:
+def draw_windows(
+    axes: Axes,
+    frequency: float,
+    gravity: float,
+    symbol: str,
+    *,
+    over: bool,
+    modes: Sequence[int] = MODES,
+) -> None:
     """Draw the ends of the windows into the present view and name each on its curve.
 
     Parameters
@@ -63,8 +78,10 @@ def draw_windows(axes: Axes, frequency: float, gravity: float, symbol: str, *, o
         Symbol of the amplitude in mathtext, without dollar signs.
     over
         Draw the curves over cells, with a halo; else under dots, so that they hide none.
+    modes
+        The modes k.
     """
-    curves = window_curves(axes.get_xlim(), axes.get_ylim(), frequency, gravity)
+    curves = window_curves(axes.get_xlim(), axes.get_ylim(), frequency, gravity, modes)
     for curve in curves:
         axes.plot(
             curve.restitution,

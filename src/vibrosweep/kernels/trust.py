@@ -21,11 +21,11 @@ import numpy as np
 from vibrosweep.kernels._jit import Floats, jit, kernel
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound
 from vibrosweep.kernels.sine import sin_turns
+from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope
 from vibrosweep.scene import Dimensionless, Launches
 
 __all__ = ["Trust", "empty_trust", "trust"]
 
-HALF_ULP = 2.0**-53  # relative error of one rounding
 # Relative error of `sin_turns`, proved: benchmarks/sine_error.py finds 3.42 half ulps at most.
 SINE_ERROR = 3.5 * HALF_ULP
 # The cosine is the sine of 1/4 - |x|, itself rounded; absolute.
@@ -79,13 +79,13 @@ def _turn(
     """Carry frame and box through the Jacobian [[1, 1], [k, e + k]], second row times sign."""
     c, s = frame
     first, second = box
-    ax, ay = c + s, sign * (k * c + (e + k) * s)
-    bx, by = c - s, sign * ((e + k) * c - k * s)
+    ax, ay = carry(c, s, e, k, sign)
+    bx, by = carry(-s, c, e, k, sign)
     if (bx * bx + by * by) * (second * second) > (ax * ax + ay * ay) * (first * first):
         ax, ay, bx, by = bx, by, ax, ay
         first, second = second, first
     # differences above and below may cancel: their rounding is relative to the terms
-    slack = 16.0 * HALF_ULP * (2.0 + e + 2.0 * abs(k)) * (first + second)
+    slack = ROUNDING * (2.0 + e + 2.0 * abs(k)) * (first + second)
     length = math.sqrt(ax * ax + ay * ay)
     if length == 0.0:
         return frame, (slack, slack)
@@ -147,7 +147,7 @@ def _follow(
             until = (n + problem.end_count[i]) + (x - problem.phase[i])
         sine = sin_turns(x)
         w = rebound(x, u, e, a, None)
-        k = 2.0 * math.pi * a * sin_turns(0.25 - abs(x))
+        k = kick_slope(x, a)
         kicked = abs(k) * rounding + HALF_ULP * abs(w)
         kicked += a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(sine)
         kicked += a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error

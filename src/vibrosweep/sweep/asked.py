@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.spec import SweepSpec
-from vibrosweep.variables import PER_PARTICLE, REGIMES, SWEEP, TRUST, Variable
+from vibrosweep.variables import LYAPUNOV, PER_PARTICLE, REGIMES, SWEEP, TRUST, Variable
 
 __all__ = ["measured_variables", "observation_of", "parameters_of", "record_observation"]
 
@@ -44,6 +44,7 @@ def record_observation(
         trust=False,
         tolerance=math.inf,
         impact_budget=impact_budget,
+        skip=False,  # every landing is wanted
     )
 
 
@@ -57,7 +58,7 @@ def parameters_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> d
 
 def measured_variables(asked: SweepSpec | Observation) -> Iterator[Variable]:
     """Give the variables that are measured."""
-    for registry in (SWEEP, PER_PARTICLE, REGIMES, TRUST):
+    for registry in (SWEEP, PER_PARTICLE, REGIMES, TRUST, LYAPUNOV):
         for variable in registry.values():
             key = variable.key.removeprefix("measure.")
             if not key or getattr(asked, key):

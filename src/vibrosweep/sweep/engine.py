@@ -12,6 +12,7 @@ from vibrosweep.kernels.advance import Statistics
 from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.scene import Dimensionless, dimensionless, launches
+from vibrosweep.sweep.attractors import lyapunov
 from vibrosweep.sweep.following import follow
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.regimes import regimes
@@ -71,6 +72,8 @@ def measure(
         measured |= _separations(found.separations, frequency)
     if found.bounds is not None:
         measured |= _error_bounds(found.bounds, observation, parameters)
+    if observation.lyapunov:
+        measured |= lyapunov(problem, launch, observation, workers)
     return measured
 
 

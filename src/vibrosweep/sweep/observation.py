@@ -35,6 +35,8 @@ class Observation:
         Error of a landing time in s up to which it is trusted.
     impact_budget
         Impacts after which a particle is given up.
+    lyapunov
+        Whether Lyapunov exponents, distinct orbits and slots are found.
     skip
         Whether what is known already is counted instead of followed; off only to compare.
     """
@@ -50,6 +52,7 @@ class Observation:
     trust: bool
     tolerance: float
     impact_budget: int
+    lyapunov: bool = False
     skip: bool = True
 
     @property

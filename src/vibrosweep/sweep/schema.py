@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED, Parameter
 from vibrosweep.sweep.spec_messages import Mistakes, nearest, quoted, shown
+from vibrosweep.sweep.spec_windows import WindowsTable, condition_names, tolerance
 
 __all__ = [
     "DRAWN",
@@ -81,6 +82,7 @@ class MeasureTable:
     separation: bool = False
     per_particle: bool = False
     regimes: bool = False
+    lyapunov: bool = False
     trust: bool = False
     tolerance: float = 1e-9
     impact_budget: int = 10_000_000
@@ -95,6 +97,7 @@ class SpecFile:
     sample: SampleTable
     measure: MeasureTable
     record: SceneTable | None
+    windows: WindowsTable | None
 
 
 def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
@@ -117,6 +120,7 @@ def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
         sample=SampleTable(**_grouped(tables.get("sample", {}))),
         measure=MeasureTable(**tables.get("measure", {})),
         record=SceneTable(**_grouped(tables["record"])) if "record" in tables else None,
+        windows=WindowsTable(**tables["windows"]) if "windows" in tables else None,
     )
 
 
@@ -312,6 +316,7 @@ _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
         "separation": _flag,
         "per_particle": _flag,
         "regimes": _flag,
+        "lyapunov": _flag,
         "trust": _flag,
         "tolerance": _positive_time,
         "impact_budget": partial(
@@ -319,4 +324,5 @@ _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
         ),
     },
     "record": _SCENE,
+    "windows": {"conditions": condition_names, "continuation": _flag, "tolerance": tolerance},
 }

@@ -14,6 +14,7 @@ from vibrosweep.sweep import spec_rules as rules
 from vibrosweep.sweep.schema import SpecFile, read_tables
 from vibrosweep.sweep.spec_messages import Mistakes
 from vibrosweep.sweep.spec_rules import Axis, Range, RecordSpec, Setting
+from vibrosweep.sweep.spec_windows import WindowsTable
 
 __all__ = ["Axis", "Range", "RecordSpec", "SweepSpec", "parse_spec", "read_spec"]
 
@@ -52,15 +53,17 @@ class SweepSpec:
         Seed of the drawn designs.
     transient
         Time in s before the window that measures cover.
-    separation, per_particle, regimes, trust
+    separation, per_particle, regimes, lyapunov, trust
         Whether separations are measured, output per particle is kept, orbits that repeat are
-        recognised, and error bounds are carried along.
+        recognised, Lyapunov exponents are found, and error bounds are carried along.
     tolerance
         Error of a landing time in s up to which it is trusted.
     impact_budget
         Most impacts of one particle.
     record
         The scene to record, or None.
+    windows
+        The stability windows to find, or None.
     """
 
     title: str
@@ -82,10 +85,12 @@ class SweepSpec:
     separation: bool
     per_particle: bool
     regimes: bool
+    lyapunov: bool
     trust: bool
     tolerance: float
     impact_budget: int
     record: RecordSpec | None
+    windows: WindowsTable | None
 
 
 def read_spec(path: str | os.PathLike[str]) -> SweepSpec:
@@ -173,6 +178,7 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
         realizations=rules.realizations(sample, sampled, mistakes),
         seed=sample.seed,
         record=record,
+        windows=file.windows,
         **shared._asdict(),
         **asdict(measure),
     )

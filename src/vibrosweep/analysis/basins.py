@@ -1,0 +1,178 @@
+"""Basins: which attractor each launch leads to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
+from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.attractor import Orbits
+from vibrosweep.scene import PARAMETERS, Launches, dimensionless, reduced_turns
+from vibrosweep.status import Regime
+from vibrosweep.sweep.attractors import NO_ORBIT, find_orbits, label_orbits, slots
+from vibrosweep.sweep.landings import launch_times
+from vibrosweep.sweep.result import coordinate_attributes
+from vibrosweep.sweep.workers import Workers
+from vibrosweep.variables import LYAPUNOV, REGIMES
+
+if TYPE_CHECKING:
+    from vibrosweep.sweep.spec import SweepSpec
+
+__all__ = ["basins", "basins_of_spec", "name_of", "summary"]
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int64]
+
+PLANE: Final = ("launch_velocity", "launch_time")
+OF_ATTRACTOR: Final = ("regime", "cycle_impacts", "cycle_periods", "cycle_rests")
+
+
+def basins(
+    scene: Scene,
+    launch_time: ArrayLike,
+    launch_velocity: ArrayLike,
+    *,
+    threads: int | None = None,
+) -> xr.Dataset:
+    """Launch a particle at every point of a plane and tell what it settles on.
+
+    Parameters
+    ----------
+    scene
+        All other parameters; its particles and launches play no part.
+    launch_time
+        In s, shape (launch_time,).
+    launch_velocity
+        In m s-1, shape (launch_velocity,).
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (launch_velocity, launch_time): ``basin``, an index into the dim attractor, and
+        ``slot``, which of the time-shifted copies of the attractor it is, -1 without recurrence.
+        Dim attractor, the most frequent first: ``fraction`` of the launches, ``regime``,
+        ``cycle_impacts``, ``cycle_periods``, ``cycle_rests``, ``lyapunov_largest``,
+        ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1) of the member of the cycle with
+        the shortest flight.  All launches at rest for good are one attractor, and so are all that
+        are irregular.
+
+    Raises
+    ------
+    ParameterError
+        A value is outside its range.
+    """
+    times = np.atleast_1d(np.asarray(launch_time, dtype=np.float64))
+    if times.ndim != 1 or not times.size or not np.all(np.isfinite(times)):
+        raise ParameterError("launch_time: must be one or more finite times in s")
+    speeds = axis("launch_velocity", launch_velocity)
+    shape = (speeds.size, times.size)
+    parameters = scene.parameters(launch_velocity=np.repeat(speeds, times.size))
+    problem = dimensionless(parameters, scene.duration, scene.transient)
+    whole, phase = reduced_turns(scene.frequency, np.tile(times, speeds.size), 0.0)
+    launch = Launches(whole[:, np.newaxis], phase[:, np.newaxis])
+    with Workers(thread_count(threads)) as workers:
+        orbits = find_orbits(problem, launch, scene.observation(), workers)
+    labels = _labels(orbits)
+    first, index, count = _by_frequency(labels)
+    data: dict[str, Any] = {
+        "basin": (
+            PLANE,
+            index.reshape(shape),
+            {"units": "1", "long_name": "index of the attractor that the launch leads to"},
+        ),
+        "slot": (PLANE, slots(orbits).reshape(shape), LYAPUNOV["slot"].attributes),
+        **_attractors(scene, orbits, first, count / labels.size),
+    }
+    return xr.Dataset(
+        data, _coordinates(scene, times, speeds), scene.attributes("Basins of attraction")
+    )
+
+
+def basins_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
+    """Basins of a sweep file: the launches of its particles, with speeds from its grid.
+
+    Raises
+    ------
+    SpecError
+        The design is no grid, or has other axes than the launch velocity.
+    """
+    speeds = grid_axes(spec, "basins", "launch_velocity")["launch_velocity"]
+    times = launch_times(spec.launch, spec.particles, spec.fixed["frequency"])
+    found = basins(Scene.of(spec), times, speeds, threads=threads)
+    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
+
+
+def name_of(attractor: xr.Dataset) -> str:
+    """Name of one attractor: its regime, and for a cycle its impacts and periods."""
+    regime = Regime(int(attractor["regime"]))
+    if regime in (Regime.AT_REST, Regime.IRREGULAR):
+        return regime.meaning.replace("_", " ")
+    impacts, periods = int(attractor["cycle_impacts"]), int(attractor["cycle_periods"])
+    return f"{regime.meaning}, {impacts} in {periods} period{'s' if periods > 1 else ''}"
+
+
+def summary(found: xr.Dataset) -> Iterator[str]:
+    """Say in a line for each attractor which fraction of the launches leads to it."""
+    for i in range(found.sizes["attractor"]):
+        one = found.isel(attractor=i)
+        yield f"{name_of(one):32}{float(one['fraction']):.2%}"
+
+
+def _labels(orbits: Orbits) -> Codes:
+    """Label of the orbit of each launch; below zero what is no cycle, one label for a regime."""
+    labels = label_orbits(orbits, 1)[0]
+    return np.where(labels == NO_ORBIT, -1 - orbits.regime.astype(np.int64), labels)
+
+
+def _by_frequency(labels: Codes) -> tuple[Codes, Codes, Codes]:
+    """First launch, index and number of launches of each label, the most frequent label first."""
+    _, first, inverse, count = np.unique(
+        labels, return_index=True, return_inverse=True, return_counts=True
+    )
+    order = np.lexsort((first, -count))
+    rank = np.empty_like(order)
+    rank[order] = np.arange(order.size)
+    return first[order], rank[inverse], count[order]
+
+
+def _attractors(scene: Scene, orbits: Orbits, first: Codes, fraction: Array) -> dict[str, Any]:
+    """Variables along the dim attractor, from the first launch that leads to each."""
+    unit = scene.gravity / (2.0 * scene.frequency)
+    recurs = orbits.impacts[first] > 0
+    exponent = np.where(orbits.regime[first] == Regime.IRREGULAR, np.nan, orbits.largest[first])
+    values = {
+        "regime": (orbits.regime[first], REGIMES["regime"].attributes),
+        "cycle_impacts": (orbits.impacts[first], REGIMES["cycle_impacts"].attributes),
+        "cycle_periods": (orbits.periods[first], REGIMES["cycle_periods"].attributes),
+        "cycle_rests": (orbits.rests[first], REGIMES["cycle_rests"].attributes),
+        "fraction": (fraction, {"units": "1", "long_name": "fraction of launches in the basin"}),
+        "lyapunov_largest": (
+            exponent,
+            LYAPUNOV["lyapunov_largest"].attributes | {"comment": "NaN of irregular orbits"},
+        ),
+        "impact_phase": (
+            np.where(recurs, orbits.phase[first], np.nan),
+            {"units": "1", "long_name": "phase in turns of the lift-off to the shortest flight"},
+        ),
+        "rebound_velocity": (
+            np.where(recurs, orbits.flight[first] * unit, np.nan),
+            {"units": "m s-1", "long_name": "speed at the lift-off to the shortest flight"},
+        ),
+    }
+    return {name: ("attractor", *value) for name, value in values.items()}
+
+
+def _coordinates(scene: Scene, times: Array, speeds: Array) -> dict[str, Any]:
+    words = coordinate_attributes(PARAMETERS["launch_velocity"])
+    return {
+        "launch_time": ("launch_time", times, {"units": "s", "long_name": "time of launch"}),
+        "launch_velocity": ("launch_velocity", speeds, words),
+        **scene.coordinates(("launch_velocity",)),
+    }

@@ -1,0 +1,199 @@
+"""Bifurcation diagram: what orbits do along the amplitude, each going on from the last one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from vibrosweep.analysis.evaluate import launch_states, settle_from
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
+from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.attractor import Orbits
+from vibrosweep.kernels.record import empty_record, record
+from vibrosweep.scene import PARAMETERS, Launches, dimensionless
+from vibrosweep.status import Regime
+from vibrosweep.sweep.attractors import orbit_variables
+from vibrosweep.sweep.result import coordinate_attributes
+from vibrosweep.sweep.workers import Workers
+from vibrosweep.variables import LYAPUNOV, REGIMES
+
+if TYPE_CHECKING:
+    from vibrosweep.sweep.spec import SweepSpec
+
+__all__ = ["OBSERVABLES", "Observable", "bifurcation", "bifurcation_of_spec", "summary"]
+
+Array = NDArray[np.float64]
+# phase of landing in turns, speed at lift-off in m s-1, gravity in m s-2 -> the observable
+Observable = Callable[[Array, Array, float], Array]
+
+DIRECTIONS: Final = ("up", "down")
+OBSERVABLES: Final[dict[str, tuple[Observable, str, str]]] = {
+    "rebound_velocity": (lambda phase, speed, g: speed, "m s-1", "speed at lift-off"),
+    "rebound_height": (lambda phase, speed, g: speed**2 / (2.0 * g), "m", "rebound height"),
+    "flight_time": (lambda phase, speed, g: 2.0 * speed / g, "s", "flight time"),
+    "impact_phase": (lambda phase, speed, g: phase, "1", "phase of the forcing at landing, turns"),
+}
+KEPT: Final = (
+    "regime",
+    "cycle_impacts",
+    "cycle_periods",
+    "cycle_rests",
+    "lyapunov_largest",
+    "lyapunov_largest_error",
+)
+
+
+def bifurcation(
+    scene: Scene,
+    amplitude: ArrayLike,
+    *,
+    observable: str | Observable = "rebound_velocity",
+    samples: int = 64,
+    threads: int | None = None,
+) -> xr.Dataset:
+    """Follow the orbits of a scene's particles up and down the amplitude.
+
+    At the first amplitude of each direction particles are launched as the scene says; at every
+    further one they go on from the state that they reached at the last.  They settle until they
+    recur or the duration is over, and then `samples` further impacts are kept.
+
+    Parameters
+    ----------
+    scene
+        All other parameters; several particles show attractors that coexist.
+    amplitude
+        In m s-1, ascending.
+    observable
+        One of `OBSERVABLES`, or a function of the phase of landing (turns, in [-1/2, 1/2]), the
+        speed at lift-off (m s-1; NaN at rest for good) and gravity (m s-2), on arrays of any shape.
+    samples
+        Impacts that are kept at each amplitude.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (direction, amplitude, particle, sample): the observable under its name, ``observable``
+        for a function; dims (direction, amplitude, particle): ``lyapunov_largest`` with its error,
+        ``regime``, ``cycle_impacts``, ``cycle_periods`` and ``cycle_rests``.
+
+    Raises
+    ------
+    ParameterError
+        A value is outside its range, or the observable is not known.
+    """
+    a = axis("amplitude", amplitude)
+    if not np.all(np.diff(a) > 0.0):
+        raise ParameterError("amplitude: must be in ascending order")
+    if samples < 1:
+        raise ParameterError(f"samples = {samples!r}: must be at least 1")
+    name, (function, units, words) = _observable(observable)
+    order = np.stack([a, a[::-1]])
+    shape = (len(DIRECTIONS), a.size, scene.particles)
+    values = np.empty((*shape, samples))
+    measured: dict[str, NDArray[Any]] = {}
+    states = launch_states(scene, len(DIRECTIONS))
+    with Workers(thread_count(threads)) as workers:
+        for i in range(a.size):
+            parameters = scene.parameters(amplitude=order[:, i])
+            orbits = settle_from(scene, parameters, states, workers)
+            states = np.stack([orbits.phase, orbits.flight], axis=-1).reshape(states.shape)
+            phase, speed = _impacts(scene, parameters, orbits, samples, workers)
+            at = (np.arange(len(DIRECTIONS)), np.array([i, a.size - 1 - i]))
+            values[at] = function(phase, speed, scene.gravity)
+            found = orbit_variables(orbits, len(DIRECTIONS))
+            for kept in KEPT:
+                room = measured.setdefault(kept, np.empty(shape, found[kept].dtype))
+                room[at] = found[kept]
+    return _dataset(scene, a, measured, name, values, {"units": units, "long_name": words})
+
+
+def bifurcation_of_spec(spec: SweepSpec, observable: str, samples: int, threads: int) -> xr.Dataset:
+    """Bifurcation diagram of a sweep file whose grid has an axis of amplitude.
+
+    Raises
+    ------
+    SpecError
+        The design is no grid, or has other axes.
+    """
+    amplitude = grid_axes(spec, "bifurcation diagrams", "amplitude")["amplitude"]
+    found = bifurcation(
+        Scene.of(spec), amplitude, observable=observable, samples=samples, threads=threads
+    )
+    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
+
+
+def summary(diagram: xr.Dataset) -> Iterator[str]:
+    """Say in a line for each direction what the orbits have become."""
+    for direction in diagram["direction"].values:
+        regimes = diagram["regime"].sel(direction=direction).values.ravel()
+        parts = [
+            f"{one.meaning.replace('_', ' ')} {np.mean(regimes == one):.1%}"
+            for one in Regime
+            if np.any(regimes == one)
+        ]
+        yield f"amplitude {direction:14}{', '.join(parts)}"
+
+
+def _observable(observable: str | Observable) -> tuple[str, tuple[Observable, str, str]]:
+    if not isinstance(observable, str):
+        return "observable", (observable, "1", "observable")
+    if observable not in OBSERVABLES:
+        raise ParameterError(
+            f"observable = {observable!r}: must be one of {', '.join(OBSERVABLES)}, or a function"
+        )
+    return observable, OBSERVABLES[observable]
+
+
+def _impacts(
+    scene: Scene, parameters: dict[str, Array], orbits: Orbits, samples: int, workers: Workers
+) -> tuple[Array, Array]:
+    """Phases in turns and speeds of the impacts that follow; shape (point, particle, sample)."""
+    repeated = {n: np.repeat(v, scene.particles) for n, v in parameters.items()}
+    repeated["phase"] = np.zeros(orbits.phase.size)
+    problem = dimensionless(repeated, scene.duration)
+    endless = np.full(orbits.phase.size, np.inf)
+    problem = problem._replace(launch_flight=orbits.flight, end_count=endless)
+    launch = Launches(np.zeros((orbits.phase.size, 1)), orbits.phase[:, np.newaxis])
+    out = empty_record(orbits.phase.size, samples)
+    periods = np.ones(orbits.phase.size)  # a frequency of 1: times in periods are counted from 0
+    unit = repeated["gravity"] / (2.0 * repeated["frequency"])
+    reflect = scene.observation().reflect
+    workers.each(
+        lambda first, last: record(first, last, problem, launch, periods, unit, reflect, out),
+        orbits.phase.size,
+        16,
+    )
+    shape = (-1, scene.particles, samples)
+    phase = out.landing_time - np.rint(out.landing_time)
+    return phase.reshape(shape), out.rebound_velocity.reshape(shape)
+
+
+def _dataset(
+    scene: Scene,
+    amplitude: Array,
+    measured: dict[str, NDArray[Any]],
+    name: str,
+    values: Array,
+    attributes: dict[str, str],
+) -> xr.Dataset:
+    dims = ("direction", "amplitude", "particle")
+    registry = {**REGIMES, **LYAPUNOV}
+    data = {n: (dims, v, registry[n].attributes) for n, v in measured.items()}
+    words = coordinate_attributes(PARAMETERS["amplitude"])
+    coordinates = {
+        "direction": list(DIRECTIONS),
+        "amplitude": ("amplitude", amplitude, words),
+        **scene.coordinates(("amplitude",)),
+    }
+    title = scene.attributes("Bifurcation diagram along the amplitude, up and down")
+    return xr.Dataset(
+        {name: ((*dims, "sample"), values, attributes), **data},
+        coordinates,
+        {**title, "observable": name},
+    )

@@ -1,0 +1,173 @@
+"""Edges of a code along an axis: a coarse scan, then all edges of all rows bisected at once.
+
+A code says what holds at a point: 0 and 1 for a condition, or more values where a middle one can
+hide between two others that a coarse scan sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Edges", "Evaluate", "find_edges", "windows_of_row"]
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int64]
+
+# Rows, positions and the states to go on from, one for each point along the first axis -> codes
+# and the states reached.  Where every point is evaluated by itself the states are empty.
+Evaluate = Callable[[Codes, Array, Array], tuple[Codes, Array]]
+
+
+class Edges(NamedTuple):
+    """Brackets of edges, each array of shape (edge,), ordered by row and position.
+
+    Between `low` and `high` the code changes from `code_low` to `code_high`.
+    """
+
+    row: Codes
+    low: Array
+    high: Array
+    code_low: Codes
+    code_high: Codes
+
+
+class _Brackets(NamedTuple):
+    """Brackets while they shrink: the states are those at the near ends."""
+
+    row: Codes
+    near: Array
+    far: Array
+    code_near: Codes
+    code_far: Codes
+    state: Array
+
+    def take(self, chosen: Any) -> _Brackets:
+        return _Brackets._make(values[chosen] for values in self)
+
+    def join(self, other: _Brackets) -> _Brackets:
+        return _Brackets._make(np.concatenate(pair) for pair in zip(self, other, strict=True))
+
+
+def find_edges(
+    evaluate: Evaluate,
+    rows: int,
+    axis: Array,
+    tolerance: float,
+    *,
+    start: Array | None = None,
+    upward: bool = True,
+) -> tuple[Codes, Edges]:
+    """Codes at the points of a scan, and all edges between neighbours of different code.
+
+    Parameters
+    ----------
+    evaluate
+        Gives codes; all rows and edges are handed to it in one call.
+    rows
+        Number of rows.
+    axis
+        Positions of the scan, ascending.
+    tolerance
+        Width of a bracket relative to its position.
+    start
+        None: every point is evaluated by itself.  Else the states, one per row, from which the
+        scan goes on from point to point, and every bisection from the end that it reached first.
+    upward
+        The direction in which the scan goes on.
+
+    Returns
+    -------
+    codes, edges
+        Codes of shape (row, position).
+    """
+    codes, states = _scan(evaluate, rows, axis, start, upward)
+    row, left = np.nonzero(codes[:, 1:] != codes[:, :-1])
+    near, far = (left, left + 1) if upward else (left + 1, left)
+    brackets = _Brackets(
+        row,
+        axis[near],
+        axis[far],
+        codes[row, near],
+        codes[row, far],
+        states[row, near],
+    )
+    done = _bisect(evaluate, brackets, tolerance)
+    swap = done.near > done.far
+    edges = Edges(
+        done.row,
+        np.minimum(done.near, done.far),
+        np.maximum(done.near, done.far),
+        np.where(swap, done.code_far, done.code_near),
+        np.where(swap, done.code_near, done.code_far),
+    )
+    order = np.lexsort((edges.low, edges.row))
+    return codes, Edges._make(values[order] for values in edges)
+
+
+def _scan(
+    evaluate: Evaluate, rows: int, axis: Array, start: Array | None, upward: bool
+) -> tuple[Codes, Array]:
+    """Codes and states at all points, shape (row, position, ...)."""
+    every = np.arange(rows)
+    if start is None:
+        nothing = np.empty((rows * axis.size, 0))
+        codes, _ = evaluate(np.repeat(every, axis.size), np.tile(axis, rows), nothing)
+        return codes.reshape(rows, axis.size), nothing.reshape(rows, axis.size, 0)
+    codes = np.empty((rows, axis.size), np.int64)
+    states = np.empty((rows, axis.size, *start.shape[1:]))
+    for i in range(axis.size) if upward else range(axis.size - 1, -1, -1):
+        codes[:, i], start = evaluate(every, np.full(rows, axis[i]), start)
+        states[:, i] = start
+    return codes, states
+
+
+def _bisect(evaluate: Evaluate, brackets: _Brackets, tolerance: float) -> _Brackets:
+    """Halve all brackets until they are narrow; a third code inside makes two of one."""
+    finished = brackets.take(slice(0, 0))
+    while brackets.row.size:
+        middle = 0.5 * (brackets.near + brackets.far)
+        width = np.abs(brackets.far - brackets.near)
+        narrow = width <= tolerance * np.maximum(brackets.near, brackets.far)
+        narrow |= (middle == brackets.near) | (middle == brackets.far)
+        finished = finished.join(brackets.take(narrow))
+        brackets, middle = brackets.take(~narrow), middle[~narrow]
+        if not middle.size:
+            break
+        code, state = evaluate(brackets.row, middle, brackets.state)
+        left, moved = code != brackets.code_near, code != brackets.code_far
+        beyond = brackets.take(left)._replace(far=middle[left], code_far=code[left])
+        ahead = brackets.take(moved)._replace(
+            near=middle[moved], code_near=code[moved], state=state[moved]
+        )
+        brackets = beyond.join(ahead)
+    return finished
+
+
+def windows_of_row(
+    codes: Codes, axis: Array, edges: Edges, row: int, wanted: int
+) -> list[tuple[float, float, float, float]]:
+    """Return the windows of one row in which the code is the wanted one.
+
+    Returns
+    -------
+    list of tuple
+        Lower end, upper end and the widths of their brackets; the middle of a bracket is its end.
+        NaN is the width at an end of the scan that the window reaches.
+    """
+    windows = []
+    begin, width = (axis[0], np.nan) if codes[row, 0] == wanted else (np.nan, np.nan)
+    inside = codes[row, 0] == wanted
+    for i in np.flatnonzero(edges.row == row):
+        middle, gap = 0.5 * (edges.low[i] + edges.high[i]), edges.high[i] - edges.low[i]
+        if inside and edges.code_high[i] != wanted:
+            windows.append((begin, middle, width, gap))
+            inside = False
+        elif not inside and edges.code_high[i] == wanted:
+            begin, width, inside = middle, gap, True
+    if inside:
+        windows.append((begin, axis[-1], width, np.nan))
+    return [tuple(float(v) for v in window) for window in windows]  # type: ignore[misc]

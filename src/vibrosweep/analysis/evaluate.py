@@ -1,0 +1,147 @@
+"""Conditions evaluated at points of the plane of restitution and amplitude, in batches."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.analysis.conditions import Condition, Locked
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.attractor import Orbits
+from vibrosweep.kernels.fixed import ATTRACTS, empty_fixed, find_fixed
+from vibrosweep.scene import Launches, dimensionless, launches
+from vibrosweep.sweep.attractors import find_orbits, orbit_variables
+from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.workers import Workers
+from vibrosweep.variables import LYAPUNOV, REGIMES, SWEEP
+
+__all__ = ["HOLDS", "continued", "launch_states", "launched", "locked", "settle_from"]
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int64]
+States = NDArray[np.float64]
+
+HOLDS: Final = ATTRACTS  # the code of a point at which a condition holds
+FAILS: Final = 0
+TRAJECTORIES_AT_A_TIME: Final = 1 << 18
+FIXED_PER_TASK: Final = 256
+VARIABLES: Final = {**SWEEP, **REGIMES, **LYAPUNOV}
+
+
+def _codes(held: NDArray[np.bool_]) -> Codes:
+    return np.where(held, HOLDS, FAILS)
+
+
+def _dataset(scene: Scene, parameters: dict[str, Array], measured: dict[str, Any]) -> xr.Dataset:
+    """What a condition reads: variables, parameters as coordinates, the number of particles."""
+    return xr.Dataset(
+        {name: (VARIABLES[name].dims, v) for name, v in measured.items() if name in VARIABLES},
+        coords={name: ("realization", values) for name, values in parameters.items()},
+        attrs={"particles": scene.particles},
+    )
+
+
+def locked(
+    scene: Scene, condition: Locked, restitution: Array, amplitude: Array, workers: Workers
+) -> Codes:
+    """Whether the fixed orbit is absent, repels or attracts at each point; shape (point,)."""
+    parameters = scene.parameters(restitution=restitution, amplitude=amplitude)
+    problem = dimensionless(parameters, scene.duration)
+    found = empty_fixed(problem.kick.size)
+    k = np.full(problem.kick.size, condition.k)
+    reflect = scene.observation().reflect
+    terms = (problem.restitution, problem.kick, problem.rest_flight, k)
+    workers.each(
+        lambda first, last: find_fixed(first, last, *terms, reflect, found),
+        problem.kick.size,
+        FIXED_PER_TASK,
+    )
+    return found.state.astype(np.int64)
+
+
+def launched(
+    scene: Scene, condition: Condition, restitution: Array, amplitude: Array, workers: Workers
+) -> Codes:
+    """Whether a condition holds for the scene's launches at each point; shape (point,)."""
+    observation = scene.observation(**condition.measures)
+    size = max(1, TRAJECTORIES_AT_A_TIME // scene.particles)
+    held = []
+    for start in range(0, restitution.size, size):
+        piece = slice(start, start + size)
+        parameters = scene.parameters(restitution=restitution[piece], amplitude=amplitude[piece])
+        measured = measure(parameters, observation, workers)
+        held.append(condition.judge(_dataset(scene, parameters, measured)))
+    return _codes(np.concatenate(held))
+
+
+def launch_states(scene: Scene, points: int) -> States:
+    """States (phase in turns, flight in periods) of the scene's launches.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (point, particle, 2).
+    """
+    parameters = scene.parameters()
+    problem = dimensionless(parameters, scene.duration)
+    launch = launches(scene.launch, scene.particles, parameters["frequency"])
+    phase = launch.phase[0] + problem.phase
+    states = np.stack([phase - np.rint(phase), np.full_like(phase, problem.launch_flight)], axis=-1)
+    return np.broadcast_to(states, (points, *states.shape)).copy()
+
+
+def settle_from(
+    scene: Scene, parameters: dict[str, Array], states: States, workers: Workers
+) -> Orbits:
+    """What particles settle on that go on from given states, in the order of points and particles.
+
+    Parameters
+    ----------
+    parameters
+        As of `Scene.parameters`, each of shape (point,).
+    states
+        Shape (point, particle, 2): phase in turns and flight in forcing periods.
+    """
+    particles = states.shape[1]
+    repeated = {name: np.repeat(values, particles) for name, values in parameters.items()}
+    repeated["phase"] = np.zeros(
+        states.shape[0] * particles
+    )  # the states' phases are the forcing's
+    problem = dimensionless(repeated, scene.duration, scene.transient)
+    phase, flight = states.reshape(-1, 2).T
+    problem = problem._replace(launch_flight=np.ascontiguousarray(flight))
+    launch = Launches(np.zeros((phase.size, 1)), np.ascontiguousarray(phase)[:, np.newaxis])
+    return find_orbits(problem, launch, scene.observation(), workers)
+
+
+def continued(
+    scene: Scene,
+    condition: Condition,
+    restitution: Array,
+    amplitude: Array,
+    states: States,
+    workers: Workers,
+) -> tuple[Codes, States]:
+    """Whether a condition holds for orbits that go on from given states, and the states reached.
+
+    Raises
+    ------
+    ParameterError
+        The condition is about launches, which a continued orbit has left behind.
+    """
+    parameters = scene.parameters(restitution=restitution, amplitude=amplitude)
+    orbits = settle_from(scene, parameters, states, workers)
+    measured = orbit_variables(orbits, restitution.size)
+    lacking = [name for name in condition.variables if name not in measured]
+    if lacking:
+        raise ParameterError(
+            f"condition {condition.name} reads {lacking[0]}, which follows from the launches: it "
+            f"cannot be continued along the amplitude; leave continuation out for it"
+        )
+    held = condition.judge(_dataset(scene, parameters, measured))
+    reached = np.stack([orbits.phase, orbits.flight], axis=-1).reshape(states.shape)
+    return _codes(held), reached

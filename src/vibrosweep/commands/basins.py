@@ -1,0 +1,26 @@
+"""``vibrosweep basins``: colour launches by the attractor that they lead to."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Final
+
+from vibrosweep.commands.picture import add_common, produce
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "basins"
+HELP: Final = "tell which attractor each launch leads to"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    add_common(parser, "a grid over launch_velocity; its particles give the launch times")
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    from vibrosweep.analysis.basins import basins_of_spec, summary
+    from vibrosweep.figures.basins import basins_of_attraction
+
+    produce(options, basins_of_spec, basins_of_attraction, summary)

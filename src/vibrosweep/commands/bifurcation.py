@@ -1,0 +1,40 @@
+"""``vibrosweep bifurcation``: follow orbits up and down the amplitude."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Final
+
+from vibrosweep.commands.arguments import positive
+from vibrosweep.commands.picture import add_common, produce
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "bifurcation"
+HELP: Final = "draw what orbits do along the amplitude"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    add_common(parser, "a grid over amplitude")
+    parser.add_argument(
+        "--observable", metavar="NAME", default="rebound_velocity", help="default: rebound_velocity"
+    )
+    parser.add_argument(
+        "--samples", metavar="N", type=positive, default=64, help="impacts kept; default: 64"
+    )
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    from vibrosweep.analysis.bifurcation import bifurcation_of_spec, summary
+    from vibrosweep.figures.bifurcation import bifurcation_diagram
+
+    produce(
+        options,
+        lambda spec, threads: bifurcation_of_spec(
+            spec, options.observable, options.samples, threads
+        ),
+        bifurcation_diagram,
+        summary,
+    )

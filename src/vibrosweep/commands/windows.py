@@ -1,0 +1,26 @@
+"""``vibrosweep windows``: find stability windows and draw them."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Final
+
+from vibrosweep.commands.picture import add_common, produce
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "windows"
+HELP: Final = "find the intervals of amplitude in which conditions hold"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    add_common(parser, "a grid over amplitude, with [windows]")
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    from vibrosweep.analysis.windows import summary, windows_of_spec
+    from vibrosweep.figures.stability import stability_windows
+
+    produce(options, windows_of_spec, stability_windows, summary)

@@ -1,0 +1,64 @@
+"""Basins of attraction: launches coloured by the attractor that they lead to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+
+from vibrosweep.analysis.basins import name_of
+from vibrosweep.figures import data, style
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NEEDS", "basins_of_attraction"]
+
+NEEDS: Final = data.Needs(("basin", "fraction", "regime", "cycle_impacts", "cycle_periods"))
+NAMED: Final = 8  # attractors with a line of their own in the legend
+MAP: Final = "tab20"
+
+
+@style.styled
+def basins_of_attraction(basins: xr.Dataset) -> Figure:
+    """Draw which attractor each launch leads to, with the fraction of launches in each basin.
+
+    Parameters
+    ----------
+    basins
+        Result of `vibrosweep.analysis.basins.basins` with at least two times and two speeds.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable.
+    """
+    NEEDS.check("basins_of_attraction", basins)
+    figure, axes = style.new_figure(style.PAGE, 3.6)
+    count = basins.sizes["attractor"]
+    shown = min(count, NAMED)
+    colours = [*style.OKABE_ITO[:6], *colormaps[MAP].colors][:shown]  # type: ignore[attr-defined]
+    axes.pcolormesh(
+        basins["launch_time"].values,
+        basins["launch_velocity"].values,
+        np.minimum(basins["basin"].values, NAMED - 1),
+        cmap=ListedColormap(colours),
+        vmin=-0.5,
+        vmax=shown - 0.5,
+        rasterized=True,
+    )
+    for i in range(shown):
+        rest = i == NAMED - 1 and count > NAMED
+        fraction = basins["fraction"].values[i:].sum() if rest else basins["fraction"].values[i]
+        name = f"{count - i} others" if rest else name_of(basins.isel(attractor=i))
+        label = f"{name}, {100.0 * float(fraction):.3g} %"
+        axes.plot([], [], "s", color=colours[i], label=label, markersize=5.0)
+    axes.set_xlabel(data.label(basins, "launch_time"))
+    axes.set_ylabel(data.label(basins, "launch_velocity"))
+    axes.legend(
+        title=data.conditions(basins), loc="upper left", bbox_to_anchor=(1.0, 1.0), alignment="left"
+    )
+    return figure

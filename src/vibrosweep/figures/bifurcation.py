@@ -1,0 +1,72 @@
+"""Bifurcation diagram: an observable along the amplitude, and the Lyapunov exponent under it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vibrosweep.figures import data, style
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NEEDS", "bifurcation_diagram"]
+
+NEEDS: Final = data.Needs(("amplitude", "direction", "lyapunov_largest"))
+# down under up: what only the way down shows stays visible
+ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.7))
+
+
+@style.styled
+def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
+    """Draw the impacts of all particles along the amplitude, up and down, over their exponents.
+
+    An orbit that rests has an exponent of minus infinity: it stands on the lower edge.
+
+    Parameters
+    ----------
+    diagram
+        Result of `vibrosweep.analysis.bifurcation.bifurcation`.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable.
+    """
+    NEEDS.check("bifurcation_diagram", diagram)
+    figure = Figure(figsize=(style.PAGE, 4.6), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
+    name = str(diagram.attrs["observable"])
+    for direction, colour, size in ORDER:
+        values = diagram[name].sel(direction=direction)
+        amplitude, y = np.broadcast_arrays(
+            diagram["amplitude"].values[:, np.newaxis], values.values.reshape(values.shape[0], -1)
+        )
+        upper.scatter(amplitude, y, s=size, color=colour, linewidths=0.0, rasterized=True)
+        upper.plot([], [], ".", color=colour, markersize=6.0, label=f"amplitude {direction}")
+    _exponents(lower, diagram)
+    upper.set_ylabel(data.label(diagram, name))
+    lower.set_xlabel(data.label(diagram, "amplitude"))
+    lower.set_ylabel("largest Lyapunov\nexponent per impact")
+    style.head(upper, data.conditions(diagram.drop_vars("amplitude")))
+    return figure
+
+
+def _exponents(axes: Axes, diagram: xr.Dataset) -> None:
+    amplitude = diagram["amplitude"].values
+    exponents = diagram["lyapunov_largest"]
+    known = exponents.values[np.isfinite(exponents.values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (-1.0, 0.0)
+    floor = low - 0.1 * max(high - low, 0.1)
+    for direction, colour, size in ORDER:
+        values = exponents.sel(direction=direction).values
+        values = np.where(values == -np.inf, floor, values)
+        for particle in range(values.shape[1]):
+            axes.plot(amplitude, values[:, particle], ".", color=colour, markersize=size + 0.8)
+    axes.axhline(0.0, color=style.GREY, linewidth=0.7, zorder=0.5)
+    axes.set_ylim(floor - 0.03 * (high - floor), max(high, 0.0) + 0.08 * (high - floor))
+    if np.any(exponents.values == -np.inf):
+        axes.text(0.005, 0.06, r"$-\infty$ (rests)", transform=axes.transAxes, fontsize=7.5)

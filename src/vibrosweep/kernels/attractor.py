@@ -1,0 +1,303 @@
+"""What each trajectory settles on: its cycle, the cycle's multipliers, and Lyapunov exponents.
+
+A trajectory is followed until its state returns bit for bit, or to the end of the observation.  The
+exponents of a cycle follow from its multipliers, the eigenvalues of the product of the Jacobians of
+its impacts; those of any other orbit are means along the orbit, over the landings in the window.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.kernels import growth
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
+from vibrosweep.kernels.cycles import _once_round, _repeats
+from vibrosweep.kernels.impact import Scene, impact, launch, rebound, scene
+from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope, stretch
+from vibrosweep.scene import Dimensionless, Launches
+from vibrosweep.status import Regime
+
+__all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle"]
+
+State = tuple[float, float, float]  # whole periods, phase, and the flight that follows
+
+# Two particles on one orbit differ by the rounding of an impact over 1 - |leading multiplier|.
+SAME_ORBIT = 2.0**-30
+
+AT_REST = int(Regime.AT_REST)
+RESTING = int(Regime.RESTING)
+LOCKED = int(Regime.LOCKED)
+IRREGULAR = int(Regime.IRREGULAR)
+
+
+class Orbits(NamedTuple):
+    """Where trajectories settle, each array of shape (trajectory,).
+
+    Attributes
+    ----------
+    regime
+        `vibrosweep.status.Regime`.
+    impacts, periods, rests
+        Impacts, forcing periods and rests in one cycle; 0 where no recurrence was found.
+    whole, phase, flight
+        A state to go on from: whole periods and phase of a lift-off, and the flight that follows.
+        Of a cycle, the member with the shortest flight, so that particles on one orbit agree in it
+        up to rounding; at rest for good, the last landing with a flight of 0.
+    multiplier
+        The leading multiplier of the cycle, 0 if it has a rest; NaN where there is no cycle.
+    largest, largest_error
+        Largest Lyapunov exponent per impact, and the standard error of its mean, or the rounding
+        error to first order where multipliers give it; -inf with error 0 where a rest occurs.
+    total, total_error
+        Sum of both exponents per impact, from the areas of the frames that are carried along, and
+        the bound of its rounding error.
+    """
+
+    regime: Flags
+    impacts: Integers
+    periods: Integers
+    rests: Integers
+    whole: Floats
+    phase: Floats
+    flight: Floats
+    multiplier: NDArray[np.complex128]
+    largest: Floats
+    largest_error: Floats
+    total: Floats
+    total_error: Floats
+
+
+def empty_orbits(trajectories: int) -> Orbits:
+    """Room for the orbits of a batch."""
+    impacts, periods, rests = (np.empty(trajectories, np.int64) for _ in range(3))
+    whole, phase, flight, *exponents = (np.empty(trajectories) for _ in range(7))
+    return Orbits(
+        np.empty(trajectories, np.int8),
+        impacts,
+        periods,
+        rests,
+        whole,
+        phase,
+        flight,
+        np.empty(trajectories, np.complex128),
+        *exponents,
+    )
+
+
+@jit
+def _sign(fixed: Scene, x: float, u: float, reflect: int | None) -> float:
+    """-1 where the `reflect` law turns a particle back that lands at phase x, else 1."""
+    if reflect is not None and rebound(x, u, fixed[0], fixed[1], None) < 0.0:
+        return -1.0
+    return 1.0
+
+
+@jit
+def _follow(
+    fixed: Scene,
+    launched: State,
+    window: tuple[float, float, float, float],
+    budget: int,
+    reflect: int | None,
+    g: Floats,
+) -> tuple[int, State, int, float, float]:
+    """Follow a trajectory to its recurrence or its end.
+
+    Returns what it found (LOCKED for any recurrence), the state reached and, of the impacts in the
+    window, the number of rests, the sum of the logarithms of areas, and the bound of its rounding
+    error.
+    """
+    n, x, u = launched
+    n_anchor, x_anchor, u_anchor, next_anchor = n, x, u, 1
+    n_begin, x_begin, n_end, x_end = window
+    c, d = 1.0, 0.0
+    rests, area, slack = 0, 0.0, 0.0
+    growth.empty(g)
+    for age in range(1, budget + 1):
+        landed, x_landed, n_off, x_off, u_off, leaves = impact(fixed, n, x, u, reflect)
+        if not landed - n_end <= x_end - x_landed:
+            break
+        if n_begin - landed <= x_landed - x_begin:
+            rests += 0 if leaves else 1
+            k, sign = kick_slope(x_landed, fixed[1]), _sign(fixed, x_landed, u, reflect)
+            c, d, along, across, error = stretch(c, d, fixed[0], k, sign)
+            growth.add(g, growth.logarithm(along))
+            area += growth.logarithm(along * across)
+            slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
+        if n_off == np.inf:
+            return AT_REST, (landed, x_landed, 0.0), rests, area, slack
+        n, x, u = n_off, x_off, u_off
+        if x == x_anchor and u == u_anchor and n > n_anchor:
+            return LOCKED, (n, x, u), rests, area, slack
+        if age == next_anchor:  # Brent
+            n_anchor, x_anchor, u_anchor, next_anchor = n, x, u, 2 * age
+    return IRREGULAR, (n, x, u), rests, area, slack
+
+
+@jit
+def _fold(fixed: Scene, state: State, reflect: int | None) -> tuple[int, int, int]:
+    """Impacts, periods and rests of the cycle through a state, in the fewest impacts."""
+    _, x, u = state
+    totals = _once_round(fixed, x, u, reflect)
+    if totals[0] == 0:  # a rest lies on the way, which is a state of the cycle
+        totals = _once_round(fixed, fixed[3], fixed[5], reflect)
+    impacts, periods, rests = totals[0], int(totals[1]), totals[2]
+    for shorter in range(1, 1 if rests > 0 else impacts // 2 + 1):
+        if impacts % shorter == 0:
+            fewer = _repeats(fixed, x, u, reflect, impacts, shorter)
+            if fewer > 0:
+                return shorter, fewer, rests
+    return impacts, periods, rests
+
+
+@jit
+def _representative(fixed: Scene, state: State, impacts: int, reflect: int | None) -> State:
+    """Member of the cycle with the shortest flight; of equal ones that with the first phase."""
+    n, x, u = state
+    n_best, x_best, u_best = state
+    for _ in range(impacts):
+        _, _, n, x, u, _ = impact(fixed, n, x, u, reflect)
+        tie = abs(u - u_best) <= SAME_ORBIT
+        if u < u_best - SAME_ORBIT or (tie and x < x_best - SAME_ORBIT):
+            n_best, x_best, u_best = n, x, u
+    if x_best < SAME_ORBIT - 0.5:  # phases of -1/2 and 1/2 are one
+        return n_best - 1.0, x_best + 1.0, u_best
+    return n_best, x_best, u_best
+
+
+@jit
+def leading_eigenvalue(trace: float, determinant: float) -> complex:
+    """Eigenvalue of largest modulus of a 2 x 2 matrix."""
+    discriminant = trace * trace - 4.0 * determinant
+    root = math.sqrt(abs(discriminant))
+    if discriminant < 0.0:
+        return complex(0.5 * trace, 0.5 * root)
+    return complex(0.5 * (trace + math.copysign(root, trace)), 0.0)
+
+
+@jit
+def _eigenvalue_error(trace: float, determinant: float, rounding: float) -> float:
+    """Error of the leading eigenvalue from that of the entries, which are at most 1."""
+    root = math.sqrt(abs(trace * trace - 4.0 * determinant))
+    error = rounding * (abs(trace) + 1.0)
+    # at a double eigenvalue an error enters by its square root
+    return error / root if root > math.sqrt(error) else math.sqrt(error)
+
+
+@jit
+def _cycle_exponents(
+    fixed: Scene, state: State, impacts: int, reflect: int | None
+) -> tuple[complex, float, float, float, float]:
+    """Leading multiplier of a cycle without rests; both exponents with their errors."""
+    n, x, u = state
+    e, a = fixed[0], fixed[1]
+    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
+    c, d, area, slack = 1.0, 0.0, 0.0, 0.0
+    scale, turned, longest = 0.0, 1.0, 0.0
+    for _ in range(impacts):
+        _, x_landed, n, x_off, u_off, _ = impact(fixed, n, x, u, reflect)
+        k, sign = kick_slope(x_landed, a), _sign(fixed, x_landed, u, reflect)
+        x, u, longest = x_off, u_off, max(longest, u_off)
+        m00, m10 = carry(m00, m10, e, k, sign)
+        m01, m11 = carry(m01, m11, e, k, sign)
+        norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
+        scale += growth.logarithm(norm)
+        m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm
+        c, d, along, across, error = stretch(c, d, e, k, sign)
+        area += growth.logarithm(along * across)
+        slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
+        turned *= sign
+    determinant = turned * math.exp(impacts * growth.logarithm(e) - 2.0 * scale)
+    value = leading_eigenvalue(m00 + m11, determinant)
+    modulus = abs(value)
+    # the state itself is known to the rounding of an impact over 1 - |multiplier|
+    gap = max(abs(1.0 - modulus * math.exp(scale)), HALF_ULP)
+    wobble = 2.0 * HALF_ULP * (1.0 + longest) / gap
+    curvature = (2.0 * math.pi) ** 2 * a
+    rounding = impacts * (ROUNDING + curvature * wobble)
+    error = _eigenvalue_error(m00 + m11, determinant, rounding)
+    largest = (growth.logarithm(modulus) + scale) / impacts
+    relative = error / modulus if modulus > 0.0 else 0.0
+    return value * math.exp(scale), largest, relative / impacts, area / impacts, slack / impacts
+
+
+@jit
+def _write_cycle(fixed: Scene, t: int, state: State, reflect: int | None, out: Orbits) -> State:
+    """Write the cycle through a state; return its representative."""
+    impacts, periods, rests = _fold(fixed, state, reflect)
+    state = _representative(fixed, state, impacts, reflect)
+    out.impacts[t], out.periods[t], out.rests[t] = impacts, periods, rests
+    out.regime[t] = RESTING if rests > 0 else LOCKED
+    if rests > 0:
+        out.multiplier[t] = 0.0
+        out.largest[t] = out.total[t] = -np.inf
+        out.largest_error[t] = out.total_error[t] = 0.0
+        return state
+    found = _cycle_exponents(fixed, state, impacts, reflect)
+    out.multiplier[t], out.largest[t], out.largest_error[t] = found[0], found[1], found[2]
+    out.total[t], out.total_error[t] = found[3], found[4]
+    return state
+
+
+@jit
+def _write_mean(
+    t: int, found: int, rests: int, area: float, slack: float, g: Floats, out: Orbits
+) -> None:
+    """Write an orbit that does not recur."""
+    out.regime[t] = found
+    out.impacts[t] = out.periods[t] = out.rests[t] = 0
+    out.multiplier[t] = complex(np.nan, np.nan)
+    if rests > 0 or found == AT_REST:
+        out.largest[t] = out.total[t] = -np.inf
+        out.largest_error[t] = out.total_error[t] = 0.0
+        return
+    out.largest[t], out.largest_error[t] = growth.mean(g), growth.error(g)
+    impacts = growth.count(g)
+    out.total[t] = area / impacts if impacts > 0.0 else np.nan
+    out.total_error[t] = slack / impacts if impacts > 0.0 else np.nan
+
+
+@kernel
+def settle(
+    first: int,
+    last: int,
+    problem: Dimensionless,
+    launches: Launches,
+    budget: int,
+    reflect: int | None,
+    out: Orbits,
+) -> None:
+    """Follow trajectories first ... last - 1 of a batch and tell what they settle on.
+
+    Parameters
+    ----------
+    first, last
+        Range of trajectories; trajectory t is particle t % N of realization t // N.
+    problem : vibrosweep.scene.Dimensionless
+    launches : vibrosweep.scene.Launches
+    budget
+        Impacts after which a trajectory is given up.
+    reflect
+        None, or 1 for the `reflect` law; chosen at compile time.
+    out : Orbits
+        Only the slots first ... last - 1 are written.
+    """
+    particles = launches.whole.shape[1]
+    g = np.empty(growth.ROOM)
+    for t in range(first, last):
+        i = t // particles
+        fixed = scene(problem, i)
+        n, x = launch(problem, launches, i, t % particles)
+        begin = problem.begin_count[i], problem.begin_phase[i]
+        window = (*begin, problem.end_count[i], problem.end_phase[i])
+        launched = (n, x, problem.launch_flight[i])
+        found, state, rests, area, slack = _follow(fixed, launched, window, budget, reflect, g)
+        if found == LOCKED:
+            state = _write_cycle(fixed, t, state, reflect, out)
+        else:
+            _write_mean(t, found, rests, area, slack, g, out)
+        out.whole[t], out.phase[t], out.flight[t] = state

@@ -1,0 +1,40 @@
+"""The [windows] table of a sweep file; the names of conditions are known to the analysis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["WindowsTable", "condition_names", "tolerance"]
+
+
+@dataclass(frozen=True)
+class WindowsTable:
+    """[windows], for stability windows: the amplitude axis of a grid is their coarse scan.
+
+    Attributes
+    ----------
+    conditions
+        Names of conditions, each once.
+    continuation
+        Whether orbits go on along the amplitude, both ways, instead of being launched anew.
+    tolerance
+        Width of the bracket around an edge, relative to the edge.
+    """
+
+    conditions: tuple[str, ...] = ("locked(1)",)
+    continuation: bool = False
+    tolerance: float = 1e-9
+
+
+def condition_names(value: object) -> tuple[str, ...]:
+    """Check the value of the key ``conditions``; raise ValueError with what is allowed."""
+    if isinstance(value, list) and value and all(isinstance(v, str) for v in value):
+        return tuple(dict.fromkeys(value))
+    raise ValueError('must be a list of one or more names of conditions, as in ["locked(1)"]')
+
+
+def tolerance(value: object) -> float:
+    """Check the value of the key ``tolerance``; raise ValueError with what is allowed."""
+    if isinstance(value, float) and 1e-14 <= value < 1.0:
+        return value
+    raise ValueError("must be a number, at least 1e-14 and below 1")

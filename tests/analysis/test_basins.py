@@ -1,0 +1,62 @@
+"""Basins against the regimes that a sweep finds, and against the symmetry of the model."""
+
+import numpy as np
+import pytest
+
+from vibrosweep.analysis.basins import basins
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.errors import ParameterError
+from vibrosweep.status import Regime
+from vibrosweep.sweep.engine import measure
+
+SCENE = Scene(amplitude=3.4, restitution=0.95, phase=0.7, duration=4000.0)
+TIMES = np.linspace(0.0, 1.0, 16, endpoint=False)
+
+
+def test_every_launch_is_on_the_attractor_that_a_sweep_finds(workers):
+    speeds = np.linspace(0.0, 9.0, 10)
+    found = basins(SCENE, TIMES, speeds)
+    launch = Scene(
+        amplitude=3.4, restitution=0.95, phase=0.7, particles=16, launch=tuple(TIMES.tolist())
+    )
+    observation = launch.observation(regimes=True)
+    observation = type(observation)(**{**vars(observation), "duration": 4000.0})
+    measured = measure(launch.parameters(launch_velocity=speeds), observation, workers)
+    at = found["basin"].values
+    for name in ("cycle_impacts", "cycle_periods", "cycle_rests"):
+        assert np.array_equal(found[name].values[at], measured[name]), name
+    assert np.array_equal(found["regime"].values[at], measured["regime"])
+
+
+def test_fractions_count_the_launches():
+    found = basins(SCENE, TIMES, np.linspace(0.0, 9.0, 10))
+    count = np.bincount(found["basin"].values.ravel())
+    assert found["fraction"].values == pytest.approx(count / 160.0)
+    assert found["fraction"].values.sum() == pytest.approx(1.0)
+    assert (np.diff(found["fraction"]) <= 0.0).all()
+
+
+def test_a_launch_one_period_later_is_one_slot_further():
+    found = basins(SCENE, np.concatenate([TIMES, TIMES + 1.0]), np.linspace(0.5, 9.0, 10))
+    now, later = found.isel(launch_time=slice(0, 16)), found.isel(launch_time=slice(16, 32))
+    recurs = now["slot"].values >= 0
+    assert recurs.mean() > 0.5
+    assert np.array_equal(now["basin"], later["basin"])
+    periods = found["cycle_periods"].values[now["basin"].values]
+    assert periods.max() > 1
+    shifted = np.mod(now["slot"].values + 1, np.maximum(periods, 1))
+    assert np.array_equal(later["slot"].values[recurs], shifted[recurs])
+
+
+def test_without_excitation_every_launch_comes_to_rest():
+    found = basins(Scene(amplitude=0.0), [0.0, 0.3], [0.0, 2.0])
+    assert found.sizes["attractor"] == 1
+    assert found["regime"].item() == Regime.AT_REST
+    assert found["fraction"].item() == 1.0
+
+
+def test_mistakes_are_named():
+    with pytest.raises(ParameterError, match="launch_time: must be one or more finite times"):
+        basins(SCENE, [np.nan], [1.0])
+    with pytest.raises(ParameterError, match=r"launch_velocity = -1\.0"):
+        basins(SCENE, [0.0], [-1.0])

@@ -1,0 +1,73 @@
+"""Bifurcation diagrams against closed forms and the landings that `simulate` records."""
+
+import numpy as np
+import pytest
+
+from vibrosweep import simulate, theory
+from vibrosweep.analysis.bifurcation import OBSERVABLES, bifurcation
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.errors import ParameterError
+
+# launched close to the locked orbit at the end of its window
+LOCKED = Scene(duration=20_000.0, launch=(0.47,), launch_velocity=4.905)
+
+
+def test_the_locked_orbit_doubles_its_period_and_is_lost_on_the_way_down():
+    edge = float(theory.amplitude_max(1, 0.9))
+    amplitude = np.array([0.4, 0.6, 1.5, 2.5, 0.995 * edge, 1.005 * edge])
+    found = bifurcation(LOCKED, amplitude, samples=12)
+    down = found.sel(direction="down").isel(particle=0)
+    assert down["cycle_impacts"].values[1:].tolist() == [1, 1, 1, 1, 2]
+    assert down["rebound_velocity"].values[1:5] == pytest.approx(4.905, rel=1e-12)
+    assert np.ptp(down["rebound_velocity"].values[5]) > 0.1
+    speeds = down["rebound_velocity"].values[5]
+    assert np.allclose(speeds[2:], speeds[:-2], rtol=1e-9)
+    # below A_min = 0.4905 the orbit is gone, and what remains rests
+    assert down["cycle_rests"].values[0] > 0
+    assert down["lyapunov_largest"].values[0] == -np.inf
+    exponent = 0.5 * np.log(0.9)
+    assert down["lyapunov_largest"].values[2:4] == pytest.approx(exponent, abs=1e-12)
+
+
+def test_the_way_up_keeps_to_the_orbit_that_rests():
+    found = bifurcation(LOCKED, np.linspace(0.3, 2.0, 12), samples=4)
+    regimes = found["cycle_rests"].isel(particle=0)
+    assert (regimes.sel(direction="up") > 0).all()
+    assert (regimes.sel(direction="down").values[2:] == 0).all()
+
+
+@pytest.mark.parametrize("name", OBSERVABLES)
+def test_observables_are_those_of_the_landings(name):
+    # one amplitude: both directions launch as the scene says and settle on one orbit
+    scene = Scene(duration=1500.0, launch=(0.0,))
+    found = bifurcation(scene, [1.2], observable=name, samples=20)
+    record = simulate(launch_time=0.0, duration=1600.0)
+    kept = record["landing_time"].values[0, 0]
+    speed = record["rebound_velocity"].values[0, 0][kept > 1550.0]
+    phase = kept[kept > 1550.0] - np.rint(kept[kept > 1550.0])
+    expected = OBSERVABLES[name][0](phase, speed, 9.81)
+    values = found[name].sel(direction="up").values.ravel()
+    # the orbit has ten impacts in each period, one of them followed by a rest
+    np.testing.assert_allclose(np.sort(values[:10]), np.sort(expected[:10]), rtol=1e-9, atol=1e-9)
+
+
+def test_a_function_is_an_observable_and_a_particle_at_rest_has_none():
+    found = bifurcation(
+        Scene(duration=50.0), [0.0, 1e-5], observable=lambda x, v, g: 0.5 * v * v, samples=3
+    )
+    assert np.isnan(found["observable"]).all()
+    assert (found["lyapunov_largest"] == -np.inf).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"amplitude": [1.0], "observable": "height"}, "observable = 'height': must be one of"),
+        ({"amplitude": [1.0], "samples": 0}, "samples = 0: must be at least 1"),
+        ({"amplitude": [2.0, 1.0]}, "amplitude: must be in ascending order"),
+        ({"amplitude": [-1.0]}, "amplitude = -1.0: must be finite and at least 0"),
+    ],
+)
+def test_mistakes_are_named(arguments, words):
+    with pytest.raises(ParameterError, match=words):
+        bifurcation(Scene(), **arguments)

@@ -1,0 +1,35 @@
+"""A dataset that lacks what an analysis needs: the message names variable and key."""
+
+import pytest
+import xarray as xr
+
+from vibrosweep.analysis.requirements import MEASURED, remedy, require
+from vibrosweep.errors import DataError
+from vibrosweep.sweep.schema import _KEYS
+
+
+def test_what_is_there_passes():
+    dataset = xr.Dataset({"dt_min": ("realization", [1.0])}, coords={"amplitude": 1.2})
+    require(dataset, "separation statistics", "dt_min", "amplitude")
+
+
+def test_each_missing_variable_is_named_with_its_key():
+    dataset = xr.Dataset({"impact_count": ("realization", [1])})
+    with pytest.raises(DataError) as caught:
+        require(dataset, "separation statistics", "impact_count", "dt_min", "cycle_impacts")
+    message = str(caught.value)
+    assert "separation statistics" in message
+    assert "dt_min (set separation = true in the [measure] section" in message
+    assert "cycle_impacts (set regimes = true in the [measure] section" in message
+    assert "impact_count" not in message
+
+
+def test_landings_come_from_a_record():
+    assert "[record]" in remedy("landing_time")
+
+
+def test_every_key_that_is_named_exists():
+    keys = {v.key for v in MEASURED.values() if v.key}
+    assert len(keys) >= 4
+    for table, name in (key.split(".") for key in keys):
+        assert name in _KEYS[table]

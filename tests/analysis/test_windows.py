@@ -1,0 +1,167 @@
+"""Stability windows against closed forms, and against the engine on both sides of every edge."""
+
+import numpy as np
+import pytest
+
+from vibrosweep import theory
+from vibrosweep.analysis.conditions import NAMED, Condition, named
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.analysis.windows import find_windows
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.sweep.engine import measure
+
+MODES = (1, 2, 3, 4)
+
+
+@pytest.mark.parametrize("frequency", [1.0, 17.0])
+def test_locked_windows_end_where_the_closed_forms_say(frequency):
+    e = np.concatenate([np.linspace(0.3, 0.98, 18), [0.99]])
+    # the scan knows nothing of the ends; its step is wider than the windows of small restitution
+    scan = np.linspace(0.005, 15.0, 64) / frequency
+    names = [f"locked({k})" for k in MODES]
+    found = find_windows(Scene(frequency=frequency), e, scan, names, threads=2)
+    assert (found["window_count"] == 1).all()
+    for k, name in zip(MODES, names, strict=True):
+        one = found.sel(condition=name, direction="launch").isel(window=0)
+        assert one["A_min"].values == pytest.approx(theory.amplitude_min(k, e, frequency), rel=1e-8)
+        assert one["A_max"].values == pytest.approx(theory.amplitude_max(k, e, frequency), rel=1e-8)
+        for end in ("A_min", "A_max"):
+            assert (one[f"{end}_bracket"] <= 1e-9 * one[end] * (1.0 + 1e-6)).all()
+
+
+def test_gravity_and_the_reflect_law_give_the_same_locked_windows_of_positive_kicks():
+    scene = Scene(gravity=1.62, rebound="reflect")
+    found = find_windows(scene, 0.8, np.linspace(0.01, 0.6, 30), ["locked(1)"]).isel(window=0)
+    lower, upper = (end(1, 0.8, 1.0, 1.62) for end in (theory.amplitude_min, theory.amplitude_max))
+    assert found["A_min"].item() == pytest.approx(lower, rel=1e-8)
+    assert found["A_max"].item() == pytest.approx(upper, rel=1e-8)
+
+
+def sides_of(found, condition, scene, workers):
+    """What the engine says just inside and just outside of every edge of a condition."""
+    one = found.sel(condition=condition.name, direction="launch")
+    e = np.broadcast_to(one["restitution"].values[:, np.newaxis], one["A_min"].shape)
+    for end, inward in (("A_min", 1.0), ("A_max", -1.0)):
+        edge, bracket = one[end].values, one[f"{end}_bracket"].values
+        known = np.isfinite(bracket)
+        for side in (1.0, -1.0):
+            amplitude = edge[known] + side * inward * 0.5 * bracket[known]
+            parameters = scene.parameters(restitution=e[known], amplitude=amplitude)
+            observation = scene.observation(**condition.measures)
+            measured = measure(parameters, observation, workers)
+            yield side, measured
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("ordered", {"duration": 800.0, "launch": (0.125, 0.3), "particles": 2}),
+        ("periodic", {"duration": 300.0, "particles": 3}),
+        ("separated", {"duration": 12.0, "particles": 6}),
+        ("collision_free", {"duration": 12.0, "particles": 6}),
+        ("regular", {"duration": 60.0, "particles": 3}),
+    ],
+)
+def test_a_condition_holds_inside_every_edge_and_fails_outside(name, changes, workers):
+    scene, condition = Scene(**changes), named(name)
+    e = np.array([0.85, 0.93, 0.96])
+    found = find_windows(scene, e, np.linspace(0.3, 3.6, 25), [name], threads=2)
+    tested = 0
+    for side, measured in sides_of(found, condition, scene, workers):
+        held = {
+            "ordered": lambda m: m["locked_count"] == scene.particles,
+            "periodic": lambda m: m["irregular_count"] + m["at_rest_count"] == 0,
+            "separated": lambda m: m["dt_min"] > scene.contact_time,
+            "collision_free": lambda m: m["collision_free"] == 1,
+            "regular": lambda m: (m["lyapunov_largest"] < 0.0).all(axis=1),
+        }[name](measured)
+        assert (held == (side > 0.0)).all()
+        tested += held.size
+    assert tested >= 4
+    widest = found["widest"].values.ravel()
+    width = (found["A_max"] - found["A_min"]).values[0, 0]
+    for row in range(e.size):
+        assert widest[row] == (np.nanargmax(width[row]) if np.isfinite(width[row]).any() else -1)
+
+
+def test_continuation_sees_the_hysteresis_of_the_locked_orbit():
+    # a particle that rests in every period does so until 2.26 m/s; one that is locked stays locked
+    # down to the end of its window
+    scene = Scene(duration=20_000.0, launch_velocity=4.905, launch=(0.473,))
+    axis = np.linspace(0.3, 2.9, 400)
+    found = find_windows(scene, [0.9], axis, ["ordered"], continuation=True, tolerance=1e-6)
+    up, down = (
+        found.sel(direction=d, condition="ordered", restitution=0.9) for d in ("up", "down")
+    )
+    lower = float(theory.amplitude_min(1, 0.9))
+    assert down["A_min"].values[0] == pytest.approx(lower, rel=2e-6)
+    assert np.isnan(down["A_max_bracket"].values[0])
+    assert up["A_min"].values[up["widest"].item()] > 2.0
+
+
+def test_a_condition_of_ones_own():
+    calm = Condition(
+        "calm", lambda ds: (ds["rebound_height_max"] < 2.0).values, ("rebound_height_max",)
+    )
+    found = find_windows(Scene(duration=12.0), [0.9], np.linspace(0.1, 4.0, 40), [calm])
+    assert found["condition"].values.tolist() == ["calm"]
+    assert found["window_count"].item() >= 1
+
+
+def test_a_function_that_gives_no_booleans_is_refused():
+    wrong = Condition("wrong", lambda ds: ds["rebound_height_max"].values, ("rebound_height_max",))
+    with pytest.raises(ParameterError, match=r"condition wrong.*one boolean per realization"):
+        find_windows(Scene(duration=12.0), [0.9], [1.0, 2.0], [wrong])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (([0.9], [1.0], ["ordered"]), "amplitude: must be at least two values"),
+        (([0.9], [2.0, 1.0], ["ordered"]), "ascending"),
+        (([1.1], [1.0, 2.0], ["ordered"]), r"restitution = 1\.1: must be at least 0 and at most 1"),
+        (([0.9], [1.0, 2.0], ["orderly"]), "'orderly' is not known; choose from locked"),
+        (([0.9], [1.0, 2.0], ["locked(0)"]), "not known"),
+        (([0.9], [1.0, 2.0], []), "at least one condition"),
+    ],
+)
+def test_mistakes_are_named(arguments, words):
+    with pytest.raises(ParameterError, match=words):
+        find_windows(Scene(), *arguments)
+
+
+def test_conditions_on_launches_cannot_be_continued():
+    with pytest.raises(ParameterError, match="separated reads dt_min, which follows from the laun"):
+        find_windows(Scene(duration=12.0), [0.9], [1.0, 2.0], ["separated"], continuation=True)
+
+
+def test_an_unknown_variable_of_a_condition_is_refused():
+    with pytest.raises(ParameterError, match="dtmin is not a measured variable"):
+        Condition("mine", lambda ds: ds["dtmin"] > 0, ("dtmin",))
+
+
+@pytest.mark.parametrize("name", sorted(NAMED))
+def test_a_dataset_without_what_a_condition_reads_names_variable_and_key(name, paper):
+    import xarray as xr
+
+    condition = named(name)
+    with xr.open_dataset(paper, engine="h5netcdf") as dataset:
+        lacking = dataset.drop_vars(condition.variables, errors="ignore")
+        with pytest.raises(DataError) as caught:
+            condition.judge(lacking)
+    for variable in condition.variables:
+        assert variable in str(caught.value)
+    (key,) = condition.measures
+    assert f"set {key} = true in the [measure] section" in str(caught.value)
+
+
+def test_a_scene_refuses_what_it_cannot_launch():
+    for changes, words in (
+        ({"particles": 3, "launch": (0.0, 0.1)}, "launch .* 3 finite launch times"),
+        ({"duration": -1.0}, "duration = -1.0: must be finite and greater than 0"),
+        ({"transient": 5.0, "duration": 5.0}, "transient = 5.0"),
+        ({"rebound": "bounce"}, "rebound = 'bounce': must be one of rest, reflect"),
+        ({"gravity": 0.0}, "gravity = 0.0: must be finite and greater than 0"),
+    ):
+        with pytest.raises(ParameterError, match=words):
+            Scene(**changes)

@@ -1,0 +1,82 @@
+"""Figures of windows, bifurcation diagrams, basins and edges: what they show is what is given."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep.analysis.basins import basins
+from vibrosweep.analysis.bifurcation import bifurcation
+from vibrosweep.analysis.sampled import sampled_edges
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.analysis.windows import find_windows
+from vibrosweep.errors import DataError
+from vibrosweep.figures.basins import basins_of_attraction
+from vibrosweep.figures.bifurcation import bifurcation_diagram
+from vibrosweep.figures.sampled import edges_between_samples
+from vibrosweep.figures.stability import stability_windows
+
+SCENE = Scene(particles=2, duration=300.0)
+
+
+@pytest.fixture(scope="module")
+def windows():
+    conditions = ["locked(1)", "locked(4)", "periodic"]
+    scan = np.linspace(0.2, 6.0, 30)
+    return find_windows(SCENE, [0.8, 0.85, 0.9], scan, conditions, continuation=True)
+
+
+def labels(axes):
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_every_window_is_a_bar_between_its_ends(windows):
+    locked, periodic = stability_windows(windows).axes
+    assert labels(locked) == ["locked(1)", "locked(4)"]
+    assert labels(periodic) == ["periodic, up", "periodic, down"]
+    bars = [bar for bar in locked.patches if bar.get_height() > 0.0]
+    lower = windows["A_min"].sel(condition=["locked(1)", "locked(4)"], direction="up")
+    upper = windows["A_max"].sel(condition=["locked(1)", "locked(4)"], direction="up")
+    known = np.isfinite(lower.values)
+    assert sorted(bar.get_y() for bar in bars) == pytest.approx(sorted(lower.values[known]))
+    tops = [bar.get_y() + bar.get_height() for bar in bars]
+    assert sorted(tops) == pytest.approx(sorted(upper.values[known]))
+    names = [text.get_text() for text in locked.texts]
+    assert any("(4)" in name for name in names)
+    assert not any("(2)" in name for name in names)
+
+
+def test_a_dataset_without_windows_is_refused(windows):
+    with pytest.raises(DataError, match="figure stability_windows needs the variable A_min"):
+        stability_windows(windows.drop_vars("A_min"))
+
+
+def test_a_bifurcation_diagram_shows_every_impact_and_exponent():
+    diagram = bifurcation(SCENE, np.linspace(0.4, 3.4, 15), samples=5)
+    upper, lower = bifurcation_diagram(diagram).axes
+    shown = np.concatenate([np.asarray(c.get_offsets()) for c in upper.collections])
+    assert shown.shape == (2 * 15 * 2 * 5, 2)
+    assert np.nanmax(shown[:, 1]) == pytest.approx(float(diagram["rebound_velocity"].max()))
+    assert "speed at lift-off" in upper.get_ylabel()
+    heights = np.concatenate([np.asarray(line.get_ydata(), float) for line in lower.lines])
+    assert np.isfinite(heights).all()
+    assert lower.get_ylim()[0] < heights.min()
+
+
+def test_basins_are_named_with_their_fractions():
+    found = basins(Scene(duration=3000.0), np.linspace(0.0, 0.95, 20), np.linspace(0.0, 9.0, 15))
+    (axes,) = basins_of_attraction(found).axes
+    assert len(labels(axes)) == found.sizes["attractor"]
+    first = float(found["fraction"][0])
+    assert labels(axes)[0].endswith(f"{100 * first:.3g} %")
+    mesh = axes.collections[0].get_array()
+    assert np.array_equal(np.asarray(mesh).ravel(), found["basin"].values.ravel())
+
+
+def test_edges_between_samples_are_lines_from_side_to_side(paper):
+    with xr.open_dataset(paper, engine="h5netcdf") as dataset:
+        edges = sampled_edges(dataset, "collision_free")
+    (axes,) = edges_between_samples(edges).axes
+    segments = axes.collections[0].get_segments()
+    assert len(segments) == edges.sizes["edge"]
+    assert segments[0][0][1] == edges["amplitude_inside"].values[0]
+    assert labels(axes)[1:] == ["collision free", "not collision free"]

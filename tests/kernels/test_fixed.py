@@ -1,0 +1,69 @@
+"""Fixed orbits from Newton's method on the map against their closed forms."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from vibrosweep import theory
+from vibrosweep.kernels.fixed import ABSENT, ATTRACTS, REPELS, empty_fixed, find_fixed
+
+UNITS = {"frequency": 1.0, "gravity": 2.0}  # an amplitude is then its kick
+
+
+def solved(e, a, k, r=1e-4, reflect=None):
+    e, a, k, r = (np.array(v) for v in np.broadcast_arrays(e, a, k, r))
+    found = empty_fixed(e.size)
+    find_fixed(0, e.size, e.astype(float), a.astype(float), r.astype(float), k, reflect, found)
+    return found
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.7, 0.9, 0.99])
+def test_both_edges_divide_what_the_closed_forms_divide(k, e):
+    near = np.array([-1e-3, -1e-9, -1e-12, 1e-12, 1e-9])
+    lower = float(theory.amplitude_min(k, e, **UNITS)) * (1.0 + near)
+    upper = float(theory.amplitude_max(k, e, **UNITS)) * (1.0 + near)
+    assert solved(e, lower, k).state.tolist() == [ABSENT] * 3 + [ATTRACTS] * 2
+    assert solved(e, upper, k).state.tolist() == [ATTRACTS] * 3 + [REPELS] * 2
+
+
+@pytest.mark.parametrize("k", [1, 3])
+def test_phase_and_multiplier_are_the_closed_forms(k):
+    e = np.linspace(0.3, 0.99, 40)
+    low, high = theory.amplitude_min(k, e, **UNITS), theory.amplitude_max(k, e, **UNITS)
+    a = low + 0.4 * (high - low)
+    found = solved(e, a, k)
+    assert found.phase == pytest.approx(theory.locked_phase(k, e, a, **UNITS), abs=1e-12)
+    exact = theory.multipliers(k, e, a, **UNITS)
+    assert np.abs(found.multiplier) == pytest.approx(np.abs(exact).max(axis=1), rel=1e-10)
+
+
+def test_an_orbit_of_flights_no_longer_than_a_contact_is_none():
+    assert solved(0.9, 0.3, 1, r=np.array([0.9, 1.0, 2.0])).state.tolist() == [2, 0, 0]
+
+
+def test_plain_python_gives_the_bits_of_the_machine_code():
+    script = """
+import json, numpy as np
+from vibrosweep.kernels.fixed import empty_fixed, find_fixed
+found = empty_fixed(3)
+e, a, r = np.array([0.9, 0.5, 0.3]), np.array([0.3, 0.2, 0.75]), np.full(3, 1e-4)
+find_fixed(0, 3, e, a, r, np.ones(3, int), None, found)
+print(json.dumps([found.state.tolist(), found.phase.tolist()]))
+"""
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", script],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_DISABLE_JIT": off},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for off in ("0", "1")
+    ]
+    assert outputs[0] == outputs[1]
+    assert json.loads(outputs[0])[0] == [ATTRACTS, ABSENT, ATTRACTS]
