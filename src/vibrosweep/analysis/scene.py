@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
+from vibrosweep.sweep.asked import record_observation
 from vibrosweep.sweep.observation import Observation
-from vibrosweep.sweep.run import available_threads, coordinate_attributes, record_observation
+from vibrosweep.sweep.result import coordinate_attributes
+from vibrosweep.sweep.run import available_threads
 from vibrosweep.sweep.spec_rules import Axis
 
 if TYPE_CHECKING:
