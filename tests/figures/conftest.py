@@ -130,6 +130,7 @@ def measure(record, separation=True):
         shared = np.array([gap < 1e-4 for gap in gaps], dtype=np.int8)
         sweep["dt_min"] = ("realization", gaps)
         sweep["base_shared"] = ("realization", shared)
+        sweep["collision_free"] = ("realization", 1 - shared)
     return describe(sweep)
 
 

@@ -15,6 +15,7 @@ STEMS = [
     "fig2_height_time_all",
     "fig3_height_against_restitution",
     "fig4_return_map",
+    "separation_distribution",
     "parameter_plane",
 ]
 
@@ -30,7 +31,11 @@ def test_with_both_datasets_everything_is_available(sweep, twenty):
 
 
 def test_without_a_record_its_section_is_asked_for(sweep):
-    assert available(sweep, None) == ["height_against_restitution", "parameter_plane"]
+    assert available(sweep, None) == [
+        "height_against_restitution",
+        "separation_distribution",
+        "parameter_plane",
+    ]
     assert missing(sweep, None)["return_map"] == (
         "figure return_map needs the record of every landing: "
         "add a [record] section to the sweep file"
@@ -79,7 +84,11 @@ def test_the_same_data_give_the_same_files(sweep, twenty, tmp_path):
 
 def test_only_what_is_available_is_written(sweep, tmp_path):
     names = {path.name for path in save_all(sweep, None, tmp_path) if path.suffix == ".png"}
-    assert names == {"fig3_height_against_restitution.png", "parameter_plane.png"}
+    assert names == {
+        "fig3_height_against_restitution.png",
+        "separation_distribution.png",
+        "parameter_plane.png",
+    }
     assert save_all(None, None, tmp_path) == []
 
 

@@ -6,7 +6,6 @@ import pytest
 from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import return_map
-from vibrosweep.figures.returns import return_points
 
 
 def drawn_points(figure):
@@ -26,15 +25,6 @@ def test_points_lie_in_the_strip(rebound, amplitude, make_record):
     record = make_record(np.arange(10) / 10, 30.0, rebound, amplitude=amplitude)
     v, after = drawn_points(return_map(record)).T
     assert np.all(np.abs(after - 0.9 * v) <= amplitude + 1e-12)
-
-
-def test_the_first_point_starts_from_the_launch_and_the_rest_follow(make_record):
-    record = make_record()
-    before, after, late = return_points(record.isel(realization=0))
-    rebound = record.rebound_velocity.values[0, 0]
-    np.testing.assert_array_equal(before, [5.0, *rebound[:-1]])
-    np.testing.assert_array_equal(after, rebound)
-    np.testing.assert_array_equal(late, record.landing_time.values[0, 0] > 6.0)
 
 
 def test_all_particles_are_drawn_once(twenty):

@@ -49,7 +49,9 @@ def test_every_sweep_of_the_repository_is_sound(path):
 
 def test_all_sweeps_are_there():
     names = "basins bifurcation bifurcation_reflect laboratory million paper plane population"
-    names += " return_map sensitivity single_ball twenty_balls windows windows_hysteresis"
+    names += (
+        " return_map sensitivity separations single_ball twenty_balls windows windows_hysteresis"
+    )
     fewer = [f"population_{n:03}" for n in (5, 10, 20, 50)]
     assert [p.stem for p in SWEEPS] == sorted([*names.split(), *fewer])
 

@@ -9,7 +9,17 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Final
 
-from vibrosweep.commands import basins, bifurcation, figures, info, plan, run, verify, windows
+from vibrosweep.commands import (
+    basins,
+    bifurcation,
+    claims,
+    figures,
+    info,
+    plan,
+    run,
+    verify,
+    windows,
+)
 
 __all__ = ["COMMANDS"]
 
@@ -22,4 +32,5 @@ COMMANDS: Final[tuple[ModuleType, ...]] = (
     bifurcation,
     basins,
     verify,
+    claims,
 )

@@ -11,7 +11,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from vibrosweep.errors import OutputError
-from vibrosweep.figures import heights, plane, restitution, returns, style
+from vibrosweep.figures import data, heights, plane, restitution, returns, separations, style
 from vibrosweep.figures.data import Needs
 
 if TYPE_CHECKING:
@@ -73,6 +73,14 @@ def _height_time_all(record: xr.Dataset) -> Figure:
     return heights.height_time(record, None, heights.readable_until(record))
 
 
+def _separation_distribution(sweep: xr.Dataset) -> Figure:
+    from vibrosweep.analysis.separations import separation_distribution  # loads xarray
+
+    contact = float(data.quantity(sweep, "contact_time").min())
+    name = f"{sweep.sizes['realization']} realizations"
+    return separations.distributions([separation_distribution(sweep)], [name], contact)
+
+
 FIGURES: Final[Mapping[str, FigureEntry]] = {
     entry.name: entry
     for entry in (
@@ -107,6 +115,14 @@ FIGURES: Final[Mapping[str, FigureEntry]] = {
             "record",
             returns.NEEDS,
             returns.return_map,
+        ),
+        FigureEntry(
+            "separation_distribution",
+            "separation_distribution",
+            "distribution of the smallest separation",
+            "sweep",
+            separations.NEEDS,
+            _separation_distribution,
         ),
         FigureEntry(
             "parameter_plane",

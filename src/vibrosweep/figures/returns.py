@@ -16,7 +16,7 @@ from vibrosweep.figures.data import Array
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "return_map", "return_points"]
+__all__ = ["NEEDS", "return_map"]
 
 NEEDS: Final = data.Needs(
     (
@@ -62,9 +62,15 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     ParameterError
         There is no such realization.
     """
+    from vibrosweep.analysis.returns import return_points  # loads xarray, which drawing does not
+
     NEEDS.check("return_map", record)
     one = data.one_realization(record, realization)
-    before, after, late = return_points(one)
+    before, after, known = return_points(
+        one["rebound_velocity"].values, data.pick(one, "launch_velocity")
+    )
+    late = one["landing_time"].values[known] > data.pick(one, "duration") / 2.0
+    before, after = before[known], after[known]
     figure, axes = style.new_figure(style.COLUMN, 4.1)
     floor = data.pick(one, "amplitude") or data.pick(one, "launch_velocity") or 1.0
     top = 1.06 * max(float(np.max(before, initial=floor)), float(np.max(after, initial=floor)))
@@ -77,20 +83,6 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     axes.set_ylabel("next arrival speed $v_{n+1}$ (m s$^{-1}$)")
     style.head(axes, data.conditions(one), columns=2)
     return figure
-
-
-def return_points(one: xr.Dataset) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return pairs of successive arrival speeds and whether they are of the second half.
-
-    A flight lands as fast as it left the base: the rebound velocities, with the launch velocity in
-    front, are the arrival speeds.
-    """
-    after = one["rebound_velocity"].values
-    first = np.full((after.shape[0], 1), data.pick(one, "launch_velocity"))
-    before = np.concatenate([first, after[:, :-1]], axis=1)
-    late = one["landing_time"].values > data.pick(one, "duration") / 2.0
-    known = np.isfinite(before) & np.isfinite(after)
-    return before[known], after[known], late[known]
 
 
 def _draw_strip(axes: Axes, one: xr.Dataset, top: float) -> None:

@@ -25,17 +25,17 @@ def silent(done: int, total: int, /) -> None:
 
 
 @contextmanager
-def reporting(stream: TextIO) -> Iterator[Advance]:
-    """Report on `stream` how far a run is, how fast, and what remains.
+def reporting(stream: TextIO, things: str = "realizations") -> Iterator[Advance]:
+    """Report on `stream` how far a run is, how fast, and what remains, in `things`.
 
     Runs that take less than a moment report nothing.
     """
     if not stream.isatty():
-        yield _Lines(stream)
+        yield _Lines(stream, things)
         return
     from tqdm import tqdm  # only a terminal pays for the import
 
-    bar = tqdm(unit=" realizations", file=stream, leave=False, delay=SECONDS_BEFORE_BAR)
+    bar = tqdm(unit=f" {things}", file=stream, leave=False, delay=SECONDS_BEFORE_BAR)
 
     def advance(done: int, total: int, /) -> None:
         with suppress(OSError):  # a terminal that has gone must not end the run
@@ -52,8 +52,8 @@ def reporting(stream: TextIO) -> Iterator[Advance]:
 class _Lines:
     """A line of text now and then."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self.stream = stream
+    def __init__(self, stream: TextIO, things: str) -> None:
+        self.stream, self.things = stream, things
         self.last = time.monotonic()
         self.began: tuple[int, float] | None = None
 
@@ -67,7 +67,7 @@ class _Lines:
         rate = (done - before) / (now - since)
         with suppress(OSError):  # nor must a log that cannot be written
             print(
-                f"{done} of {total} realizations, {rate:.4g} per second, "
+                f"{done} of {total} {self.things}, {rate:.4g} per second, "
                 f"{(total - done) / rate:.0f} s remaining",
                 file=self.stream,
                 flush=True,

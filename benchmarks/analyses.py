@@ -1,0 +1,93 @@
+"""Processor time of every analysis on a grid of (restitution, amplitude) with twenty particles.
+
+Usage: python benchmarks/analyses.py [points per axis, default 200]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from vibrosweep import simulate
+from vibrosweep.analysis.crossings import crossings
+from vibrosweep.analysis.energy import energy_balance
+from vibrosweep.analysis.heights import heights_against_restitution
+from vibrosweep.analysis.meetings import first_shared_base
+from vibrosweep.analysis.order import order_of_landings
+from vibrosweep.analysis.preservation import separation_changes
+from vibrosweep.analysis.separations import separation_against, separation_distribution
+from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.landings import all_parameters
+from vibrosweep.sweep.run import record_observation
+
+PARTICLES = 20
+CHUNK = 1000
+
+spent: dict[str, float] = defaultdict(float)
+
+
+@contextmanager
+def timed(name: str) -> Iterator[None]:
+    before = time.process_time()
+    yield
+    spent[name] += time.process_time() - before
+
+
+def measured(e: np.ndarray, amplitude: np.ndarray) -> xr.Dataset:
+    """The sweep itself, with separations and regimes, over 12 s."""
+    plain = record_observation(PARTICLES, "staggered", 12.0, "rest", 10**6)
+    observation = replace(plain, transient=0.0, separation=True, regimes=True)
+    parameters = all_parameters({"restitution": e, "amplitude": amplitude})
+    with Workers(2) as workers:
+        found = measure(parameters, observation, workers)
+    names = ("dt_min", "collision_free", "rebound_height_max", "rebound_height_mean")
+    return xr.Dataset(
+        {name: ("realization", found[name]) for name in names},
+        coords={
+            **{name: ("realization", values) for name, values in parameters.items()},
+            "duration": 12.0,
+        },
+    )
+
+
+def main(points: int) -> None:
+    axes = np.linspace(0.80, 0.98, points), np.linspace(0.2, 3.5, points)
+    e, amplitude = (v.ravel() for v in np.meshgrid(*axes))
+    measured(e[:50], amplitude[:50])  # compiles
+    with timed("sweep with separations and regimes"):
+        sweep = measured(e, amplitude)
+    with timed("separation_distribution, separation_against, heights_against_restitution"):
+        separation_distribution(sweep)
+        for parameter in ("restitution", "amplitude"):
+            separation_against(sweep, parameter)
+        heights_against_restitution(sweep)
+    for start in range(0, e.size, CHUNK):
+        part = slice(start, start + CHUNK)
+        with timed("simulate, every landing"):
+            record = simulate(
+                restitution=e[part],
+                amplitude=amplitude[part],
+                launch_time=np.arange(PARTICLES) / PARTICLES,
+                duration=12.0,
+            )
+        for analysis in (order_of_landings, separation_changes, first_shared_base, energy_balance):
+            with timed(analysis.__name__):
+                analysis(record)
+        with timed("crossings"):
+            for realization in range(record.sizes["realization"]):
+                crossings(record, realization=realization)
+    print(f"{e.size} realizations of {PARTICLES} particles, processor time in s")
+    for name, seconds in spent.items():
+        print(f"{seconds:8.1f}  {name}")
+    print(f"{sum(spent.values()):8.1f}  all")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)

@@ -1,0 +1,80 @@
+"""When two particles are on the base together for the first time."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.analysis.records import Array, per_realization, variable
+from vibrosweep.analysis.requirements import require
+
+__all__ = ["first_shared_base"]
+
+NOBODY = -1
+
+
+def first_shared_base(record: xr.Dataset) -> xr.Dataset:
+    """First time at which two particles share the base, and which ones.
+
+    A particle is on the base from its landing to its lift-off, and for the contact time at least;
+    a stay that begins as another ends does not share the base with it.
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` returns it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim ``realization``: ``first_shared_time`` (s; NaN where it never happens within the
+        observation), ``occupant`` and ``newcomer``, the numbers of the particles, or -1.
+
+    Raises
+    ------
+    DataError
+        The record lacks a variable.
+    """
+    require(record, "first_shared_base", "landing_time", "liftoff_time", "contact_time")
+    contact = per_realization(record, "contact_time")
+    landing, liftoff = record["landing_time"].values, record["liftoff_time"].values
+    found = [_first(*one) for one in zip(landing, liftoff, contact, strict=True)]
+    dims = ("realization",)
+    return xr.Dataset(
+        {
+            "first_shared_time": variable(
+                dims, [f[0] for f in found], "first time at which two particles share the base", "s"
+            ),
+            "occupant": variable(dims, [f[1] for f in found], "particle that was on the base"),
+            "newcomer": variable(dims, [f[2] for f in found], "particle that landed beside it"),
+        }
+    )
+
+
+def _first(landing: Array, liftoff: Array, contact_time: float) -> tuple[float, int, int]:
+    """Time, occupant and newcomer; arrays of shape (particle, impact)."""
+    known = np.isfinite(landing)
+    who: NDArray[np.int64] = np.repeat(np.arange(len(landing)), known.sum(axis=1))
+    # without a lift-off the particle stays for good
+    leaves = np.where(np.isnan(liftoff), np.inf, np.maximum(liftoff, landing + contact_time))
+    order = np.argsort(landing[known], kind="stable")
+    who, begin, end = who[order], landing[known][order], leaves[known][order]
+    # stays of one particle never overlap, so the latest end so far is another one's
+    latest = np.maximum.accumulate(end)[:-1]
+    sharing = np.flatnonzero((begin[1:] < latest) & _another(who, end))
+    if not sharing.size:
+        return np.nan, NOBODY, NOBODY
+    k = int(sharing[0]) + 1
+    return float(begin[k]), int(who[int(np.argmax(end[:k]))]), int(who[k])
+
+
+def _another(who: NDArray[np.int64], end: Array) -> NDArray[np.bool_]:
+    """Whether the latest end before each stay but the first is that of another particle.
+
+    A flight of one contact time ends when the stay before it does, up to rounding.
+    """
+    holder = np.zeros(who.size, np.int64)
+    new = np.flatnonzero(end[1:] > np.maximum.accumulate(end)[:-1]) + 1
+    holder[new] = new
+    return np.asarray(who[np.maximum.accumulate(holder)[:-1]] != who[1:])

@@ -1,0 +1,87 @@
+"""The order in which particles land: how often it changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.analysis.records import Array, variable
+from vibrosweep.analysis.requirements import require
+
+__all__ = ["order_of_landings"]
+
+
+def order_of_landings(record: xr.Dataset, *, since: float = 0.0) -> xr.Dataset:
+    """How often the sequence of landings changes, and how often particles overtake each other.
+
+    The sequence s_1, s_2, ... names the particle of each landing in the order of time (particles
+    that land together stand in the order of their numbers).  N particles keep their order where
+    each repeats the landing N places before: s_(k+N) = s_k.  Where that fails the sequence
+    changes.  A particle overtakes another where it lands with its n-th impact before and with its
+    next impact after the other, or the other way round.
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` returns it.
+    since
+        Landings from this time on, in s, are taken.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim ``realization``: ``sequence_changes`` of ``sequence_pairs`` compared, and
+        ``overtakings`` of ``impact_pairs`` compared; the fractions are NaN where none are.
+
+    Raises
+    ------
+    DataError
+        The record lacks a variable.
+    """
+    require(record, "order_of_landings", "landing_time")
+    times = record["landing_time"].values
+    with np.errstate(invalid="ignore"):
+        times = np.where(times >= since, times, np.nan)
+    sequence = np.array([_sequence_changes(one) for one in times]).reshape(-1, 2)
+    impacts = np.array([_overtakings(one) for one in times]).reshape(-1, 2)
+    dims = ("realization",)
+    with np.errstate(invalid="ignore"):
+        fractions = [pair[:, 0] / pair[:, 1] for pair in (sequence, impacts)]
+    return xr.Dataset(
+        {
+            "sequence_changes": variable(dims, sequence[:, 0], "changes of the landing sequence"),
+            "sequence_pairs": variable(dims, sequence[:, 1], "landings N places apart compared"),
+            "sequence_change_fraction": variable(
+                dims, fractions[0], "fraction of landings that change the sequence"
+            ),
+            "overtakings": variable(dims, impacts[:, 0], "overtakings between two impacts"),
+            "impact_pairs": variable(dims, impacts[:, 1], "pairs of successive impacts compared"),
+            "overtaking_fraction": variable(
+                dims, fractions[1], "fraction of successive impacts with an overtaking"
+            ),
+        }
+    )
+
+
+def _sequence_changes(times: Array) -> tuple[int, int]:
+    """Changes and comparisons of one realization; times of shape (particle, impact)."""
+    particles = times.shape[0]
+    known = np.isfinite(times)
+    who: NDArray[np.int64] = np.broadcast_to(np.arange(particles)[:, np.newaxis], times.shape)[
+        known
+    ]
+    sequence = who[np.argsort(times[known], kind="stable")]
+    pairs = max(sequence.size - particles, 0)
+    return int(np.count_nonzero(sequence[particles:] != sequence[:pairs])), pairs
+
+
+def _overtakings(times: Array) -> tuple[int, int]:
+    """Overtakings and comparisons of one realization; times of shape (particle, impact)."""
+    overtakings = pairs = 0
+    for i in range(times.shape[0] - 1):
+        ahead = np.sign(times[i + 1 :] - times[i])
+        product = ahead[:, 1:] * ahead[:, :-1]
+        overtakings += int(np.count_nonzero(product < 0.0))
+        pairs += int(np.count_nonzero(np.isfinite(product)))
+    return overtakings, pairs

@@ -1,0 +1,75 @@
+"""Whether the separation of two particles is the same at the next impact (Eqs. 23, 24)."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from vibrosweep.analysis.records import Array, per_realization, variable
+from vibrosweep.analysis.requirements import require
+
+__all__ = ["separation_changes"]
+
+
+def separation_changes(
+    record: xr.Dataset, *, since: float = 0.0, landed_before: int = 0
+) -> xr.Dataset:
+    """How much the separation of two particles changes from an impact to the next.
+
+    The separation of particles i and j at impact n is t_j(n) - t_i(n); its change from n to n + 1
+    is compared with the contact time, the resolution that the model itself has.
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` returns it.
+    since
+        Landings from this time on, in s, are taken.
+    landed_before
+        The first impacts that are left out besides.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim ``realization``: ``change_max`` and ``change_median`` of all pairs of particles and
+        successive impacts (s), ``preserved_fraction`` with a change of at most the contact time,
+        and their number ``steps``; NaN where there are none.
+
+    Raises
+    ------
+    DataError
+        The record lacks a variable.
+    """
+    require(record, "separation_changes", "landing_time", "contact_time")
+    times = record["landing_time"].values[..., landed_before:]
+    with np.errstate(invalid="ignore"):
+        times = np.where(times >= since, times, np.nan)
+    contact = per_realization(record, "contact_time")
+    found = [_summary(_changes(one), tau) for one, tau in zip(times, contact, strict=True)]
+    largest, middle, preserved, steps = np.array(found).reshape(-1, 4).T
+    dims = ("realization",)
+    return xr.Dataset(
+        {
+            "change_max": variable(dims, largest, "largest change of a separation", "s"),
+            "change_median": variable(dims, middle, "median change of a separation", "s"),
+            "preserved_fraction": variable(
+                dims, preserved, "fraction of separations preserved to the contact time"
+            ),
+            "steps": variable(dims, steps.astype(np.int64), "separations compared"),
+        }
+    )
+
+
+def _changes(times: Array) -> Array:
+    """Absolute changes of all pairs of one realization; times of shape (particle, impact)."""
+    steps = np.diff(times, axis=1)
+    pairs = [np.abs(steps[i + 1 :] - steps[i]).ravel() for i in range(times.shape[0] - 1)]
+    changes = np.concatenate([np.empty(0), *pairs])
+    return np.asarray(changes[np.isfinite(changes)])
+
+
+def _summary(changes: Array, contact_time: float) -> tuple[float, float, float, float]:
+    if not changes.size:
+        return np.nan, np.nan, np.nan, 0.0
+    preserved = float(np.mean(changes <= contact_time))
+    return float(changes.max()), float(np.median(changes)), preserved, float(changes.size)

@@ -1,0 +1,102 @@
+"""The return map: each speed of arrival against the one before."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.analysis.records import Array, per_realization, variable
+from vibrosweep.analysis.requirements import require
+
+__all__ = ["NEEDS", "return_map", "return_points"]
+
+NEEDS: Final = (
+    "landing_time",
+    "rebound_velocity",
+    "launch_velocity",
+    "restitution",
+    "amplitude",
+    "duration",
+)
+
+
+def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) -> xr.Dataset:
+    """Pairs of successive speeds of arrival of all particles of one realization.
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` returns it.
+    realization
+        Which, by position.
+    since
+        Landings from this time on, in s, are taken.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim ``point``: ``arrival_speed``, ``next_arrival_speed``, ``kick`` = v' - e v (m s-1),
+        ``landing_time`` (s), ``particle`` and ``rested``.  The kick is within A where the law is
+        `rest` and the particle did not rest: the points lie in a strip of slope e.
+
+    Raises
+    ------
+    DataError
+        The record lacks a variable.
+    """
+    require(record, "return_map", *NEEDS, "rested")
+    one = record.isel(realization=realization)
+    speed = float(per_realization(record, "launch_velocity")[realization])
+    restitution = float(per_realization(record, "restitution")[realization])
+    before, after, known = return_points(one["rebound_velocity"].values, speed)
+    time = one["landing_time"].values
+    with np.errstate(invalid="ignore"):
+        known = known & (time >= since)
+    particle = np.broadcast_to(np.arange(time.shape[0])[:, np.newaxis], time.shape)
+    dims = ("point",)
+    return xr.Dataset(
+        {
+            "arrival_speed": variable(dims, before[known], "speed of arrival", "m s-1"),
+            "next_arrival_speed": variable(dims, after[known], "next speed of arrival", "m s-1"),
+            "kick": variable(
+                dims, after[known] - restitution * before[known], "kick v' - e v", "m s-1"
+            ),
+            "landing_time": variable(dims, time[known], "time of landing", "s"),
+            "particle": variable(dims, particle[known], "particle"),
+            "rested": variable(
+                dims,
+                one["rested"].values[known],
+                "the particle rested between the two",
+                flag_values=np.array([0, 1], np.int8),
+                flag_meanings="bounced rested",
+            ),
+        }
+    )
+
+
+def return_points(
+    rebound_velocity: Array, launch_velocity: float
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Speeds of arrival at each landing and at the next, and where both are known.
+
+    A flight lands as fast as it left the base: the rebound velocities, with the launch velocity in
+    front, are the speeds of arrival.
+
+    Parameters
+    ----------
+    rebound_velocity
+        m s-1, shape (particle, impact).
+    launch_velocity
+        m s-1.
+
+    Returns
+    -------
+    before, after, known
+        Each of the shape of the rebound velocities.
+    """
+    first = np.full((rebound_velocity.shape[0], 1), launch_velocity)
+    before = np.concatenate([first, rebound_velocity[:, :-1]], axis=1)
+    return before, rebound_velocity, np.isfinite(before) & np.isfinite(rebound_velocity)

@@ -1,0 +1,180 @@
+"""What heights, flight times and separations depend on: Sobol' indices of all parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Literal
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.analysis.records import Array, variable
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.scene import PARAMETERS
+from vibrosweep.sweep.engine import Observation, Workers, measure
+from vibrosweep.sweep.landings import all_parameters
+from vibrosweep.variables import SWEEP
+
+__all__ = ["OUTPUTS", "sobol_indices"]
+
+OUTPUTS: Final = ("rebound_height_max", "rebound_height_mean", "flight_time_mean", "dt_min")
+RESAMPLES: Final = 400
+BATCH: Final = 4096
+
+
+def sobol_indices(
+    ranges: Mapping[str, tuple[float, float]],
+    observation: Observation,
+    workers: Workers,
+    *,
+    outputs: Sequence[str] = OUTPUTS,
+    base: int = 1024,
+    seed: int = 0,
+    confidence: float = 0.95,
+) -> xr.Dataset:
+    """First-order and total Sobol' indices of measured variables, with confidence intervals.
+
+    Each parameter is uniform in its range, independent of the others.  The scheme is that of
+    Saltelli (2010) as `scipy.stats.sobol_indices` has it; it takes (parameters + 2) base
+    realizations.  Intervals are percentiles of a bootstrap over the base sample.
+
+    Parameters
+    ----------
+    ranges
+        Lower and upper end of each parameter that varies; the others are those of Table 1.
+    observation
+        What is launched and watched; it must measure the outputs.
+    workers
+        Threads to use.
+    outputs
+        Variables with one number per realization.
+    base
+        Size of the base sample, a power of 2.
+    seed
+        Of the sample and of the bootstrap.
+    confidence
+        Level of the intervals.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (output, parameter): ``first_order`` and ``total_order``, each with ``_low`` and
+        ``_high``; dim ``output``: ``mean`` and ``standard_deviation`` over the sample.
+
+    Raises
+    ------
+    ParameterError
+        A range or the base is not allowed.
+    DataError
+        An output is undefined in some realizations, or the same in all.
+    """
+    from scipy.stats import qmc
+
+    _require_ranges(ranges, base)
+    low, high = np.array(list(ranges.values()), dtype=np.float64).T
+    points = qmc.Sobol(2 * low.size, seed=np.random.default_rng(seed)).random(base)
+    a, b = (low + (high - low) * half for half in np.split(points, 2, axis=1))
+    mixed = [np.where(np.arange(low.size) == k, b, a) for k in range(low.size)]
+    found = _measured(np.concatenate([a, b, *mixed]), tuple(ranges), observation, workers, outputs)
+    parts = found.reshape(len(outputs), 2 + low.size, base)
+    first, total = _indices(parts)
+    random = np.random.default_rng(seed + 1)
+    resampled = np.array(
+        [_indices(parts[:, :, random.integers(base, size=base)]) for _ in range(RESAMPLES)]
+    )
+    tail = (1.0 - confidence) / 2.0
+    ends = np.quantile(resampled, [tail, 1.0 - tail], axis=0)
+    return _index_dataset(first, total, ends, parts, tuple(outputs), tuple(ranges))
+
+
+def _require_ranges(ranges: Mapping[str, tuple[float, float]], base: int) -> None:
+    for name, (low, high) in ranges.items():
+        if name not in PARAMETERS:
+            raise ParameterError(f"{name}: must be one of {', '.join(PARAMETERS)}")
+        if not (np.all(PARAMETERS[name].accepts([low, high])) and low < high):
+            raise ParameterError(
+                f"{name} = [{low!r}, {high!r}]: must be a range of numbers that are "
+                f"{PARAMETERS[name].allowed}"
+            )
+    if not ranges:
+        raise ParameterError("ranges: must name at least one parameter that varies")
+    if base < 2 or base & (base - 1):
+        raise ParameterError(f"base = {base}: must be a power of 2, at least 2")
+
+
+def _measured(
+    points: Array,
+    names: Sequence[str],
+    observation: Observation,
+    workers: Workers,
+    outputs: Sequence[str],
+) -> Array:
+    """Outputs at the points, shape (output, point)."""
+    found = []
+    for start in range(0, len(points), BATCH):
+        given = dict(zip(names, points[start : start + BATCH].T, strict=True))
+        measured = measure(all_parameters(given), observation, workers)
+        _require_outputs(measured, outputs)
+        found.append(np.array([measured[name] for name in outputs], dtype=np.float64))
+    values = np.concatenate(found, axis=1)
+    for name, row in zip(outputs, values, strict=True):
+        undefined = int(np.count_nonzero(~np.isfinite(row)))
+        if undefined:
+            raise DataError(
+                f"sobol_indices: {name} is undefined in {undefined} of {row.size} realizations: "
+                f"lengthen the duration, or take ranges in which all particles land"
+            )
+        if np.ptp(row) == 0.0:
+            raise DataError(f"sobol_indices: {name} is the same in all realizations")
+    return values
+
+
+def _require_outputs(measured: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> None:
+    absent = [name for name in outputs if name not in measured]
+    if absent:
+        key = SWEEP[absent[0]].key.removeprefix("measure.") if absent[0] in SWEEP else ""
+        remedy = f"set {key} = true in the observation" if key else "it is not a measured variable"
+        raise DataError(f"sobol_indices needs the variable {absent[0]}: {remedy}")
+
+
+def _indices(parts: Array) -> tuple[Array, Array]:
+    """First-order and total indices, each of shape (output, parameter)."""
+    from scipy.stats import sobol_indices as scipy_indices
+
+    functions: dict[Literal["f_A", "f_B", "f_AB"], Array] = {
+        "f_A": parts[:, 0],
+        "f_B": parts[:, 1],
+        "f_AB": np.moveaxis(parts[:, 2:], 1, 0),
+    }
+    found = scipy_indices(func=functions, n=parts.shape[2])
+    shape = (parts.shape[0], parts.shape[1] - 2)  # scipy drops the axis of a single output
+    return found.first_order.reshape(shape), found.total_order.reshape(shape)
+
+
+def _index_dataset(
+    first: Array,
+    total: Array,
+    ends: Array,
+    parts: Array,
+    outputs: tuple[str, ...],
+    names: tuple[str, ...],
+) -> xr.Dataset:
+    dims = ("output", "parameter")
+    known = parts[:, :2].reshape(len(outputs), -1)
+    variables = {}
+    for i, (name, values) in enumerate((("first_order", first), ("total_order", total))):
+        words = f"{name.replace('_', '-')} Sobol' index"
+        variables[name] = variable(dims, values, words)
+        for end, side in ((0, "low"), (1, "high")):
+            variables[f"{name}_{side}"] = variable(dims, ends[end, i], f"{side} end, {words}")
+    return xr.Dataset(
+        {
+            **variables,
+            "mean": variable(("output",), known.mean(axis=1), "mean, in the output's own unit"),
+            "standard_deviation": variable(
+                ("output",), known.std(axis=1), "standard deviation, in the output's own unit"
+            ),
+        },
+        coords={"output": list(outputs), "parameter": list(names)},
+    )

@@ -1,0 +1,45 @@
+"""``vibrosweep claims``: judge every claim of the study by computation."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+from vibrosweep.commands.arguments import positive
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "claims"
+HELP: Final = "judge every claim of the study by computation; write a page and a JSON file"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, default=Path("claims"), help="default: claims"
+    )
+    parser.add_argument("--pictures", action="store_true", help="write the figures as PNG too")
+    parser.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    from vibrosweep.claims.collect import judge_all
+    from vibrosweep.claims.report import plain, prepare, write
+    from vibrosweep.sweep.progress import reporting
+    from vibrosweep.sweep.run import available_threads
+
+    prepare(options.output)
+    threads = options.threads or available_threads()
+    began = time.perf_counter()
+    with reporting(sys.stderr, "claims") as advance:
+        claims = judge_all(threads, advance)
+    written = write(claims, options.output, threads, pictures=options.pictures)
+    for claim in claims:
+        print(f"{claim.number:2d}  {claim.outcome.verdict.value:30s}  {plain(claim.sentence)}")
+    print(f"{time.perf_counter() - began:.1f} s")
+    for path in written:
+        print(path)

@@ -1,0 +1,46 @@
+"""Heights of particles with the instants at which two of them are at one height."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from vibrosweep.figures import style
+from vibrosweep.figures.heights import height_time
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["heights_and_crossings"]
+
+
+@style.styled
+def heights_and_crossings(record: xr.Dataset, found: xr.Dataset, *, realization: int = 0) -> Figure:
+    """Draw heights against time and a circle on every crossing.
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` returns it.
+    found
+        What `vibrosweep.analysis.crossings.crossings` found in it.
+    realization
+        Which, by position.
+    """
+    figure = height_time(record, realization=realization)
+    axes = figure.axes[0]
+    axes.plot(
+        found["time"].values,
+        found["height"].values,
+        linestyle="none",
+        marker="o",
+        markersize=6.0,
+        markerfacecolor="none",
+        markeredgecolor="black",
+        markeredgewidth=0.8,
+        label="crossing",
+        zorder=3,
+    )
+    style.head(axes, "", columns=5)
+    return figure

@@ -1,0 +1,45 @@
+"""Errors of landing times of a fixed-step scheme."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from vibrosweep.figures import style
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["errors_in_time"]
+
+
+@style.styled
+def errors_in_time(errors: Sequence[xr.DataArray], names: Sequence[str]) -> Figure:
+    """Draw absolute errors against the exact landing times, one colour for each step.
+
+    Parameters
+    ----------
+    errors
+        Dims (particle, impact), s, with a coordinate ``landing_time`` (s).
+    names
+        Of the steps.
+    """
+    figure, axes = style.new_figure(style.MEDIUM, 3.0)
+    for one, name, colour in zip(errors, names, style.OKABE_ITO, strict=False):
+        axes.plot(
+            one["landing_time"].values.T.ravel(),
+            one.values.T.ravel(),
+            linestyle="none",
+            marker="o",
+            markersize=2.5,
+            markeredgewidth=0.0,
+            color=colour,
+            label=name,
+        )
+    axes.set_yscale("log")
+    axes.set_xlabel("landing time (s)")
+    axes.set_ylabel("error of landing time (s)")
+    style.head(axes, "")
+    return figure

@@ -1,0 +1,103 @@
+"""Distributions of the smallest separation, and its decay inside a slot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vibrosweep.figures import data, style
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NEEDS", "decay_in_a_slot", "distributions"]
+
+NEEDS: Final = data.Needs(("dt_min", "collision_free", "contact_time", "duration"))
+
+# Separations below this are drawn at the left edge, s
+EDGE: Final = 1e-9
+
+
+@style.styled
+def distributions(found: Sequence[xr.Dataset], names: Sequence[str], contact_time: float) -> Figure:
+    """Draw empirical distributions of the smallest separation.
+
+    Parameters
+    ----------
+    found
+        What `vibrosweep.analysis.separations.separation_distribution` found, for each curve.
+    names
+        Of the curves.
+    contact_time
+        Marked by a line, s.
+    """
+    figure, axes = style.new_figure(style.MEDIUM, 2.9)
+    for one, name, colour in zip(found, names, style.OKABE_ITO, strict=False):
+        at = np.maximum(one["separation"].values, EDGE)
+        fraction = one["cumulative_fraction"].values
+        axes.step(
+            np.concatenate([[EDGE], at, [1.0]]),
+            np.concatenate([[0.0], fraction, fraction[-1:]]),
+            where="post",
+            color=colour,
+            linewidth=1.2,
+            label=name,
+        )
+    axes.axvline(contact_time, color="black", linestyle=(0, (5, 2)), linewidth=0.8)
+    axes.annotate(
+        r"$\tau_c$",
+        (contact_time, 0.03),
+        xytext=(3, 0),
+        textcoords="offset points",
+    )
+    axes.set_xscale("log")
+    axes.set(xlim=(EDGE, 1.0), ylim=(0.0, 1.02))
+    axes.set_xlabel(r"smallest separation $\Delta t_{\mathrm{min}}$ (s)")
+    axes.set_ylabel("fraction of realizations\nwith at most this")
+    style.head(axes, "")
+    return figure
+
+
+@style.styled
+def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
+    """Draw the separation of two particles in one slot, and the decay of their multipliers.
+
+    Parameters
+    ----------
+    found
+        What `vibrosweep.analysis.decay.slot_decay` found.
+    realization
+        Which, by position.
+    """
+    one = found.isel(realization=realization)
+    separation = np.abs(one["separation"].values)
+    number = np.arange(separation.size)
+    figure, axes = style.new_figure(style.MEDIUM, 2.9)
+    some = separation > 0.0
+    axes.plot(
+        number[some],
+        separation[some],
+        linestyle="none",
+        marker="o",
+        markersize=2.0,
+        markeredgewidth=0.0,
+        color=style.OKABE_ITO[0],
+        label="two particles",
+    )
+    modulus = float(one["modulus_predicted"])
+    axes.plot(
+        number,
+        separation[:20].max() * modulus**number,
+        color=style.OKABE_ITO[1],
+        linestyle=(0, (5, 2)),
+        label=f"multipliers: {modulus:.4f} per cycle",
+    )
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=0.3 * separation[some].min())
+    axes.set_xlabel("cycle")
+    axes.set_ylabel("separation (s)")
+    style.head(axes, f"fitted: {float(one['modulus_fitted']):.4f} per cycle")
+    return figure

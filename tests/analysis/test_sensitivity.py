@@ -1,0 +1,122 @@
+"""Sobol' indices of functions whose indices are known, and plateaus of heights."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep import theory
+from vibrosweep.analysis import sensitivity
+from vibrosweep.analysis.heights import heights_against_restitution
+from vibrosweep.analysis.sensitivity import sobol_indices
+from vibrosweep.errors import DataError, ParameterError
+
+RANGES = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "gravity": (9.0, 10.0)}
+
+
+@pytest.fixture
+def linear(monkeypatch):
+    """A measured variable that is linear in the parameters, in place of the engine."""
+
+    def measure(parameters, observation, workers):
+        e, a = parameters["restitution"], parameters["amplitude"]
+        return {"dt_min": (e - 0.8) / 0.18 + 2.0 * (a - 0.2) / 3.3}
+
+    monkeypatch.setattr(sensitivity, "measure", measure)
+
+
+def test_indices_of_a_linear_function_are_its_shares_of_variance(linear):
+    found = sobol_indices(RANGES, None, None, outputs=["dt_min"], base=512)
+    # variances 1/12 and 4/12: shares 0.2, 0.8 and nothing for gravity; no interactions
+    np.testing.assert_allclose(found["first_order"][0], [0.2, 0.8, 0.0], atol=0.01)
+    np.testing.assert_allclose(found["total_order"][0], [0.2, 0.8, 0.0], atol=0.01)
+    np.testing.assert_allclose(found["mean"], [1.5], atol=1e-2)
+    for name in ("first_order", "total_order"):
+        low, high = found[f"{name}_low"].values, found[f"{name}_high"].values
+        assert np.all(low <= found[name].values + 1e-12)
+        assert np.all(found[name].values <= high + 1e-12)
+        assert 0.0 < high[0, 1] - low[0, 1] < 0.3
+
+
+def test_indices_repeat_with_the_seed(linear):
+    runs = [
+        sobol_indices(RANGES, None, None, outputs=["dt_min"], base=64, seed=s) for s in (1, 1, 2)
+    ]
+    xr.testing.assert_identical(runs[0], runs[1])
+    assert not runs[0].equals(runs[2])
+
+
+def test_indices_of_one_impact_follow_from_its_height(observe, workers):
+    """Without excitation the first rebound is e^2 v0^2 / 2g high: a product of functions."""
+    ranges = {"restitution": (0.5, 0.9), "launch_velocity": (4.0, 5.0)}
+    zero = {"amplitude": (0.0, 1e-12)}
+    found = sobol_indices(
+        ranges | zero,
+        observe((0.0,), duration=1.1, separation=False),
+        workers,
+        outputs=["rebound_height_max"],
+        base=1024,
+    )
+    # mean of x^2 and of x^4 for x uniform in each range
+    ((m1, s1), (m2, s2)) = (
+        [(b**n - a**n) / n / (b - a) for n in (3, 5)] for a, b in ranges.values()
+    )
+    total = s1 * s2 - (m1 * m2) ** 2
+    first = [(s1 - m1**2) * m2**2 / total, m1**2 * (s2 - m2**2) / total, 0.0]
+    whole = [(s1 - m1**2) * s2 / total, s1 * (s2 - m2**2) / total, 0.0]
+    np.testing.assert_allclose(found["first_order"][0], first, atol=0.02)
+    np.testing.assert_allclose(found["total_order"][0], whole, atol=0.02)
+    speed = 9.81 * 2  # mean height e^2 v0^2 / 2g
+    np.testing.assert_allclose(found["mean"], [m1 * m2 / speed], rtol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "base", "text"),
+    [
+        ({"restitution": (0.9, 1.2)}, 64, "restitution"),
+        ({"restitution": (0.9, 0.9)}, 64, "restitution"),
+        ({"speed": (0.0, 1.0)}, 64, "speed"),
+        ({}, 64, "at least one"),
+        (RANGES, 100, "power of 2"),
+    ],
+)
+def test_bad_ranges_are_named(ranges, base, text):
+    with pytest.raises(ParameterError, match=text):
+        sobol_indices(ranges, None, None, base=base)
+
+
+def test_outputs_must_be_measured_and_defined(observe, workers):
+    observation = observe((0.0, 0.5), duration=3.0, separation=False)
+    with pytest.raises(DataError, match="dt_min: set separation = true"):
+        sobol_indices(RANGES, observation, workers, outputs=["dt_min"], base=2)
+    short = observe((0.0, 0.5), duration=0.1)
+    with pytest.raises(DataError, match="undefined in 10 of 10"):
+        sobol_indices(RANGES, short, workers, outputs=["rebound_height_max"], base=2)
+
+
+def heights_sweep(e, height):
+    return xr.Dataset(
+        {
+            "rebound_height_max": ("realization", height),
+            "rebound_height_mean": ("realization", height / 2.0),
+        },
+        coords={"restitution": ("realization", e), "frequency": 1.0, "gravity": 9.81},
+    )
+
+
+def test_plateaus_are_recognised():
+    e = np.linspace(0.8, 0.98, 90)
+    height = np.where(np.arange(90) % 3 == 0, theory.locked_height(2), 1.0 + e)
+    found = heights_against_restitution(heights_sweep(e, height), bins=3)
+    np.testing.assert_array_equal(found["mode"], np.where(np.arange(90) % 3 == 0, 2, 0))
+    np.testing.assert_allclose(found["plateau_fraction"], 1.0 / 3.0)
+    assert float(found["plateau_deviation"]) == 0.0
+
+
+def test_the_change_of_height_is_that_of_the_medians():
+    e = np.linspace(0.8, 0.98, 90)
+    found = heights_against_restitution(heights_sweep(e, 10.0 * e), bins=9)
+    low, high = np.median(e[:10]), np.median(e[80:])
+    np.testing.assert_allclose(found["relative_change"], high / low - 1.0, rtol=1e-12)
+    np.testing.assert_allclose(found["rank_correlation"], 1.0)
+    with pytest.raises(DataError, match="differ in restitution"):
+        heights_against_restitution(heights_sweep(np.full(90, 0.9), 10.0 * e))
