@@ -115,7 +115,7 @@ def run(
     chunk: int | None = None,
     force: bool = False,
 ) -> xr.Dataset:
-    """Compute a sweep file and open the result.
+    """Compute a sweep file and open the result; a run that was ended early is continued.
 
     Parameters
     ----------
@@ -126,14 +126,17 @@ def run(
     threads
         Number of threads, by default all processors; the result does not depend on it.
     chunk
-        Realizations computed at a time; the result does not depend on it.
+        Realizations in a chunk, by default some seconds of work; the result does not depend on it.
     force
-        Whether an existing output is replaced.
+        Whether an existing output is replaced, and an unfinished run thrown away.
 
     Raises
     ------
     SpecError, TableError, OutputError, ParameterError
         The sweep file or its table holds mistakes, or the output cannot be written.
+    RunError
+        Another run or an unfinished one stands in the way, or chunks failed; the same call again
+        continues with those that are missing.
     """
     path = Path(output)
     checked = read_spec(spec)

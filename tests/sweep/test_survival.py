@@ -29,7 +29,6 @@ restitution = [0.8, 0.98]
 frequency = [0.5, 3.0]
 [measure]
 separation = true
-regimes = true
 [record]
 restitution = 0.9
 frequency = 1.0
@@ -113,7 +112,7 @@ def test_the_same_file_however_it_is_cut(sweep, expected, tmp_path, threads, chu
     assert not run_directory(tmp_path / "out.h5").exists()
 
 
-@pytest.mark.parametrize("after", range(CHUNKS))
+@pytest.mark.parametrize("after", [0, 3, CHUNKS - 1])
 def test_a_run_continues_with_what_is_missing(sweep, expected, computed, tmp_path, after):
     with unfinished(sweep, after):
         assert len(parts(tmp_path)) == after
@@ -156,7 +155,7 @@ def test_an_output_that_appeared_meanwhile_is_kept(sweep, tmp_path):
     assert len(parts(tmp_path)) == 3
 
 
-@pytest.mark.parametrize("place", [0.0, 0.3, 0.6, 0.999])
+@pytest.mark.parametrize("place", [0.0, 0.4, 0.999])
 def test_a_flipped_bit_is_noticed(sweep, expected, computed, tmp_path, place):
     with unfinished(sweep, 5):
         directory = run_directory(tmp_path / "out.h5")
@@ -190,8 +189,8 @@ def test_a_disk_that_changes_what_it_holds_is_said(sweep, tmp_path, monkeypatch)
         ("[record]\nrestitution = 0.9", "[record]\nrestitution = 0.91", ["record.restitution"]),
         (SWEEP[SWEEP.index("[record]") :], "", ["record.restitution: was 0.9, is not given"]),
         (
-            "separation = true\nregimes = true",
-            "trust = true\nregimes = true",
+            "separation = true",
+            "trust = true",
             ["measure.separation: was True, is False", "measure.trust: was False, is True"],
         ),
     ],

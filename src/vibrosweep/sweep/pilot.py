@@ -72,6 +72,9 @@ class Cost:
         return self.start > SECONDS_TO_LOAD
 
 
+UNKNOWN: Final = Cost(math.nan, math.nan, math.nan, 0.0, 0.0, {})
+
+
 def explore(
     spec: SweepSpec, design: Design, workers: Workers, seconds: float, enough: float = 0.0
 ) -> Cost:
@@ -87,7 +90,7 @@ def explore(
     workers
         Threads to use; the cost is that of a run with as many.
     seconds
-        Time that this may take, about.
+        Time that this may take, about, beside loading or compiling kernels.
     enough
         Seconds below which the whole sweep need not be known more exactly.
     """
@@ -96,25 +99,25 @@ def explore(
     began = time.perf_counter()
     shares = list(_shares(spec, design))
     sampled = _sampled(spec, design, size)
-    start, _ = _timed(spec, sampled, size, shares[0], workers)
+    start = 0.0
     before = (0.0, 0.0, 0.0)
     while True:
         share = shares.pop(0)
+        # twice, for the first time may load or compile kernels, other ones for other durations
+        first, _ = _timed(spec, sampled, size, share, workers)
         took, columns = _timed(spec, sampled, size, share, workers)
+        start += max(first - took, 0.0)
         now = (share, took / size, float(columns["impact_count"].mean()))
         cost = _extrapolated(before, now, start, columns)
         before = now
         left = seconds - (time.perf_counter() - began - start)
         settled = share == 1.0 and (size == most or cost.seconds * design.realizations < enough)
-        if settled or STEP * took > left:
+        if settled or 2 * STEP * took > left:
             return cost
         if not shares:
             shares, before = [1.0], (0.0, 0.0, 0.0)
             size = min(most, STEP * size)
             sampled = _sampled(spec, design, size)
-
-
-UNKNOWN: Final = Cost(math.nan, math.nan, math.nan, 0.0, 0.0, {})
 
 
 def memory_per_realization(spec: SweepSpec, design: Design, workers: Workers) -> float:

@@ -92,7 +92,7 @@ def retry_failed(
         if manifest is None and rows:
             with Workers(threads) as workers:
                 plan = make_plan(spec, workers, chunk, rows=rows)
-            manifest = Manifest(now, len(rows), plan.chunk, replaces=True)
+            manifest = Manifest(now, len(rows), plan.chunk, replaces=force)
             write_manifest(directory, manifest)
         if manifest is None:
             with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
