@@ -9,8 +9,16 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Final
 
-from vibrosweep.commands import figures, info, plan, run, verify
+from vibrosweep.commands import doctor, figures, info, plan, run, verify, warmup
 
 __all__ = ["COMMANDS"]
 
-COMMANDS: Final[tuple[ModuleType, ...]] = (plan, run, info, figures, verify)
+COMMANDS: Final[tuple[ModuleType, ...]] = (
+    plan,
+    run,
+    info,
+    figures,
+    verify,
+    doctor,
+    warmup,
+)
