@@ -45,6 +45,19 @@ def test_lines_now_and_then(clock):
     ]
 
 
+def test_a_run_that_continues(clock):
+    """Its speed is that of its own work, and it says nothing until there is some."""
+    stream = io.StringIO()
+    with reporting(stream) as advance:
+        for second, done in ((15.0, 600), (30.0, 600), (45.0, 630), (60.0, 660)):
+            clock[0] = second
+            advance(done, 1000)
+    assert stream.getvalue().splitlines() == [
+        "630 of 1000 realizations, 1 per second, 370 s remaining",
+        "660 of 1000 realizations, 1.333 per second, 255 s remaining",
+    ]
+
+
 def test_a_short_run_says_nothing():
     stream = io.StringIO()
     with reporting(stream) as advance:
@@ -69,6 +82,7 @@ def test_a_stream_that_has_gone_ends_no_run(clock, monkeypatch, terminal):
     with reporting(Gone(terminal)) as advance:
         clock[0] = 100.0
         advance(1, 2)
+        clock[0] = 200.0
         advance(2, 2)
 
 

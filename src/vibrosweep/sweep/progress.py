@@ -54,14 +54,17 @@ class _Lines:
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
-        self.began = self.last = time.monotonic()
+        self.last = time.monotonic()
+        self.began: tuple[int, float] | None = None
 
     def __call__(self, done: int, total: int, /) -> None:
         now = time.monotonic()
-        if now - self.last < SECONDS_BETWEEN_LINES:
+        # what an earlier run has finished says nothing of how fast this one is
+        before, since = self.began = self.began or (done, now)
+        if now - self.last < SECONDS_BETWEEN_LINES or done == before or now == since:
             return
         self.last = now
-        rate = done / (now - self.began)
+        rate = (done - before) / (now - since)
         with suppress(OSError):  # nor must a log that cannot be written
             print(
                 f"{done} of {total} realizations, {rate:.4g} per second, "
