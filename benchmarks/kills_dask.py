@@ -23,7 +23,6 @@ import psutil
 
 from accuracy import processor, table, write_section
 from kills import CHUNK, CHUNKS, SWEEP, contents, finished, killed, run_words
-from vibrosweep.store.parts import MANIFEST
 from vibrosweep.store.rundir import run_directory
 
 REPORT = Path(__file__).parents[1] / "docs" / "cluster.md"
@@ -63,15 +62,17 @@ def workers_of(process: subprocess.Popen) -> list[psutil.Process]:
 def disturbed(words: list[str], run: Path, findings: Findings, rng: np.random.Generator) -> None:
     """Run a command and kill its workers until it ends or is killed itself.
 
-    Workers are killed once the run has begun: where one dies before all have started, the run ends
-    with a message that says so.
+    Workers are killed once they have finished a chunk: where one dies before all have started, the
+    run ends with a message that says so.
     """
+    before = finished(run, run)[0].keys()
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
         while True:
             try:
                 _, message = process.communicate(timeout=rng.uniform(0.0, 3.0))
             except subprocess.TimeoutExpired:
-                victims = workers_of(process) if (run / MANIFEST).exists() else []
+                at_work = finished(run, run)[0].keys() - before
+                victims = workers_of(process) if at_work else []
                 if rng.random() < CLIENT:
                     process.kill()
                     findings.clients += 1
