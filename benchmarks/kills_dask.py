@@ -1,6 +1,6 @@
 """Kill Dask workers, and now and then the run itself, and see what is lost.
 
-    python benchmarks/kills_dask.py [--kills 100] [--workers 2] [--seed 1] [--write]
+    python benchmarks/kills_dask.py [--kills 100] [--workers 2] [--minutes 60] [--seed 1] [--write]
 
 As `kills.py`, on worker processes: after random times one of them is killed with SIGKILL, or, one
 time in eight, the process that holds the scheduler and the run; then the run is started again.  At
@@ -86,8 +86,9 @@ def disturbed(words: list[str], run: Path, findings: Findings, rng: np.random.Ge
             return
 
 
-def campaign(directory: Path, kills: int, workers: int, seed: int) -> Findings:
-    """Kill until so many kills are done, and finish the last round."""
+def campaign(directory: Path, kills: int, workers: int, seed: int, seconds: float) -> Findings:
+    """Kill until so many kills are done or the time is over, and finish the last round."""
+    until = time.perf_counter() + seconds
     rng = np.random.default_rng(seed)
     (directory / "sweep.toml").write_text(LONGER, encoding="utf-8")
     output = directory / "out.h5"
@@ -96,7 +97,7 @@ def campaign(directory: Path, kills: int, workers: int, seed: int) -> Findings:
     output.unlink()
     run = run_directory(output)
     findings, before = Findings(), set()
-    while findings.kills < kills or before:
+    while (findings.kills < kills and time.perf_counter() < until) or before:
         disturbed(run_words(directory, ["--workers", str(workers)]), run, findings, rng)
         found, torn = finished(run, output)
         findings.torn += torn
@@ -131,12 +132,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=60.0, help="begin no more kills after")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--write", action="store_true", help="write the table into the report")
     options = parser.parse_args()
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as directory:
-        findings = campaign(Path(directory), options.kills, options.workers, options.seed)
+        findings = campaign(
+            Path(directory), options.kills, options.workers, options.seed, 60.0 * options.minutes
+        )
     text = report(findings, options.workers, time.perf_counter() - began, options.seed)
     print(text) if not options.write else write_section("kills", text, REPORT)
     raise SystemExit(1 if findings.failures else 0)
