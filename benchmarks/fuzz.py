@@ -250,15 +250,17 @@ def fuzz_results(directory: Path, rng: np.random.Generator, number: int) -> Find
     for round_number in range(number):
         name, words = commands[0 if round_number % 10 else rng.integers(len(commands))]
         path = directory / "damaged.h5"
-        # a third of the attempts go to those parts at the beginning that say what is where
-        data = spoilt_bytes(rng, whole, 8192 if rng.random() < 0.3 else None)
+        sealed = bool(rng.random() < 0.7)  # what has no seal is read in a process of its own first
+        given = whole if sealed else whole[: whole.rindex(b"\nvibrosweep seal")]
+        # a third of the attempts go to the parts at the beginning that say what is where
+        data = spoilt_bytes(rng, given, 8192 if rng.random() < 0.3 else None)
         path.write_bytes(data)
         if rng.random() < 0.2:
             changed(rng, path, whole)
         end, said = attempt(name, path, *words)
         note(findings, end, said, f"{name} of attempt {round_number}")
         same = said.replace(str(path), str(sound)) == expected[name][1]
-        if end == "accepted" and data != whole and not same and "seal" not in said:
+        if sealed and end == "accepted" and not same and "no seal" not in said:
             findings.failures.append(f"{name}, attempt {round_number}: accepted, other numbers")
     return findings
 
