@@ -13,11 +13,13 @@ from vibrosweep.commands import (
     basins,
     bifurcation,
     claims,
+    doctor,
     figures,
     info,
     plan,
     run,
     verify,
+    warmup,
     windows,
 )
 
@@ -33,4 +35,6 @@ COMMANDS: Final[tuple[ModuleType, ...]] = (
     basins,
     verify,
     claims,
+    doctor,
+    warmup,
 )

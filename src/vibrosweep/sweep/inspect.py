@@ -14,6 +14,7 @@ from vibrosweep.status import Status
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.reading import no_result, reading
 from vibrosweep.store.rundir import run_directory
+from vibrosweep.store.seal import State, state_of
 from vibrosweep.sweep.summary import Summary, unsettled
 from vibrosweep.variables import OF_REALIZATIONS
 
@@ -46,6 +47,8 @@ def describe(path: Path) -> Iterator[str]:
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         lines = [*_head(file), *summary_of(file).lines(), *_unsettled(file)]
     yield from lines
+    if state_of(path) is State.MISSING:
+        yield "no seal: another program wrote this file, so that damage to it would go unnoticed"
 
 
 def _unfinished(path: Path) -> Iterator[str]:
