@@ -41,7 +41,9 @@ def describe(path: Path) -> Iterator[str]:
     RunError
         The manifest of an unfinished run is damaged.
     """
-    if not path.exists():
+    with reading(path):  # a name may be one that no file can have
+        exists = path.exists()
+    if not exists:
         yield from _unfinished(path)
         return
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:

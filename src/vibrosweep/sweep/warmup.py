@@ -7,21 +7,39 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import numpy as np
+
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
+from vibrosweep.kernels.attractor import settle
 from vibrosweep.kernels.combine import combine
+from vibrosweep.kernels.cycles import shorten
+from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.record import record
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.trust import trust
+from vibrosweep.kernels.unforced import has_closed_form, unforced
 from vibrosweep.scene import LAWS
-from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.asked import record_observation
+from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.landings import all_parameters, record_landings
-from vibrosweep.sweep.run import record_observation
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["KERNELS", "Compiled", "warm_up"]
 
-KERNELS: Final[tuple[Any, ...]] = (advance, combine, record, separate, trust)
+KERNELS: Final[tuple[Any, ...]] = (
+    advance,
+    combine,
+    first_of_each,
+    has_closed_form,
+    record,
+    separate,
+    settle,
+    shorten,
+    trust,
+    unforced,
+)
 
 
 class Compiled(NamedTuple):
@@ -53,14 +71,14 @@ def warm_up() -> Compiled:
             "machine code cannot be kept beside the package nor in the home directory; set "
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
-    scene = all_parameters({})
+    scene = all_parameters({"amplitude": np.array([0.0, 1.0])})  # no kick has a kernel of its own
     with Workers(1) as workers:
         for rebound, transient, regimes in product(LAWS, (0.0, 1.0), (False, True)):
             endless = record_observation(2, "staggered", 2.0, rebound, 1000)
             record_landings(scene, endless, workers)
-            observation = replace(endless, transient=transient, regimes=regimes)
-            observation = replace(observation, separation=True, trust=True, tolerance=1e-9)
-            measure(scene, observation, workers)
+            asked = replace(endless, transient=transient, regimes=regimes, lyapunov=regimes)
+            asked = replace(asked, separation=True, trust=True, tolerance=1e-9, skip=True)
+            measure(scene, asked, workers)
     made = sum(sum(kernel.stats.cache_misses.values()) for kernel in KERNELS)
     kept = sum(sum(kernel.stats.cache_hits.values()) for kernel in KERNELS)
     return Compiled(made, kept, _jit.cache_directory)
