@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -14,7 +14,7 @@ from vibrosweep.lab.landings import Flights, find_flights
 from vibrosweep.lab.quality import find_swaps, seen
 from vibrosweep.lab.segments import Samples, low_points, samples_of
 
-__all__ = ["BOUNCED", "DOUBTFUL", "METHODS", "STAYED", "find_impacts", "fitted_flights"]
+__all__ = ["BOUNCED", "DOUBTFUL", "METHODS", "STAYED", "Fitted", "find_impacts", "fit_tracks", "impacts_of"]
 
 Array = NDArray[np.float64]
 
@@ -31,6 +31,22 @@ _VARIABLES: Final = {
     "rebound_height": ("m", "height of the flight that follows, above the base"),
     "rebound_height_error": ("m", "standard error of that height"),
 }
+
+
+class Fitted(NamedTuple):
+    """Tracks taken apart.
+
+    Attributes
+    ----------
+    samples, flights
+        What was seen, and the parabolas through it.
+    swaps
+        Exchanged names: the first frame with them, and the two particles.
+    """
+
+    samples: Samples
+    flights: Flights
+    swaps: list[tuple[int, int, int]]
 
 
 def find_impacts(
@@ -73,11 +89,15 @@ def find_impacts(
     """
     if method not in METHODS:
         raise TrackError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-    _check_base(tracks, base)
-    samples, flights, swaps = fitted_flights(tracks, gravity, base, exposure)
+    return impacts_of(tracks, fit_tracks(tracks, gravity, base, exposure), gravity, method)
+
+
+def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) -> xr.Dataset:
+    """Landings from fitted tracks, by one of the `METHODS`, as `find_impacts` returns them."""
+    samples, flights, swaps = fitted
     particles = tracks.sizes["particle"]
     if method == "fit":
-        owner, columns = _fitted(samples, flights, gravity)
+        owner, columns = _fitted(flights, gravity)
     else:
         owner, columns = _turned(samples, flights, 1.0 / tracks.attrs["frame_rate"], gravity)
     found = _table(owner, columns, particles).merge(seen(tracks))
@@ -102,20 +122,22 @@ def find_impacts(
         "base_error": flights.base_error,
         "apparent_gravity": flights.gravity,
         "apparent_gravity_error": flights.gravity_error,
+        "scale_off": int(flights.curvature != gravity),
     }
     return found
 
 
-def fitted_flights(
-    tracks: xr.Dataset, gravity: float, base: float | None, exposure: float
-) -> tuple[Samples, Flights, list[tuple[int, int, int]]]:
-    """Samples, flights, and exchanged names (first frame, two particles) of tracks.
+def fit_tracks(
+    tracks: xr.Dataset, gravity: float, base: float | None = None, exposure: float = 0.0
+) -> Fitted:
+    """Find and fit the flights of tracks.
 
     Raises
     ------
     TrackError
         As in `find_impacts`.
     """
+    _check_base(tracks, base)
     time, height = tracks["time"].values, tracks["height"].values
     cuts = np.zeros(height.shape, bool)
     try:
@@ -129,7 +151,7 @@ def fitted_flights(
             flights = find_flights(samples, gravity, base, exposure)
     except TrackError as error:
         raise TrackError(f"{tracks.attrs['source']}: {error}") from error
-    return samples, flights, swaps
+    return Fitted(samples, flights, swaps)
 
 
 def _check_base(tracks: xr.Dataset, base: float | None) -> None:
@@ -145,7 +167,7 @@ def _check_base(tracks: xr.Dataset, base: float | None) -> None:
 
 
 def _fitted(
-    samples: Samples, flights: Flights, gravity: float
+    flights: Flights, gravity: float
 ) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
     """Columns of `_VARIABLES` and the quality, a row for each junction, and its particle."""
     joint, fits = flights.junctions, flights.fits
@@ -155,8 +177,8 @@ def _fitted(
     duration[linked] = joint.landing[linked + 1] - joint.liftoff[linked]
     whole = np.isfinite(duration)
     # the apex lies where the slope vanishes
-    apex = fits.centre + fits.slope / gravity
-    height = fits.top(gravity) - flights.base
+    apex = fits.centre + fits.slope / flights.curvature
+    height = fits.top(flights.curvature) - flights.base
     base_error = np.nan_to_num(flights.base_error)
     error = np.hypot(flights.noise * np.sqrt(line_variance(fits, apex)), base_error)
     odd = flights.poor[joint.before] | flights.poor[after] | joint.overlapping

@@ -31,8 +31,10 @@ FIRST_SHARE: Final = 0.6
 POOR: Final = 1e-6
 # After three, no sample changes its flight in most tracks.
 ROUNDS: Final = 4
+# Standard errors by which the acceleration that tracks show must differ from the true one.
+SCALE_OFF: Final = 5.0
 # The scale of a track may be off, but not by such a factor.
-WRONG_UNITS: Final = 2.0
+WRONG_UNITS: Final = 5.0
 
 
 class Flights(NamedTuple):
@@ -56,6 +58,8 @@ class Flights(NamedTuple):
         Standard deviation of a sample, m.
     gravity, gravity_error
         Acceleration that the tracks show and its standard error, m s-2.
+    curvature
+        Acceleration of the parabolas: the true one, or that of the tracks where they contradict it.
     """
 
     fits: Fits
@@ -69,6 +73,7 @@ class Flights(NamedTuple):
     noise: float
     gravity: float
     gravity_error: float
+    curvature: float
 
 
 def find_flights(
@@ -96,7 +101,12 @@ def find_flights(
     noise = first_noise(samples)
     # the first guess may be too large, and would hide low flights
     rough = _settle(samples, FIRST_SHARE * noise, gravity, base, exposure)
-    return _settle(samples, min(noise, rough.noise), gravity, base, exposure)
+    noise = min(noise, rough.noise)
+    flights = _settle(samples, noise, gravity, base, exposure)
+    if abs(flights.gravity - gravity) > SCALE_OFF * flights.gravity_error:
+        # the scale of the heights is off: parabolas of the wrong curvature would miss the landings
+        return _settle(samples, noise, flights.gravity, base, exposure)
+    return flights
 
 
 def _settle(
@@ -127,6 +137,7 @@ def _settle(
         noise,
         seen,
         seen_error,
+        gravity,
     )
 
 

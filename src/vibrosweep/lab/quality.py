@@ -90,6 +90,12 @@ def remarks(impacts: xr.Dataset) -> list[str]:
     interval = 1.0 / impacts.attrs["frame_rate"]
     begin, end = impacts.attrs["begin"], impacts.attrs["end"]
     lines = []
+    if impacts.attrs["scale_off"]:
+        shown, true = impacts.attrs["apparent_gravity"], impacts.attrs["gravity"]
+        lines.append(
+            f"all flights fall with {shown:.4g} m s-2 instead of {true:g} m s-2: the scale of the "
+            f"heights is off by {100.0 * (shown / true - 1.0):+.2g} %"
+        )
     for p, name in enumerate(impacts["particle"].values):
         one = impacts.isel(particle=p)
         parts = []
