@@ -19,13 +19,17 @@ from scipy.optimize import minimize_scalar
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.bounces import Bounces, bounces_of, solve
 
-__all__ = ["PARAMETER_UNITS", "estimate", "find_frequency"]
+__all__ = ["PARAMETER_UNITS", "estimate", "find_frequency", "fit_phase"]
 
 Array = NDArray[np.float64]
 
 PARAMETER_UNITS: Final = {"restitution": "1", "amplitude": "m s-1", "phase": "rad", "frequency": "Hz"}
 TURN: Final = 2.0 * np.pi
 FEWEST: Final = 10
+# Phases that are tried, a third of a degree apart, and how much worse than the best, in shares of
+# the kicks' sum of squares, one may be that is called as good.
+PHASES: Final = 1080
+TIE: Final = 0.01
 ROUNDS: Final = 25
 # The profile over frequencies is scanned on so many seconds, in steps of a quarter of its width.
 SCAN_SECONDS: Final = 10.0
@@ -146,6 +150,33 @@ def find_frequency(bounces: Bounces, between: tuple[float, float]) -> float:
         if reach > time[-1] - time[0]:
             return best
         reach, width = 2.0 * reach, width / 2.0
+
+
+def fit_phase(
+    impacts: xr.Dataset, *, restitution: float, amplitude: float, frequency: float
+) -> float:
+    """Phase of the forcing at t = 0 of a recording, rad, where all else is known.
+
+    On a locked orbit two phases explain the bounces equally well; that of the stable branch is
+    taken, on which the kick falls at the moment of impact.
+
+    Raises
+    ------
+    TrackError
+        There are no bounces.
+    """
+    arrive, leave, time = bounces_of(impacts).speeds()
+    if not time.size:
+        raise TrackError(f"{impacts.attrs['source']}: no bounce has a whole flight on either side")
+    kick = leave - restitution * arrive
+    angle = TURN * frequency * time
+    trial = np.linspace(-np.pi, np.pi, PHASES, endpoint=False)
+    wave = amplitude * np.sin(angle + trial[:, np.newaxis])
+    misfit = np.sum((kick - wave) ** 2, axis=1)
+    falling = np.cos(angle + trial[:, np.newaxis]).mean(axis=1) < 0.0
+    near = misfit <= misfit.min() + TIE * float(kick @ kick)
+    chosen = np.flatnonzero(near & falling if (near & falling).any() else near)
+    return float(trial[chosen[np.argmin(misfit[chosen])]])
 
 
 def _misfits(frequency: Array, arrive: Array, leave: Array, time: Array) -> Array:
