@@ -95,9 +95,7 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     from vibrosweep.store.disk import check_output
 
     if not PARAMETERS["gravity"].accepts(options.gravity):
-        raise TrackError(
-            f"--gravity {options.gravity:g}: must be {PARAMETERS['gravity'].allowed}"
-        )
+        raise TrackError(f"--gravity {options.gravity:g}: must be {PARAMETERS['gravity'].allowed}")
     if not 0.0 <= options.exposure <= 1.0:
         raise TrackError(f"--exposure {options.exposure:g}: must be at least 0 and at most 1 s")
     if options.output is not None:

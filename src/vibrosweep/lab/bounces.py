@@ -68,7 +68,11 @@ class Bounces:
     def errors(self) -> csr_array:
         """Covariance of the instants, s^2."""
         near = self.covariance
-        return csr_array(diags_array([near, self.variance, near], offsets=[-1, 0, 1]))
+        return csr_array(
+            diags_array(  # type: ignore[call-overload]
+                [near, self.variance, near], offsets=[-1, 0, 1]
+            )
+        )
 
 
 def bounces_of(impacts: xr.Dataset) -> Bounces:

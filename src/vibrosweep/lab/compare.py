@@ -1,4 +1,4 @@
-"""Recordings against prediction: a table in the form of the study's Table 4, with what explains it."""
+"""Recordings against prediction, in the form of the study's Table 4, with what explains it."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from vibrosweep.lab.comparison import (
     CASES,
     QUANTITIES,
     READINGS,
+    STUDY,
     comparable,
     errors,
     measured_means,
@@ -41,9 +42,7 @@ class _One(NamedTuple):
     warning: str
 
 
-def compare(
-    recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers
-) -> xr.Dataset:
+def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers) -> xr.Dataset:
     """Compare recordings with prediction, case by case; a case is a number of particles.
 
     Parameters
@@ -92,7 +91,11 @@ def compare(
                     share[name][i, j, k] = np.sqrt(np.mean(parts))
     dims = ("case", "quantity", "reading")
     variables: dict[str, Any] = {
-        "error": (dims, error, {"units": "percent", "long_name": "|measured - predicted| / measured"}),
+        "error": (
+            dims,
+            error,
+            {"units": "percent", "long_name": "|measured - predicted| / measured"},
+        ),
         **{
             name: (dims, share[name], {"units": "percent", "long_name": f"error due to {name}"})
             for name in SHARES
@@ -125,7 +128,11 @@ def compare(
             "units": ("quantity", ["m", "s"]),
             "reading": list(READINGS),
         },
-        attrs={"method": how.method, "warning": "; ".join(sorted(warnings))},
+        attrs={
+            "method": how.method,
+            "warning": "; ".join(sorted(warnings)),
+            **{f"study_{q}": STUDY[q] for q in QUANTITIES},
+        },
     )
 
 
@@ -175,9 +182,7 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:
     )
 
 
-def _parameters(
-    impacts: xr.Dataset, how: Comparison
-) -> tuple[dict[str, float], xr.Dataset | None]:
+def _parameters(impacts: xr.Dataset, how: Comparison) -> tuple[dict[str, float], xr.Dataset | None]:
     """The scene, and the estimate that overrides it where parameters are not known."""
     scene = {name: how.known.get(name, p.default) for name, p in PARAMETERS.items()}
     given = {"restitution", "amplitude"} & how.known.keys()

@@ -1,7 +1,7 @@
 """Restitution, amplitude, phase and frequency from landings, with standard errors.
 
-All instants carry errors, those of the speed of arrival among them, which would pull the
-restitution of a plain regression towards zero.  The instants are therefore adjusted together with
+All instants carry errors, and each is part of a speed of arrival, a speed of departure and a
+phase: a plain regression, which lets only one side err, is biased.  The instants are therefore adjusted together with
 the parameters (the condition adjustment of Gauss and Helmert, which is total least squares for
 errors of any covariance): the smallest weighted change of the instants that makes every bounce
 obey the map.
@@ -23,7 +23,12 @@ __all__ = ["PARAMETER_UNITS", "estimate", "find_frequency", "fit_phase"]
 
 Array = NDArray[np.float64]
 
-PARAMETER_UNITS: Final = {"restitution": "1", "amplitude": "m s-1", "phase": "rad", "frequency": "Hz"}
+PARAMETER_UNITS: Final = {
+    "restitution": "1",
+    "amplitude": "m s-1",
+    "phase": "rad",
+    "frequency": "Hz",
+}
 TURN: Final = 2.0 * np.pi
 FEWEST: Final = 10
 # Phases that are tried, a third of a degree apart, and how much worse than the best, in shares of
@@ -73,8 +78,8 @@ def estimate(
         Dims (parameter, other): ``estimate``, ``error`` and ``covariance`` of restitution,
         amplitude (m s-1), phase (rad, at t = 0 of the tracks' clock) and, if it was not known,
         frequency (Hz).  ``determined`` is 0 where the orbit does not determine them, or hardly; the
-        attribute ``warning`` then says why, and without any signal all are NaN.  ``misfit`` is the chi-square per degree of freedom; where it
-        exceeds 1, the errors are enlarged by its root.
+        attribute ``warning`` then says why, and without any signal all are NaN.  ``misfit`` is the
+        chi-square per degree of freedom; where it exceeds 1, the errors are enlarged by its root.
 
     Raises
     ------
@@ -111,7 +116,11 @@ def estimate(
             "signal": ((), signal, {"units": "1", "long_name": "signal of the weakest direction"}),
             "frequency_used": ((), rate, {"units": "Hz", "long_name": "forcing frequency"}),
         },
-        coords={"parameter": names, "other": names, "units": ("parameter", [PARAMETER_UNITS[n] for n in names])},
+        coords={
+            "parameter": names,
+            "other": names,
+            "units": ("parameter", [PARAMETER_UNITS[n] for n in names]),
+        },
         attrs={"warning": warning},
     )
 

@@ -21,7 +21,15 @@ from vibrosweep.lab.wander import phase_walk, wandering_record
 from vibrosweep.scene import PARAMETERS, dimensionless, launches
 from vibrosweep.sweep.landings import all_parameters, launch_times
 
-__all__ = ["LABORATORY", "Experiment", "Trial", "Variation", "ideal_record", "perform_trials", "predicted_means"]
+__all__ = [
+    "LABORATORY",
+    "Experiment",
+    "Trial",
+    "Variation",
+    "ideal_record",
+    "perform_trials",
+    "predicted_means",
+]
 
 Array = NDArray[np.float64]
 
@@ -90,8 +98,8 @@ class Experiment:
     repeats: int = 4
     transient: float = 20.0
     duration: float = 40.0
-    camera: Camera = Camera()
-    variation: Variation = Variation()
+    camera: Camera = field(default_factory=Camera)
+    variation: Variation = field(default_factory=Variation)
     seed: int = 0
     rebound: str = "rest"
 
@@ -143,7 +151,7 @@ def ideal_record(experiment: Experiment) -> Record:
 
 
 def predicted_means(experiment: Experiment, record: Record) -> dict[str, Array]:
-    """Mean height (m) and period (s) of the flights of each particle that a recording holds whole."""
+    """Mean height (m) and period (s) of each particle's flights that a recording holds whole."""
     begin, end = experiment.transient, experiment.transient + experiment.duration
     gravity = experiment.scene["gravity"]
     height, periods = np.full((2, experiment.particles), np.nan)

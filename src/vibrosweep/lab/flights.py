@@ -25,8 +25,8 @@ class Fits(NamedTuple):
 
     Attributes
     ----------
-    count
-        Samples.
+    number
+        Of samples.
     centre
         Mean time of the samples, s.
     spread
@@ -37,7 +37,7 @@ class Fits(NamedTuple):
         Sum of squared residuals, m^2.
     """
 
-    count: Array
+    number: Array
     centre: Array
     spread: Array
     level: Array
@@ -71,7 +71,7 @@ def fit(samples: Samples, flight: Indices, flights: int, gravity: float) -> Fits
     of, time = flight[used], samples.time[used]
 
     def total(values: Array) -> Array:
-        return np.bincount(of, values, flights)
+        return np.bincount(of, values, flights).astype(np.float64)
 
     with np.errstate(invalid="ignore", divide="ignore"):
         count = total(np.ones(of.size))
@@ -118,7 +118,7 @@ def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[f
 def line_variance(fits: Fits, one: Array, other: Array | None = None) -> Array:
     """Covariance of a flight's height at two instants, in units of the variance of a sample."""
     other = one if other is None else other
-    return 1.0 / fits.count + (one - fits.centre) * (other - fits.centre) / fits.spread
+    return 1.0 / fits.number + (one - fits.centre) * (other - fits.centre) / fits.spread
 
 
 def crossings(fits: Fits, base: float, gravity: float) -> tuple[Array, Array, Array]:
@@ -162,7 +162,9 @@ def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
 
     def at(fits: Fits, time: Array) -> tuple[Array, Array]:
         since = time - fits.centre
-        return fits.level + since * (fits.slope - 0.5 * gravity * since), fits.slope - gravity * since
+        return fits.level + since * (
+            fits.slope - 0.5 * gravity * since
+        ), fits.slope - gravity * since
 
     (low, falling), (high, rising) = at(before, near), at(after, near)
     closing = rising - falling

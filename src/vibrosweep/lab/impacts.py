@@ -1,4 +1,4 @@
-"""Landings from tracks: by parabolas through the flights, and by the change of sign of the velocity."""
+"""Landings from tracks: by parabolas through the flights, or by the sign of the velocity."""
 
 from __future__ import annotations
 
@@ -14,7 +14,16 @@ from vibrosweep.lab.landings import Flights, find_flights
 from vibrosweep.lab.quality import find_swaps, seen
 from vibrosweep.lab.segments import Samples, low_points, samples_of
 
-__all__ = ["BOUNCED", "DOUBTFUL", "METHODS", "STAYED", "Fitted", "find_impacts", "fit_tracks", "impacts_of"]
+__all__ = [
+    "BOUNCED",
+    "DOUBTFUL",
+    "METHODS",
+    "STAYED",
+    "Fitted",
+    "find_impacts",
+    "fit_tracks",
+    "impacts_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -103,7 +112,11 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
     found = _table(owner, columns, particles).merge(seen(tracks))
     poor = np.bincount(flights.particle[flights.poor], minlength=particles)
     exchanged = np.bincount(np.array([p for _, *pair in swaps for p in pair], int), None, particles)
-    found["poor_flights"] = ("particle", poor, {"units": "1", "long_name": "flights that fit badly"})
+    found["poor_flights"] = (
+        "particle",
+        poor,
+        {"units": "1", "long_name": "flights that fit badly"},
+    )
     found["swaps"] = (
         "particle",
         exchanged,
@@ -166,9 +179,7 @@ def _check_base(tracks: xr.Dataset, base: float | None) -> None:
         )
 
 
-def _fitted(
-    flights: Flights, gravity: float
-) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
+def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
     """Columns of `_VARIABLES` and the quality, a row for each junction, and its particle."""
     joint, fits = flights.junctions, flights.fits
     after = joint.before + 1
@@ -225,9 +236,7 @@ def _turned(
     return owner, columns
 
 
-def _table(
-    owner: NDArray[np.intp], columns: dict[str, NDArray[Any]], particles: int
-) -> xr.Dataset:
+def _table(owner: NDArray[np.intp], columns: dict[str, NDArray[Any]], particles: int) -> xr.Dataset:
     """Rows in the order of particles and times -> arrays of shape (particle, impact)."""
     count = np.bincount(owner, minlength=particles)
     place = np.arange(owner.size) - (np.cumsum(count) - count)[owner]

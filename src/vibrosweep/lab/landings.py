@@ -22,7 +22,6 @@ Indices = NDArray[np.intp]
 UPPER: Final = 0.25
 # A flight needs a sample more than it has unknowns, and must rise out of the noise.
 LEAST_SAMPLES: Final = 3
-FEWEST_FRAMES: Final = 5.0
 LEAST_HEIGHT: Final = 4.0
 # In units of the noise: among the higher flights, those that show with which gravity they fall.
 WELL_SEEN: Final = 5.0
@@ -158,28 +157,19 @@ def _first_members(
     high = tops - base > np.fmax(WELL_SEEN * noise, np.quantile(tops - base, 0.95) / 2.0)
     well_seen = np.isin(member, np.flatnonzero(high))
     seen = apparent_gravity(samples, np.where(well_seen, member, -1), edges.size)
-    _check_gravity(*seen, gravity, float(np.median(np.bincount(flight)[high])))
+    _check_gravity(*seen, gravity)
     return member, samples.piece[edges], base
 
 
-def _check_gravity(seen: float, error: float, gravity: float, frames: float) -> None:
+def _check_gravity(seen: float, error: float, gravity: float) -> None:
     ratio = seen / gravity
     # where flights span four frames or fewer nothing is seen of their curvature: ratio is NaN
     if 1.0 / WRONG_UNITS < ratio < WRONG_UNITS or not abs(seen - gravity) > 5.0 * error:
         return
-    if frames < FEWEST_FRAMES:
-        raise TrackError(
-            f"flights last about {frames:.0f} frames: at least {FEWEST_FRAMES:.0f} are needed; "
-            f"film faster, or check the frame rate"
-        )
-    remedy = (
-        "turn the axis round"
-        if ratio < 0.0
-        else f"multiply the scale by about {1.0 / ratio:.2g} if heights are in other units"
-    )
+    units = f"multiply the scale by about {1.0 / ratio:.2g}" if ratio > 0.0 else "turn the axis"
     raise TrackError(
-        f"what is tracked falls with {seen:.3g} m s-2 instead of {gravity:g} m s-2: {remedy}, or "
-        f"correct the frame rate"
+        f"what is tracked falls with {seen:.3g} m s-2 instead of {gravity:g} m s-2: {units}, or "
+        f"correct the frame rate, or film faster where flights last fewer than five frames"
     )
 
 
@@ -191,7 +181,7 @@ def _resolved(
     noise = _noise(fits, float(np.ptp(samples.height)))
     with np.errstate(invalid="ignore"):
         high = fits.top(gravity) - base > LEAST_HEIGHT * noise
-    kept = np.flatnonzero(high & (fits.count >= LEAST_SAMPLES))
+    kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
     if not kept.size:
         raise TrackError(
             "no flight rises out of the noise: check the heights, the scale and the base"
@@ -203,7 +193,7 @@ def _resolved(
 
 def _noise(fits: Fits, extent: float) -> float:
     """Standard deviation of a sample from all flights but the poor ones, m."""
-    freedom = fits.count - 2.0
+    freedom = fits.number - 2.0
     judged = freedom > 0.0
     if not judged.any():
         return 1e-9 * extent
@@ -217,7 +207,7 @@ def _noise(fits: Fits, extent: float) -> float:
 
 
 def _poor(fits: Fits, noise: float) -> NDArray[np.bool_]:
-    return np.asarray(fits.residue > noise**2 * chi2.isf(POOR, np.maximum(fits.count - 2.0, 1.0)))
+    return np.asarray(fits.residue > noise**2 * chi2.isf(POOR, np.maximum(fits.number - 2.0, 1.0)))
 
 
 def _shared_out(
@@ -238,7 +228,7 @@ def _shared_out(
     margin = exposure / 2.0
 
     def along(time: Array) -> Array:
-        return length * piece + np.clip(time - origin, 0.0, length / 2.0)
+        return np.asarray(length * piece + np.clip(time - origin, 0.0, length / 2.0))
 
     flight = np.searchsorted(along(start), place, side="right") - 1
     inside = (flight >= 0) & (piece[flight] == samples.piece)

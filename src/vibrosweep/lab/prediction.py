@@ -83,9 +83,7 @@ def draw(
     kept, refused = [best], 0
     while len(kept) <= draws:
         values = rng.multivariate_normal(best, covariance)
-        physical = all(
-            bool(PARAMETERS[n].accepts(v)) for n, v in zip(names, values, strict=True)
-        )
+        physical = all(bool(PARAMETERS[n].accepts(v)) for n, v in zip(names, values, strict=True))
         if physical:
             kept.append(values)
         else:

@@ -167,11 +167,14 @@ def _table(path: Path) -> pd.DataFrame:
     header = lines[first]
     separator = next((mark for mark in "\t;," if mark in header), ",")
     comma = separator != "," and any("," in line for line in lines[first + 1 : first + 9])
+    # Tracker ends some lines with a separator and others not
+    most = max(line.count(separator) for line in lines[first:]) + 1
     try:
         table = pd.read_csv(
             io.StringIO("\n".join(lines[first:])),
             sep=separator,
             header=None if names is not None else 0,
+            names=None if names is None else range(most),
             skiprows=1 if names is not None else 0,
             decimal="," if comma else ".",
             skipinitialspace=True,
@@ -221,4 +224,5 @@ def _tracker(
         parts.append(part[part["time"].notna()])
     if not parts:
         raise TrackError(f"{path}: an export of Tracker without a column y; add y to its table")
-    return pd.concat(parts, ignore_index=True)
+    joined: pd.DataFrame = pd.concat(parts, ignore_index=True)
+    return joined

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.lab.comparison import READINGS, STUDY
-from vibrosweep.lab.flights import crossings
+from vibrosweep.lab.flights import crossings, line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, STAYED, Fitted
 from vibrosweep.lab.quality import remarks
 
@@ -80,14 +80,18 @@ def table_lines(table: xr.Dataset) -> list[str]:
                 f"{float(one['error']):>9.2f}" + "".join(f"{part:>10.2f}" for part in parts)
             )
             head = ""
-    lines.append("error = |measured - predicted| / measured: the mean over particles; other readings:")
+    lines.append(
+        "error = |measured - predicted| / measured: the mean over particles; other readings:"
+    )
     for case in table["case"].values:
         for q in table["quantity"].values:
             error = table["error"].sel(case=case, quantity=q)
             shown = ", ".join(f"{r} {float(error.sel(reading=r)):.2f} %" for r in READINGS)
             low, high = STUDY[str(q)]
             lines.append(f"  {case} {q}: {shown}; the study: {low} to {high} %")
-    parameters = [f"{n} {float(table[n].mean()):.5g}" for n in ("restitution", "amplitude", "frequency")]
+    parameters = [
+        f"{n} {float(table[n].mean()):.5g}" for n in ("restitution", "amplitude", "frequency")
+    ]
     lines.append(f"predicted with {', '.join(parameters)}")
     return lines + ([table.attrs["warning"]] if table.attrs["warning"] else [])
 
@@ -98,8 +102,8 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Dim sample: ``time``, ``height``, ``particle``, ``residual`` (m, NaN between flights) and
-        ``within``, the place of the sample in its flight from 0 to 1.  Dim flight: ``start``,
+        Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN between
+        flights) and ``within``, the place of the sample in its flight from 0 to 1.  Dim flight: ``start``,
         ``end``, ``speed`` (m s-1), ``owner``.  Dim landing: ``landing_time``, ``landing_error``,
         ``landing_owner``.  Attributes: ``noise``, ``base``, ``curvature``, ``frame_rate``.
     """
@@ -109,14 +113,17 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
     since = samples.time - fits.centre[member]
     model = fits.level[member] + since * (fits.slope[member] - 0.5 * flights.curvature * since)
     used = member >= 0
-    residual = np.where(used, samples.height - model, np.nan)
+    # a fit takes part of the noise up: the more, the closer it passes by the sample
+    with np.errstate(invalid="ignore", divide="ignore"):
+        left = np.sqrt(np.maximum(1.0 - line_variance(fits.take(member), samples.time), 1e-12))
+    residual = np.where(used, (samples.height - model) / (flights.noise * left), np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         within = np.where(used, (samples.time - up[member]) / (down - up)[member], np.nan)
     names = tracks["particle"].values
     columns = {
         "time": ("sample", samples.time, "s", "time"),
         "height": ("sample", samples.height, "m", "height"),
-        "residual": ("sample", residual, "m", "height less that of the fitted flight"),
+        "residual": ("sample", residual, "1", "height less that of the flight, in standard errors"),
         "within": ("sample", within, "1", "place in the flight"),
         "start": ("flight", up, "s", "beginning of the fitted flight at the base"),
         "end": ("flight", down, "s", "its end"),

@@ -1,8 +1,9 @@
-"""Where a track touches the base: samples in a row, cut at gaps, and the low points between flights."""
+"""Where a track touches the base: samples cut at gaps, and the low points between flights."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -110,7 +111,7 @@ def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indi
     bounds = samples.bounds
     found = [
         first + find_peaks(-samples.height[first:last], prominence=least)[0]
-        for first, last in zip(bounds[:-1], bounds[1:], strict=True)
+        for first, last in pairwise(bounds)
     ]
     low = np.concatenate(found).astype(np.intp)
     if base is None:

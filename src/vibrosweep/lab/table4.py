@@ -143,7 +143,7 @@ def study_imperfections(
     Returns
     -------
     xarray.Dataset
-        Dims (trial, method, reading, case): ``height_error``, ``period_error`` in per cent, the
+        Dims (trial, procedure, reading, case): ``height_error``, ``period_error`` in per cent, the
         mean over the repeats, and their standard deviations ``height_error_sd``,
         ``period_error_sd``; ``compared(trial, case)`` is the share of the particles that could be
         compared.  A trial is one imperfection of one size: coordinates ``imperfection``, ``size``
@@ -170,7 +170,7 @@ def study_imperfections(
                 values = np.array([by_method[q] for _, by_method in each])
                 found[f"{q}_error"][i, ..., c] = values.mean(axis=0)
                 found[f"{q}_error_sd"][i, ..., c] = values.std(axis=0, ddof=min(1, repeats - 1))
-    dims = ("trial", "method", "reading", "case")
+    dims = ("trial", "procedure", "reading", "case")
     words = {q: f"error of {q}, |measured - predicted| / measured" for q in QUANTITIES}
     variables: dict[str, Any] = {
         name: (dims, values, {"units": "percent", "long_name": words[name.split("_")[0]]})
@@ -187,12 +187,18 @@ def study_imperfections(
             "imperfection": ("trial", [one.name for one, _ in trials]),
             "size": ("trial", [size for _, size in trials]),
             "units": ("trial", [one.units for one, _ in trials]),
-            "method": list(METHODS),
+            "procedure": list(METHODS),
             "reading": list(READINGS),
             "case": list(cases),
             "particles": ("case", list(cases.values())),
         },
-        attrs={"repeats": repeats, "transient": transient, "duration": duration, "seed": seed},
+        attrs={
+            "repeats": repeats,
+            "transient": transient,
+            "duration": duration,
+            "seed": seed,
+            **{f"study_{q}": STUDY[q] for q in QUANTITIES},
+        },
     )
 
 
@@ -217,7 +223,7 @@ def _repeats(experiment: Experiment) -> Iterator[tuple[float, dict[str, list[lis
 
 
 def in_band(study: xr.Dataset) -> xr.Dataset:
-    """Whether an imperfection explains Table 4: dims (trial, method, reading).
+    """Whether an imperfection explains Table 4: dims (trial, procedure, reading).
 
     Returns
     -------
@@ -261,7 +267,7 @@ def _listed(study: xr.Dataset, chosen: xr.DataArray) -> str:
     parts = []
     for i, name in enumerate(study["imperfection"].values):
         size, units = study["size"].values[i], str(study["units"].values[i])
-        for m, method in enumerate(study["method"].values):
+        for m, method in enumerate(study["procedure"].values):
             readings = study["reading"].values[chosen.values[i, m]]
             if readings.size:
                 unit = "" if units == "1" else f" {units}"

@@ -57,7 +57,7 @@ class Comparison:
 
     @property
     def gravity(self) -> float:
-        """m s-2."""
+        """Gravity in m s-2."""
         return self.known.get("gravity", PARAMETERS["gravity"].default)
 
 
@@ -127,7 +127,7 @@ def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list
         scene["gravity"],
         1 if rebound == "reflect" else None,
     )
-    motions = [Motion.of(record, p, 0.0, speed[p], scene["gravity"]) for p in each]
+    motions = [Motion.of(record, p, 0.0, speed[p], scene["gravity"]) for p in range(len(flight))]
     return [
         Motion(m.start + t, m.end + t, m.velocity, m.gravity)
         for m, t in zip(motions, start, strict=True)

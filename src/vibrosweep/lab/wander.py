@@ -8,17 +8,19 @@ of the engine to the last bit.
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.impact import land, launch, lift_off, rebound
+from vibrosweep.kernels._jit import Floats, jit, kernel
+from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.record import Record, empty_record
 from vibrosweep.scene import Dimensionless, Launches
 
 __all__ = ["phase_walk", "wandering_record"]
 
 # Each step shrinks the error by the relative change of a period, which is far below 1.
-INVERSIONS = 30
+INVERSIONS: Final = 30
 
 
 def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
@@ -46,7 +48,7 @@ def _wandered(n: float, x: float, walk: Floats) -> float:
     """How far the phase has wandered, in turns, at n + x mean periods."""
     whole = np.floor(x)
     j = min(max(int(n + whole) + 1, 0), walk.size - 2)
-    return walk[j] + (x - whole) * (walk[j + 1] - walk[j])
+    return float(walk[j] + (x - whole) * (walk[j + 1] - walk[j]))
 
 
 @jit
@@ -68,7 +70,7 @@ def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
     return count, rest
 
 
-@jit
+@kernel
 def _fill(
     problem: Dimensionless,
     launches: Launches,
@@ -80,8 +82,7 @@ def _fill(
 ) -> bool:
     """Write the landings of particle p with the parameters of realization p; tell if all fit."""
     for p in range(launches.whole.shape[1]):
-        e, a, r = problem.restitution[p], problem.kick[p], problem.rest_flight[p]
-        wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
+        e, a, r, x_lift, wait, u_lift = scene(problem, p)
         n, x = launch(problem, launches, p, p)
         u = problem.launch_flight[p]
         ended = False
@@ -94,9 +95,7 @@ def _fill(
             out.landing_time[p, k] = (n + (x - problem.phase[p])) / frequency
             turns, phase = _phase(n, x, walk)
             w = rebound(phase, u, e, a, reflect)
-            turns, phase, u, leaves = lift_off(
-                turns, phase, w, r, problem.liftoff_phase[p], wait, u_lift
-            )
+            turns, phase, u, leaves = lift_off(turns, phase, w, r, x_lift, wait, u_lift)
             out.rested[p, k] = 0 if leaves else 1
             if turns == np.inf:
                 ended = True

@@ -61,9 +61,17 @@ def write_experiments(
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{directory}: cannot be made ({error.strerror}); choose another") from error
+        raise OutputError(
+            f"{directory}: cannot be made ({error.strerror}); choose another"
+        ) from error
     planned = [
-        (experiment, [directory / f"{name}_{experiment.particles:03d}_trial{k + 1}" for k in range(experiment.repeats)])
+        (
+            experiment,
+            [
+                directory / f"{name}_{experiment.particles:03d}_trial{k + 1}"
+                for k in range(experiment.repeats)
+            ],
+        )
         for experiment in experiments
     ]
     for _, stems in planned:
