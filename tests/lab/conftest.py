@@ -11,6 +11,7 @@ from vibrosweep.lab.impacts import find_impacts
 
 # orbits that visit many phases; Table 1 at 20 Hz would lock
 IRREGULAR = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}
+CAMERA = Camera()
 LOCKED = {**LABORATORY, "phase": np.pi}
 
 
@@ -18,7 +19,7 @@ LOCKED = {**LABORATORY, "phase": np.pi}
 def trial():
     """One short recording of a virtual experiment."""
 
-    def make(scene=IRREGULAR, particles=3, duration=10.0, camera=Camera(), seed=0, **changes):
+    def make(scene=IRREGULAR, particles=3, duration=10.0, camera=CAMERA, seed=0, **changes):
         one = Experiment(
             scene=scene, particles=particles, repeats=1, transient=20.0, duration=duration
         )

@@ -1,4 +1,4 @@
-"""Landings against the truth of virtual experiments: accuracy, honest errors, and what is flagged."""
+"""Landings against the truth of virtual experiments: accuracy, honest errors, flags."""
 
 from itertools import pairwise
 

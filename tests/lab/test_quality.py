@@ -38,7 +38,7 @@ def test_gaps_lost_frames_and_a_particle_that_leaves(irregular, found):
 
 
 def exchangeable(height):
-    """Frames at which particles 0 and 1 fly, 20 noises apart: near a landing nothing can be told."""
+    """Frames at which particles 0 and 1 fly 20 noises apart: near a landing nothing is told."""
     low = np.minimum(height[:, 0], height[:, 1])
     flying = np.minimum.reduce([low[:-4], low[1:-3], low[2:-2], low[3:-1]]) > 5e-4
     apart = np.abs(height[:, 0] - height[:, 1])[2:-2] > 2e-3

@@ -66,10 +66,10 @@ def test_trackpy_rows_of_pixels_point_down(write):
 
 
 def tracker(columns, delimiter="\t", decimal="."):
-    lines = []
-    for row in zip(*columns, strict=True):
-        lines.append(delimiter.join(f"{v:.9E}".replace(".", decimal) for v in row))
-    return "\n".join(lines)
+    return "\n".join(
+        delimiter.join(f"{v:.9E}".replace(".", decimal) for v in row)
+        for row in zip(*columns, strict=True)
+    )
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ def test_without_wander_it_is_the_engine_to_the_last_bit(amplitude, parameters, 
 
 
 def test_impacts_feel_the_phase_that_has_wandered(parameters):
-    """Every bounce of the record obeys the map with the phase of the walk, found by interpolation."""
+    """Every bounce obeys the map with the phase of the walk, found here by interpolation."""
     jitter, frequency = 0.02, LABORATORY["frequency"]
     walk = phase_walk(np.random.default_rng(3), jitter, 110)
     found = landings(parameters, walk, frequency=frequency)

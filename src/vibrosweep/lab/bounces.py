@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array
 
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
 
@@ -67,12 +67,12 @@ class Bounces:
     @property
     def errors(self) -> csr_array:
         """Covariance of the instants, s^2."""
-        near = self.covariance
-        return csr_array(
-            diags_array(  # type: ignore[call-overload]
-                [near, self.variance, near], offsets=[-1, 0, 1]
-            )
-        )
+        size = self.instant.size
+        row = np.arange(size)
+        entries = np.concatenate([self.covariance, self.variance, self.covariance])
+        rows = np.concatenate([row[:-1], row, row[1:]])
+        columns = np.concatenate([row[1:], row, row[:-1]])
+        return csr_array((entries, (rows, columns)), shape=(size, size))
 
 
 def bounces_of(impacts: xr.Dataset) -> Bounces:

@@ -1,10 +1,10 @@
 """Restitution, amplitude, phase and frequency from landings, with standard errors.
 
 All instants carry errors, and each is part of a speed of arrival, a speed of departure and a
-phase: a plain regression, which lets only one side err, is biased.  The instants are therefore adjusted together with
-the parameters (the condition adjustment of Gauss and Helmert, which is total least squares for
-errors of any covariance): the smallest weighted change of the instants that makes every bounce
-obey the map.
+phase: a plain regression, which lets only one side err, is biased.  The instants are therefore
+adjusted together with the parameters (the condition adjustment of Gauss and Helmert, which is total
+least squares for errors of any covariance): the smallest weighted change of the instants that makes
+every bounce obey the map.
 """
 
 from __future__ import annotations

@@ -102,10 +102,11 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN between
-        flights) and ``within``, the place of the sample in its flight from 0 to 1.  Dim flight: ``start``,
-        ``end``, ``speed`` (m s-1), ``owner``.  Dim landing: ``landing_time``, ``landing_error``,
-        ``landing_owner``.  Attributes: ``noise``, ``base``, ``curvature``, ``frame_rate``.
+        Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN
+        between flights) and ``within``, the place of the sample in its flight from 0 to 1.
+        Dim flight: ``start``, ``end``, ``speed`` (m s-1), ``owner``.  Dim landing:
+        ``landing_time``, ``landing_error``, ``landing_owner``.  Attributes: ``noise``, ``base``,
+        ``curvature``, ``frame_rate``.
     """
     samples, flights = fitted.samples, fitted.flights
     fits, joint, member = flights.fits, flights.junctions, flights.member
