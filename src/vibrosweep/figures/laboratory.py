@@ -213,7 +213,7 @@ def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
     panels = figure.subplots(1, 2, sharey=True)
     for axes, q in zip(panels, ("height", "period"), strict=True):
         low, high = study.attrs[f"study_{q}"]
-        axes.axvspan(low, high, color="0.9", label=f"study: {low:g} to {high:g} %")
+        axes.axvspan(low, high, color="0.9")
         error = study[f"{q}_error"].sel(reading=reading, procedure=procedure)
         for c, case in enumerate(study["case"].values):
             shown = error.sel(case=case).values
@@ -233,5 +233,8 @@ def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
         axes.set_yticks(rows, names)
         axes.tick_params(axis="y", length=0)
         axes.grid(axis="y", linewidth=0.3, color="0.85")
-        style.head(axes, "", columns=3)
+        axes.set_title(f"shaded: study, {low:g} to {high:g} %")
+    # one legend for both panels: above each there is no room for it
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
     return figure
