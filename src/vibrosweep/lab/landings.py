@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.flights import Fits, apparent_gravity, crossings, fit
@@ -153,10 +153,11 @@ def _first_members(
     # only the stretch around the highest sample: what stays on the base may be as high elsewhere
     stretch = np.cumsum(np.diff(np.where(upper, flight, -1), prepend=-2) != 0)
     at_top = samples.height == tops[flight]
-    member = np.where(upper & np.isin(stretch, stretch[at_top]), flight, -1)
+    kept = np.zeros(int(stretch[-1]) + 1, bool)
+    kept[stretch[at_top]] = True
+    member = np.where(upper & kept[stretch], flight, -1)
     high = tops - base > np.fmax(WELL_SEEN * noise, np.quantile(tops - base, 0.95) / 2.0)
-    well_seen = np.isin(member, np.flatnonzero(high))
-    seen = apparent_gravity(samples, np.where(well_seen, member, -1), edges.size)
+    seen = apparent_gravity(samples, np.where(high[member], member, -1), edges.size)
     _check_gravity(*seen, gravity)
     return member, samples.piece[edges], base
 
@@ -198,16 +199,24 @@ def _noise(fits: Fits, extent: float) -> float:
     if not judged.any():
         return 1e-9 * extent
     residue, freedom = fits.residue[judged], freedom[judged]
-    variance = float(np.median(residue / chi2.median(freedom)))
+    variance = float(np.median(residue / _chi_square(0.5, freedom)))
+    largest = _chi_square(POOR, freedom)
     for _ in range(2):
-        good = residue <= variance * chi2.isf(POOR, freedom)
+        good = residue <= variance * largest
         variance = float(residue[good].sum() / freedom[good].sum()) if good.any() else variance
     # positions without noise still are rounded
     return max(float(np.sqrt(variance)), 1e-9 * extent)
 
 
 def _poor(fits: Fits, noise: float) -> NDArray[np.bool_]:
-    return np.asarray(fits.residue > noise**2 * chi2.isf(POOR, np.maximum(fits.number - 2.0, 1.0)))
+    largest = _chi_square(POOR, np.maximum(fits.number - 2.0, 1.0))
+    return np.asarray(fits.residue > noise**2 * largest)
+
+
+def _chi_square(share: float, freedom: Array) -> Array:
+    """Chi-square that a share of all exceeds, for whole degrees of freedom."""
+    values = chdtri(np.arange(freedom.max(initial=1.0) + 1.0), share)
+    return np.asarray(values[freedom.astype(np.intp)])
 
 
 def _shared_out(
