@@ -1,5 +1,9 @@
 """The wandering forcing: the engine without wander, and the phase that it should have with it."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -61,3 +65,32 @@ def test_the_walk_has_the_variance_that_was_asked_for():
     steps = np.diff(phase_walk(np.random.default_rng(0), 0.01, 100_000))
     assert steps.std() == pytest.approx(0.01, rel=0.01)
     assert phase_walk(np.random.default_rng(0), 0.01, 5)[0] == 0.0
+
+
+def test_plain_python_gives_the_same_bits(parameters, tmp_path):
+    """The compiler switched off, on a small case with bounces and rests."""
+    walk = phase_walk(np.random.default_rng(5), 0.01, 20)
+    found = landings(parameters, walk, particles=2, duration=0.5, amplitude=0.03)
+    assert (found.rested == 1).any()
+    assert (found.rested == 0).any()
+    sets = parameters(**{**LABORATORY, "amplitude": np.full(2, 0.03)})
+    np.savez(tmp_path / "given.npz", walk=walk, **sets)
+    np.savez(tmp_path / "found.npz", **found._asdict())
+    plain = """
+import sys
+import numpy as np
+from vibrosweep.lab.wander import wandering_record
+from vibrosweep.scene import dimensionless, launches
+given = dict(np.load(sys.argv[1] + "/given.npz"))
+walk = given.pop("walk")
+start = launches("staggered", 2, given["frequency"][:1])
+frequency, gravity = float(given["frequency"][0]), float(given["gravity"][0])
+record = wandering_record(dimensionless(given, 0.5), start, walk, frequency, gravity, None)
+for name, values in np.load(sys.argv[1] + "/found.npz").items():
+    np.testing.assert_array_equal(getattr(record, name), values)
+"""
+    subprocess.run(
+        [sys.executable, "-c", plain, str(tmp_path)],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        check=True,
+    )

@@ -88,8 +88,9 @@ def find_impacts(
         Dims (particle, impact), NaN past the last landing: ``landing_time``, ``liftoff_time`` and
         their errors (s); ``next_covariance`` (s2) of a lift-off with the next landing;
         ``flight_time``, ``impact_speed``, ``rebound_height`` of the flight that follows, NaN where
-        its landing is not seen; ``quality``.  By particle what was seen of it.  Attributes: the
-        noise of a position (m), the base (m), the acceleration that the tracks show.
+        its landing is not seen or one of its ends is doubtful; ``quality``.  By particle what was
+        seen of it.  Attributes: the noise of a position (m), the base (m), the acceleration that
+        the tracks show.
 
     Raises
     ------
@@ -183,7 +184,8 @@ def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[st
     """Columns of `_VARIABLES` and the quality, a row for each junction, and its particle."""
     joint, fits = flights.junctions, flights.fits
     after = joint.before + 1
-    linked = np.flatnonzero(after[:-1] == joint.before[1:])
+    odd = flights.poor[joint.before] | flights.poor[after] | joint.overlapping
+    linked = np.flatnonzero((after[:-1] == joint.before[1:]) & ~odd[:-1] & ~odd[1:])
     duration = np.full(joint.before.size, np.nan)
     duration[linked] = joint.landing[linked + 1] - joint.liftoff[linked]
     whole = np.isfinite(duration)
@@ -192,7 +194,6 @@ def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[st
     height = fits.top(flights.curvature) - flights.base
     base_error = np.nan_to_num(flights.base_error)
     error = np.hypot(flights.noise * np.sqrt(line_variance(fits, apex)), base_error)
-    odd = flights.poor[joint.before] | flights.poor[after] | joint.overlapping
     columns = {
         "landing_time": joint.landing,
         "landing_time_error": joint.landing_error,

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.lab.impacts import BOUNCED
+from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
 
 __all__ = ["CRITERION", "QUANTITY_UNITS", "agreement", "phases", "quantities"]
 
@@ -96,7 +96,8 @@ def _neighbours(vectors: NDArray[np.complex128]) -> float:
 
 def _closest(impacts: xr.Dataset) -> float:
     """Smallest separation in s of landings of different particles."""
-    time = impacts["landing_time"].values
+    known = (impacts["quality"].values >= BOUNCED) & (impacts["quality"].values != DOUBTFUL)
+    time = np.where(known, impacts["landing_time"].values, np.nan)
     owner = np.broadcast_to(np.arange(time.shape[0])[:, np.newaxis], time.shape)
     there = np.isfinite(time)
     order = np.argsort(time[there])
