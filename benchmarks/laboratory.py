@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from vibrosweep.figures.laboratory import errors_by_case, fitted_track, imperfections
-from vibrosweep.figures.registry import save
+from vibrosweep.figures.registry import save_formats
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare
 from vibrosweep.lab.estimate import estimate
@@ -191,7 +191,9 @@ def imperfect(figures, duration):
     print()
     print("\n".join(f"- {line}" for line in verdict(study)))
     if figures:
-        save(imperfections(study, "flight", "sign_change"), figures, "laboratory_imperfections")
+        save_formats(
+            imperfections(study, "flight", "sign_change"), figures, "laboratory_imperfections"
+        )
     return True
 
 
@@ -208,7 +210,7 @@ def cases(figures, duration):
             table = compare(recordings, Comparison(known, method=method, exposure=1e-3), workers)
             print(f"\n{method}\n\n```\n" + "\n".join(table_lines(table)) + "\n```")
             if figures:
-                save(errors_by_case(table), figures, f"laboratory_table4_{method}")
+                save_formats(errors_by_case(table), figures, f"laboratory_table4_{method}")
     return True
 
 
@@ -218,7 +220,7 @@ def drawn(figures):
         plan = Experiment(scene=SCENES[name], particles=3, repeats=1, duration=10.0)
         tracks = perform_trials(plan)[0].tracks
         figure = fitted_track(flights_of(tracks, fit_tracks(tracks, G)))
-        save(figure, figures, f"laboratory_track_{stem}")
+        save_formats(figure, figures, f"laboratory_track_{stem}")
     return True
 
 

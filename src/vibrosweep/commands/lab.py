@@ -117,7 +117,7 @@ def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.lab.impacts import fit_tracks, impacts_of
     from vibrosweep.lab.report import agreement_lines, impact_lines
     from vibrosweep.lab.statistics import agreement, quantities
-    from vibrosweep.lab.writing import write_dataset
+    from vibrosweep.store.saving import save_dataset
 
     recordings = _recordings(options)
     if options.output is not None and len(recordings) > 1:
@@ -134,14 +134,16 @@ def _impacts(options: argparse.Namespace) -> None:
         each.append(quantities(found, frequency=options.frequency, phase=options.phase))
     print("\n".join(agreement_lines(agreement(each))))
     if options.output is not None:
-        write_dataset(found, options.output)
+        save_dataset(found, options.output)
         print(f"written to {options.output}")
     if options.figures is not None:
         from vibrosweep.figures.laboratory import fitted_track
-        from vibrosweep.figures.registry import save
+        from vibrosweep.figures.registry import save_formats
         from vibrosweep.lab.report import flights_of
 
-        _announce(save(fitted_track(flights_of(tracks, fitted)), options.figures, "lab_track"))
+        _announce(
+            save_formats(fitted_track(flights_of(tracks, fitted)), options.figures, "lab_track")
+        )
 
 
 def _compare(options: argparse.Namespace) -> None:
@@ -149,8 +151,8 @@ def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.lab.compare import compare
     from vibrosweep.lab.report import table_lines
     from vibrosweep.lab.twin import Comparison
-    from vibrosweep.lab.writing import write_dataset
     from vibrosweep.scene import PARAMETERS
+    from vibrosweep.store.saving import save_dataset
     from vibrosweep.sweep.engine import Workers
     from vibrosweep.sweep.run import available_threads
 
@@ -176,13 +178,13 @@ def _compare(options: argparse.Namespace) -> None:
         table = compare(recordings, how, workers)
     print("\n".join(table_lines(table)))
     if options.output is not None:
-        write_dataset(table, options.output)
+        save_dataset(table, options.output)
         print(f"written to {options.output}")
     if options.figures is not None:
         from vibrosweep.figures.laboratory import errors_by_case
-        from vibrosweep.figures.registry import save
+        from vibrosweep.figures.registry import save_formats
 
-        _announce(save(errors_by_case(table), options.figures, "lab_table4"))
+        _announce(save_formats(errors_by_case(table), options.figures, "lab_table4"))
 
 
 def _announce(paths: Sequence[Path]) -> None:

@@ -1,4 +1,4 @@
-"""Files of the laboratory, each of which appears only when it is complete."""
+"""Tracks and truth of virtual experiments, each file of which appears only when complete."""
 
 from __future__ import annotations
 
@@ -16,20 +16,7 @@ from vibrosweep.store.disk import check_output, replacing
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["write_dataset", "write_experiments"]
-
-
-def write_dataset(dataset: xr.Dataset, path: Path) -> None:
-    """Write a dataset as netCDF-4.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    """
-    content = dataset.to_netcdf(engine="h5netcdf")
-    with replacing(path) as disk:
-        disk.write(content)
+__all__ = ["write_experiments"]
 
 
 def write_experiments(
