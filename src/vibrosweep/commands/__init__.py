@@ -16,6 +16,7 @@ from vibrosweep.commands import (
     doctor,
     figures,
     info,
+    lab,
     plan,
     run,
     verify,
@@ -35,6 +36,7 @@ COMMANDS: Final[tuple[ModuleType, ...]] = (
     basins,
     verify,
     claims,
+    lab,
     doctor,
     warmup,
 )
