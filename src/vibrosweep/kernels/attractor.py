@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
-from vibrosweep.kernels.cycles import _once_round, _repeats
+from vibrosweep.kernels.cycles import once_round, repeats
 from vibrosweep.kernels.impact import Scene, impact, launch, rebound, scene
 from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope, stretch
 from vibrosweep.scene import Dimensionless, Launches
@@ -142,13 +142,13 @@ def _follow(
 def _fold(fixed: Scene, state: State, reflect: int | None) -> tuple[int, int, int]:
     """Impacts, periods and rests of the cycle through a state, in the fewest impacts."""
     _, x, u = state
-    totals = _once_round(fixed, x, u, reflect)
+    totals = once_round(fixed, x, u, reflect)
     if totals[0] == 0:  # a rest lies on the way, which is a state of the cycle
-        totals = _once_round(fixed, fixed[3], fixed[5], reflect)
+        totals = once_round(fixed, fixed[3], fixed[5], reflect)
     impacts, periods, rests = totals[0], int(totals[1]), totals[2]
     for shorter in range(1, 1 if rests > 0 else impacts // 2 + 1):
         if impacts % shorter == 0:
-            fewer = _repeats(fixed, x, u, reflect, impacts, shorter)
+            fewer = repeats(fixed, x, u, reflect, impacts, shorter)
             if fewer > 0:
                 return shorter, fewer, rests
     return impacts, periods, rests

@@ -40,9 +40,21 @@ from vibrosweep.kernels.lanes import (
 )
 from vibrosweep.scene import Dimensionless
 
-__all__ = ["SAME", "Cycles", "Rests", "empty_cycles", "look", "no_rests", "shorten"]
+__all__ = [
+    "SAME",
+    "Cycles",
+    "Rests",
+    "empty_cycles",
+    "look",
+    "no_rests",
+    "once_round",
+    "repeats",
+    "shorten",
+]
 
-SAME = 2.0**-40  # periods
+# Periods.  Near the loss of stability a cycle wanders by rounding over 1 - |multiplier|; distinct
+# points of one cycle are never this close, unless it has just split.
+SAME = 2.0**-30
 # A cycle is worth its finding where so many times the time since the anchor remains.
 WORTH = 4.0
 # Instants of the window that rounding might decide are left to be followed.
@@ -102,7 +114,7 @@ def no_rests(realizations: int) -> Rests:
 
 
 @jit
-def _once_round(fixed: Scene, x_start: float, u_start: float, reflect: int | None) -> Totals:
+def once_round(fixed: Scene, x_start: float, u_start: float, reflect: int | None) -> Totals:
     """Totals of the cycle through a state; those of no impacts where a rest lies on the way."""
     n, x, u = 0.0, x_start, u_start
     impacts, total, squares, largest = 0, 0.0, 0.0, 0.0
@@ -124,11 +136,11 @@ def _cycle(s: Floats, j: int, place: int, reflect: int | None, rests: Rests) -> 
     """Totals of the cycle that lane j has entered; `place` is that of its realization."""
     x_lift, u_lift = s[X_LIFT + j], s[U_LIFT + j]
     fixed = (s[E + j], s[A + j], s[R + j], x_lift, s[WAIT + j], u_lift)
-    found = _once_round(fixed, s[X + j], s[U + j], reflect)
+    found = once_round(fixed, s[X + j], s[U + j], reflect)
     if found[0] > 0 and found[2] == 0:
         return found
     if rests.impacts[place] == 0:
-        p, q, _, total, squares, largest = _once_round(fixed, x_lift, u_lift, reflect)
+        p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift, reflect)
         rests.impacts[place], rests.periods[place] = p, q
         rests.flights[place, 0] = total
         rests.flights[place, 1] = squares
@@ -214,7 +226,7 @@ def look(
 
 
 @jit
-def _repeats(
+def repeats(
     fixed: Scene, x: float, u: float, reflect: int | None, impacts: int, shorter: int
 ) -> int:
     """Periods of the shorter cycle that a cycle is up to rounding; 0 if it is none."""
@@ -270,7 +282,7 @@ def shorten(
         x, u = cycles.phase[t], cycles.flight[t]
         for shorter in range(1, cycles.impacts[t] // 2 + 1):
             if cycles.impacts[t] % shorter == 0:
-                found = _repeats(fixed, x, u, reflect, cycles.impacts[t], shorter)
+                found = repeats(fixed, x, u, reflect, cycles.impacts[t], shorter)
                 if found > 0:
                     impacts[t], periods[t] = shorter, found
                     break
