@@ -63,7 +63,7 @@ def windows(conditions, **options):
 def worst_end(frequency):
     """Largest relative deviation of an end of a locked window from its closed form."""
     e = np.linspace(0.30, 0.99, SIZE)
-    scan = np.linspace(0.05, 14.5, SIZE) / frequency
+    scan = np.linspace(0.005, 14.5, SIZE) / frequency  # from below every end
     names = [f"locked({k})" for k in (1, 2, 3, 4)]
     found = find_windows(Scene(frequency=frequency), e, scan, names, threads=2)
     assert (found["window_count"] == 1).all()

@@ -69,7 +69,7 @@ def test_an_existing_output_is_kept_unless_forced(spec, tmp_path, capsys):
         ("[windows]", "[windows]\ntolerance = 2.0", ["windows.tolerance = 2.0", "below 1"]),
         ("[windows]", "[windows]\nalong = 1", ["windows.along = 1", "continuation"]),
         ("amplitude = { start = 0.2, stop = 4.0, num = 12 }", "", ["sample.design", "amplitude"]),
-        ("[sample]", "[sample]\nfrequency = [1.0, 2.0]", ["sample.frequency", "coarse scan"]),
+        ("[sample]", "[sample]\nfrequency = [1.0, 2.0]", ["sample.frequency", "axis of amplitude"]),
         ("[windows]", "[windows]\ncontinuation = 1", ["windows.continuation = 1", "true or false"]),
     ],
 )

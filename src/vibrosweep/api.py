@@ -235,7 +235,8 @@ def _broadcast(values: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
         raise ParameterError(
             f"arrays of realizations must have one length, or length 1: {lengths}"
         ) from error
-    return {name: np.ascontiguousarray(np.broadcast_to(v, shape)) for name, v in values.items()}
+    # copies: a read-only array would compile the kernels once more
+    return {name: np.array(np.broadcast_to(v, shape)) for name, v in values.items()}
 
 
 def _coordinates(

@@ -14,6 +14,7 @@ __all__ = [
     "RunError",
     "SpecError",
     "TableError",
+    "TrackError",
     "VibrosweepError",
 ]
 
@@ -48,3 +49,7 @@ class RunError(VibrosweepError, RuntimeError):
 
 class Interruption(KeyboardInterrupt):
     """An interruption, with a sentence on what was kept."""
+
+
+class TrackError(VibrosweepError, ValueError):
+    """Tracks of a camera cannot be read, or are no tracks of bouncing particles."""

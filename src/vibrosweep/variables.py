@@ -12,6 +12,7 @@ from vibrosweep.status import Regime, Status
 
 __all__ = [
     "LYAPUNOV",
+    "OF_REALIZATIONS",
     "PER_PARTICLE",
     "RECORD",
     "REGIMES",
@@ -394,3 +395,8 @@ RECORD: Final = _registry(
     Variable("impact_count", _RP, "int64", "1", "landings of the particle"),
     Variable("status", _RP, "int8", "1", "status of the particle", flags=_STATUS),
 )
+
+# What a realization has one number of, whatever asked for it
+OF_REALIZATIONS: Final[Mapping[str, Variable]] = {
+    name: variable for name, variable in {**SWEEP, **LYAPUNOV}.items() if variable.dims == _R
+}

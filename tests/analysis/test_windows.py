@@ -165,3 +165,11 @@ def test_a_scene_refuses_what_it_cannot_launch():
     ):
         with pytest.raises(ParameterError, match=words):
             Scene(**changes)
+
+
+def test_the_result_does_not_depend_on_the_number_of_threads():
+    scene = Scene(particles=4, duration=150.0)
+    arguments = scene, [0.8, 0.9], np.linspace(0.3, 3.5, 20), ["locked(1)", "periodic"]
+    for continuation in (False, True):
+        one, four = (find_windows(*arguments, continuation=continuation, threads=n) for n in (1, 4))
+        assert one.identical(four)

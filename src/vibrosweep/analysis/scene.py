@@ -181,7 +181,7 @@ def grid_axes(
     other = [name for name in axes if name not in (needed, *allowed)]
     if spec.design != "grid" or needed not in axes or other:
         wrong = f"sample.{other[0]}" if other else f'sample.design = "{spec.design}"'
-        also = f", and may have one of {' or '.join(allowed)}" if allowed else " and no other"
+        also = f" and, if need be, of {' or '.join(allowed)}" if allowed else " and no other"
         raise SpecError(
             f'{spec.source}: {wrong}: {purpose} need design = "grid" with an axis of {needed}{also}'
         )

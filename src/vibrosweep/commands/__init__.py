@@ -13,11 +13,14 @@ from vibrosweep.commands import (
     basins,
     bifurcation,
     claims,
+    doctor,
     figures,
     info,
+    lab,
     plan,
     run,
     verify,
+    warmup,
     windows,
 )
 
@@ -33,4 +36,7 @@ COMMANDS: Final[tuple[ModuleType, ...]] = (
     basins,
     verify,
     claims,
+    lab,
+    doctor,
+    warmup,
 )

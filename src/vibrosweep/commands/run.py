@@ -8,9 +8,10 @@ import sys
 import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from vibrosweep.commands.arguments import positive, some
+from vibrosweep.commands.place import add_place, opened_place
 from vibrosweep.commands.start import leave_linear_algebra_out
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
@@ -25,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
     )
-    parser.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
+    add_place(parser)
     parser.add_argument(
         "--chunk",
         metavar="N",
@@ -56,29 +57,33 @@ def perform(options: argparse.Namespace) -> None:
     _check(options, output, (options.spec, spec.table))
     leave_linear_algebra_out()
     from vibrosweep.sweep.progress import reporting
-    from vibrosweep.sweep.run import available_threads, run_sweep
+    from vibrosweep.sweep.run import run_sweep
 
     gc.enable()
-    threads = options.threads or available_threads()
-    settings = {"threads": threads, "chunk": options.chunk, "force": options.force}
     print(spec.title)
     began = time.perf_counter()
-    with reporting(sys.stderr) as advance:
+    with opened_place(options) as place, reporting(sys.stderr) as advance:
+        settings: dict[str, Any] = {
+            "threads": place.threads,
+            "chunk": options.chunk,
+            "force": options.force,
+            "advance": advance,
+            "runner": place.runner,
+            "at_least": place.at_least,
+        }
         if options.retry_failed:
             from vibrosweep.sweep.retry import retry_failed
 
             budget = options.impact_budget
-            summary, again = retry_failed(
-                spec, output, impact_budget=budget, advance=advance, **settings
-            )
+            summary, again = retry_failed(spec, output, impact_budget=budget, **settings)
         else:
-            summary = run_sweep(spec, output, advance=advance, **settings)
+            summary = run_sweep(spec, output, **settings)
     seconds = time.perf_counter() - began
     if options.retry_failed:
         print(f"{some(again, 'realization')} computed again")
     print(
         f"{some(summary.realizations, 'realization')} of {some(spec.particles, 'particle')}, "
-        f"{some(summary.landings, 'landing')} in {seconds:.3g} s on {some(threads, 'thread')}"
+        f"{some(summary.landings, 'landing')} in {seconds:.3g} s on {place.name}"
     )
     if summary.repaired:
         print(f"{some(summary.repaired, 'damaged part')} found and computed again")

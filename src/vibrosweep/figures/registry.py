@@ -17,7 +17,7 @@ from vibrosweep.figures.data import Needs
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["FIGURES", "FigureEntry", "available", "missing", "save", "save_all"]
+__all__ = ["FIGURES", "FigureEntry", "available", "missing", "save", "save_all", "save_formats"]
 
 # Dates and versions would make two drawings of the same data differ.
 FORMATS: Final[Mapping[str, Mapping[str, None]]] = {
@@ -189,6 +189,24 @@ def save_all(
     OutputError
         The directory or a file cannot be written.
     """
+    sources = {"sweep": sweep, "record": record}
+    written = []
+    for entry in FIGURES.values():
+        dataset = sources[entry.source]
+        if dataset is None or entry.lacking(dataset) is not None:
+            continue
+        written += save_formats(entry.draw(dataset), directory, entry.file_stem)
+    return written
+
+
+def save_formats(figure: Figure, directory: str | Path, stem: str) -> list[Path]:
+    """Write one figure in every format into a directory, which is made if it does not exist.
+
+    Raises
+    ------
+    OutputError
+        The directory or a file cannot be written.
+    """
     target = Path(directory)
     try:
         target.mkdir(parents=True, exist_ok=True)
@@ -197,15 +215,7 @@ def save_all(
             f"cannot make the directory {target} for the figures ({error.strerror}): choose "
             f"another one or free this path"
         ) from error
-    sources = {"sweep": sweep, "record": record}
-    written = []
-    for entry in FIGURES.values():
-        dataset = sources[entry.source]
-        if dataset is None or entry.lacking(dataset) is not None:
-            continue
-        figure = entry.draw(dataset)
-        written += [save(figure, target / f"{entry.file_stem}.{kind}") for kind in FORMATS]
-    return written
+    return [save(figure, target / f"{stem}.{kind}") for kind in FORMATS]
 
 
 def save(figure: Figure, path: Path) -> Path:

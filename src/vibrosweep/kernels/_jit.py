@@ -21,6 +21,8 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from vibrosweep.kernels._cache import KernelCache
+
 __all__ = [
     "Flags",
     "Floats",
@@ -96,8 +98,10 @@ def kernel(function: F) -> F:
     """Compile an entry point; its machine code is kept on disk, one set for each set of sources."""
     if cache_directory is None:
         return jit(function)
+    compiled = njit(**OPTIONS)(function)
     with _caching_in(cache_directory):
-        return njit(cache=True, **OPTIONS)(function)  # type: ignore[no-any-return]
+        compiled._cache = KernelCache(function)  # as njit(cache=True) sets numba's own
+    return compiled  # type: ignore[no-any-return]
 
 
 def _fma_exact(a: float, b: float, c: float) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.store.disk import Disk, replacing, undisturbed
+from vibrosweep.store.seal import append_seal
 from vibrosweep.variables import Variable
 
 __all__ = ["Group", "creating"]
@@ -126,6 +127,8 @@ def creating(path: Path, room: Path | None = None) -> Iterator[Group]:
             yield Group(disk, file)
             with undisturbed():
                 file.close()
+                disk.check()
+                append_seal(disk)
         except BaseException as error:
             with undisturbed(), suppress(Exception):
                 file.close()

@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
-from vibrosweep.errors import DataError
+from vibrosweep.errors import DataError, VibrosweepError
+from vibrosweep.store.seal import State, state_of
+from vibrosweep.store.trial import require_readable
 
 __all__ = ["no_result", "reading"]
 
@@ -15,22 +18,42 @@ __all__ = ["no_result", "reading"]
 def reading(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turn whatever goes wrong while a result file is read into one clear error.
 
+    A sealed file is compared with its seal first, another one is first read in a process of its
+    own, so that no damage can crash or hold up this one.
+
     Raises
     ------
     DataError
         There is no such file, or it is not a result that can be read.
     """
     try:
-        yield
+        seal = state_of(Path(path))
+        if seal is State.MISSING:
+            require_readable(Path(path))
     except FileNotFoundError as error:
         raise no_result(path) from error
-    except Exception as error:  # what a damaged file makes the libraries raise has no common base
+    except (OSError, ValueError) as error:
+        raise _unreadable(path) from error
+    if seal is State.BROKEN:
         raise DataError(
-            f"{path}: is not a result of vibrosweep, or is damaged; check the path, or compute it "
-            f"again with vibrosweep run"
-        ) from error
+            f"{path}: is damaged, or was changed by another program: its contents are not those "
+            f"that it was sealed with; compute it again with vibrosweep run"
+        )
+    try:
+        yield
+    except VibrosweepError:
+        raise
+    except Exception as error:  # what a foreign file makes the libraries raise has no common base
+        raise _unreadable(path) from error
 
 
 def no_result(path: str | os.PathLike[str]) -> DataError:
     """Return the error that says that there is no such result."""
     return DataError(f"{path}: there is no such result file; check the path")
+
+
+def _unreadable(path: str | os.PathLike[str]) -> DataError:
+    return DataError(
+        f"{path}: is not a result of vibrosweep, or is damaged; check the path, or compute it "
+        f"again with vibrosweep run"
+    )

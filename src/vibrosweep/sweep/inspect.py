@@ -14,8 +14,9 @@ from vibrosweep.status import Status
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.reading import no_result, reading
 from vibrosweep.store.rundir import run_directory
+from vibrosweep.store.seal import State, state_of
 from vibrosweep.sweep.summary import Summary, unsettled
-from vibrosweep.variables import SWEEP
+from vibrosweep.variables import OF_REALIZATIONS
 
 __all__ = ["describe"]
 
@@ -40,12 +41,16 @@ def describe(path: Path) -> Iterator[str]:
     RunError
         The manifest of an unfinished run is damaged.
     """
-    if not path.exists():
+    with reading(path):  # a name may be one that no file can have
+        exists = path.exists()
+    if not exists:
         yield from _unfinished(path)
         return
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         lines = [*_head(file), *summary_of(file).lines(), *_unsettled(file)]
     yield from lines
+    if state_of(path) is State.MISSING:
+        yield "no seal: another program wrote this file, so that damage to it would go unnoticed"
 
 
 def _unfinished(path: Path) -> Iterator[str]:
@@ -92,7 +97,7 @@ def _range(variable: Any) -> tuple[float, float]:
 def summary_of(file: Any) -> Summary:
     """Summarise an open result."""
     summary = Summary()
-    names = [name for name in SWEEP if name in file.variables]
+    names = [name for name in OF_REALIZATIONS if name in file.variables]
     for rows in _rows(file.dimensions["realization"].size):
         summary.add({name: file.variables[name][rows] for name in names})
     return summary

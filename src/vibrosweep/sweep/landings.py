@@ -128,7 +128,7 @@ def physical_memory() -> int:
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:
     """Complete some parameters, broadcast to a common shape (realization,), by the defaults."""
     size = max((values.size for values in given.values()), default=1)
-    return {
-        name: np.ascontiguousarray(np.broadcast_to(given.get(name, p.default), (size,)), float)
+    return {  # copies: a read-only array would compile the kernels once more
+        name: np.array(np.broadcast_to(given.get(name, p.default), (size,)), float)
         for name, p in PARAMETERS.items()
     }

@@ -19,7 +19,7 @@ from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import abandon, empty, holding
 from vibrosweep.sweep.asked import measured_variables
-from vibrosweep.sweep.chunks import Columns, Job, batch_size, in_process
+from vibrosweep.sweep.chunks import Columns, Job, Runner, batch_size, in_process
 from vibrosweep.sweep.design import Design, open_design
 from vibrosweep.sweep.identity import differences, identity
 from vibrosweep.sweep.inspect import summary_of
@@ -45,6 +45,8 @@ def retry_failed(
     chunk: int | None = None,
     force: bool = False,
     advance: Advance = silent,
+    runner: Runner | None = None,
+    at_least: int = 1,
 ) -> tuple[Summary, int]:
     """Compute again the realizations of a result that did not complete.
 
@@ -67,6 +69,8 @@ def retry_failed(
         Whether an unfinished run is thrown away.
     advance
         Called with the number of realizations done and that of all that are computed again.
+    runner, at_least
+        As for `run_sweep`.
 
     Returns
     -------
@@ -91,7 +95,7 @@ def retry_failed(
         manifest = continued(output, directory, lambda: now)
         if manifest is None and rows:
             with Workers(threads) as workers:
-                plan = make_plan(spec, workers, chunk, rows=rows)
+                plan = make_plan(spec, workers, chunk, at_least=at_least, rows=rows)
             manifest = Manifest(now, len(rows), plan.chunk, replaces=force)
             write_manifest(directory, manifest)
         if manifest is None:
@@ -100,7 +104,7 @@ def retry_failed(
         job = Job(spec, manifest, Parts(directory, manifest.key), rows)
         run = KeptRun(output, design, job, threads)
         with run.kept():
-            run.compute(in_process(threads), advance)
+            run.compute(runner or in_process(threads), advance)
             summary = _merged(run, np.asarray(rows))
         abandon(directory)
     return summary, len(rows)

@@ -16,7 +16,7 @@ from vibrosweep.sweep.spec_messages import Mistakes
 from vibrosweep.sweep.spec_rules import Axis, Range, RecordSpec, Setting
 from vibrosweep.sweep.spec_windows import WindowsTable
 
-__all__ = ["Axis", "Range", "RecordSpec", "SweepSpec", "parse_spec", "read_spec"]
+__all__ = ["Axis", "Range", "RecordSpec", "SweepSpec", "parse_spec", "read_spec", "read_text"]
 
 
 @dataclass(frozen=True)
@@ -102,9 +102,20 @@ def read_spec(path: str | os.PathLike[str]) -> SweepSpec:
         The file cannot be read, or holds mistakes; all of them are listed.
     """
     source = Path(path)
+    return parse_spec(read_text(source), source)
+
+
+def read_text(source: Path) -> str:
+    """Read the text of a TOML file.
+
+    Raises
+    ------
+    SpecError
+        The file cannot be read.
+    """
     try:
         # utf-8-sig: editors on Windows put a byte order mark first, which TOML does not know
-        text = source.read_bytes().decode("utf-8-sig")
+        return source.read_bytes().decode("utf-8-sig")
     except FileNotFoundError as error:
         raise SpecError(f"{source}: there is no such sweep file; check the path") from error
     except IsADirectoryError as error:
@@ -116,7 +127,6 @@ def read_spec(path: str | os.PathLike[str]) -> SweepSpec:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise SpecError(f"{source}: cannot be read: {reason}") from error
-    return parse_spec(text, source)
 
 
 def parse_spec(text: str, source: Path | None = None) -> SweepSpec:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.status import Status
-from vibrosweep.variables import SWEEP, UNDETERMINED, Variable
+from vibrosweep.variables import OF_REALIZATIONS, UNDETERMINED, Variable
 
 __all__ = ["Summary", "unsettled"]
 
@@ -50,7 +50,7 @@ class Summary:
         """Add the measured variables of a chunk, each of shape (realization, ...)."""
         self.realizations += measured["impact_count"].size
         self.landings += int(measured["impact_count"].sum())
-        for name, variable in SWEEP.items():
+        for name, variable in OF_REALIZATIONS.items():
             if name not in measured:
                 continue
             if variable.flags:
@@ -65,7 +65,11 @@ class Summary:
         """Give the summary as a table of text."""
         yield f"{'':32}{'min':>12}{'mean':>12}{'max':>12}"
         for name, spread in self.spreads.items():
-            label = f"{name} ({SWEEP[name].units})" if SWEEP[name].units != "1" else name
+            label = (
+                f"{name} ({OF_REALIZATIONS[name].units})"
+                if OF_REALIZATIONS[name].units != "1"
+                else name
+            )
             if not spread.count:
                 yield f"{label:32}{'undefined in every realization':>36}"
                 continue
@@ -73,7 +77,7 @@ class Summary:
             known = "" if spread.count == self.realizations else f"   of {spread.count} known"
             yield f"{label:32}{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}{known}"
         for name, counts in self.codes.items():
-            yield f"{name:32}{_counted(SWEEP[name], counts)}"
+            yield f"{name:32}{_counted(OF_REALIZATIONS[name], counts)}"
         for code in sorted(self.codes.get("status", {})):
             if code != Status.COMPLETED:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"

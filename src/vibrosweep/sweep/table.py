@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.errors import TableError
 from vibrosweep.scene import PARAMETERS
+from vibrosweep.store.trial import require_readable
 from vibrosweep.sweep.spec import SweepSpec
 from vibrosweep.sweep.spec_messages import nearest
 
@@ -96,10 +97,13 @@ def _read_netcdf(path: Path, spec: SweepSpec) -> dict[str, NDArray[Any]]:
     import xarray as xr
 
     try:
+        require_readable(path)
         # times are not decoded: a contact_time in "s" would become a time span
-        with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
+        with xr.open_dataset(
+            path, engine="h5netcdf", decode_times=False, phony_dims="access"
+        ) as dataset:
             dataset.load()
-    except (OSError, ValueError, KeyError) as error:
+    except Exception as error:  # what a damaged file makes the libraries raise has no common base
         raise TableError(f"{path}: is not a readable netCDF-4 file: {error}") from error
     # the index of a dimension, such as a running number, is no column
     found = [str(n) for n in dataset.variables if n not in dataset.dims or n in PARAMETERS]

@@ -1,0 +1,32 @@
+"""``vibrosweep doctor``: say what is wrong with this installation and how to mend it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Final
+
+from vibrosweep.commands.arguments import some
+from vibrosweep.commands.start import leave_linear_algebra_out
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "doctor"
+HELP: Final = "examine the installation and this machine; exit code 1 if anything is wrong"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command: there are none."""
+
+
+def perform(options: argparse.Namespace) -> int:
+    """Carry the command out; return 1 if anything is wrong."""
+    leave_linear_algebra_out()
+    from vibrosweep.doctor import examine
+
+    wrong = 0
+    for finding in examine(Path.cwd()):
+        print("\n".join(finding.lines()), flush=True)
+        wrong += bool(finding.trouble)
+    print(f"{some(wrong, 'thing')} to mend, marked WRONG above" if wrong else "all is well")
+    return 1 if wrong else 0

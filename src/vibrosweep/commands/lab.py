@@ -1,0 +1,192 @@
+"""``vibrosweep lab``: camera tracks to landings, and to a comparison with prediction."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from vibrosweep.commands.arguments import positive, some, whole
+from vibrosweep.errors import TrackError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "lab"
+HELP: Final = "measure camera tracks and compare them with prediction"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command and of its three parts."""
+    parts = parser.add_subparsers(title="parts", metavar="PART", required=True)
+    synthesize = parts.add_parser("synthesize", help="film a virtual experiment")
+    synthesize.add_argument("spec", metavar="SPEC.toml", type=Path)
+    synthesize.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, default=Path("tracks"), help="default: tracks"
+    )
+    synthesize.add_argument("--force", action="store_true", help="replace existing files")
+    synthesize.set_defaults(part=_synthesize)
+
+    impacts = parts.add_parser("impacts", help="find the landings of tracks")
+    _add_tracks(impacts)
+    impacts.add_argument("--frequency", metavar="HZ", type=float, help="of the forcing")
+    impacts.add_argument("--phase", metavar="RAD", type=float, default=0.0, help="at t = 0")
+    impacts.set_defaults(part=_impacts)
+
+    compare = parts.add_parser("compare", help="compare tracks with prediction, as Table 4 does")
+    _add_tracks(compare)
+    for name, unit in (("frequency", "HZ"), ("restitution", "E"), ("amplitude", "M/S")):
+        compare.add_argument(f"--{name}", metavar=unit, type=float, help="estimated by default")
+    compare.add_argument("--phase", metavar="RAD", type=float, help="at t = 0; by default found")
+    compare.add_argument("--contact-time", metavar="S", type=float, help="default: 1e-4")
+    compare.add_argument(
+        "--draws", metavar="N", type=positive, default=64, help="sets within the errors; default 64"
+    )
+    compare.add_argument("--seed", metavar="S", type=whole, default=0, help="default: 0")
+    compare.set_defaults(part=_compare)
+
+
+def _add_tracks(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("tracks", metavar="TRACKS", type=Path, nargs="+", help="a recording each")
+    parser.add_argument(
+        "--together", action="store_true", help="all files hold particles of one recording"
+    )
+    parser.add_argument("--frame-rate", metavar="HZ", type=float, help="of the camera")
+    parser.add_argument("--scale", metavar="M", type=float, help="m per unit of the file")
+    parser.add_argument("--axis", choices=("up", "down"), help="where heights grow in the file")
+    parser.add_argument("--base", metavar="Y", type=float, help="base, in units of the file")
+    parser.add_argument("--exposure", metavar="S", type=float, default=0.0, help="default: 0")
+    parser.add_argument("--gravity", metavar="G", type=float, default=9.81, help="default: 9.81")
+    parser.add_argument(
+        "--method",
+        choices=("fit", "sign_change"),
+        default="fit",
+        help="parabolas, or the frame at which the velocity changes sign; default: fit",
+    )
+    parser.add_argument("-o", "--output", metavar="OUT.h5", type=Path, help="write the result")
+    parser.add_argument("--figures", metavar="DIR", type=Path, help="draw figures there")
+    parser.add_argument("--force", action="store_true", help="replace an existing output")
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    options.part(options)
+
+
+def _synthesize(options: argparse.Namespace) -> None:
+    from vibrosweep.lab.spec import read_experiments
+    from vibrosweep.lab.writing import write_experiments
+
+    spec = read_experiments(options.spec)
+    written = write_experiments(
+        spec.experiments, options.output, options.spec.stem, force=options.force
+    )
+    print(spec.title or options.spec.stem)
+    print(f"{some(len(written) // 2, 'recording')} and their true landings in {options.output}")
+
+
+def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
+    """Read the tracks, and refuse what no recording can have, before anything is computed."""
+    from vibrosweep.lab.reading import read_tracks
+    from vibrosweep.scene import PARAMETERS
+    from vibrosweep.store.disk import check_output
+
+    if not PARAMETERS["gravity"].accepts(options.gravity):
+        raise TrackError(f"--gravity {options.gravity:g}: must be {PARAMETERS['gravity'].allowed}")
+    if not 0.0 <= options.exposure <= 1.0:
+        raise TrackError(f"--exposure {options.exposure:g}: must be at least 0 and at most 1 s")
+    if options.output is not None:
+        check_output(options.output, force=options.force, inputs=options.tracks)
+    groups = [options.tracks] if options.together else [[path] for path in options.tracks]
+    return [
+        read_tracks(
+            group,
+            frame_rate=options.frame_rate,
+            scale=options.scale,
+            axis=options.axis,
+            base=options.base,
+        )
+        for group in groups
+    ]
+
+
+def _impacts(options: argparse.Namespace) -> None:
+    from vibrosweep.lab.impacts import fit_tracks, impacts_of
+    from vibrosweep.lab.report import agreement_lines, impact_lines
+    from vibrosweep.lab.statistics import agreement, quantities
+    from vibrosweep.store.saving import save_dataset
+
+    recordings = _recordings(options)
+    if options.output is not None and len(recordings) > 1:
+        raise TrackError(
+            f"{options.output}: holds the landings of one recording, but there are "
+            f"{len(recordings)}; write them one by one, or add --together"
+        )
+    base = None if options.base is None else 0.0
+    each = []
+    for tracks in recordings:
+        fitted = fit_tracks(tracks, options.gravity, base, options.exposure)
+        found = impacts_of(tracks, fitted, options.gravity, options.method)
+        print("\n".join(impact_lines(found)))
+        each.append(quantities(found, frequency=options.frequency, phase=options.phase))
+    print("\n".join(agreement_lines(agreement(each))))
+    if options.output is not None:
+        save_dataset(found, options.output)
+        print(f"written to {options.output}")
+    if options.figures is not None:
+        from vibrosweep.figures.laboratory import fitted_track
+        from vibrosweep.figures.registry import save_formats
+        from vibrosweep.lab.report import flights_of
+
+        _announce(
+            save_formats(fitted_track(flights_of(tracks, fitted)), options.figures, "lab_track")
+        )
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from vibrosweep.errors import ParameterError
+    from vibrosweep.lab.compare import compare
+    from vibrosweep.lab.report import table_lines
+    from vibrosweep.lab.twin import Comparison
+    from vibrosweep.scene import PARAMETERS
+    from vibrosweep.store.saving import save_dataset
+    from vibrosweep.sweep.engine import Workers
+    from vibrosweep.sweep.run import available_threads
+
+    known = {"gravity": options.gravity}
+    for name in ("frequency", "restitution", "amplitude", "phase", "contact_time"):
+        value = getattr(options, name)
+        if value is None:
+            continue
+        if not PARAMETERS[name].accepts(value):
+            key = name.replace("_", "-")
+            raise ParameterError(f"--{key} {value:g}: must be {PARAMETERS[name].allowed}")
+        known[name] = value
+    how = Comparison(
+        known=known,
+        method=options.method,
+        base=None if options.base is None else 0.0,
+        exposure=options.exposure,
+        draws=options.draws,
+        seed=options.seed,
+    )
+    recordings = _recordings(options)
+    with Workers(available_threads()) as workers:
+        table = compare(recordings, how, workers)
+    print("\n".join(table_lines(table)))
+    if options.output is not None:
+        save_dataset(table, options.output)
+        print(f"written to {options.output}")
+    if options.figures is not None:
+        from vibrosweep.figures.laboratory import errors_by_case
+        from vibrosweep.figures.registry import save_formats
+
+        _announce(save_formats(errors_by_case(table), options.figures, "lab_table4"))
+
+
+def _announce(paths: Sequence[Path]) -> None:
+    for path in paths:
+        print(path)

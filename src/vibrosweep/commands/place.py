@@ -1,0 +1,64 @@
+"""Where a sweep is computed: threads of this process, or workers of a Dask cluster."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, NamedTuple
+
+from vibrosweep.commands.arguments import positive, some
+
+if TYPE_CHECKING:
+    from vibrosweep.sweep.chunks import Runner
+
+__all__ = ["Place", "add_place", "opened_place"]
+
+
+def add_place(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that choose the place."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
+    where.add_argument(
+        "--workers",
+        metavar="N",
+        type=positive,
+        help="compute in N processes of a thread each (Dask)",
+    )
+    where.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="compute on the Dask cluster of this scheduler, as tcp://host:8786",
+    )
+
+
+class Place(NamedTuple):
+    """What computes the chunks."""
+
+    name: str
+    threads: int
+    runner: Runner | None = None
+    at_least: int = 1
+
+
+@contextmanager
+def opened_place(options: argparse.Namespace) -> Iterator[Place]:
+    """Open what computes the chunks: threads of this process, or workers of a cluster."""
+    if options.workers is None and options.scheduler is None:
+        from vibrosweep.sweep.run import available_threads
+
+        threads = options.threads or available_threads()
+        yield Place(some(threads, "thread"), threads)
+        return
+    from vibrosweep.sweep.cluster import CHUNKS_PER_THREAD, connected, local_workers, on_dask
+
+    if options.workers is not None:
+        opened, name = local_workers(options.workers), some(options.workers, "worker")
+    else:
+        opened, name = connected(options.scheduler), f"the workers of {options.scheduler}"
+    with opened as client:
+        threads = sum(client.nthreads().values())
+        if not threads:
+            print("the cluster has no workers yet: waiting for them", file=sys.stderr, flush=True)
+        yield Place(name, 1, on_dask(client), max(1, CHUNKS_PER_THREAD * threads))

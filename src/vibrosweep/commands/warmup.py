@@ -1,0 +1,32 @@
+"""``vibrosweep warmup``: compile the kernels once, so that no run waits for that."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Final
+
+from vibrosweep.commands.arguments import some
+from vibrosweep.commands.start import leave_linear_algebra_out
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "warmup"
+HELP: Final = "compile every variant of the kernels once and keep the machine code"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command: there are none."""
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    leave_linear_algebra_out()
+    from vibrosweep.sweep.warmup import warm_up
+
+    began = time.perf_counter()
+    compiled = warm_up()
+    print(
+        f"{some(compiled.made, 'variant')} compiled, {compiled.kept} found on disk, in "
+        f"{time.perf_counter() - began:.3g} s; kept in {compiled.directory}"
+    )

@@ -1,0 +1,6 @@
+"""What `vibrosweep doctor` looks at: the libraries, the processor, the kernels, disk and memory."""
+
+from vibrosweep.doctor.examination import examine
+from vibrosweep.doctor.finding import Finding
+
+__all__ = ["Finding", "examine"]

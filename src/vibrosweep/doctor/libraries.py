@@ -1,0 +1,119 @@
+"""Versions of what is installed, and whether two HDF5 libraries get along in one process."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+from packaging.requirements import Requirement
+
+from vibrosweep._version import __version__
+from vibrosweep.doctor.finding import Finding
+
+__all__ = ["hdf5_libraries", "versions"]
+
+LIBRARIES: Final = ("numpy", "numba", "llvmlite", "scipy", "xarray", "h5py", "h5netcdf")
+# what the extras of the package add, and what it is needed for
+OPTIONAL: Final = {"python-flint": "verify", "distributed": "cluster", "netCDF4": "test"}
+PATIENCE: Final = 60.0  # s
+
+# In a process of its own: two libraries that do not get along end the process.
+TRIAL: Final = """
+import sys
+import h5netcdf, h5py
+path, other = sys.argv[1], sys.argv[2] == "True"
+with h5netcdf.File(path, "w") as file:
+    file.dimensions["x"] = 3
+    file.create_variable("v", ("x",), "f8")[...] = [1.0, 2.0, 3.0]
+print(h5py.version.hdf5_version)
+if other:
+    import netCDF4
+    print(netCDF4.__hdf5libversion__)
+    with netCDF4.Dataset(path) as file:
+        assert file["v"][:].tolist() == [1.0, 2.0, 3.0]
+with h5netcdf.File(path) as file:
+    assert file["v"][...].tolist() == [1.0, 2.0, 3.0]
+print("read")
+"""
+
+
+def versions() -> Iterator[Finding]:
+    """Look at Python and the libraries; those too old for the package are named."""
+    yield Finding("vibrosweep", __version__)
+    yield Finding("python", f"{platform.python_version()} ({platform.python_implementation()})")
+    too_old = [str(needed) for needed in _required() if not _satisfied(needed)]
+    remedy = "python -m pip install --upgrade " + " ".join(f"'{needed}'" for needed in too_old)
+    yield Finding(
+        "libraries",
+        ", ".join(f"{name} {_version(name) or 'missing'}" for name in LIBRARIES),
+        f"needed: {', '.join(too_old)}; install with: {remedy}" if too_old else "",
+    )
+    extras = (f"{name} {_version(name) or f'missing ({use})'}" for name, use in OPTIONAL.items())
+    yield Finding("optional libraries", ", ".join(extras))
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _required() -> list[Requirement]:
+    """Return what the package needs in this environment; nothing where it runs uninstalled."""
+    try:
+        stated = requires("vibrosweep") or []
+    except PackageNotFoundError:
+        return []
+    needed = [Requirement(text) for text in stated]
+    return [one for one in needed if one.marker is None or one.marker.evaluate({"extra": ""})]
+
+
+def _satisfied(needed: Requirement) -> bool:
+    found = _version(needed.name)
+    return found is not None and needed.specifier.contains(found, prereleases=True)
+
+
+def hdf5_libraries(directory: Path | None) -> Finding:
+    """Write a file and read it with every HDF5 library that there is, in one process.
+
+    Parameters
+    ----------
+    directory
+        Where to write, so that locking of files is tried there; None for the system's own place.
+    """
+    other = find_spec("netCDF4") is not None
+    with tempfile.TemporaryDirectory(dir=directory, prefix=".vibrosweep-doctor-") as place:
+        command = [sys.executable, "-c", TRIAL, f"{place}/trial.nc", str(other)]
+        try:
+            done = subprocess.run(
+                command, capture_output=True, text=True, check=False, timeout=PATIENCE
+            )
+            code, said, errors = done.returncode, done.stdout.split(), done.stderr
+        except subprocess.TimeoutExpired:
+            code, said, errors = -1, [], f"no answer within {PATIENCE:g} s"
+    state = "h5py has " + (said[0] if said else "no HDF5 library that works")
+    if other:
+        state += f", netCDF4 has {said[1] if len(said) > 1 else 'none that works beside it'}"
+    if code == 0 and said[-1] == "read":
+        return Finding("HDF5", f"{state}; written and read again, all in one process")
+    reason = errors.strip().splitlines()[-1] if errors.strip() else f"it ended with code {code}"
+    return Finding(
+        "HDF5", state, f"a trial file could not be written and read: {reason}; {_cure(reason)}"
+    )
+
+
+def _cure(reason: str) -> str:
+    if "lock" in reason.lower() or "unavailable" in reason:
+        return "this file system cannot lock files: set HDF5_USE_FILE_LOCKING=FALSE"
+    return (
+        "take h5py and netCDF4 from one source (both by pip, or both by conda), as with "
+        "python -m pip install --force-reinstall h5py netCDF4"
+    )

@@ -1,0 +1,90 @@
+"""Disk and memory, and the processors that may be used."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Final
+
+from vibrosweep.doctor.finding import Finding
+from vibrosweep.sweep.chunks import TRAJECTORIES_PER_BATCH
+from vibrosweep.sweep.plan import BYTES_PER_TRAJECTORY
+from vibrosweep.sweep.run import available_threads
+
+__all__ = ["disk", "memory", "processors"]
+
+GROUP: Final = Path("/sys/fs/cgroup")
+# The results of a sweep of a million realizations take about as much.
+LITTLE_DISK: Final = 1 << 28
+# The libraries take a third of it.
+LITTLE_MEMORY: Final = (1 << 29) + BYTES_PER_TRAJECTORY * TRAJECTORIES_PER_BATCH
+
+
+def processors() -> Finding:
+    """Look at the processors, and at a limit that a container sets on their time."""
+    usable, quota = available_threads(), _processor_quota()
+    state = f"{usable} of {os.cpu_count()} may be used; vibrosweep run takes {usable} threads"
+    if quota is None or quota > usable - 0.5:
+        return Finding("processors", state)
+    advice = f"give --threads {max(1, round(quota))}, or raise the limit of the container"
+    return Finding("processors", state, f"only the time of {quota:g} is granted: {advice}")
+
+
+def _processor_quota() -> float | None:
+    """Processors whose time this control group may take; None where there is no limit."""
+    words = _group_limit("cpu.max")
+    return int(words[0]) / int(words[1]) if len(words) == 2 and words[0] != "max" else None
+
+
+def _group_limit(name: str) -> list[str]:
+    try:
+        return (GROUP / name).read_text(encoding="ascii").split()
+    except OSError:
+        return []
+
+
+def memory() -> Finding:
+    """Look at the memory, and at a limit that a container sets on it."""
+    total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    available = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    known = _kilobytes(Path("/proc/meminfo")).get("MemAvailable")
+    available = available if known is None else known * 1024
+    state = f"{available / 2**30:.3g} GiB of {total / 2**30:.3g} GiB are available"
+    limit = _group_limit("memory.max")
+    if limit and limit[0] != "max":
+        used = _group_limit("memory.current")
+        available = min(available, int(limit[0]) - int(used[0] if used else 0))
+        state += f", of which this container may take {max(0, available) / 2**30:.3g} GiB"
+    if available >= LITTLE_MEMORY:
+        return Finding("memory", state)
+    advice = "close other programs, or lower --chunk when running"
+    return Finding("memory", state, f"less than {LITTLE_MEMORY / 2**30:.2g} GiB: {advice}")
+
+
+def _kilobytes(path: Path) -> dict[str, int]:
+    """Return the entries of /proc/meminfo; none on a system without it."""
+    try:
+        lines = path.read_text(encoding="ascii").splitlines()
+    except OSError:
+        return {}
+    words = (line.replace(":", "").split() for line in lines)
+    return {entry[0]: int(entry[1]) for entry in words if len(entry) == 3}
+
+
+def disk(directory: Path) -> Finding:
+    """Look at the place where results are written."""
+    free = shutil.disk_usage(directory).free
+    state = f"{free / 2**30:.3g} GiB free in {directory}"
+    try:
+        with tempfile.TemporaryFile(dir=directory) as file:
+            file.write(b"\0" * 4096)
+            file.flush()
+    except OSError as error:
+        advice = "choose another place for results with -o"
+        return Finding("disk", state, f"nothing can be written here ({error.strerror}): {advice}")
+    if free < LITTLE_DISK:
+        advice = "free some space, or choose another place for results with -o"
+        return Finding("disk", state, f"less than {LITTLE_DISK / 2**20:.0f} MiB: {advice}")
+    return Finding("disk", state)

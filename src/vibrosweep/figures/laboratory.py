@@ -1,0 +1,240 @@
+"""Figures of the laboratory: tracks with fitted flights, and errors beside those of the study."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vibrosweep.figures import style
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["errors_by_case", "fitted_track", "imperfections"]
+
+# Flights that can be told apart across a page.
+SHOWN_FLIGHTS: Final = 10
+CURVE_POINTS: Final = 60
+LARGEST_SHOWN: Final = 30.0
+
+
+@style.styled
+def fitted_track(
+    flights: xr.Dataset, particle: object = None, begin: float | None = None
+) -> Figure:
+    """Draw one particle's track with its fitted flights, and the residuals of all flights.
+
+    Parameters
+    ----------
+    flights
+        Result of `vibrosweep.lab.report.flights_of`.
+    particle
+        Which one; the one that flies longest by default.
+    begin
+        Where the drawing begins, s; at the particle's first flight by default.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    names, index = np.unique(flights["owner"].values, return_inverse=True)
+    flying = np.bincount(index, flights["end"].values - flights["start"].values)
+    chosen = names[flying.argmax()] if particle is None else particle
+    figure = Figure(figsize=(style.PAGE, 4.4), layout="constrained")
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.3, 1.0), width_ratios=(1.6, 1.0))
+    _draw_track(figure.add_subplot(grid[0, :]), flights, chosen, begin)
+    _draw_residuals(figure.add_subplot(grid[1, 0]), flights)
+    _draw_distribution(figure.add_subplot(grid[1, 1]), flights)
+    return figure
+
+
+def _draw_track(axes: Axes, flights: xr.Dataset, particle: object, begin: float | None) -> None:
+    own = flights["owner"].values == particle
+    start, end = flights["start"].values[own], flights["end"].values[own]
+    first = int(np.searchsorted(start, start[0] if begin is None else begin))
+    last = min(first + SHOWN_FLIGHTS, start.size) - 1
+    low, high = start[first], end[last]
+    for k in range(first, last + 1):
+        since = np.linspace(0.0, end[k] - start[k], CURVE_POINTS)
+        speed = flights["speed"].values[own][k]
+        rise = since * (speed - 0.5 * flights.attrs["curvature"] * since)
+        axes.plot(
+            start[k] + since,
+            1e3 * (flights.attrs["base"] + rise),
+            color=style.OKABE_ITO[0],
+            label="fitted flight" if k == first else None,
+        )
+    seen = (flights["particle"].values == particle) & (
+        (flights["time"].values >= low) & (flights["time"].values <= high)
+    )
+    axes.plot(
+        flights["time"].values[seen],
+        1e3 * flights["height"].values[seen],
+        linestyle="none",
+        marker="o",
+        markersize=2.2,
+        color=style.OKABE_ITO[6],
+        label="tracked position",
+    )
+    landed = (flights["landing_owner"].values == particle) & (
+        (flights["landing_time"].values >= low) & (flights["landing_time"].values <= high)
+    )
+    axes.errorbar(
+        flights["landing_time"].values[landed],
+        np.full(int(landed.sum()), 1e3 * flights.attrs["base"]),
+        xerr=flights["landing_error"].values[landed],
+        linestyle="none",
+        marker="|",
+        markersize=7.0,
+        color=style.OKABE_ITO[1],
+        capsize=2.0,
+        label="landing and its standard error",
+        zorder=4,
+    )
+    axes.set(xlim=(low, high), xlabel="time $t$ (s)", ylabel="height $y$ (mm)")
+    style.head(axes, f"particle {particle}, {flights.attrs['frame_rate']:.4g} frames per second")
+
+
+def _draw_residuals(axes: Axes, flights: xr.Dataset) -> None:
+    """Residuals against the place in the flight: blur and rests would show at its ends."""
+    used = np.isfinite(flights["residual"].values)
+    place = flights["within"].values[used]
+    residual = flights["residual"].values[used]
+    axes.plot(
+        place,
+        residual,
+        linestyle="none",
+        marker=".",
+        markersize=1.5,
+        alpha=0.3,
+        color=style.GREY,
+        rasterized=True,
+    )
+    edges = np.linspace(0.0, 1.0, 21)
+    inside = (place >= 0.0) & (place <= 1.0)
+    cell = np.clip(np.digitize(place[inside], edges) - 1, 0, 19)
+    count = np.bincount(cell, minlength=20)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.bincount(cell, residual[inside], 20) / count
+    axes.plot((edges[1:] + edges[:-1]) / 2.0, mean, color=style.OKABE_ITO[1], label="mean")
+    axes.axhline(0.0, color="black", linewidth=0.5)
+    axes.set(xlim=(-0.05, 1.05), ylim=(-5.0, 5.0))
+    axes.set(xlabel="place in the flight", ylabel="residual / standard error")
+    style.head(axes, "")
+
+
+def _draw_distribution(axes: Axes, flights: xr.Dataset) -> None:
+    residual = flights["residual"].values
+    residual = residual[np.isfinite(residual)]
+    axes.hist(
+        residual, bins=np.linspace(-5.0, 5.0, 51).tolist(), density=True, color=style.OKABE_ITO[5]
+    )
+    grid = np.linspace(-5.0, 5.0, 201)
+    axes.plot(
+        grid,
+        np.exp(-(grid**2) / 2.0) / np.sqrt(2.0 * np.pi),
+        color="black",
+        label="normal",
+    )
+    axes.set(xlim=(-5.0, 5.0), xlabel="residual / standard error", ylabel="density")
+    style.head(axes, "")
+
+
+@style.styled
+def errors_by_case(table: xr.Dataset) -> Figure:
+    """Draw the errors of Table 4 case by case beside the range of the study's.
+
+    Parameters
+    ----------
+    table
+        Result of `vibrosweep.lab.compare.compare`; its attributes ``study_height`` and
+        ``study_period`` are the ranges.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure = Figure(figsize=(style.PAGE, 3.0), layout="constrained")
+    panels = figure.subplots(1, 2)
+    for axes, q in zip(panels, table["quantity"].values, strict=True):
+        error = table["error"].sel(quantity=q)
+        cases = np.arange(table.sizes["case"])
+        low, high = table.attrs[f"study_{q}"]
+        axes.axhspan(low, high, color="0.9", label=f"study: {low:g} to {high:g} %")
+        for k, reading in enumerate(table["reading"].values):
+            axes.plot(
+                cases + 0.12 * (k - 1.5),
+                error.sel(reading=reading).values,
+                linestyle="none",
+                marker="osD^"[k],
+                markersize=4.5,
+                color=style.OKABE_ITO[k],
+                label=str(reading),
+                clip_on=False,
+                zorder=3,
+            )
+        letters = [
+            f"{case}\nN = {count}"
+            for case, count in zip(table["case"].values, table["particles"].values, strict=True)
+        ]
+        axes.set_xticks(cases, letters)
+        axes.set(xlim=(-0.6, cases.size - 0.4), ylabel=f"error of {q} (%)")
+        axes.set_ylim(0.0, 1.15 * max(high, float(np.nanmax(error.values))))
+        style.head(axes, "", columns=2)
+    return figure
+
+
+@style.styled
+def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
+    """Draw the errors that each imperfection makes by itself, in every case.
+
+    Parameters
+    ----------
+    study
+        Result of `vibrosweep.lab.table4.study_imperfections`.
+    reading, procedure
+        Which of its errors.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    names = [
+        f"{name.replace('_', ' ')} {size:g}{'' if unit == '1' else ' ' + unit}"
+        for name, size, unit in zip(
+            study["imperfection"].values, study["size"].values, study["units"].values, strict=True
+        )
+    ]
+    rows = np.arange(len(names))[::-1]
+    figure = Figure(figsize=(style.PAGE, 0.19 * len(names) + 1.0), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, q in zip(panels, ("height", "period"), strict=True):
+        low, high = study.attrs[f"study_{q}"]
+        axes.axvspan(low, high, color="0.9")
+        error = study[f"{q}_error"].sel(reading=reading, procedure=procedure)
+        for c, case in enumerate(study["case"].values):
+            shown = error.sel(case=case).values
+            axes.plot(
+                np.minimum(shown, LARGEST_SHOWN),
+                rows + 0.16 * (1.5 - c),
+                linestyle="none",
+                marker="osD^"[c],
+                markersize=3.2,
+                color=style.OKABE_ITO[c],
+                label=f"{case} (N = {int(study['particles'].values[c])})",
+                clip_on=False,
+            )
+        axes.set_xscale("symlog", linthresh=1.0)
+        axes.set(xlim=(0.0, LARGEST_SHOWN), xlabel=f"error of {q} (%)")
+        axes.set_xticks([0, 1, 3, 10, 30], ["0", "1", "3", "10", "30 +"])
+        axes.set_yticks(rows, names)
+        axes.tick_params(axis="y", length=0)
+        axes.grid(axis="y", linewidth=0.3, color="0.85")
+        axes.set_title(f"shaded: study, {low:g} to {high:g} %")
+    # one legend for both panels: above each there is no room for it
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
+    return figure

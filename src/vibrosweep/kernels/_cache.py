@@ -1,0 +1,95 @@
+"""Numba's disk cache of machine code, made safe for several processes and for damaged files.
+
+Numba numbers the files of a kernel's variants by an index that it reads, extends and writes back.
+Two processes that do so at once can both take one number, and one variant is then found under the
+other's name: a wrong law of rebound, with no error.  So only one process at a time writes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import pickle
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numba
+from numba.core.caching import FunctionCache
+from numba.core.registry import cpu_target
+
+__all__ = ["KernelCache", "Variants", "variants"]
+
+
+class KernelCache(FunctionCache):  # type: ignore[misc]
+    """The cache of one kernel: a file that cannot be read counts as none."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the machine code of a variant, or None."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # what unpickling of damaged bytes raises has no common base
+            self._discard()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the machine code of a variant; a disk that takes nothing costs only time."""
+        with contextlib.suppress(OSError), self._alone():
+            super().save_overload(sig, data)
+
+    def _discard(self) -> None:
+        index = Path(self._cache_file._index_path)
+        with contextlib.suppress(OSError), self._alone():
+            index.unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Wait until no other process writes in the cache."""
+        with (Path(self.cache_path) / ".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+
+
+class Variants(NamedTuple):
+    """How many compiled variants a directory holds.
+
+    Attributes
+    ----------
+    usable
+        Of them, those that this processor and this numba can use.
+    foreign
+        Those of other processors or versions.
+    damaged
+        Those that cannot be read.
+    """
+
+    usable: int
+    foreign: int
+    damaged: int
+
+
+def variants(directory: Path) -> Variants:
+    """Count the compiled variants in a directory of machine code.
+
+    An index file holds the version of numba, and then a stamp of the source and the variants: names
+    of files by (signature, (system, processor, its features), digest).
+    """
+    cpu_target.target_context.refresh()
+    here = cpu_target.target_context.codegen().magic_tuple()
+    usable = foreign = damaged = 0
+    for index in directory.rglob("*.nbi"):
+        try:
+            with index.open("rb") as file:
+                version = pickle.load(file)
+                _, overloads = pickle.load(file)
+        except Exception:
+            damaged += 1
+            continue
+        for key, name in overloads.items():
+            if not (index.parent / name).is_file():
+                damaged += 1
+            elif version == numba.__version__ and key[1] == here:
+                usable += 1
+            else:
+                foreign += 1
+    return Variants(usable, foreign, damaged)

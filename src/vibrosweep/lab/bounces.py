@@ -1,0 +1,134 @@
+"""Bounces as equations between landing times: the map, as a camera's landings can test it.
+
+With a flight of known gravity, the speeds before and after the bounce at t are
+v = g (t - lift-off before) / 2 and v' = g (next landing - t) / 2, so that
+
+    v' = e v + S sin(2 pi f t) + C cos(2 pi f t),      S = A cos phi,   C = A sin phi
+
+involves three neighbouring instants, all of which carry errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+from scipy.sparse import csr_array
+
+from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
+
+__all__ = ["Bounces", "bounces_of"]
+
+Array = NDArray[np.float64]
+
+# A bounce shares an instant with the second next one, whose errors are linked to its neighbours'.
+BAND = 3
+
+
+@dataclass(frozen=True)
+class Bounces:
+    """Instants in order, and the bounces between them.
+
+    Attributes
+    ----------
+    instant
+        Landings and lift-offs of all particles, s; a bounce is one instant, a stay is two.
+    variance, covariance
+        Of the instants, s^2, and of each with the next, shape (instant - 1,).
+    middle
+        The instant of each bounce, shape (bounce,); the ones before and after it are its
+        neighbours in `instant`.
+    gravity
+        m s-2.
+    """
+
+    instant: Array
+    variance: Array
+    covariance: Array
+    middle: NDArray[np.intp]
+    gravity: float
+
+    def speeds(self, instant: Array | None = None) -> tuple[Array, Array, Array]:
+        """Speed of arrival and of departure in m s-1, and time of each bounce in s."""
+        t = self.instant if instant is None else instant
+        half, i = self.gravity / 2.0, self.middle
+        return half * (t[i] - t[i - 1]), half * (t[i + 1] - t[i]), t[i]
+
+    def errors_of(self, slopes: tuple[Array, Array, Array]) -> csr_array:
+        """Matrix that takes errors of the instants to those of the equations, (bounce, instant)."""
+        rows = np.repeat(np.arange(self.middle.size), 3)
+        columns = (self.middle[:, np.newaxis] + np.array([-1, 0, 1])).ravel()
+        shape = (self.middle.size, self.instant.size)
+        return csr_array((np.stack(slopes, axis=1).ravel(), (rows, columns)), shape=shape)
+
+    @property
+    def errors(self) -> csr_array:
+        """Covariance of the instants, s^2."""
+        size = self.instant.size
+        row = np.arange(size)
+        entries = np.concatenate([self.covariance, self.variance, self.covariance])
+        rows = np.concatenate([row[:-1], row, row[1:]])
+        columns = np.concatenate([row[1:], row, row[:-1]])
+        return csr_array((entries, (rows, columns)), shape=(size, size))
+
+
+def bounces_of(impacts: xr.Dataset) -> Bounces:
+    """Gather every bounce with a whole flight on either side.
+
+    Parameters
+    ----------
+    impacts
+        Result of `find_impacts`.
+    """
+    instant: list[Array] = []
+    variance: list[Array] = []
+    covariance: list[Array] = []
+    middle: list[NDArray[np.intp]] = []
+    passed = 0
+    for p in range(impacts.sizes["particle"]):
+        one = impacts.isel(particle=p)
+        quality = one["quality"].values[: int(one["impact_count"])]
+        if not quality.size:
+            continue
+        column = {name: one[name].values[: quality.size] for name in one if one[name].ndim}
+        bounced = quality == BOUNCED
+        # a bounce has its lift-off only as a landing, anything else has both
+        single = np.stack([np.ones_like(bounced), ~bounced], axis=1)
+        both = np.stack([column["landing_time"], column["liftoff_time"]], axis=1)
+        error = np.stack([column["landing_time_error"], column["liftoff_time_error"]], axis=1)
+        link = np.nan_to_num(column["next_covariance"])
+        link = np.stack([np.where(bounced, link, 0.0), link], axis=1)
+        instant.append(both[single])
+        variance.append(error[single] ** 2)
+        covariance.append(link[single])
+        place = np.cumsum(single.ravel())[::2] - 1 + passed
+        sound = (quality != DOUBTFUL) & np.isfinite(column["landing_time"])
+        whole = np.isfinite(column["flight_time"])
+        good = bounced.copy()
+        good[1:] &= whole[:-1] & sound[:-1]
+        good[:-1] &= whole[:-1] & sound[1:]
+        good[[0, -1]] = False
+        middle.append(place[good])
+        passed += int(single.sum())
+    if not instant:
+        empty = np.empty(0)
+        return Bounces(empty, empty, empty, np.empty(0, np.intp), impacts.attrs["gravity"])
+    return Bounces(
+        np.concatenate(instant),
+        np.concatenate(variance),
+        np.concatenate(covariance)[:-1],
+        np.concatenate(middle),
+        impacts.attrs["gravity"],
+    )
+
+
+def solve(matrix: csr_array, right: Array) -> Array:
+    """Solve a symmetric positive system whose entries lie in the band of neighbouring bounces."""
+    size = matrix.shape[0]
+    band = np.zeros((BAND + 1, size))
+    for k in range(min(BAND + 1, size)):
+        band[k, : size - k] = matrix.diagonal(-k)
+    return np.asarray(solveh_banded(band, right, lower=True))

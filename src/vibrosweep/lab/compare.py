@@ -1,0 +1,202 @@
+"""Recordings against prediction, in the form of the study's Table 4, with what explains it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.lab.comparison import (
+    CASES,
+    QUANTITIES,
+    READINGS,
+    STUDY,
+    comparable,
+    errors,
+    measured_means,
+)
+from vibrosweep.lab.estimate import estimate, fit_phase
+from vibrosweep.lab.impacts import fit_tracks, impacts_of
+from vibrosweep.lab.prediction import draw, predict
+from vibrosweep.lab.twin import Comparison, camera_shares
+from vibrosweep.scene import PARAMETERS
+from vibrosweep.sweep.engine import Workers
+
+__all__ = ["compare"]
+
+SHARES: Final = ("frames", "pixels", "parameters")
+
+
+class _One(NamedTuple):
+    """One recording: measured means, predictions, errors and shares by quantity."""
+
+    compared: float
+    measured: dict[str, float]
+    predicted: dict[str, float]
+    error: dict[str, dict[str, float]]
+    share: dict[str, dict[str, dict[str, float]]]
+    parameters: dict[str, float]
+    warning: str
+
+
+def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers) -> xr.Dataset:
+    """Compare recordings with prediction, case by case; a case is a number of particles.
+
+    Parameters
+    ----------
+    recordings
+        Tracks, as `read_tracks` returns them.
+    how
+        What is known, and the method.
+    workers
+        Threads to use.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (case, quantity, reading): ``error`` in per cent, |measured - predicted| / measured,
+        the mean over the repeats, and what of it ``frames``, ``pixels`` and ``parameters`` explain
+        by themselves (in per cent of the measured value); they add in squares.  Dims (case,
+        quantity): ``measured``, ``measured_sd`` over the repeats, ``predicted`` (m, s).  Dim case:
+        ``particles``, ``repeats``, ``compared``, and the parameters used.
+
+    Raises
+    ------
+    TrackError, ParameterError
+        A recording cannot be measured, or the parameters are neither known nor determined.
+    """
+    groups: dict[int, list[_One]] = {}
+    for tracks in recordings:
+        groups.setdefault(tracks.sizes["particle"], []).append(_one(tracks, how, workers))
+    counts = sorted(groups)
+    letters = {number: letter for letter, number in CASES.items()}
+    rows = [groups[count] for count in counts]
+    shape = (len(rows), len(QUANTITIES), len(READINGS))
+    error, share = np.empty(shape), {name: np.empty(shape) for name in SHARES}
+    measured, spread, predicted = np.empty((3, len(rows), len(QUANTITIES)))
+    for i, row in enumerate(rows):
+        for j, q in enumerate(QUANTITIES):
+            values = np.array([one.measured[q] for one in row])
+            measured[i, j] = values.mean()
+            spread[i, j] = values.std(ddof=1) if len(row) > 1 else np.nan
+            predicted[i, j] = np.mean([one.predicted[q] for one in row])
+            for k, reading in enumerate(READINGS):
+                error[i, j, k] = np.mean([one.error[q][reading] for one in row])
+                for name in SHARES:
+                    # squares add, so they are averaged
+                    parts = [one.share[name][q][reading] ** 2 for one in row]
+                    share[name][i, j, k] = np.sqrt(np.mean(parts))
+    dims = ("case", "quantity", "reading")
+    variables: dict[str, Any] = {
+        "error": (
+            dims,
+            error,
+            {"units": "percent", "long_name": "|measured - predicted| / measured"},
+        ),
+        **{
+            name: (dims, share[name], {"units": "percent", "long_name": f"error due to {name}"})
+            for name in SHARES
+        },
+        "measured": (dims[:2], measured, {"long_name": "measured mean"}),
+        "measured_sd": (dims[:2], spread, {"long_name": "standard deviation over the repeats"}),
+        "predicted": (dims[:2], predicted, {"long_name": "predicted mean"}),
+        "repeats": ("case", [len(row) for row in rows], {"units": "1"}),
+        "compared": (
+            "case",
+            [float(np.mean([one.compared for one in row])) for row in rows],
+            {"units": "1", "long_name": "share of the particles that could be compared"},
+        ),
+        **{
+            name: (
+                "case",
+                [float(np.mean([one.parameters[name] for one in row])) for row in rows],
+                {"units": PARAMETERS[name].units, "long_name": PARAMETERS[name].long_name},
+            )
+            for name in ("restitution", "amplitude", "frequency")
+        },
+    }
+    warnings = {one.warning for row in rows for one in row if one.warning}
+    return xr.Dataset(
+        variables,
+        coords={
+            "case": [letters.get(count, f"N={count}") for count in counts],
+            "particles": ("case", counts),
+            "quantity": list(QUANTITIES),
+            "units": ("quantity", ["m", "s"]),
+            "reading": list(READINGS),
+        },
+        attrs={
+            "method": how.method,
+            "warning": "; ".join(sorted(warnings)),
+            **{f"study_{q}": STUDY[q] for q in QUANTITIES},
+        },
+    )
+
+
+def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:
+    """Measure, predict and explain one recording."""
+    fitted = fit_tracks(tracks, how.gravity, how.base, how.exposure)
+    seen = impacts_of(tracks, fitted, how.gravity, "fit")
+    impacts = impacts_of(tracks, fitted, how.gravity, how.method)
+    among = comparable(seen)
+    if not among.any():
+        raise TrackError(
+            f"{tracks.attrs['source']}: no particle's flights are nearly all seen, so nothing can "
+            f"be compared; film faster or closer"
+        )
+    scene, estimated = _parameters(seen, how)
+    sets, refused = draw(scene, estimated, how.draws, how.seed)
+    found = predict(seen, sets, workers, how.rebound)
+    best = {"height": found.height[0], "period": found.period[0]}
+    error = errors(impacts, best, among)
+    means = measured_means(impacts, among)
+    one = {name: float(values[0]) for name, values in sets.items()}
+    spread = {
+        q: 100.0 * np.std(values[1:, among], axis=0) / means[q][among]
+        if len(values) > 1
+        else np.zeros(int(among.sum()))
+        for q, values in (("height", found.height), ("period", found.period))
+    }
+    share = camera_shares(tracks, seen, one, how)
+    share["parameters"] = {
+        q: {
+            "ensemble": float(values.mean()),
+            "particle": float(values.mean()),
+            "worst": float(values.max()),
+            "flight": float(values.mean()),
+        }
+        for q, values in spread.items()
+    }
+    warning = f"{refused} drawn sets were not physical and were drawn anew" if refused else ""
+    return _One(
+        float(among.mean()),
+        {q: float(np.nanmean(means[q])) for q in QUANTITIES},
+        {q: float(np.nanmean(best[q][among])) for q in QUANTITIES},
+        error,
+        share,
+        one,
+        warning,
+    )
+
+
+def _parameters(impacts: xr.Dataset, how: Comparison) -> tuple[dict[str, float], xr.Dataset | None]:
+    """The scene, and the estimate that overrides it where parameters are not known."""
+    scene = {name: how.known.get(name, p.default) for name, p in PARAMETERS.items()}
+    given = {"restitution", "amplitude"} & how.known.keys()
+    if len(given) == 1:
+        raise ParameterError(
+            f"{given.pop()} is given alone: give restitution and amplitude, or leave both to be "
+            f"estimated"
+        )
+    if not given:
+        return scene, estimate(impacts, frequency=how.known.get("frequency"))
+    if "frequency" not in how.known:
+        raise ParameterError("the frequency is missing: give it with restitution and amplitude")
+    if "phase" not in how.known:
+        scene["phase"] = fit_phase(
+            impacts, **{n: scene[n] for n in ("restitution", "amplitude", "frequency")}
+        )
+    return scene, None

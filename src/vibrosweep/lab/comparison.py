@@ -1,0 +1,101 @@
+"""Measured against predicted heights and periods, in the form of the study's Table 4.
+
+The error of a quantity is |measured - predicted| / measured.  What is compared is open to
+readings, so each is given: the means of all particles, each particle's mean, and each flight.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.lab.impacts import BOUNCED
+
+__all__ = ["CASES", "QUANTITIES", "READINGS", "STUDY", "comparable", "errors", "measured_means"]
+
+Array = NDArray[np.float64]
+
+# Cases of Table 4 by their number of particles, and the range of its errors in per cent.
+CASES: Final = {"A": 1, "B": 5, "C": 20, "D": 50}
+STUDY: Final = {"height": (3.8, 7.1), "period": (2.9, 6.0)}
+QUANTITIES: Final = ("height", "period")
+READINGS: Final = ("ensemble", "particle", "worst", "flight")
+# A particle is compared if so much of the time, and so many of its landings, are seen well: the
+# mean of some of its flights is not the mean of its flights.
+SEEN: Final = 0.9
+
+
+def _columns(impacts: xr.Dataset) -> dict[str, Array]:
+    return {"height": impacts["rebound_height"].values, "period": impacts["flight_time"].values}
+
+
+def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
+    """Particles nearly all of whose flights are seen; shape (particle,).
+
+    Those that rest, or bounce too low for the camera, are not.
+    """
+    quality = impacts["quality"].values
+    bounced = (quality == BOUNCED).sum(axis=1)
+    flying = np.nansum(impacts["flight_time"].values, axis=1)
+    length = impacts.attrs["end"] - impacts.attrs["begin"]
+    return np.asarray(
+        (bounced > SEEN * np.maximum((quality >= BOUNCED).sum(axis=1), 1))
+        & (flying > SEEN * length)
+    )
+
+
+def measured_means(impacts: xr.Dataset, among: NDArray[np.bool_]) -> dict[str, Array]:
+    """Mean height (m) and period (s) of the flights of each particle `among`; NaN elsewhere."""
+    means = {}
+    for name, values in _columns(impacts).items():
+        chosen = np.where(among[:, np.newaxis], values, np.nan)
+        count = np.isfinite(chosen).sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            means[name] = np.nansum(chosen, axis=1) / np.where(count, count, np.nan)
+    return means
+
+
+def errors(
+    impacts: xr.Dataset, predicted: dict[str, Array], among: NDArray[np.bool_]
+) -> dict[str, dict[str, float]]:
+    """Errors in per cent by quantity and reading.
+
+    Parameters
+    ----------
+    impacts
+        Result of `find_impacts`.
+    predicted
+        Predicted mean height (m) and period (s) of each particle.
+    among
+        Particles to compare, as `comparable` tells them.
+
+    Returns
+    -------
+    dict
+        ``ensemble``: of the means over all particles; ``particle``: mean of the errors of each
+        particle's mean; ``worst``: the largest of them; ``flight``: mean of the errors of each
+        flight against its particle's prediction.  NaN where no particle can be compared.
+    """
+    means, columns = measured_means(impacts, among), _columns(impacts)
+    found: dict[str, dict[str, float]] = {}
+    for name in QUANTITIES:
+        own, foretold = means[name], predicted[name]
+        both = np.isfinite(own) & np.isfinite(foretold)
+        if not both.any():
+            found[name] = dict.fromkeys(READINGS, float("nan"))
+            continue
+        own, foretold = own[both], foretold[both]
+        single = 100.0 * np.abs(own - foretold) / own
+        flights = columns[name][both]
+        whole = 100.0 * abs(own.mean() - foretold.mean()) / own.mean()
+        each = 100.0 * np.abs(flights - foretold[:, np.newaxis]) / flights
+        found[name] = {
+            "ensemble": float(whole),
+            "particle": float(single.mean()),
+            "worst": float(single.max()),
+            "flight": float(np.nanmean(each)),
+        }
+    return found

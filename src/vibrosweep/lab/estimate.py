@@ -1,0 +1,278 @@
+"""Restitution, amplitude, phase and frequency from landings, with standard errors.
+
+All instants carry errors, and each is part of a speed of arrival, a speed of departure and a
+phase: a plain regression, which lets only one side err, is biased.  The instants are therefore
+adjusted together with the parameters (the condition adjustment of Gauss and Helmert, which is total
+least squares for errors of any covariance): the smallest weighted change of the instants that makes
+every bounce obey the map.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.bounces import Bounces, bounces_of, solve
+
+__all__ = ["PARAMETER_UNITS", "estimate", "find_frequency", "fit_phase"]
+
+Array = NDArray[np.float64]
+
+PARAMETER_UNITS: Final = {
+    "restitution": "1",
+    "amplitude": "m s-1",
+    "phase": "rad",
+    "frequency": "Hz",
+}
+TURN: Final = 2.0 * np.pi
+FEWEST: Final = 10
+# Phases that are tried, a third of a degree apart, and how much worse than the best, in shares of
+# the kicks' sum of squares, one may be that is called as good.
+PHASES: Final = 1080
+TIE: Final = 0.01
+ROUNDS: Final = 25
+# The profile over frequencies is scanned on so many seconds, in steps of a quarter of its width.
+SCAN_SECONDS: Final = 10.0
+SCAN_BOUNCES: Final = 1000
+# Parameters are called undetermined if the weakest direction of the design holds less signal than
+# so many times the noise of the instants, or an error is larger than such shares.
+SIGNAL: Final = 10.0
+WORST_RESTITUTION: Final = 0.1
+WORST_AMPLITUDE: Final = 0.25
+
+
+class _Adjusted(NamedTuple):
+    """Result of the adjustment: (e, S, C, f or not), its covariance, chi-square, the instants."""
+
+    values: Array
+    covariance: Array
+    chi_square: float
+    instant: Array
+
+
+def estimate(
+    impacts: xr.Dataset,
+    *,
+    frequency: float | None = None,
+    frequency_range: tuple[float, float] = (1.0, 100.0),
+) -> xr.Dataset:
+    """Estimate the parameters that the landings obey.
+
+    Parameters
+    ----------
+    impacts
+        Result of `find_impacts`.
+    frequency
+        Forcing frequency in Hz where it is known; estimated otherwise.
+    frequency_range
+        Where an unknown frequency is sought, Hz.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (parameter, other): ``estimate``, ``error`` and ``covariance`` of restitution,
+        amplitude (m s-1), phase (rad, at t = 0 of the tracks' clock) and, if it was not known,
+        frequency (Hz).  ``determined`` is 0 where the orbit does not determine them, or hardly; the
+        attribute ``warning`` then says why, and without any signal all are NaN.  ``misfit`` is the
+        chi-square per degree of freedom; where it exceeds 1, the errors are enlarged by its root.
+
+    Raises
+    ------
+    TrackError
+        There are too few bounces.
+    """
+    bounces = bounces_of(impacts)
+    if bounces.middle.size < FEWEST:
+        raise TrackError(
+            f"{impacts.attrs['source']}: only {bounces.middle.size} bounces have a whole flight on "
+            f"either side; at least {FEWEST} are needed: film for longer, or faster"
+        )
+    given = frequency is not None
+    rate = find_frequency(bounces, frequency_range) if frequency is None else frequency
+    found = _adjust(bounces, rate, free=not given)
+    freedom = bounces.middle.size - found.values.size
+    misfit = found.chi_square / freedom
+    names = list(PARAMETER_UNITS)[: 3 if given else 4]
+    values, covariance = _polar(found.values, found.covariance * max(1.0, misfit))
+    rate = float(found.values[3]) if not given else rate
+    signal = _weakest_signal(bounces, found, rate)
+    error = np.sqrt(np.diag(covariance))
+    warning = _warning(signal, values, error)
+    if signal < SIGNAL:  # what noise alone has determined is no estimate
+        values, error, covariance = (np.full_like(v, np.nan) for v in (values, error, covariance))
+    return xr.Dataset(
+        {
+            "estimate": ("parameter", values, {"long_name": "estimate"}),
+            "error": ("parameter", error, {"long_name": "standard error"}),
+            "covariance": (("parameter", "other"), covariance, {"long_name": "covariance"}),
+            "determined": ((), np.int8(not warning), {"long_name": "the orbit determines them"}),
+            "misfit": ((), misfit, {"units": "1", "long_name": "chi-square per degree of freedom"}),
+            "bounces": ((), bounces.middle.size, {"units": "1", "long_name": "bounces used"}),
+            "signal": ((), signal, {"units": "1", "long_name": "signal of the weakest direction"}),
+            "frequency_used": ((), rate, {"units": "Hz", "long_name": "forcing frequency"}),
+        },
+        coords={
+            "parameter": names,
+            "other": names,
+            "units": ("parameter", [PARAMETER_UNITS[n] for n in names]),
+        },
+        attrs={"warning": warning},
+    )
+
+
+def find_frequency(bounces: Bounces, between: tuple[float, float]) -> float:
+    """Frequency in Hz at which the bounces obey the map best, by ordinary least squares.
+
+    A scan of a stretch of the bounces, then a refinement on all of them.
+    """
+    arrive, leave, time = bounces.speeds()
+    order = np.argsort(time)
+    arrive, leave, time = arrive[order], leave[order], time[order]
+    early = np.flatnonzero(time <= time[0] + SCAN_SECONDS)[:SCAN_BOUNCES]
+    span = max(float(np.ptp(time[early])), 1e-9)
+    steps = int((between[1] - between[0]) * 4.0 * span) + 2
+    trial = np.linspace(*between, steps)
+    misfit = np.concatenate(
+        [
+            _misfits(part, arrive[early], leave[early], time[early])
+            for part in np.array_split(trial, steps // 256 + 1)
+        ]
+    )
+    best, width = float(trial[np.argmin(misfit)]), float(trial[1] - trial[0])
+    reach = span
+    while True:  # each longer stretch narrows the peak, which the last one has located
+        chosen = time <= time[0] + reach
+        data = (arrive[chosen], leave[chosen], time[chosen])
+        best = float(
+            minimize_scalar(
+                lambda f, data=data: float(_misfits(np.array([f]), *data)[0]),
+                bounds=(best - width, best + width),
+                method="bounded",
+                options={"xatol": 1e-4 * width},
+            ).x
+        )
+        if reach > time[-1] - time[0]:
+            return best
+        reach, width = 2.0 * reach, width / 2.0
+
+
+def fit_phase(
+    impacts: xr.Dataset, *, restitution: float, amplitude: float, frequency: float
+) -> float:
+    """Phase of the forcing at t = 0 of a recording, rad, where all else is known.
+
+    On a locked orbit two phases explain the bounces equally well; that of the stable branch is
+    taken, on which the kick falls at the moment of impact.
+
+    Raises
+    ------
+    TrackError
+        There are no bounces.
+    """
+    arrive, leave, time = bounces_of(impacts).speeds()
+    if not time.size:
+        raise TrackError(f"{impacts.attrs['source']}: no bounce has a whole flight on either side")
+    kick = leave - restitution * arrive
+    angle = TURN * frequency * time
+    trial = np.linspace(-np.pi, np.pi, PHASES, endpoint=False)
+    wave = amplitude * np.sin(angle + trial[:, np.newaxis])
+    misfit = np.sum((kick - wave) ** 2, axis=1)
+    falling = np.cos(angle + trial[:, np.newaxis]).mean(axis=1) < 0.0
+    near = misfit <= misfit.min() + TIE * float(kick @ kick)
+    chosen = np.flatnonzero(near & falling if (near & falling).any() else near)
+    return float(trial[chosen[np.argmin(misfit[chosen])]])
+
+
+def _misfits(frequency: Array, arrive: Array, leave: Array, time: Array) -> Array:
+    """Sum of squares left by the best e, S and C at each frequency."""
+    angle = TURN * frequency[:, np.newaxis] * time
+    design = np.stack([np.broadcast_to(arrive, angle.shape), np.sin(angle), np.cos(angle)], axis=-1)
+    normal = np.einsum("fni,fnj->fij", design, design)
+    right = np.einsum("fni,n->fi", design, leave)
+    # a small ridge: at some frequencies the columns are the same
+    normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
+    found = np.linalg.solve(normal, right[..., np.newaxis])[..., 0]
+    return np.asarray(leave @ leave - np.einsum("fi,fi->f", right, found))
+
+
+def _adjust(bounces: Bounces, rate: float, free: bool) -> _Adjusted:
+    """Adjust instants and parameters together, from an ordinary least-squares start."""
+    arrive, leave, time = bounces.speeds()
+    wave = np.stack([arrive, np.sin(TURN * rate * time), np.cos(TURN * rate * time)], axis=1)
+    values = np.linalg.lstsq(wave, leave, rcond=1e-9)[0]
+    if free:
+        values = np.append(values, rate)
+    errors, instant = bounces.errors, bounces.instant.copy()
+    half = bounces.gravity / 2.0
+    for _ in range(ROUNDS):
+        e, s, c = values[:3]
+        f = values[3] if free else rate
+        arrive, leave, time = bounces.speeds(instant)
+        sine, cosine = np.sin(TURN * f * time), np.cos(TURN * f * time)
+        turning = TURN * (s * cosine - c * sine)
+        columns = [arrive, sine, cosine] + ([time * turning] if free else [])
+        design = -np.stack(columns, axis=1)
+        ends = np.full(time.size, half)
+        slopes = bounces.errors_of((e * ends, -(1.0 + e) * ends - f * turning, ends))
+        closure = leave - e * arrive - s * sine - c * cosine
+        closure = closure + slopes @ (bounces.instant - instant)
+        spread = slopes @ errors @ slopes.T
+        weighted = solve(spread, np.column_stack([design, closure]))
+        normal = design.T @ weighted[:, :-1]
+        scale = 1.0 / np.sqrt(np.diag(normal))
+        inverse = scale[:, np.newaxis] * np.linalg.pinv(normal * np.outer(scale, scale)) * scale
+        step = -inverse @ (design.T @ weighted[:, -1])
+        forces = weighted[:, -1] + weighted[:, :-1] @ step
+        instant = bounces.instant - errors @ (slopes.T @ forces)
+        values = values + step
+        if np.all(np.abs(step) <= 1e-6 * np.sqrt(np.diag(inverse))):
+            break
+    return _Adjusted(values, inverse, float(forces @ (spread @ forces)), instant)
+
+
+def _polar(values: Array, covariance: Array) -> tuple[Array, Array]:
+    """(e, S, C, ...) to (e, A, phi, ...)."""
+    s, c = values[1:3]
+    amplitude = float(np.hypot(s, c))
+    change = np.eye(values.size)
+    change[1, 1:3] = s / amplitude, c / amplitude
+    change[2, 1:3] = -c / amplitude**2, s / amplitude**2
+    polar = values.copy()
+    polar[1:3] = amplitude, np.arctan2(c, s)
+    return polar, change @ covariance @ change.T
+
+
+def _weakest_signal(bounces: Bounces, found: _Adjusted, rate: float) -> float:
+    """Signal in the direction of the design that varies least, in units of the noise in it.
+
+    The design of a locked orbit is one point, blurred by the errors of the instants: however many
+    bounces are seen, they say nothing of two of the three parameters.
+    """
+    arrive, _, time = bounces.speeds()
+    _, s, c, *_ = found.values
+    amplitude = max(float(np.hypot(s, c)), 1e-300)
+    angle = TURN * rate * time
+    design = np.stack([arrive, amplitude * np.sin(angle), amplitude * np.cos(angle)], axis=1)
+    here = bounces.variance[bounces.middle]
+    noise = bounces.gravity**2 / 4.0 * (here + bounces.variance[bounces.middle - 1])
+    moved = (TURN * rate * amplitude) ** 2 * here
+    blur = float(np.mean(noise + moved))
+    weakest = float(np.linalg.eigvalsh(design.T @ design / time.size)[0])
+    return weakest / blur
+
+
+def _warning(signal: float, values: Array, error: Array) -> str:
+    if signal < SIGNAL:
+        return (
+            "the orbit does not determine restitution and amplitude: all bounces happen at nearly "
+            "the same phases and speeds, as those of a locked orbit do; change the frequency or "
+            "the amplitude, or film the approach to the orbit"
+        )
+    if error[0] > WORST_RESTITUTION or error[1] > WORST_AMPLITUDE * values[1]:
+        return "restitution and amplitude are hardly determined: film for longer, or closer"
+    return ""

@@ -1,0 +1,178 @@
+"""Parabolas through the samples of every flight at once, and where neighbouring ones meet.
+
+Gravity is known, so a flight has two unknowns, and y + g t^2 / 2 is a straight line in t.  Two
+flights differ by a straight line, which vanishes at the landing between them: no height of the base
+is needed for it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.lab.segments import Samples
+
+__all__ = ["Fits", "Meetings", "apparent_gravity", "crossings", "fit", "line_variance", "meet"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class Fits(NamedTuple):
+    """Parabolas y = level + slope s - g s^2 / 2 with s = t - centre; arrays of shape (flight,).
+
+    Attributes
+    ----------
+    number
+        Of samples.
+    centre
+        Mean time of the samples, s.
+    spread
+        Sum of the squared distances of the samples from it, s^2.
+    level, slope
+        m and m s-1.
+    residue
+        Sum of squared residuals, m^2.
+    """
+
+    number: Array
+    centre: Array
+    spread: Array
+    level: Array
+    slope: Array
+    residue: Array
+
+    def top(self, gravity: float) -> Array:
+        """Height of the apex, m."""
+        return self.level + self.slope**2 / (2.0 * gravity)
+
+    def take(self, chosen: Indices | NDArray[np.bool_]) -> Fits:
+        """Some of the flights."""
+        return Fits._make(values[chosen] for values in self)
+
+
+def fit(samples: Samples, flight: Indices, flights: int, gravity: float) -> Fits:
+    """Fit a parabola of known curvature to each flight.
+
+    Parameters
+    ----------
+    samples
+        What was seen.
+    flight
+        Number of the flight of each sample; -1 for none.
+    flights
+        Number of flights.
+    gravity
+        m s-2.
+    """
+    used = flight >= 0
+    of, time = flight[used], samples.time[used]
+
+    def total(values: Array) -> Array:
+        return np.bincount(of, values, flights).astype(np.float64)
+
+    with np.errstate(invalid="ignore", divide="ignore"):
+        count = total(np.ones(of.size))
+        centre = total(time) / count
+        since = time - centre[of]
+        straight = samples.height[used] + 0.5 * gravity * since**2
+        spread = total(since**2)
+        level = total(straight) / count
+        slope = total(since * straight) / spread
+        residue = total((straight - level[of] - slope[of] * since) ** 2)
+    return Fits(count, centre, spread, level, slope, residue)
+
+
+def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[float, float]:
+    """Acceleration with which the flights fall, and its standard error, m s-2.
+
+    The median of the curvatures of all flights of at least four samples, each fitted with its own
+    height and slope: stretches that are no flights at all do not disturb it.  NaN if there are
+    none.
+    """
+    used = flight >= 0
+    of, time, height = flight[used], samples.time[used], samples.height[used]
+    count = np.bincount(of, minlength=flights)
+
+    def project(values: Array, since: Array) -> Array:
+        """Take the straight line of each flight out."""
+        level = np.bincount(of, values, flights) / count
+        slope = np.bincount(of, since * values, flights) / np.bincount(of, since**2, flights)
+        return values - level[of] - slope[of] * since
+
+    with np.errstate(invalid="ignore", divide="ignore"):
+        since = time - (np.bincount(of, time, flights) / count)[of]
+        square, line = project(since**2, since), project(height, since)
+        own = np.bincount(of, square * line, flights) / np.bincount(of, square**2, flights)
+    seen = -2.0 * own[count > 3]
+    if not seen.size:
+        return float("nan"), float("nan")
+    middle = float(np.median(seen))
+    # standard error of a median, from the median absolute deviation
+    error = 1.2533 * 1.4826 * float(np.median(np.abs(seen - middle))) / np.sqrt(seen.size)
+    return middle, error
+
+
+def line_variance(fits: Fits, one: Array, other: Array | None = None) -> Array:
+    """Covariance of a flight's height at two instants, in units of the variance of a sample."""
+    other = one if other is None else other
+    return 1.0 / fits.number + (one - fits.centre) * (other - fits.centre) / fits.spread
+
+
+def crossings(fits: Fits, base: float, gravity: float) -> tuple[Array, Array, Array]:
+    """Instants of lift-off and landing at the height of the base, s, and the speed there, m s-1."""
+    with np.errstate(invalid="ignore"):
+        speed = np.sqrt(fits.slope**2 + 2.0 * gravity * (fits.level - base))
+    rise = fits.centre + (fits.slope - speed) / gravity
+    return rise, fits.centre + (fits.slope + speed) / gravity, speed
+
+
+class Meetings(NamedTuple):
+    """Where flights meet; arrays of shape (meeting,).
+
+    Attributes
+    ----------
+    time, height
+        s and m.
+    closing
+        Speed of arrival plus speed of lift-off, m s-1.
+    time_variance, height_variance
+        In units of the variance of a sample: s^2 / m^2 and 1.
+    """
+
+    time: Array
+    height: Array
+    closing: Array
+    time_variance: Array
+    height_variance: Array
+
+
+def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
+    """Intersect neighbouring flights.
+
+    Parameters
+    ----------
+    before, after
+        Flights that land and lift off.
+    near
+        Any instants close by, s: they keep the differences small.
+    """
+
+    def at(fits: Fits, time: Array) -> tuple[Array, Array]:
+        since = time - fits.centre
+        return fits.level + since * (
+            fits.slope - 0.5 * gravity * since
+        ), fits.slope - gravity * since
+
+    (low, falling), (high, rising) = at(before, near), at(after, near)
+    closing = rising - falling
+    with np.errstate(invalid="ignore", divide="ignore"):
+        time = near + (low - high) / closing
+        height, falling = at(before, time)
+        _, rising = at(after, time)
+        first, second = line_variance(before, time), line_variance(after, time)
+        time_variance = (first + second) / closing**2
+        height_variance = (rising**2 * first + falling**2 * second) / closing**2
+    return Meetings(time, height, closing, time_variance, height_variance)

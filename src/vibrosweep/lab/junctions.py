@@ -1,0 +1,127 @@
+"""What happens between neighbouring flights: a bounce, a stay on the base, or something odd."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.lab.flights import Fits, crossings, line_variance, meet
+
+__all__ = ["Junctions", "base_level", "join"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+# Standard errors by which two flights must miss each other to tell a stay on the base.
+MISSED: Final = 4.0
+# Flights that meet within so many standard errors of the base meet on it.
+ON_BASE: Final = 4.0
+# Stays pull meetings down, so the base is sought from above.
+FROM_ABOVE: Final = 0.8
+FEWEST: Final = 3
+BASE_ROUNDS: Final = 5
+
+
+class Junctions(NamedTuple):
+    """Between flight `before` and flight `before + 1`; arrays of shape (junction,).
+
+    Attributes
+    ----------
+    before
+        Number of the flight that lands.
+    landing, liftoff
+        s; the same unless the particle stayed.
+    landing_error, liftoff_error
+        Standard errors, s.
+    covariance
+        Of the lift-off with the landing after the same flight, s^2; NaN where that is not seen.
+    stayed
+        The particle stayed on the base, or bounced too low to be seen.
+    overlapping
+        The flights meet above the base: something other than the base turned the particle.
+    height, height_error
+        Where the parabolas meet, m.
+    """
+
+    before: Indices
+    landing: Array
+    liftoff: Array
+    landing_error: Array
+    liftoff_error: Array
+    covariance: Array
+    stayed: Flags
+    overlapping: Flags
+    height: Array
+    height_error: Array
+
+
+def join(fits: Fits, piece: Indices, base: float, noise: float, gravity: float) -> Junctions:
+    """Say how neighbouring flights of a piece are joined.
+
+    Parameters
+    ----------
+    fits
+        Flights in their order.
+    piece
+        Piece of track of each flight; landings are sought inside pieces only.
+    base
+        Height of the base, m.
+    noise
+        Standard deviation of a sample, m.
+    gravity
+        m s-2.
+    """
+    before = np.flatnonzero(np.diff(piece) == 0)
+    after = before + 1
+    up, down, speed = crossings(fits, base, gravity)
+    met = meet(fits.take(before), fits.take(after), (down[before] + up[after]) / 2.0, gravity)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fall = noise * np.sqrt(line_variance(fits, down)) / speed
+        rise = noise * np.sqrt(line_variance(fits, up)) / speed
+        miss = (up[after] - down[before]) / np.hypot(fall[before], rise[after])
+        stayed = (miss > MISSED) | ~(met.closing > 0.0)
+        landing = np.where(stayed, down[before], met.time)
+        liftoff = np.where(stayed, up[after], met.time)
+        error = noise * np.sqrt(met.time_variance)
+        # how far a sample's error moves an instant: 1 / speed of the flight, or of both
+        falls = np.where(stayed, speed[before], met.closing)
+        rises = np.where(stayed, speed[after], met.closing)
+        covariance = np.full(before.size, np.nan)
+        linked = np.flatnonzero(after[:-1] == before[1:])
+        shared = line_variance(fits.take(after[linked]), liftoff[linked], landing[linked + 1])
+        covariance[linked] = -(noise**2) * shared / (rises[linked] * falls[linked + 1])
+    return Junctions(
+        before,
+        landing,
+        liftoff,
+        np.where(stayed, fall[before], error),
+        np.where(stayed, rise[after], error),
+        covariance,
+        stayed,
+        miss < -MISSED,
+        met.height,
+        noise * np.sqrt(met.height_variance),
+    )
+
+
+def base_level(junctions: Junctions, first: float) -> tuple[float, float]:
+    """Height of the base in m, and its standard error.
+
+    The weighted mean of the heights at which flights meet, without those that do not meet on the
+    base; `first`, with the error NaN, where too few do.
+    """
+    sound = np.isfinite(junctions.height) & np.isfinite(junctions.height_error)
+    height, spread = junctions.height[sound], junctions.height_error[sound]
+    if height.size < FEWEST:
+        return first, float("nan")
+    level, error = float(np.quantile(height, FROM_ABOVE)), float("nan")
+    for _ in range(BASE_ROUNDS):
+        near = np.abs(height - level) < ON_BASE * spread
+        if near.sum() < FEWEST:
+            return first, float("nan")
+        weight = spread[near] ** -2.0
+        level, error = float(weight @ height[near] / weight.sum()), float(weight.sum() ** -0.5)
+    return level, error

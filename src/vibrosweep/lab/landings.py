@@ -1,0 +1,245 @@
+"""From samples to landings: flights found, fitted, cut anew where they meet, and judged."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.flights import Fits, apparent_gravity, crossings, fit
+from vibrosweep.lab.junctions import Junctions, base_level, join
+from vibrosweep.lab.segments import Samples, first_noise, low_points
+
+__all__ = ["Flights", "find_flights"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+# Samples above this share of a flight's height belong to it whatever happens at its ends.
+UPPER: Final = 0.25
+# A flight needs a sample more than it has unknowns, and must rise out of the noise.
+LEAST_SAMPLES: Final = 3
+LEAST_HEIGHT: Final = 4.0
+# In units of the noise: among the higher flights, those that show with which gravity they fall.
+WELL_SEEN: Final = 5.0
+FIRST_SHARE: Final = 0.6
+# One good flight in a million is called poor.
+POOR: Final = 1e-6
+# After three, no sample changes its flight in most tracks.
+ROUNDS: Final = 4
+# Standard errors by which the acceleration that tracks show must differ from the true one.
+SCALE_OFF: Final = 5.0
+# The scale of a track may be off, but not by such a factor.
+WRONG_UNITS: Final = 5.0
+
+
+class Flights(NamedTuple):
+    """Resolved flights of all particles, in order.
+
+    Attributes
+    ----------
+    fits
+        Parabolas, arrays of shape (flight,).
+    piece, particle
+        Shape (flight,).
+    member
+        Number of the flight of each sample, -1 for none.
+    poor
+        Flights whose residuals are larger than the noise allows.
+    junctions
+        Between neighbours.
+    base, base_error
+        Height of the base and its standard error, m.
+    noise
+        Standard deviation of a sample, m.
+    gravity, gravity_error
+        Acceleration that the tracks show and its standard error, m s-2.
+    curvature
+        Acceleration of the parabolas: the true one, or that of the tracks where they contradict it.
+    """
+
+    fits: Fits
+    piece: Indices
+    particle: Indices
+    member: Indices
+    poor: NDArray[np.bool_]
+    junctions: Junctions
+    base: float
+    base_error: float
+    noise: float
+    gravity: float
+    gravity_error: float
+    curvature: float
+
+
+def find_flights(
+    samples: Samples, gravity: float, base: float | None, exposure: float = 0.0
+) -> Flights:
+    """Find and fit every flight.
+
+    Parameters
+    ----------
+    samples
+        What was seen.
+    gravity
+        True acceleration, m s-2.
+    base
+        Height of the base in m; estimated where None.
+    exposure
+        Time for which the shutter was open, s: frames during which a particle lands belong to no
+        flight.
+
+    Raises
+    ------
+    TrackError
+        Nothing flies, or what flies does not fall with gravity.
+    """
+    noise = first_noise(samples)
+    # the first guess may be too large, and would hide low flights
+    rough = _settle(samples, FIRST_SHARE * noise, gravity, base, exposure)
+    noise = min(noise, rough.noise)
+    flights = _settle(samples, noise, gravity, base, exposure)
+    if abs(flights.gravity - gravity) > SCALE_OFF * flights.gravity_error:
+        # the scale of the heights is off: parabolas of the wrong curvature would miss the landings
+        return _settle(samples, noise, flights.gravity, base, exposure)
+    return flights
+
+
+def _settle(
+    samples: Samples, noise: float, gravity: float, given: float | None, exposure: float
+) -> Flights:
+    """Fit, join, and share the samples out anew between the landings, until that settles."""
+    member, piece, base = _first_members(samples, noise, gravity, given)
+    error = 0.0
+    for turn in range(ROUNDS):
+        fits, piece, member, noise = _resolved(samples, member, piece, base, gravity)
+        junctions = join(fits, piece, base, noise, gravity)
+        if given is None:
+            base, error = base_level(junctions, base)
+            junctions = join(fits, piece, base, noise, gravity)
+        if turn < ROUNDS - 1:
+            up, down, _ = crossings(fits, base, gravity)
+            member = _shared_out(samples, piece, junctions, up, down, exposure)
+    seen, seen_error = apparent_gravity(samples, member, piece.size)
+    return Flights(
+        fits,
+        piece,
+        samples.particle[samples.bounds[piece]],
+        member,
+        _poor(fits, noise),
+        junctions,
+        base,
+        error,
+        noise,
+        seen,
+        seen_error,
+        gravity,
+    )
+
+
+def _first_members(
+    samples: Samples, noise: float, gravity: float, given: float | None
+) -> tuple[Indices, Indices, float]:
+    """Samples of the upper part of each flight, the piece of each flight, and the base."""
+    low, base = low_points(samples, noise, given)
+    edges = np.unique(np.concatenate([samples.bounds[:-1], low]))
+    tops = np.maximum.reduceat(samples.height, edges)
+    flight = np.searchsorted(edges, np.arange(samples.time.size), side="right") - 1
+    upper = samples.height - base > UPPER * (tops[flight] - base)
+    upper[low] = False
+    # only the stretch around the highest sample: what stays on the base may be as high elsewhere
+    stretch = np.cumsum(np.diff(np.where(upper, flight, -1), prepend=-2) != 0)
+    at_top = samples.height == tops[flight]
+    kept = np.zeros(int(stretch[-1]) + 1, bool)
+    kept[stretch[at_top]] = True
+    member = np.where(upper & kept[stretch], flight, -1)
+    high = tops - base > np.fmax(WELL_SEEN * noise, np.quantile(tops - base, 0.95) / 2.0)
+    seen = apparent_gravity(samples, np.where(high[member], member, -1), edges.size)
+    _check_gravity(*seen, gravity)
+    return member, samples.piece[edges], base
+
+
+def _check_gravity(seen: float, error: float, gravity: float) -> None:
+    ratio = seen / gravity
+    # where flights span four frames or fewer nothing is seen of their curvature: ratio is NaN
+    if 1.0 / WRONG_UNITS < ratio < WRONG_UNITS or not abs(seen - gravity) > 5.0 * error:
+        return
+    units = f"multiply the scale by about {1.0 / ratio:.2g}" if ratio > 0.0 else "turn the axis"
+    raise TrackError(
+        f"what is tracked falls with {seen:.3g} m s-2 instead of {gravity:g} m s-2: {units}, or "
+        f"correct the frame rate, or film faster where flights last fewer than five frames"
+    )
+
+
+def _resolved(
+    samples: Samples, member: Indices, piece: Indices, base: float, gravity: float
+) -> tuple[Fits, Indices, Indices, float]:
+    """Fit, and keep the flights that the frames and the noise let one see."""
+    fits = fit(samples, member, piece.size, gravity)
+    noise = _noise(fits, float(np.ptp(samples.height)))
+    with np.errstate(invalid="ignore"):
+        high = fits.top(gravity) - base > LEAST_HEIGHT * noise
+    kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
+    if not kept.size:
+        raise TrackError(
+            "no flight rises out of the noise: check the heights, the scale and the base"
+        )
+    number = np.full(piece.size + 1, -1)
+    number[kept] = np.arange(kept.size)
+    return fits.take(kept), piece[kept], number[member], noise
+
+
+def _noise(fits: Fits, extent: float) -> float:
+    """Standard deviation of a sample from all flights but the poor ones, m."""
+    freedom = fits.number - 2.0
+    judged = freedom > 0.0
+    if not judged.any():
+        return 1e-9 * extent
+    residue, freedom = fits.residue[judged], freedom[judged]
+    variance = float(np.median(residue / _chi_square(0.5, freedom)))
+    largest = _chi_square(POOR, freedom)
+    for _ in range(2):
+        good = residue <= variance * largest
+        variance = float(residue[good].sum() / freedom[good].sum()) if good.any() else variance
+    # positions without noise still are rounded
+    return max(float(np.sqrt(variance)), 1e-9 * extent)
+
+
+def _poor(fits: Fits, noise: float) -> NDArray[np.bool_]:
+    largest = _chi_square(POOR, np.maximum(fits.number - 2.0, 1.0))
+    return np.asarray(fits.residue > noise**2 * largest)
+
+
+def _chi_square(share: float, freedom: Array) -> Array:
+    """Chi-square that a share of all exceeds, for whole degrees of freedom."""
+    values = chdtri(np.arange(freedom.max(initial=1.0) + 1.0), share)
+    return np.asarray(values[freedom.astype(np.intp)])
+
+
+def _shared_out(
+    samples: Samples,
+    piece: Indices,
+    junctions: Junctions,
+    up: Array,
+    down: Array,
+    exposure: float,
+) -> Indices:
+    """Give each sample to the flight that it was taken in; -1 on the base and while landing."""
+    start, end = up.copy(), down.copy()
+    end[junctions.before] = junctions.landing
+    start[junctions.before + 1] = junctions.liftoff
+    # one axis for all: pieces do not overlap, as each gets an interval longer than the track
+    origin, length = samples.time.min(), 2.0 * np.ptp(samples.time) + 1.0
+    place = length * samples.piece + (samples.time - origin)
+    margin = exposure / 2.0
+
+    def along(time: Array) -> Array:
+        return np.asarray(length * piece + np.clip(time - origin, 0.0, length / 2.0))
+
+    flight = np.searchsorted(along(start), place, side="right") - 1
+    inside = (flight >= 0) & (piece[flight] == samples.piece)
+    inside &= (samples.time > start[flight] + margin) & (samples.time < end[flight] - margin)
+    return np.where(inside, flight, -1)

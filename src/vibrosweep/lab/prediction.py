@@ -1,0 +1,139 @@
+"""The engine run at measured or estimated parameters, from where each particle was first seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.scene import PARAMETERS
+from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.landings import all_parameters
+from vibrosweep.sweep.run import record_observation
+
+__all__ = ["DRAWS", "Prediction", "draw", "predict"]
+
+Array = NDArray[np.float64]
+
+DRAWS: Final = 64
+IMPACT_BUDGET: Final = 10_000_000
+# Drawn from the same posterior that one draw in so many must be physical.
+MOST_REFUSED: Final = 0.5
+
+
+class Prediction(NamedTuple):
+    """Predicted means of each particle.
+
+    Attributes
+    ----------
+    height, period
+        m and s, shape (draw, particle); NaN for a particle that was never seen to fly.
+    """
+
+    height: Array
+    period: Array
+
+
+def draw(
+    scene: Mapping[str, float], estimated: xr.Dataset | None, draws: int, seed: int = 0
+) -> tuple[dict[str, Array], int]:
+    """Parameter sets: the best one first, then draws from a normal posterior.
+
+    Parameters
+    ----------
+    scene
+        Every parameter of `scene.PARAMETERS`; what is estimated overrides it.
+    estimated
+        Result of `estimate`, or None where the parameters are known.
+    draws
+        Number of sets beside the best one; none are drawn without an estimate.
+    seed
+        Of the random numbers.
+
+    Returns
+    -------
+    parameters
+        Arrays of shape (draw,).
+    refused
+        Draws outside the physical range, which were drawn anew.
+
+    Raises
+    ------
+    ParameterError
+        The orbit does not determine the parameters, the best set is not physical, or more than
+        half of the draws are not.
+    """
+    if estimated is None:
+        return {name: np.array([scene[name]]) for name in PARAMETERS}, 0
+    names = [str(name) for name in estimated["parameter"].values]
+    best, covariance = estimated["estimate"].values, estimated["covariance"].values
+    if not np.isfinite(covariance).all():
+        raise ParameterError(f"the parameters cannot be used: {estimated.attrs['warning']}")
+    for name, value in zip(names, best, strict=True):
+        if not PARAMETERS[name].accepts(value):
+            raise ParameterError(
+                f"{name} is estimated as {value:.4g}: must be {PARAMETERS[name].allowed}; check "
+                f"the scale and the frequency, or give the parameters"
+            )
+    rng = np.random.default_rng(seed)
+    kept, refused = [best], 0
+    while len(kept) <= draws:
+        values = rng.multivariate_normal(best, covariance)
+        physical = all(bool(PARAMETERS[n].accepts(v)) for n, v in zip(names, values, strict=True))
+        if physical:
+            kept.append(values)
+        else:
+            refused += 1
+        if refused > MOST_REFUSED * draws + 10:
+            raise ParameterError(
+                f"{refused} of {refused + len(kept)} sets drawn within the errors of the estimate "
+                f"are not physical: the parameters are too uncertain; give them"
+            )
+    columns = np.array(kept).T
+    fixed = {name: np.full(len(kept), scene[name]) for name in PARAMETERS}
+    return fixed | dict(zip(names, columns, strict=True)), refused
+
+
+def predict(
+    impacts: xr.Dataset, parameters: Mapping[str, Array], workers: Workers, rebound: str = "rest"
+) -> Prediction:
+    """Means of each particle from its first whole flight on, for as long as it was filmed.
+
+    A particle is launched when and as fast as it was first seen to leave the base.  That launch at
+    phase phi + 2 pi f t is one at t = 0 with that phase, so each particle is a realization.
+
+    Parameters
+    ----------
+    impacts
+        Result of `find_impacts`.
+    parameters
+        Every parameter of `scene.PARAMETERS`, arrays of shape (draw,); the phase is that at t = 0
+        of the recording, and the launch velocity is not used.
+    workers
+        Threads to use.
+    rebound
+        ``"rest"`` or ``"reflect"``.
+    """
+    flight = impacts["flight_time"].values
+    particles, draws = flight.shape[0], parameters["frequency"].size
+    whole = np.isfinite(flight)
+    first = whole.argmax(axis=1) if flight.shape[1] else np.zeros(particles, int)
+    there = np.flatnonzero(whole.any(axis=1))
+    height, period = np.full((2, draws, particles), np.nan)
+    if there.size:
+        start = impacts["liftoff_time"].values[there, first[there]]
+        speed = impacts["impact_speed"].values[there, first[there]]
+        length = impacts.attrs["end"] - float(start.min())
+        sets = {name: np.repeat(values, there.size) for name, values in parameters.items()}
+        turns = np.repeat(parameters["frequency"], there.size) * np.tile(start, draws)
+        sets["phase"] = sets["phase"] + 2.0 * np.pi * (turns - np.rint(turns))
+        sets["launch_velocity"] = np.tile(speed, draws)
+        observation = record_observation(1, (0.0,), length, rebound, IMPACT_BUDGET)
+        found = measure(all_parameters(sets), observation, workers)
+        height[:, there] = found["rebound_height_mean"].reshape(draws, -1)
+        period[:, there] = found["flight_time_mean"].reshape(draws, -1)
+    return Prediction(height, period)

@@ -1,0 +1,116 @@
+"""What is wrong with tracks, particle by particle: lost frames, gaps, swapped identities."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.lab.segments import GAP_FRAMES
+
+__all__ = ["find_swaps", "remarks", "seen"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+# Standard deviations of a second difference: what no noise does, and what noise does.
+BROKEN: Final = 6.0
+WHOLE: Final = 3.0
+
+
+def seen(tracks: xr.Dataset) -> xr.Dataset:
+    """How much of each particle was seen; variables of dimension particle."""
+    height, time = tracks["height"].values, tracks["time"].values
+    interval = 1.0 / tracks.attrs["frame_rate"]
+    there = np.isfinite(height)
+    count = there.sum(axis=0)
+    first, last = there.argmax(axis=0), len(there) - 1 - there[::-1].argmax(axis=0)
+    lost = np.rint((time[last] - time[first]) / interval).astype(np.int64) + 1 - count
+    gaps = [
+        int((np.diff(time[there[:, p]]) > GAP_FRAMES * interval).sum()) for p in range(len(count))
+    ]
+    variables = {
+        "frames_seen": (count, "1", "frames in which the particle was seen"),
+        "frames_lost": (lost, "1", "frames lost between its first and last"),
+        "gaps": (np.array(gaps), "1", "gaps too long to bridge"),
+        "first_seen": (time[first], "s", "time of the first frame with the particle"),
+        "last_seen": (time[last], "s", "time of the last frame with the particle"),
+    }
+    return xr.Dataset(
+        {
+            name: ("particle", values, {"units": units, "long_name": words})
+            for name, (values, units, words) in variables.items()
+        }
+    )
+
+
+def find_swaps(
+    time: Array, height: Array, noise: float, base: float, gravity: float
+) -> list[tuple[int, int, int]]:
+    """Find frames from which on two particles bear each other's names.
+
+    Neither goes on as a flight does, but each goes on as the other's flight, and none of the
+    two is at a landing.  Exchanges at nearly the same height and speed leave no trace at once;
+    what follows is then a flight that fits badly.
+
+    Parameters
+    ----------
+    time, height
+        Shapes (frame,) and (frame, particle).
+    noise, base
+        Standard deviation of a position and height of the base, m.
+    gravity
+        m s-2.
+
+    Returns
+    -------
+    list of (frame, particle, particle)
+        The frame is the first one with exchanged names.
+    """
+    before, after = np.diff(time)[:-1, np.newaxis], np.diff(time)[1:, np.newaxis]
+    expected = height[1:-1] + (height[1:-1] - height[:-2]) * after / before
+    expected -= 0.5 * gravity * after * (before + after)
+    spread = noise * np.sqrt(1.0 + (1.0 + after / before) ** 2 + (after / before) ** 2)
+    broken = np.abs(height[2:] - expected) > BROKEN * spread
+    flying = expected > base - WHOLE * noise
+    suspects = broken & flying
+    found = []
+    for i in np.flatnonzero(suspects.sum(axis=1) > 1):
+        who = np.flatnonzero(suspects[i])
+        fits = np.abs(height[i + 2, who] - expected[i, who, np.newaxis]) < WHOLE * spread[i]
+        for a, b in zip(*np.nonzero(np.triu(fits & fits.T, 1)), strict=True):
+            found.append((int(i + 2), int(who[a]), int(who[b])))
+    return found
+
+
+def remarks(impacts: xr.Dataset) -> list[str]:
+    """What a user should know of each particle before trusting its landings, a line each."""
+    interval = 1.0 / impacts.attrs["frame_rate"]
+    begin, end = impacts.attrs["begin"], impacts.attrs["end"]
+    lines = []
+    if impacts.attrs["scale_off"]:
+        shown, true = impacts.attrs["apparent_gravity"], impacts.attrs["gravity"]
+        lines.append(
+            f"all flights fall with {shown:.4g} m s-2 instead of {true:g} m s-2: the scale of the "
+            f"heights is off by {100.0 * (shown / true - 1.0):+.2g} %"
+        )
+    for p, name in enumerate(impacts["particle"].values):
+        one = impacts.isel(particle=p)
+        parts = []
+        if one["frames_lost"] > 0:
+            parts.append(f"{int(one['frames_lost'])} of its frames lost")
+        if one["gaps"] > 0:
+            parts.append(f"{int(one['gaps'])} gaps across which no landing is sought")
+        if float(one["first_seen"]) > begin + GAP_FRAMES * interval:
+            parts.append(f"comes into view at {float(one['first_seen']):.3f} s")
+        if float(one["last_seen"]) < end - GAP_FRAMES * interval:
+            parts.append(f"leaves the view at {float(one['last_seen']):.3f} s")
+        if one["swaps"] > 0:
+            parts.append(f"exchanges its name with another particle {int(one['swaps'])} times")
+        if one["poor_flights"] > 0:
+            parts.append(f"{int(one['poor_flights'])} flights fit badly")
+        if parts:
+            lines.append(f"particle {name}: {'; '.join(parts)}")
+    return lines

@@ -1,0 +1,228 @@
+"""Tracks from files: plain CSV, trackpy's table, and exports of Tracker (Open Source Physics)."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.tracks import table_to_tracks
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["AXES", "read_tracks", "tracks_from_frame"]
+
+Array = NDArray[np.float64]
+
+AXES: Final = ("up", "down")
+PLAIN: Final = ("time", "particle", "height")
+TRACKPY: Final = ("frame", "particle", "y")
+_METRES: Final = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+_WAYS: Final = (
+    "the file must have the columns time, particle, height; or frame, particle, y as trackpy "
+    "writes them; or be an export of Tracker with the columns t and y"
+)
+
+
+def read_tracks(
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    frame_rate: float | None = None,
+    scale: float | None = None,
+    axis: str | None = None,
+    base: float | None = None,
+) -> xr.Dataset:
+    """Read the tracks of one recording; the kind of file is seen from its first lines.
+
+    Parameters
+    ----------
+    paths
+        A file, or several that hold different particles of the same recording.
+    frame_rate
+        Hz.  Needed for trackpy's table.  Elsewhere the times of the file are stretched so that
+        frames follow at this rate: a slow-motion video is often exported at its playing rate.
+    scale
+        m per unit of the file (m per pixel); by default 1, and needed for trackpy's table.
+    axis
+        ``"up"`` or ``"down"``: where the height column grows; by default up, and down for
+        trackpy's rows of pixels.
+    base
+        Where the base lies, in units of the file; heights are counted from there.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `make_tracks` returns it.
+
+    Raises
+    ------
+    TrackError
+        A file cannot be read, or holds no tracks.
+    """
+    import pandas as pd
+
+    files = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    frames = [_table(Path(path)) for path in files]
+    if len(frames) > 1:
+        if len({frozenset(frame.columns) for frame in frames}) > 1:
+            raise TrackError(f"{files[0]} and others: are of different kinds; convert them to one")
+        names = [set(frame["particle"]) for frame in frames]
+        shared = set.intersection(*names)
+        if shared:
+            raise TrackError(
+                f"{files[0]} and others: particle {min(shared, key=str)} is in each of them; "
+                f"rename it, or read different recordings apart"
+            )
+    return tracks_from_frame(
+        pd.concat(frames, ignore_index=True),
+        frame_rate=frame_rate,
+        scale=scale,
+        axis=axis,
+        base=base,
+        source=", ".join(str(path) for path in files),
+    )
+
+
+def tracks_from_frame(
+    table: pd.DataFrame,
+    *,
+    frame_rate: float | None = None,
+    scale: float | None = None,
+    axis: str | None = None,
+    base: float | None = None,
+    source: str = "the table",
+) -> xr.Dataset:
+    """Tracks from a `pandas.DataFrame` with columns time, particle, height or frame, particle, y.
+
+    The other parameters, the result and the errors are those of `read_tracks`.
+    """
+    for name, value in (("frame_rate", frame_rate), ("scale", scale)):
+        if value is not None and not (np.isfinite(value) and value > 0.0):
+            raise TrackError(f"{name} = {value:g}: must be a finite number above 0")
+    if axis is not None and axis not in AXES:
+        raise TrackError(f"axis = {axis!r}: must be one of {', '.join(AXES)}")
+    if set(PLAIN) <= set(table.columns):
+        time = _numbers(table, "time", source)
+        height = _numbers(table, "height", source)
+    elif set(TRACKPY) <= set(table.columns):
+        if frame_rate is None or scale is None:
+            raise TrackError(
+                f"{source}: frames and pixels need the frame rate in Hz and the scale in m per "
+                f"pixel; give both"
+            )
+        time = _numbers(table, "frame", source) / frame_rate
+        height, axis = _numbers(table, "y", source), axis or "down"
+    else:
+        found = ", ".join(map(str, table.columns)) or "none"
+        raise TrackError(f"{source}: has the columns {found}; {_WAYS}")
+    upwards = 1.0 if (axis or "up") == "up" else -1.0
+    height = upwards * (scale or 1.0) * (height - (base or 0.0))
+    tracks = table_to_tracks(time, table["particle"].to_numpy(), height, source)
+    if frame_rate is not None and "time" in table.columns:
+        seconds = tracks["time"].values * (tracks.attrs["frame_rate"] / frame_rate)
+        tracks = tracks.assign_coords(time=("frame", seconds, tracks["time"].attrs))
+        tracks.attrs["frame_rate"] = frame_rate
+    return tracks
+
+
+def _numbers(table: pd.DataFrame, name: str, source: str) -> Array:
+    """A column as numbers; empty cells are NaN."""
+    import pandas as pd
+
+    values = pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64)
+    words = np.flatnonzero(np.isnan(values) & table[name].notna().to_numpy())
+    if words.size:
+        raise TrackError(
+            f'{source}: column "{name}", row {words[0] + 1} (the first row of values is 1): '
+            f"{table[name].iloc[words[0]]!r} is not a number; leave lost positions empty"
+        )
+    return values
+
+
+def _table(path: Path) -> pd.DataFrame:
+    """Read a file of any kind into columns that `tracks_from_frame` knows."""
+    import pandas as pd
+
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise TrackError(f"{path}: there is no such file of tracks; check the path") from error
+    except UnicodeDecodeError as error:
+        raise TrackError(f"{path}: is not UTF-8 text; export the tracks as text") from error
+    except OSError as error:
+        raise TrackError(f"{path}: cannot be read: {error.strerror}") from error
+    lines = text.splitlines()
+    if not any(line.strip() for line in lines):
+        raise TrackError(f"{path}: is empty; {_WAYS}")
+    names, first = _tracker_names(lines)
+    header = lines[first]
+    separator = next((mark for mark in "\t;," if mark in header), ",")
+    comma = separator != "," and any("," in line for line in lines[first + 1 : first + 9])
+    # Tracker ends some lines with a separator and others not
+    most = max(line.count(separator) for line in lines[first:]) + 1
+    try:
+        table = pd.read_csv(
+            io.StringIO("\n".join(lines[first:])),
+            sep=separator,
+            header=None if names is not None else 0,
+            names=None if names is None else range(most),
+            skiprows=1 if names is not None else 0,
+            decimal="," if comma else ".",
+            skipinitialspace=True,
+        )
+    except (ValueError, pd.errors.ParserError) as error:
+        if len(lines) == first + 1:
+            raise TrackError(f"{path}: holds no positions; check the file") from error
+        raise TrackError(f"{path}: is not a table: {error}") from error
+    if names is None:
+        return table.rename(columns=str.strip)
+    return _tracker(path, table, names, header.split(separator), separator, lines[first - 1])
+
+
+def _tracker_names(lines: list[str]) -> tuple[str | None, int]:
+    """Name of the mass (empty for several side by side) and line of the header; None elsewhere."""
+    for names, first in (("", 2), (lines[0].strip(), 1)):
+        if len(lines) > first and re.match(r"t\s*(\(.*?\))?\s*[\t;,]", lines[first].strip()):
+            return names, first
+    return None, 0
+
+
+def _tracker(
+    path: Path, table: pd.DataFrame, name: str, header: list[str], separator: str, above: str
+) -> pd.DataFrame:
+    """Heights of each mass, one below the other."""
+    import pandas as pd
+
+    owners = [name] * len(header)
+    if not name:  # a name stands above the first column of its mass
+        marks = [mark.strip() for mark in above.split(separator)]
+        marks += [""] * (len(header) - len(marks))
+        for k in range(len(header)):
+            owners[k] = marks[k] or (owners[k - 1] if k else "")
+    parts: list[Any] = []
+    for k, cell in enumerate(header):
+        word = re.fullmatch(r"y(?:_\{?\w+\}?)?\s*(?:\((.*)\))?", cell.strip())
+        if word is None or k >= table.shape[1]:
+            continue
+        unit = word[1] or "m"
+        if unit not in _METRES:
+            raise TrackError(
+                f"{path}: heights are in {unit!r}; known units: {', '.join(_METRES)}; export them "
+                f"in m, or without a unit and give the scale"
+            )
+        part = pd.DataFrame({"time": table[0], "particle": owners[k], "height": table[k]})
+        part["height"] = _METRES[unit] * _numbers(part, "height", str(path))
+        parts.append(part[part["time"].notna()])
+    if not parts:
+        raise TrackError(f"{path}: an export of Tracker without a column y; add y to its table")
+    joined: pd.DataFrame = pd.concat(parts, ignore_index=True)
+    return joined

@@ -1,0 +1,152 @@
+"""Results of the laboratory as lines of text, and as what figures are drawn from."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from vibrosweep.lab.comparison import READINGS, STUDY
+from vibrosweep.lab.flights import crossings, line_variance
+from vibrosweep.lab.impacts import DOUBTFUL, STAYED, Fitted
+from vibrosweep.lab.quality import remarks
+
+__all__ = ["agreement_lines", "flights_of", "impact_lines", "table_lines"]
+
+
+def impact_lines(impacts: xr.Dataset) -> list[str]:
+    """Say what was found in a recording, and what is wrong with it."""
+    attributes = impacts.attrs
+    quality = impacts["quality"].values
+    error = impacts["landing_time_error"].values
+    typical = float(np.nanmedian(error)) if np.isfinite(error).any() else float("nan")
+    lines = [
+        f"{attributes['source']}: {int(impacts['impact_count'].sum())} landings of "
+        f"{impacts.sizes['particle']} particles in {attributes['end'] - attributes['begin']:.4g} s "
+        f"at {attributes['frame_rate']:.4g} frames per second",
+        f"  standard error of a landing time {typical:.2g} s, or "
+        f"{typical * attributes['frame_rate']:.2g} frames; noise of a position "
+        f"{attributes['noise']:.2g} m; base at {attributes['base']:.3g} m",
+    ]
+    stays, odd = int((quality == STAYED).sum()), int((quality == DOUBTFUL).sum())
+    if stays:
+        lines.append(f"  {stays} stays on the base, or bounces too low or short to be seen")
+    if odd:
+        lines.append(f"  {odd} landings beside flights that fit badly are doubtful")
+    return lines + [f"  {remark}" for remark in remarks(impacts)]
+
+
+def agreement_lines(found: xr.Dataset) -> list[str]:
+    """Table of the quantities: mean, sd and coefficient of variation over the recordings."""
+    repeats = found.attrs["repeats"]
+    words = {1: "yes", 0: "no", -1: ""}
+    lines = [
+        f"{'quantity':22}{'mean':>12}{'sd':>11}{'variation':>11}{'below 8 %':>11}"
+        if repeats > 1
+        else f"{'quantity':22}{'value':>12}"
+    ]
+    for name in found["quantity"].values:
+        one = found.sel(quantity=name)
+        if not np.isfinite(float(one["mean"])):
+            continue
+        line = f"{name:22}{float(one['mean']):>12.5g}"
+        if repeats > 1:
+            variation = float(one["variation"])
+            shown = f"{100.0 * variation:.2g} %" if np.isfinite(variation) else ""
+            line += f"{float(one['sd']):>11.2g}{shown:>11}{words[int(one['accepted'])]:>11}"
+        unit = str(one["units"].values)
+        lines.append(f"{line}  {unit}" if unit != "1" else line)
+    return lines
+
+
+def table_lines(table: xr.Dataset) -> list[str]:
+    """The table in the form of Table 4, and below it the other readings of its errors."""
+    lines = [
+        f"{'case':6}{'N':>4}{'repeats':>9}{'compared':>10}  {'quantity':10}{'measured':>11}"
+        f"{'predicted':>11}{'error %':>9}{'frames %':>10}{'pixels %':>10}{'params %':>10}"
+    ]
+    for case in table["case"].values:
+        row = table.sel(case=case)
+        head = (
+            f"{case:6}{int(row['particles']):>4}{int(row['repeats']):>9}"
+            f"{100.0 * float(row['compared']):>8.0f} %"
+        )
+        for q in table["quantity"].values:
+            one = row.sel(quantity=q, reading="particle")
+            numbers = [float(one[name]) for name in ("measured", "predicted")]
+            parts = [float(one[name]) for name in ("frames", "pixels", "parameters")]
+            unit = str(one["units"].values)
+            lines.append(
+                f"{head:29}  {q + ' (' + unit + ')':10}{numbers[0]:>11.5g}{numbers[1]:>11.5g}"
+                f"{float(one['error']):>9.2f}" + "".join(f"{part:>10.2f}" for part in parts)
+            )
+            head = ""
+    lines.append(
+        "error = |measured - predicted| / measured: the mean over particles; other readings:"
+    )
+    for case in table["case"].values:
+        for q in table["quantity"].values:
+            error = table["error"].sel(case=case, quantity=q)
+            shown = ", ".join(f"{r} {float(error.sel(reading=r)):.2f} %" for r in READINGS)
+            low, high = STUDY[str(q)]
+            lines.append(f"  {case} {q}: {shown}; the study: {low} to {high} %")
+    parameters = [
+        f"{n} {float(table[n].mean()):.5g}" for n in ("restitution", "amplitude", "frequency")
+    ]
+    lines.append(f"predicted with {', '.join(parameters)}")
+    return lines + ([table.attrs["warning"]] if table.attrs["warning"] else [])
+
+
+def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
+    """Samples, fitted flights and landings of a recording, as figures need them.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN
+        between flights) and ``within``, the place of the sample in its flight from 0 to 1.
+        Dim flight: ``start``, ``end``, ``speed`` (m s-1), ``owner``.  Dim landing:
+        ``landing_time``, ``landing_error``, ``landing_owner``.  Attributes: ``noise``, ``base``,
+        ``curvature``, ``frame_rate``.
+    """
+    samples, flights = fitted.samples, fitted.flights
+    fits, joint, member = flights.fits, flights.junctions, flights.member
+    up, down, speed = crossings(fits, flights.base, flights.curvature)
+    since = samples.time - fits.centre[member]
+    model = fits.level[member] + since * (fits.slope[member] - 0.5 * flights.curvature * since)
+    used = member >= 0
+    # a fit takes part of the noise up: the more, the closer it passes by the sample
+    with np.errstate(invalid="ignore", divide="ignore"):
+        left = np.sqrt(np.maximum(1.0 - line_variance(fits.take(member), samples.time), 1e-12))
+    residual = np.where(used, (samples.height - model) / (flights.noise * left), np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        within = np.where(used, (samples.time - up[member]) / (down - up)[member], np.nan)
+    names = tracks["particle"].values
+    columns = {
+        "time": ("sample", samples.time, "s", "time"),
+        "height": ("sample", samples.height, "m", "height"),
+        "residual": ("sample", residual, "1", "height less that of the flight, in standard errors"),
+        "within": ("sample", within, "1", "place in the flight"),
+        "start": ("flight", up, "s", "beginning of the fitted flight at the base"),
+        "end": ("flight", down, "s", "its end"),
+        "speed": ("flight", speed, "m s-1", "its speed at the base"),
+        "landing_time": ("landing", joint.landing, "s", "time of landing"),
+        "landing_error": ("landing", joint.landing_error, "s", "its standard error"),
+    }
+    variables = {
+        name: (dim, values, {"units": units, "long_name": words})
+        for name, (dim, values, units, words) in columns.items()
+    }
+    owners = {
+        "particle": ("sample", names[samples.particle]),
+        "owner": ("flight", names[flights.particle]),
+        "landing_owner": ("landing", names[flights.particle[joint.before]]),
+    }
+    return xr.Dataset(
+        {**variables, **owners},
+        attrs={
+            "noise": flights.noise,
+            "base": flights.base,
+            "curvature": flights.curvature,
+            "frame_rate": tracks.attrs["frame_rate"],
+        },
+    )

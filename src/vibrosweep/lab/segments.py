@@ -1,0 +1,125 @@
+"""Where a track touches the base: samples cut at gaps, and the low points between flights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import find_peaks
+
+__all__ = ["GAP_FRAMES", "Samples", "first_noise", "low_points", "samples_of"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+# Longer gaps may hide a whole flight: no landing is sought across them.
+GAP_FRAMES: Final = 3.5
+# A low point must stand out by so many standard deviations of the noise on both sides: of a
+# million samples near the top of a flight hardly one does so by chance.
+PROMINENCE: Final = 5.0
+# Of the height of the neighbouring flights; at four frames in a flight its lowest frame can be as
+# high as 0.44 of it.
+LOW: Final = 0.5
+# The frame nearest to a landing is up to half a frame away from it, and so above the base.
+LOW_QUANTILE: Final = 0.25
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Seen positions of all particles, particle after particle.
+
+    Attributes
+    ----------
+    time, height
+        s and m, shape (sample,).
+    frame, particle
+        Place in the table of tracks.
+    piece
+        Number of the uninterrupted piece of track; pieces are numbered in order.
+    """
+
+    time: Array
+    height: Array
+    frame: Indices
+    particle: Indices
+    piece: Indices
+
+    @property
+    def bounds(self) -> Indices:
+        """Index of the first sample of each piece, and the number of samples; (piece + 1,)."""
+        return np.searchsorted(self.piece, np.arange(self.piece[-1] + 2))
+
+
+def samples_of(time: Array, height: Array, cuts: NDArray[np.bool_]) -> Samples:
+    """Seen positions, in pieces that end at long gaps and at cuts.
+
+    Parameters
+    ----------
+    time
+        Shape (frame,), rising.
+    height
+        Shape (frame, particle); NaN where a particle is not seen.
+    cuts
+        Shape (frame, particle): True where no flight goes on from the frame before.
+    """
+    particle, frame = np.nonzero(np.isfinite(height.T))
+    when = time[frame]
+    interval = float(np.median(np.diff(time)))
+    passed = np.cumsum(cuts, axis=0)[frame, particle]
+    new = (
+        (np.diff(particle, prepend=-1) != 0)
+        | (np.diff(when, prepend=-np.inf) > GAP_FRAMES * interval)
+        | (np.diff(passed, prepend=0) != 0)
+    )
+    return Samples(when, height[frame, particle], frame, particle, np.cumsum(new) - 1)
+
+
+def first_noise(samples: Samples) -> float:
+    """Noise of a position in m before any flight is known: from third differences.
+
+    They vanish on a parabola.  Those across a landing are large, so a low quantile is taken; where
+    flights last few frames the noise comes out too large by up to a factor of two.
+    """
+    third = np.abs(np.diff(samples.height, 3))[np.diff(samples.piece, 3) == 0]
+    # the quartile of the absolute value of a normal deviate, and the norm of (1, -3, 3, -1)
+    return float(np.quantile(third, 0.25)) / (0.3186 * np.sqrt(20.0)) if third.size else 0.0
+
+
+def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indices, float]:
+    """Lowest samples between flights.
+
+    Parameters
+    ----------
+    samples
+        What was seen.
+    noise
+        Standard deviation of a position, m.
+    base
+        Height of the base in m where it is given.
+
+    Returns
+    -------
+    indices
+        Into the samples, rising.
+    base
+        As given, or a first guess of it from the low points, m.
+    """
+    least = max(PROMINENCE * noise, 1e-6 * float(np.ptp(samples.height)))
+    bounds = samples.bounds
+    found = [
+        first + find_peaks(-samples.height[first:last], prominence=least)[0]
+        for first, last in pairwise(bounds)
+    ]
+    low = np.concatenate(found).astype(np.intp)
+    if base is None:
+        seen = samples.height[low] if low.size else samples.height
+        base = float(np.quantile(seen, LOW_QUANTILE))
+    # what is not well below the flights beside it is noise near the top of one
+    edges = np.unique(np.concatenate([bounds[:-1], low]))
+    tops = np.maximum.reduceat(samples.height, edges)
+    place = np.searchsorted(edges, low)
+    above = np.maximum(tops[place - 1], tops[place]) - base
+    return low[samples.height[low] - base <= LOW * above + 2.0 * noise], base

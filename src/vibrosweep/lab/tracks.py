@@ -1,0 +1,143 @@
+"""Tracks as a dataset: height against time for each particle, checked, with what was lost."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from vibrosweep.errors import TrackError
+
+__all__ = ["make_tracks", "table_to_tracks"]
+
+Array = NDArray[np.float64]
+
+
+def make_tracks(
+    time: ArrayLike, height: ArrayLike, particle: ArrayLike | None = None, source: str = "tracks"
+) -> xr.Dataset:
+    """Tracks from heights in rows of frames.
+
+    Parameters
+    ----------
+    time
+        Middle of the exposure of each frame in s, shape (frame,), rising.
+    height
+        m, upwards; shape (frame, particle), NaN where a particle is not seen.
+    particle
+        Names or numbers of the particles; 0, 1, ... by default.
+    source
+        What messages call the tracks.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (frame, particle): ``height``; coordinates ``time`` and ``particle``; attributes
+        ``frame_rate`` (Hz) and ``source``.
+
+    Raises
+    ------
+    TrackError
+        There is nothing to see, or the times do not rise.
+    """
+    times = np.asarray(time, dtype=np.float64)
+    heights = np.asarray(height, dtype=np.float64)
+    if not times.size or not heights.size or not np.isfinite(heights).any():
+        raise TrackError(f"{source}: holds no positions; check the file and its columns")
+    if times.size < 2:
+        raise TrackError(
+            f"{source}: holds one frame only; a flight needs at least five, so film for longer or "
+            f"check the column of times"
+        )
+    if np.isinf(heights).any():
+        raise TrackError(f"{source}: a height is infinite; leave lost positions empty")
+    if not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
+        raise TrackError(f"{source}: the times do not rise from frame to frame; sort the frames")
+    names = np.arange(heights.shape[1]) if particle is None else np.asarray(particle)
+    return xr.Dataset(
+        {"height": (("frame", "particle"), heights, {"units": "m", "long_name": "height"})},
+        coords={
+            "time": ("frame", times, {"units": "s", "long_name": "time"}),
+            "particle": ("particle", names, {"long_name": "particle"}),
+        },
+        attrs={"frame_rate": float(1.0 / np.median(np.diff(times))), "source": source},
+    )
+
+
+def table_to_tracks(
+    time: ArrayLike, particle: ArrayLike, height: ArrayLike, source: str = "tracks"
+) -> xr.Dataset:
+    """Tracks from a table with one row for each position.
+
+    Parameters
+    ----------
+    time
+        s, shape (row,); rising for each particle.
+    particle
+        Name or number, shape (row,).
+    height
+        m, upwards, shape (row,); NaN where the particle is not seen.
+    source
+        What messages call the tracks.
+
+    Raises
+    ------
+    TrackError
+        Times are missing, fall back or appear twice, or a particle is never seen.
+    """
+    times = np.asarray(time, dtype=np.float64)
+    heights = np.asarray(height, dtype=np.float64)
+    owner = np.asarray(particle)
+    if not times.size:
+        raise TrackError(f"{source}: holds no positions; check the file and its columns")
+    bad = np.flatnonzero(~np.isfinite(times))
+    if bad.size:
+        raise TrackError(
+            f"{source}: row {bad[0] + 1} has no time{_more(bad)}; give the time of every position"
+        )
+    names, index = np.unique(owner, return_inverse=True)
+    order = np.argsort(index, kind="stable")
+    steps = np.diff(times[order])
+    inside = np.diff(index[order]) == 0
+    _refuse_order(source, names, index[order], times[order], inside & (steps <= 0.0), steps)
+    axis, frame = np.unique(times, return_inverse=True)
+    grid = np.full((axis.size, names.size), np.nan)
+    grid[frame, index] = heights
+    never = np.flatnonzero(~np.isfinite(grid).any(axis=0))
+    if never.size and never.size < names.size:
+        raise TrackError(
+            f"{source}: particle {names[never[0]]} has no position that is a number{_more(never)}; "
+            f"leave it out or track it again"
+        )
+    return make_tracks(axis, grid, names, source)
+
+
+def _refuse_order(
+    source: str,
+    names: NDArray[Any],
+    owner: NDArray[np.intp],
+    times: Array,
+    wrong: NDArray[np.bool_],
+    steps: Array,
+) -> None:
+    """Raise if the times of a particle fall back, or one appears twice."""
+    places = np.flatnonzero(wrong)
+    if not places.size:
+        return
+    first = int(places[0])
+    who = f"{source}: particle {names[owner[first]]}"
+    if steps[first] == 0.0:
+        raise TrackError(
+            f"{who} has two positions at {times[first]:.6g} s{_more(places)}; keep one position a "
+            f"frame"
+        )
+    raise TrackError(
+        f"{who} goes back in time, from {times[first]:.6g} s to {times[first + 1]:.6g} s"
+        f"{_more(places)}; sort the rows by time"
+    )
+
+
+def _more(places: NDArray[np.intp]) -> str:
+    return f" ({places.size} such cases in all)" if places.size > 1 else ""

@@ -1,0 +1,145 @@
+"""The twin of a recording: the predicted motion, filmed and measured as the real one was.
+
+Whatever error its measurement makes is the camera's, for the motion is the prediction itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.lab.camera import Camera, Motion, film, heights
+from vibrosweep.lab.comparison import QUANTITIES, comparable, errors
+from vibrosweep.lab.impacts import fit_tracks, impacts_of
+from vibrosweep.lab.prediction import DRAWS
+from vibrosweep.lab.tracks import make_tracks
+from vibrosweep.lab.wander import wandering_record
+from vibrosweep.scene import PARAMETERS, Launches, dimensionless
+from vibrosweep.sweep.landings import all_parameters
+
+__all__ = ["Comparison", "camera_shares"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How recordings are compared.
+
+    Attributes
+    ----------
+    known
+        Parameters by the names of `scene.PARAMETERS`.  What is not given of restitution,
+        amplitude and phase is estimated; so is the frequency.
+    method
+        ``"fit"`` or ``"sign_change"``.
+    base, exposure
+        As in `find_impacts`.
+    draws
+        Parameter sets drawn within the errors of an estimate.
+    rebound
+        ``"rest"`` or ``"reflect"``.
+    seed
+        Of the random numbers.
+    """
+
+    known: Mapping[str, float]
+    method: str = "fit"
+    base: float | None = None
+    exposure: float = 0.0
+    draws: int = DRAWS
+    rebound: str = "rest"
+    seed: int = 0
+
+    @property
+    def gravity(self) -> float:
+        """Gravity in m s-2."""
+        return self.known.get("gravity", PARAMETERS["gravity"].default)
+
+
+def camera_shares(
+    tracks: xr.Dataset, impacts: xr.Dataset, scene: Mapping[str, float], how: Comparison
+) -> dict[str, dict[str, dict[str, float]]]:
+    """Errors that frames alone, and pixels beside them, make of the predicted motion.
+
+    Parameters
+    ----------
+    tracks, impacts
+        The recording, and its landings.
+    scene
+        Every parameter of `scene.PARAMETERS`, as predicted with.
+    how
+        The method, and what is known.
+
+    Returns
+    -------
+    dict
+        By ``frames`` and ``pixels``, quantity and reading, in per cent.
+    """
+    motions = _twin(impacts, scene, how.rebound)
+    time = tracks["time"].values
+    true = heights(motions, time, how.exposure)
+    true[:, ~np.isfinite(tracks["height"].values).any(axis=0)] = np.nan
+    begin, end = time[0], time[-1]
+    predicted = {q: np.full(len(motions), np.nan) for q in QUANTITIES}
+    for p, motion in enumerate(motions):
+        inside = motion.velocity[(motion.start >= begin) & (motion.end <= end)]
+        if inside.size:
+            predicted["height"][p] = np.mean(inside**2) / (2.0 * how.gravity)
+            predicted["period"][p] = 2.0 * np.mean(inside) / how.gravity
+    noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
+    sharp = Camera(rate, pixel=noise, noise=0.0, whole_pixels=False)
+    rough = Camera(rate, pixel=noise, noise=1.0, whole_pixels=False)
+    by_frames = _own_error(true, time, sharp, predicted, how)
+    together = _own_error(true, time, rough, predicted, how)
+    by_pixels = {
+        q: {
+            reading: float(np.sqrt(max(both**2 - by_frames[q][reading] ** 2, 0.0)))
+            for reading, both in values.items()
+        }
+        for q, values in together.items()
+    }
+    return {"frames": by_frames, "pixels": by_pixels}
+
+
+def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list[Motion]:
+    """Predicted motion of every particle on the clock of the recording."""
+    flight = impacts["flight_time"].values
+    whole = np.isfinite(flight)
+    first, each = whole.argmax(axis=1), np.arange(len(flight))
+    start = np.nan_to_num(impacts["liftoff_time"].values[each, first])
+    speed = np.where(whole.any(axis=1), impacts["impact_speed"].values[each, first], 0.0)
+    sets = {name: np.full(each.size, value) for name, value in scene.items()}
+    turns = scene["frequency"] * start
+    sets["phase"] = scene["phase"] + 2.0 * np.pi * (turns - np.rint(turns))
+    sets["launch_velocity"] = speed
+    problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
+    at_once = np.zeros((1, each.size))
+    record = wandering_record(
+        problem,
+        Launches(at_once, at_once),
+        np.zeros(2),
+        scene["frequency"],
+        scene["gravity"],
+        1 if rebound == "reflect" else None,
+    )
+    motions = [Motion.of(record, p, 0.0, speed[p], scene["gravity"]) for p in range(len(flight))]
+    return [
+        Motion(m.start + t, m.end + t, m.velocity, m.gravity)
+        for m, t in zip(motions, start, strict=True)
+    ]
+
+
+def _own_error(
+    true: Array, time: Array, camera: Camera, predicted: dict[str, Array], how: Comparison
+) -> dict[str, dict[str, float]]:
+    """Errors of the measurement of a motion that is the prediction itself."""
+    tracks = make_tracks(time, film(true, camera, np.random.default_rng(how.seed)))
+    fitted = fit_tracks(tracks, how.gravity, how.base, how.exposure)
+    seen = impacts_of(tracks, fitted, how.gravity, "fit")
+    impacts = impacts_of(tracks, fitted, how.gravity, how.method)
+    return errors(impacts, predicted, comparable(seen))

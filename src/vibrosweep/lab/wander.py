@@ -1,0 +1,146 @@
+"""Particles on a base whose period is not quite steady: the map with a wandering phase.
+
+The length of every forcing period varies by itself, so that the phase of the forcing wanders off as
+a random walk does; all particles of a repeat feel the same walk.  Within a period the phase grows
+evenly.  The impact itself is that of `vibrosweep.kernels.impact`; without wander this is the record
+of the engine to the last bit.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Floats, jit, kernel
+from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
+from vibrosweep.kernels.record import Record, empty_record
+from vibrosweep.scene import Dimensionless, Launches
+
+__all__ = ["phase_walk", "wandering_record"]
+
+# Each step shrinks the error by the relative change of a period, which is far below 1.
+INVERSIONS: Final = 30
+
+
+def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
+    """Phase of the forcing less its mean course, in turns, at the beginning of each period.
+
+    Parameters
+    ----------
+    rng
+        Source of the random numbers.
+    jitter
+        Standard deviation of the length of a period, relative to its mean.
+    periods
+        Number of periods; the first begins at -1.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (period + 1,).
+    """
+    return np.concatenate([[0.0], np.cumsum(jitter * rng.standard_normal(periods))])
+
+
+@jit
+def _wandered(n: float, x: float, walk: Floats) -> float:
+    """How far the phase has wandered, in turns, at n + x mean periods."""
+    whole = np.floor(x)
+    j = min(max(int(n + whole) + 1, 0), walk.size - 2)
+    return float(walk[j] + (x - whole) * (walk[j + 1] - walk[j]))
+
+
+@jit
+def _phase(n: float, x: float, walk: Floats) -> tuple[float, float]:
+    """Whole turns and reduced phase of the forcing at n + x mean periods."""
+    turned = x + _wandered(n, x, walk)
+    carry = np.rint(turned)
+    return n + carry, turned - carry
+
+
+@jit
+def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
+    """Mean periods, whole and rest, at which the forcing has the phase n + x."""
+    count, rest = n, x
+    for _ in range(INVERSIONS):
+        back = x - _wandered(count, rest, walk)
+        carry = np.rint(back)
+        count, rest = n + carry, back - carry
+    return count, rest
+
+
+@kernel
+def _fill(
+    problem: Dimensionless,
+    launches: Launches,
+    walk: Floats,
+    frequency: float,
+    velocity_unit: float,
+    reflect: int | None,
+    out: Record,
+) -> bool:
+    """Write the landings of particle p with the parameters of realization p; tell if all fit."""
+    for p in range(launches.whole.shape[1]):
+        e, a, r, x_lift, wait, u_lift = scene(problem, p)
+        n, x = launch(problem, launches, p, p)
+        u = problem.launch_flight[p]
+        ended = False
+        for k in range(out.rested.shape[1]):
+            x, passed = land(x, u)
+            n += passed
+            if not n - problem.end_count[p] <= problem.end_phase[p] - x:
+                ended = True
+                break
+            out.landing_time[p, k] = (n + (x - problem.phase[p])) / frequency
+            turns, phase = _phase(n, x, walk)
+            w = rebound(phase, u, e, a, reflect)
+            turns, phase, u, leaves = lift_off(turns, phase, w, r, x_lift, wait, u_lift)
+            out.rested[p, k] = 0 if leaves else 1
+            if turns == np.inf:
+                ended = True
+                break
+            if not leaves:
+                n, x = _instant(turns, phase, walk)
+            out.liftoff_time[p, k] = (n + (x - problem.phase[p])) / frequency
+            out.rebound_velocity[p, k] = u * velocity_unit
+        if not ended:
+            return False
+    return True
+
+
+def wandering_record(
+    problem: Dimensionless,
+    launches: Launches,
+    walk: Floats,
+    frequency: float,
+    gravity: float,
+    reflect: int | None,
+) -> Record:
+    """Every landing of particles that may differ in restitution, on one wandering forcing.
+
+    Parameters
+    ----------
+    problem
+        Arrays of shape (particle,).
+    launches
+        Arrays of shape (1, particle).
+    walk
+        Result of `phase_walk`; beyond its ends the phase goes on as in the last period.
+    frequency, gravity
+        Hz and m s-2.
+    reflect
+        None, or 1 for the `reflect` law.
+
+    Returns
+    -------
+    Record
+        Arrays of shape (particle, impact).
+    """
+    capacity = 1024
+    while True:
+        out = empty_record(launches.whole.shape[1], capacity)
+        if _fill(problem, launches, walk, frequency, gravity / (2.0 * frequency), reflect, out):
+            used = int(np.isfinite(out.landing_time).sum(axis=1).max(initial=1))
+            return Record._make(np.ascontiguousarray(values[:, :used]) for values in out)
+        capacity *= 2

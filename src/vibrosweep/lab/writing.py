@@ -1,0 +1,107 @@
+"""Tracks and truth of virtual experiments, each file of which appears only when complete."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from vibrosweep.errors import OutputError
+from vibrosweep.lab.experiment import Experiment, perform_trials
+from vibrosweep.store.disk import check_output, replacing
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["write_experiments"]
+
+
+def write_experiments(
+    experiments: Iterable[Experiment], directory: Path, name: str, *, force: bool
+) -> list[Path]:
+    """Perform virtual experiments and write tracks and truth of every repeat as CSV.
+
+    Parameters
+    ----------
+    experiments
+        What to perform.
+    directory
+        Where to; made if it does not exist.
+    name
+        Beginning of the file names, which go on with the number of particles and of the trial.
+    force
+        Whether existing files are replaced.
+
+    Returns
+    -------
+    list of pathlib.Path
+        For each trial the tracks (time, particle, height) and the true landings.
+
+    Raises
+    ------
+    OutputError
+        A file exists, or cannot be written.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{directory}: cannot be made ({error.strerror}); choose another"
+        ) from error
+    planned = [
+        (
+            experiment,
+            [
+                directory / f"{name}_{experiment.particles:03d}_trial{k + 1}"
+                for k in range(experiment.repeats)
+            ],
+        )
+        for experiment in experiments
+    ]
+    for _, stems in planned:
+        for stem in stems:
+            for path in _paths(stem):
+                check_output(path, force=force)
+    written = []
+    for experiment, stems in planned:
+        for trial, stem in zip(perform_trials(experiment), stems, strict=True):
+            tracks, truth = _paths(stem)
+            _write_table(_track_table(trial.tracks), tracks)
+            _write_table(_truth_table(trial.record._asdict()), truth)
+            written += [tracks, truth]
+    return written
+
+
+def _paths(stem: Path) -> tuple[Path, Path]:
+    return stem.with_name(f"{stem.name}.csv"), stem.with_name(f"{stem.name}_truth.csv")
+
+
+def _write_table(table: pd.DataFrame, path: Path) -> None:
+    with replacing(path) as disk:
+        disk.write(table.to_csv(index=False, float_format="%.10g").encode())
+
+
+def _track_table(tracks: xr.Dataset) -> pd.DataFrame:
+    import pandas as pd
+
+    height = tracks["height"].values
+    frames, particles = height.shape
+    return pd.DataFrame(
+        {
+            "time": np.tile(tracks["time"].values, particles),
+            "particle": np.repeat(tracks["particle"].values, frames),
+            "height": height.ravel(order="F"),
+        }
+    )
+
+
+def _truth_table(record: dict[str, np.ndarray]) -> pd.DataFrame:
+    import pandas as pd
+
+    landed = np.isfinite(record["landing_time"])
+    particle, impact = np.nonzero(landed)
+    columns = {name: values[landed] for name, values in record.items()}
+    return pd.DataFrame({"particle": particle, "impact": impact, **columns})

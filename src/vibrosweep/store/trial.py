@@ -1,0 +1,84 @@
+"""Read a file as a whole in a process of its own: HDF5 may crash or never return.
+
+As a program, ``python trial.py PATH`` reads the file and says why if it cannot.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+__all__ = ["require_readable"]
+
+# Reading takes far less, be it from the slowest disk.
+PATIENCE: Final = 20.0  # s
+BYTES_PER_SECOND: Final = 1 << 24
+ROWS_AT_A_TIME: Final = 1 << 16
+
+
+def require_readable(path: Path) -> None:
+    """Raise a ValueError with the reason if HDF5 cannot read a file whole.
+
+    Raises
+    ------
+    ValueError
+        It cannot, it crashes, or it does not come to an end.
+    OSError
+        There is no such file.
+    """
+    patience = PATIENCE + path.stat().st_size / BYTES_PER_SECOND
+    # -P: the modules beside this one must not hide those of others
+    command = [sys.executable, "-P", "-W", "ignore", __file__, str(path)]
+    try:
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+            timeout=patience,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ValueError(f"HDF5 does not come to an end with it in {patience:.0f} s") from error
+    if done.returncode < 0:
+        raise ValueError(f"HDF5 crashes on it (signal {-done.returncode})")
+    if done.returncode:
+        raise ValueError(done.stdout.strip() or "HDF5 cannot read it")
+
+
+def _read(group: Any) -> None:
+    """Read all attributes and variables of a group and of those inside it."""
+    dict(group.attrs)
+    for variable in group.variables.values():
+        dict(variable.attrs)
+        if variable.shape:
+            for start in range(0, variable.shape[0], ROWS_AT_A_TIME):
+                variable[start : start + ROWS_AT_A_TIME]
+        else:
+            variable[()]
+    for inside in group.groups.values():
+        _read(inside)
+
+
+def _limit_memory() -> None:
+    """Let a damaged size end this process and not the machine."""
+    import os
+    import resource
+
+    half = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
+    resource.setrlimit(resource.RLIMIT_AS, (half, half))
+
+
+if __name__ == "__main__":
+    import h5netcdf
+
+    _limit_memory()
+    try:
+        with h5netcdf.File(sys.argv[1], "r", phony_dims="access") as file:
+            _read(file)
+    except Exception as error:
+        print(" ".join(str(error).split())[:300])
+        raise SystemExit(1) from None

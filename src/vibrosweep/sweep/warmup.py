@@ -1,0 +1,84 @@
+"""Compile every variant of the kernels that sweeps and records use."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from vibrosweep.errors import OutputError
+from vibrosweep.kernels import _jit
+from vibrosweep.kernels.advance import advance
+from vibrosweep.kernels.attractor import settle
+from vibrosweep.kernels.combine import combine
+from vibrosweep.kernels.cycles import shorten
+from vibrosweep.kernels.distinct import first_of_each
+from vibrosweep.kernels.record import record
+from vibrosweep.kernels.separation import separate
+from vibrosweep.kernels.trust import trust
+from vibrosweep.kernels.unforced import has_closed_form, unforced
+from vibrosweep.scene import LAWS
+from vibrosweep.sweep.asked import record_observation
+from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.landings import all_parameters, record_landings
+from vibrosweep.sweep.workers import Workers
+
+__all__ = ["KERNELS", "Compiled", "warm_up"]
+
+KERNELS: Final[tuple[Any, ...]] = (
+    advance,
+    combine,
+    first_of_each,
+    has_closed_form,
+    record,
+    separate,
+    settle,
+    shorten,
+    trust,
+    unforced,
+)
+
+
+class Compiled(NamedTuple):
+    """What warming up did.
+
+    Attributes
+    ----------
+    made, kept
+        Variants that were compiled, and those that were on disk already.
+    directory
+        Where the machine code is kept.
+    """
+
+    made: int
+    kept: int
+    directory: Path
+
+
+def warm_up() -> Compiled:
+    """Compute a small scene under every law and kind of measure.
+
+    Raises
+    ------
+    OutputError
+        Machine code cannot be kept on this disk.
+    """
+    if _jit.cache_directory is None:
+        raise OutputError(
+            "machine code cannot be kept beside the package nor in the home directory; set "
+            "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
+        )
+    scene = all_parameters({"amplitude": np.array([0.0, 1.0])})  # no kick has a kernel of its own
+    with Workers(1) as workers:
+        for rebound, transient, regimes in product(LAWS, (0.0, 1.0), (False, True)):
+            endless = record_observation(2, "staggered", 2.0, rebound, 1000)
+            record_landings(scene, endless, workers)
+            asked = replace(endless, transient=transient, regimes=regimes, lyapunov=regimes)
+            asked = replace(asked, separation=True, trust=True, tolerance=1e-9, skip=True)
+            measure(scene, asked, workers)
+    made = sum(sum(kernel.stats.cache_misses.values()) for kernel in KERNELS)
+    kept = sum(sum(kernel.stats.cache_hits.values()) for kernel in KERNELS)
+    return Compiled(made, kept, _jit.cache_directory)

@@ -1,0 +1,164 @@
+"""`vibrosweep doctor` on healthy and on broken installations."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+from vibrosweep.cli import main
+from vibrosweep.doctor import compiled, libraries, machine
+from vibrosweep.doctor.finding import Finding
+from vibrosweep.kernels import _jit
+from vibrosweep.kernels.machine_code import MachineCode
+
+SUBJECTS = {
+    "vibrosweep",
+    "python",
+    "libraries",
+    "optional libraries",
+    "HDF5",
+    "processors",
+    "threads",
+    "vector registers",
+    "kernel cache",
+    "memory",
+    "disk",
+}
+
+
+def doctor(directory, **environment):
+    """Run the command in a fresh process."""
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from vibrosweep.cli import main; raise SystemExit(main())",
+            "doctor",
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=directory,
+        env={**os.environ, "PYTHONPATH": str(Path(_jit.__file__).parents[2]), **environment},
+    )
+    assert done.stderr == ""
+    return done.returncode, done.stdout
+
+
+def test_all_is_well(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["doctor"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines.pop() == "all is well"
+    assert {line[:20].rstrip() for line in lines} == SUBJECTS
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_switches_that_spoil_the_machine_code_are_named(tmp_path):
+    code, text = doctor(tmp_path, NUMBA_CPU_NAME="generic", NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+    if not numba.config.DISABLE_JIT and "x86" in os.uname().machine:
+        assert code == 1
+        assert "vector registers    64 bits, no fused multiply-add" in text
+        assert "WRONG: results are right, but slow to come" in text
+        assert "unset NUMBA_CPU_NAME" in text
+    assert "kernel cache        0 compiled variants" in text
+    assert "vibrosweep warmup" in text
+
+
+def test_a_process_without_the_compiler(tmp_path):
+    code, text = doctor(tmp_path, NUMBA_DISABLE_JIT="1")
+    assert code == 1
+    assert text.count("unset NUMBA_DISABLE_JIT") == 2
+    assert text.endswith("2 things to mend, marked WRONG above\n")
+
+
+def test_two_hdf5_libraries_that_do_not_get_along(monkeypatch):
+    crash = "import os; print('1.0'); os.abort()"
+    monkeypatch.setattr(libraries, "TRIAL", crash)
+    found = libraries.hdf5_libraries(None)
+    assert "ended with code -6" in found.trouble
+    assert "python -m pip install" in found.trouble
+    monkeypatch.setattr(libraries, "TRIAL", "raise OSError('unable to lock file')")
+    assert "HDF5_USE_FILE_LOCKING=FALSE" in libraries.hdf5_libraries(None).trouble
+    monkeypatch.setattr(libraries, "TRIAL", "import time; time.sleep(60)")
+    monkeypatch.setattr(libraries, "PATIENCE", 0.2)
+    assert "no answer within 0.2 s" in libraries.hdf5_libraries(None).trouble
+
+
+def test_libraries_that_are_missing_or_too_old(monkeypatch):
+    stated = ["numpy>=1.26", "numba>=99", "vibrosweep-none>=1", "absent>=1; extra == 'verify'"]
+    monkeypatch.setattr(libraries, "requires", lambda name: stated)
+    (trouble,) = [found.trouble for found in libraries.versions() if found.trouble]
+    assert trouble.startswith("needed: numba>=99, vibrosweep-none>=1; install with")
+    assert "absent" not in trouble
+
+
+def test_a_limit_on_the_time_of_processors(monkeypatch, tmp_path):
+    monkeypatch.setattr(machine, "GROUP", tmp_path)
+    monkeypatch.setattr(machine, "available_threads", lambda: 8)
+    assert machine.processors().trouble == ""
+    (tmp_path / "cpu.max").write_text("max 100000\n")
+    assert machine.processors().trouble == ""
+    (tmp_path / "cpu.max").write_text("200000 100000\n")
+    assert "only the time of 2 is granted: give --threads 2" in machine.processors().trouble
+
+
+def test_a_limit_on_the_memory(monkeypatch, tmp_path):
+    monkeypatch.setattr(machine, "GROUP", tmp_path)
+    assert machine.memory().trouble == ""
+    (tmp_path / "memory.max").write_text(f"{1 << 30}\n")
+    (tmp_path / "memory.current").write_text(f"{900 << 20}\n")
+    found = machine.memory()
+    assert "of which this container may take 0.121 GiB" in found.state
+    assert "lower --chunk" in found.trouble
+
+
+def test_places_for_results(monkeypatch, tmp_path):
+    assert machine.disk(tmp_path).trouble == ""
+    monkeypatch.setattr(machine, "LITTLE_DISK", 1 << 62)
+    assert "free some space" in machine.disk(tmp_path).trouble
+    if Path("/proc/self").exists():
+        assert "nothing can be written here" in machine.disk(Path("/proc/self")).trouble
+
+
+def test_kernels_without_a_place_for_machine_code(monkeypatch):
+    monkeypatch.setattr(_jit, "cache_directory", None)
+    assert "set NUMBA_CACHE_DIR" in compiled.kernel_cache().trouble
+
+
+def test_a_damaged_cache(monkeypatch, tmp_path):
+    monkeypatch.setattr(_jit, "cache_directory", tmp_path)
+    (tmp_path / "k.nbi").write_bytes(b"damaged")
+    assert f"1 are damaged: delete {tmp_path}" in compiled.kernel_cache().trouble
+
+
+def test_a_processor_without_fused_multiply_add(monkeypatch):
+    monkeypatch.setattr(
+        "vibrosweep.kernels.machine_code.inspect_sine", lambda: MachineCode(64, fused=False)
+    )
+    assert "this processor has no fused multiply-add" in compiled.vector_registers().trouble
+
+
+def test_layers_that_are_loaded_are_seen(monkeypatch):
+    assert "no threading layer of numba is loaded" in compiled.threads().state
+    monkeypatch.setitem(sys.modules, "numba.np.ufunc.omppool", numba)
+    monkeypatch.setattr(compiled, "_openmp", lambda: ["libgomp.so.1"])
+    state = compiled.threads().state
+    assert "threading layer of numba loaded, not used: OpenMP; OpenMP library loaded" in state
+
+
+def test_a_finding_as_text():
+    assert list(Finding("disk", "full").lines()) == ["disk                full"]
+    wrong = list(Finding("disk", "full", "free some space").lines())
+    assert wrong[1] == f"{'':20}WRONG: free some space"
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="the system does not show it")
+def test_openmp_in_memory_is_found(monkeypatch, tmp_path):
+    maps = tmp_path / "maps"
+    maps.write_text("7f r-xp 0 0 /usr/lib/x86_64/libgomp.so.1.0.0\n7f r-xp 0 0 /lib/libm.so.6\n")
+    monkeypatch.setattr(compiled, "Path", lambda path: maps)
+    assert compiled._openmp() == ["libgomp.so.1.0.0"]

@@ -1,0 +1,96 @@
+"""Figures of the laboratory: what is drawn is what the datasets hold."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep.figures.laboratory import errors_by_case, fitted_track, imperfections
+
+
+@pytest.fixture
+def flights():
+    """Two flights of one particle, and one of another, with samples on the first."""
+    time = np.linspace(0.0, 0.1, 11)
+    height = 9.81 / 2.0 * time * (0.1 - time)
+    return xr.Dataset(
+        {
+            "time": ("sample", time),
+            "height": ("sample", height),
+            "particle": ("sample", np.zeros(11, int)),
+            "residual": ("sample", np.where(time == 0.0, np.nan, 1.0)),
+            "within": ("sample", time / 0.1),
+            "start": ("flight", [0.0, 0.1, 0.0]),
+            "end": ("flight", [0.1, 0.18, 0.1]),
+            "speed": ("flight", [0.4905, 0.3924, 0.4905]),
+            "owner": ("flight", [0, 0, 1]),
+            "landing_time": ("landing", [0.1]),
+            "landing_error": ("landing", [1e-3]),
+            "landing_owner": ("landing", [0]),
+        },
+        attrs={"noise": 1e-4, "base": 0.0, "curvature": 9.81, "frame_rate": 100.0},
+    )
+
+
+def test_the_track_shows_samples_flights_and_landings(flights):
+    figure = fitted_track(flights)
+    top, residuals, _ = figure.axes
+    curves = [
+        line for line in top.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 9
+    ]
+    assert len(curves) == 2  # of the particle that flies longest
+    assert max(curves[0].get_ydata()) == pytest.approx(1e3 * 9.81 * 0.1**2 / 8.0, rel=1e-3)
+    assert "height $y$ (mm)" in top.get_ylabel()
+    dots = residuals.lines[0].get_ydata()
+    assert len(dots) == 10
+    assert set(dots) == {1.0}
+
+
+def comparison():
+    error = np.arange(2 * 2 * 4, dtype=float).reshape(2, 2, 4)
+    return xr.Dataset(
+        {"error": (("case", "quantity", "reading"), error)},
+        coords={
+            "case": ["A", "B"],
+            "particles": ("case", [1, 5]),
+            "quantity": ["height", "period"],
+            "reading": ["ensemble", "particle", "worst", "flight"],
+        },
+        attrs={"study_height": np.array([3.8, 7.1]), "study_period": np.array([2.9, 6.0])},
+    )
+
+
+def test_errors_stand_beside_the_range_of_the_study():
+    figure = errors_by_case(comparison())
+    heights, periods = figure.axes
+    assert [text.get_text() for text in heights.get_xticklabels()] == ["A\nN = 1", "B\nN = 5"]
+    assert [line.get_ydata().tolist() for line in periods.lines] == [
+        [4.0, 12.0],
+        [5.0, 13.0],
+        [6.0, 14.0],
+        [7.0, 15.0],
+    ]
+    box = heights.patches[0].get_extents().transformed(heights.transData.inverted())
+    assert (box.y0, box.y1) == pytest.approx((3.8, 7.1))
+
+
+def test_imperfections_are_rows():
+    dims = ("trial", "procedure", "reading", "case")
+    values = np.array([1.0, 2.0, 40.0, 3.0]).reshape(2, 1, 1, 2)
+    study = xr.Dataset(
+        {"height_error": (dims, values), "period_error": (dims, values)},
+        coords={
+            "imperfection": ("trial", ["pixel", "scale_error"]),
+            "size": ("trial", [1e-4, 0.05]),
+            "units": ("trial", ["m", "1"]),
+            "procedure": ["fit"],
+            "reading": ["flight"],
+            "case": ["A", "D"],
+            "particles": ("case", [1, 50]),
+        },
+        attrs={"study_height": (3.8, 7.1), "study_period": (2.9, 6.0)},
+    )
+    figure = imperfections(study, "flight", "fit")
+    axes = figure.axes[0]
+    assert [t.get_text() for t in axes.get_yticklabels()] == ["pixel 0.0001 m", "scale error 0.05"]
+    # what exceeds the axis stands at its end, which says so
+    assert axes.lines[0].get_xdata().tolist() == [1.0, 30.0]

@@ -1,0 +1,93 @@
+"""The disk cache of machine code: several processes, damaged files."""
+
+import fcntl
+import threading
+
+import numba
+import pytest
+
+from vibrosweep.kernels import _jit
+from vibrosweep.kernels._cache import Variants, variants
+
+pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs machine code")
+
+
+def law(x, reflect):
+    return -x if reflect is not None else x
+
+
+@pytest.fixture
+def kernel(tmp_path, monkeypatch):
+    """Make kernels of one function, each as a fresh process would have it."""
+    monkeypatch.setattr(_jit, "cache_directory", tmp_path)
+    return lambda: _jit.kernel(law)
+
+
+def hits(kernel):
+    return sum(kernel.stats.cache_hits.values())
+
+
+def test_variants_are_kept_and_counted(kernel, tmp_path):
+    assert variants(tmp_path) == Variants(0, 0, 0)
+    first = kernel()
+    assert (first(2.0, None), first(2.0, 1)) == (2.0, -2.0)
+    assert variants(tmp_path) == Variants(2, 0, 0)
+    again = kernel()
+    assert (again(2.0, 1), again(2.0, None)) == (-2.0, 2.0)
+    assert hits(again) == 2
+
+
+def test_one_process_writes_at_a_time(kernel, tmp_path):
+    """While another process holds the cache, a kernel waits, and then sees what that one wrote."""
+    one, other = kernel(), kernel()
+    one(1.0, None)
+    results = []
+    (path,), (index,) = tmp_path.rglob(".lock"), tmp_path.rglob("*.nbi")
+    before = index.read_bytes()
+    with path.open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        waiting = threading.Thread(target=lambda: results.append(other(1.0, 1)))
+        waiting.start()
+        waiting.join(timeout=1.0)
+        assert waiting.is_alive()
+        assert index.read_bytes() == before
+    waiting.join()
+    assert results == [-1.0]
+    assert variants(tmp_path) == Variants(2, 0, 0)
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", [b"", b"\x80\x04no pickle", b"\xff" * 64])
+def test_a_damaged_file_is_compiled_again(kernel, tmp_path, ending, damage):
+    kernel()(2.0, 1)
+    (file,) = tmp_path.rglob(f"*.{ending}")
+    file.write_bytes(damage)
+    if ending == "nbi":
+        assert variants(tmp_path) == Variants(0, 0, 1)
+    again = kernel()
+    assert (again(2.0, 1), hits(again)) == (-2.0, 0)
+    mended = kernel()
+    assert (mended(2.0, 1), hits(mended)) == (-2.0, 1)
+
+
+def test_a_missing_file_counts_as_damaged(kernel, tmp_path):
+    kernel()(2.0, 1)
+    next(tmp_path.rglob("*.nbc")).unlink()
+    assert variants(tmp_path) == Variants(0, 0, 1)
+
+
+def test_machine_code_of_another_processor(kernel, tmp_path, monkeypatch):
+    kernel()(2.0, 1)
+    monkeypatch.setattr(
+        numba.core.codegen.CPUCodegen, "magic_tuple", lambda self: ("another", "processor", "")
+    )
+    assert variants(tmp_path) == Variants(0, 1, 0)
+
+
+def test_a_disk_that_takes_nothing_still_computes(kernel, tmp_path, monkeypatch):
+    def full(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(numba.core.caching.IndexDataCacheFile, "save", full)
+    assert kernel()(2.0, 1) == -2.0
+    assert variants(tmp_path) == Variants(0, 0, 0)

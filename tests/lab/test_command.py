@@ -1,0 +1,137 @@
+"""The whole way by commands: film, measure, compare; and one message for every mistake."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from vibrosweep.cli import main
+
+SPEC = """
+title = "A short experiment"
+[scene]
+restitution = 0.85
+amplitude = 0.12
+particles = 2
+[trials]
+repeats = 2
+transient = 2.0
+duration = 4.0
+"""
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory):
+    """A folder with the tracks of two repeats."""
+    folder = tmp_path_factory.mktemp("filmed")
+    (folder / "short.toml").write_text(SPEC, encoding="utf-8")
+    assert main(["lab", "synthesize", str(folder / "short.toml"), "-o", str(folder / "out")]) == 0
+    return folder / "out"
+
+
+@pytest.fixture
+def vibrosweep(capsys):
+    def call(*words):
+        code = main(["lab", *map(str, words)])
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return code, captured.out, captured.err
+
+    return call
+
+
+def trials(folder):
+    return sorted(p for p in folder.glob("*.csv") if "truth" not in p.name)
+
+
+def test_synthesized_files_hold_tracks_and_truth(filmed):
+    names = sorted(p.name for p in filmed.iterdir())
+    assert names == [f"short_002_trial{k}{end}.csv" for k in (1, 2) for end in ("", "_truth")]
+    tracks = pd.read_csv(filmed / names[0])
+    assert list(tracks.columns) == ["time", "particle", "height"]
+    assert len(tracks) == 2 * 960
+    truth = pd.read_csv(filmed / names[1])
+    first = truth[truth.particle == 0]
+    assert (first.landing_time.diff().dropna() > 0.0).all()
+    # Eq. 7 for a landing without rest: v' = e v + A sin(2 pi f t)
+    row = first[(first.rested == 0) & (first.rested.shift(1, fill_value=1) == 0)].iloc[5]
+    before = first[first.impact == row.impact - 1].rebound_velocity.item()
+    kick = 0.12 * np.sin(2.0 * np.pi * 20.0 * row.landing_time)
+    assert row.rebound_velocity == pytest.approx(0.85 * before + kick, abs=1e-6)
+
+
+def test_films_are_kept_unless_forced_and_repeat_exactly(filmed, vibrosweep):
+    spec = filmed.parent / "short.toml"
+    code, _, message = vibrosweep("synthesize", spec, "-o", filmed)
+    assert code == 2
+    assert "exists and is kept" in message
+    content = trials(filmed)[0].read_bytes()
+    assert vibrosweep("synthesize", spec, "-o", filmed, "--force")[0] == 0
+    assert trials(filmed)[0].read_bytes() == content
+
+
+def test_impacts_of_repeats(filmed, vibrosweep):
+    code, text, _ = vibrosweep("impacts", *trials(filmed), "--frequency", 20)
+    assert code == 0
+    assert text.count("standard error of a landing time") == 2
+    assert re.search(r"flight_time .* yes  s\n", text)
+
+
+def test_impacts_to_a_file_and_figures(filmed, vibrosweep, tmp_path):
+    out, pictures = tmp_path / "impacts.h5", tmp_path / "pictures"
+    code, text, _ = vibrosweep("impacts", trials(filmed)[0], "-o", out, "--figures", pictures)
+    assert code == 0
+    assert f"written to {out}" in text
+    with xr.open_dataset(out) as found:
+        assert found.sizes["particle"] == 2
+        assert found.attrs["method"] == "fit"
+    assert sorted(p.name for p in pictures.iterdir()) == ["lab_track.pdf", "lab_track.png"]
+    assert vibrosweep("impacts", trials(filmed)[0], "-o", out)[0] == 2
+
+
+def test_compare_prints_the_table(filmed, vibrosweep, tmp_path):
+    out = tmp_path / "table.h5"
+    code, text, _ = vibrosweep(
+        "compare",
+        *trials(filmed),
+        "--frequency",
+        20,
+        "--draws",
+        4,
+        "-o",
+        out,
+        "--figures",
+        tmp_path,
+    )
+    assert code == 0
+    assert "case     N  repeats  compared" in text
+    assert "the study: 3.8 to 7.1 %" in text
+    with xr.open_dataset(out) as table:
+        assert table["case"].values.tolist() == ["N=2"]
+    assert (tmp_path / "lab_table4.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["impacts", "none.csv"], "there is no such file of tracks"),
+        (["impacts", "TRACK", "--gravity", "0"], "--gravity 0: must be finite and greater than 0"),
+        (["impacts", "TRACK", "--exposure", "2"], "--exposure 2: must be at least 0"),
+        (["impacts", "TRACK", "--scale", "1000"], "multiply the scale by about 0.001"),
+        (["impacts", "TRACK", "--base", "1"], "lies above the whole track"),
+        (["impacts", "TRACK", "TRACK", "-o", "x.h5"], "holds the landings of one recording"),
+        (["compare", "TRACK", "--restitution", "2"], "--restitution 2: must be at least 0"),
+        (["compare", "TRACK", "--restitution", "0.9"], "restitution is given alone"),
+        (["synthesize", "none.toml"], "there is no such sweep file"),
+    ],
+)
+def test_one_message_for_a_mistake(filmed, vibrosweep, monkeypatch, tmp_path, words, message):
+    monkeypatch.chdir(tmp_path)
+    words = [str(trials(filmed)[0]) if word == "TRACK" else word for word in words]
+    code, _, said = vibrosweep(*words)
+    assert code == 2
+    assert said.count("vibrosweep: ") == 1
+    assert message in said
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,175 @@
+"""Comparison with prediction, what explains its errors, and the imperfections behind Table 4."""
+
+import numpy as np
+import pytest
+
+from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.lab.compare import compare
+from vibrosweep.lab.comparison import READINGS, comparable, errors, measured_means
+from vibrosweep.lab.estimate import estimate
+from vibrosweep.lab.experiment import LABORATORY
+from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
+from vibrosweep.lab.prediction import draw, predict
+from vibrosweep.lab.statistics import agreement, phases, quantities
+from vibrosweep.lab.table4 import Imperfection, in_band, study_imperfections, verdict
+from vibrosweep.lab.twin import Comparison
+from vibrosweep.theory import locked_height
+
+KNOWN = {"frequency": 20.0, "restitution": 0.9, "amplitude": 0.06, "contact_time": 2.5e-5}
+
+
+def test_a_locked_orbit_is_measured_and_predicted_at_its_closed_form(locked, workers):
+    """H_1 = g / (8 f^2) and the forcing period, whatever restitution and amplitude are."""
+    table = compare([locked.tracks], Comparison(KNOWN), workers)
+    assert table["case"].values.tolist() == ["A"]
+    height = float(locked_height(1, 20.0))
+    for name in ("measured", "predicted"):
+        np.testing.assert_allclose(table[name].values[0], [height, 0.05], rtol=2e-3)
+    assert (table["error"].sel(reading="ensemble") < 0.2).all()
+    assert float(table["compared"][0]) == 1.0
+
+
+def test_the_camera_explains_the_errors_it_makes(locked, workers):
+    """Of single flights, for which a mean over many draws of the noise is compared with another."""
+    for method in ("fit", "sign_change"):
+        row = compare([locked.tracks], Comparison(KNOWN, method=method), workers).isel(case=0)
+        error = row["error"].sel(reading="flight", quantity="height")
+        explained = np.hypot(row["frames"], row["pixels"]).sel(reading="flight", quantity="height")
+        assert float(explained) == pytest.approx(float(error), rel=0.2)
+
+
+def test_estimated_parameters_predict_what_was_measured(irregular, workers):
+    table = compare([irregular.tracks], Comparison({"frequency": 20.0}, draws=8), workers)
+    assert float(table["restitution"][0]) == pytest.approx(0.85, abs=0.005)
+    assert (table["error"].sel(reading="ensemble") < 1.0).all()
+    assert (table["parameters"] > 0.0).all()
+
+
+def test_errors_by_hand(found):
+    means = measured_means(found, np.array([True, True, False]))
+    assert np.isnan(means["height"][2])
+    foretold = {q: 1.1 * values for q, values in means.items()}
+    made = errors(found, foretold, np.array([True, True, False]))
+    for q in ("height", "period"):
+        for reading in ("ensemble", "particle", "worst"):
+            assert made[q][reading] == pytest.approx(10.0)
+    nothing = errors(found, foretold, np.zeros(3, bool))
+    assert np.isnan([nothing["height"][reading] for reading in READINGS]).all()
+
+
+def test_prediction_follows_each_particle_from_its_first_flight(irregular, found, workers):
+    """At the true parameters the means are those of the true record."""
+    sets, refused = draw({**LABORATORY, "amplitude": 0.12, "restitution": 0.85}, None, 0)
+    foretold = predict(found, sets, workers)
+    among = comparable(found)
+    assert refused == 0
+    assert among.any()
+    means = measured_means(found, among)
+    np.testing.assert_allclose(foretold.period[0][among], means["period"][among], rtol=0.01)
+
+
+def test_draws_stay_physical_or_are_refused(found):
+    scene = dict(LABORATORY)
+    estimated = estimate(found, frequency=20.0)
+    sets, refused = draw(scene, estimated, 50)
+    assert sets["restitution"].size == 51
+    assert refused == 0
+    assert np.std(sets["restitution"][1:]) == pytest.approx(float(estimated["error"][0]), rel=0.3)
+    edge = estimated.copy(deep=True)
+    edge["estimate"][0] = 1.0 - float(estimated["error"][0])  # 16 % of the draws exceed 1
+    sets, refused = draw(scene, edge, 50)
+    assert 1 <= refused <= 25
+    assert (sets["restitution"] <= 1.0).all()
+    edge["estimate"][0] = 1.01
+    with pytest.raises(
+        ParameterError, match=r"restitution is estimated as 1\.01: must be at least"
+    ):
+        draw(scene, edge, 50)
+
+
+def test_what_cannot_be_compared_is_said(locked, irregular, trial, workers):
+    with pytest.raises(ParameterError, match="does not determine restitution and amplitude"):
+        compare([locked.tracks], Comparison({"frequency": 20.0}), workers)
+    with pytest.raises(ParameterError, match="restitution is given alone"):
+        compare([locked.tracks], Comparison({"restitution": 0.9}), workers)
+    with pytest.raises(ParameterError, match="the frequency is missing"):
+        compare([locked.tracks], Comparison({"restitution": 0.9, "amplitude": 0.06}), workers)
+    resting = trial(particles=1, scene={**LABORATORY, "amplitude": 0.12, "restitution": 0.8})
+    with pytest.raises(TrackError, match="nothing can be compared"):
+        compare([resting.tracks], Comparison({**KNOWN, "restitution": 0.8}), workers)
+
+
+def test_quantities_of_a_locked_orbit(locked):
+    impacts = find_impacts(locked.tracks)
+    one = quantities(impacts, frequency=20.0, phase=np.pi)
+    assert float(one["flight_time"]) == pytest.approx(0.05, rel=1e-4)
+    assert float(one["phase_lock"]) > 0.99
+    # the locked phase of Table 1, which this is at 20 Hz
+    assert float(one["impact_phase"]) == pytest.approx(0.4329824, abs=0.01)
+    assert np.isnan(float(one["dt_min"]))
+    assert np.nanmax(phases(impacts, 20.0)) < 1.0
+
+
+def test_dt_min_is_that_of_the_closest_pair(found):
+    best = np.inf
+    known = np.isin(found["quality"].values, [BOUNCED, STAYED])
+    times = [t[k] for t, k in zip(found["landing_time"].values, known, strict=True)]
+    for i in range(3):
+        for j in range(i):
+            best = min(best, np.abs(times[i][:, np.newaxis] - times[j]).min())
+    assert float(quantities(found)["dt_min"]) == best
+
+
+def test_agreement_over_repeats_is_judged_at_eight_per_cent(found):
+    one = quantities(found, frequency=20.0)
+    other = one.copy(deep=True)
+    other["flight_time"] = one["flight_time"] * 1.05
+    other["rebound_height_max"] = one["rebound_height_max"] * 1.3
+    other["impact_phase"] = (one["impact_phase"] + 0.98) % 1.0
+    judged = agreement([one, other])
+    first = judged.sel(quantity="flight_time")
+    # two values a and 1.05 a: sd = 0.05 a / sqrt 2, mean 1.025 a
+    assert float(first["variation"]) == pytest.approx(0.05 / 2**0.5 / 1.025)
+    assert int(first["accepted"]) == 1
+    assert int(judged["accepted"].sel(quantity="rebound_height_max")) == 0
+    assert float(judged["sd"].sel(quantity="impact_phase")) == pytest.approx(
+        0.02 / 2**0.5, rel=1e-6
+    )
+    assert int(judged["accepted"].sel(quantity="impact_phase")) == -1
+
+
+def test_imperfections_one_by_one():
+    """A wrong scale moves heights alone; frames alone move single periods by sign change only."""
+    study = study_imperfections(
+        imperfections=(
+            Imperfection("scale_error", "1", (0.05,), "scale_error"),
+            Imperfection("frame_rate", "Hz", (240.0,), "frame_rate"),
+        ),
+        cases={"A": 1, "B": 2},
+        repeats=2,
+        duration=3.0,
+    )
+    assert study["height_error"].dims == ("trial", "procedure", "reading", "case")
+    fit = study.sel(procedure="fit", case="A")
+    # measured heights are 5 % too large: 100 * 0.05 / 1.05 of what was measured
+    np.testing.assert_allclose(fit["height_error"][0], 100.0 * 0.05 / 1.05, rtol=1e-3)
+    assert (fit["period_error"][0] < 1e-3).all()
+    assert (fit["height_error"][1] < 1e-3).all()
+    # at 10.43 frames a flight is seen as 10 or 11: 2 * 0.43 * 0.57 of a frame off on average
+    sign = study.sel(procedure="sign_change", case="A", reading="flight")["period_error"][1]
+    expected = 0.43 * 0.57 * (1.0 / 10.0 + 1.0 / 11.0) * 100.0
+    assert float(sign) == pytest.approx(expected, rel=0.1)
+    judged = in_band(study)
+    assert bool(judged["height_in_band"].sel(procedure="fit", reading="particle")[0])
+    assert bool(judged["period_in_band"].sel(procedure="sign_change", reading="flight")[1])
+    assert not judged["period_grows"].any()
+    words = verdict(study)
+    assert "scale_error 0.05 (fit: ensemble, particle, worst, flight" in words[0]
+    assert words[-1] == "both, and growing: nothing that was tried"
+
+
+def test_an_imperfection_too_large_to_measure_is_no_error():
+    blind = Imperfection("pixel", "m", (5e-3,), "pixel", {"noise": 1.0})
+    study = study_imperfections(imperfections=(blind,), cases={"A": 1}, repeats=1, duration=2.0)
+    assert np.isnan(study["height_error"].values).all()
+    assert float(study["compared"][0, 0]) == 0.0

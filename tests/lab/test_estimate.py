@@ -1,0 +1,74 @@
+"""Parameters from landings: within their errors where the orbit determines them, else a warning."""
+
+import numpy as np
+import pytest
+
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.bounces import bounces_of
+from vibrosweep.lab.estimate import estimate, fit_phase
+from vibrosweep.lab.impacts import find_impacts
+
+TRUTH = {"restitution": 0.85, "amplitude": 0.12, "phase": 0.0, "frequency": 20.0}
+
+
+@pytest.fixture(scope="module")
+def recordings(trial):
+    return [find_impacts(trial(seed=seed).tracks) for seed in range(12)]
+
+
+@pytest.mark.parametrize("known", [20.0, None])
+def test_estimates_agree_with_the_truth_within_their_errors(recordings, known):
+    """Deviations in standard errors: their mean square is that of normal deviates, 1."""
+    found = [estimate(one, frequency=known, frequency_range=(8.0, 35.0)) for one in recordings]
+    names = found[0]["parameter"].values
+    truth = np.array([TRUTH[str(name)] for name in names])
+    off = np.array([(one["estimate"] - truth) / one["error"] for one in found])
+    assert names.size == (3 if known else 4)
+    assert all(int(one["determined"]) for one in found)
+    # of 12 squares the mean lies between 0.2 and 2.5 with a probability of 99.6 %
+    mean_square = (off**2).mean(axis=0)
+    assert ((mean_square > 0.2) & (mean_square < 2.5)).all()
+    assert (found[0]["error"].values[:3] < [0.005, 0.001, 0.02]).all()
+
+
+def test_errors_on_both_sides_do_not_bias_the_restitution(recordings):
+    """A plain regression is off by far more than its errors: the adjustment is not."""
+    plain = []
+    for one in recordings:
+        arrive, leave, time = bounces_of(one).speeds()
+        angle = 2.0 * np.pi * 20.0 * time
+        design = np.stack([arrive, np.sin(angle), np.cos(angle)], axis=1)
+        plain.append(np.linalg.lstsq(design, leave, rcond=None)[0][0])
+    adjusted = [float(estimate(one, frequency=20.0)["estimate"][0]) for one in recordings]
+    spread = np.std(adjusted) / np.sqrt(len(adjusted))
+    assert abs(np.mean(plain) - 0.85) > 5.0 * spread
+    assert abs(np.mean(adjusted) - 0.85) < 3.0 * spread
+
+
+def test_a_locked_orbit_determines_nothing_and_says_so(locked):
+    found = estimate(find_impacts(locked.tracks), frequency=20.0)
+    assert int(found["determined"]) == 0
+    assert "does not determine restitution and amplitude" in found.attrs["warning"]
+    assert np.isnan(found["estimate"].values).all()
+
+
+def test_the_phase_of_a_locked_orbit_is_that_of_the_stable_branch(locked):
+    found = find_impacts(locked.tracks)
+    phase = fit_phase(found, restitution=0.9, amplitude=0.06, frequency=20.0)
+    turns = (phase - np.pi) / (2.0 * np.pi)
+    assert abs(turns - round(turns)) < 0.005
+
+
+def test_too_few_bounces(trial):
+    with pytest.raises(TrackError, match="at least 10 are needed"):
+        estimate(find_impacts(trial(particles=1, duration=0.4).tracks), frequency=20.0)
+
+
+def test_bounces_join_three_neighbouring_instants(recordings):
+    bounces = bounces_of(recordings[0])
+    arrive, leave, time = bounces.speeds()
+    assert (np.diff(bounces.instant)[bounces.middle] > 0.0).all()
+    assert (arrive > 0.0).all()
+    assert (leave > 0.0).all()
+    residual = leave - 0.85 * arrive - 0.12 * np.sin(2.0 * np.pi * 20.0 * time)
+    assert np.sqrt(np.mean(residual**2)) < 0.01

@@ -1,0 +1,78 @@
+"""Files of virtual experiments: what they give, and every mistake at once."""
+
+from pathlib import Path
+
+import pytest
+
+from vibrosweep.errors import SpecError
+from vibrosweep.lab.experiment import LABORATORY, Experiment
+from vibrosweep.lab.spec import read_experiments
+
+FILES = sorted((Path(__file__).parents[2] / "sweeps" / "laboratory").glob("*.toml"))
+
+
+@pytest.fixture
+def read(tmp_path):
+    def experiments(text):
+        path = tmp_path / "experiment.toml"
+        path.write_text(text, encoding="utf-8")
+        return read_experiments(path)
+
+    return experiments
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_the_files_of_the_repository_are_sound(path):
+    spec = read_experiments(path)
+    assert spec.title
+    for one in spec.experiments:
+        assert (one.repeats, one.transient, one.duration) == (4, 20.0, 40.0)
+
+
+def test_the_cases_of_table_4():
+    spec = read_experiments(next(p for p in FILES if p.stem == "table4"))
+    assert [one.particles for one in spec.experiments] == [1, 5, 20, 50]
+    scene = spec.experiments[0].scene
+    kick = 2.0 * scene["frequency"] * scene["amplitude"] / scene["gravity"]
+    assert kick == pytest.approx(0.244648, abs=1e-5)
+
+
+def test_an_empty_file_is_the_default_experiment(read):
+    (one,) = read("").experiments
+    assert one == Experiment()
+    assert one.scene == LABORATORY
+
+
+def test_all_mistakes_at_once(read):
+    with pytest.raises(SpecError) as caught:
+        read(
+            "[scene]\nrestitution = 1.2\nparticles = [1, 0]\nlaunch = [0.0, 1.0]\n"
+            "[camera]\nframerate = 240\npixel = 0.0\nwhole_pixels = 1\n"
+            "[variation]\nfrequency_jitter = 0.5\n[trials]\nrepeats = 2.5\n[other]\n"
+        )
+    message = str(caught.value)
+    for part in (
+        "8 mistakes",
+        "scene.restitution = 1.2: must be a number, at least 0 and at most 1",
+        "scene.particles = [1, 0]: must be a whole number from 1 to 1000",
+        'camera.framerate = 240: is not known; did you mean "frame_rate"?',
+        "camera.pixel = 0.0: must be a number above 0 and at most 1 m",
+        "camera.whole_pixels = 1: must be true or false",
+        "variation.frequency_jitter = 0.5: must be a number at least 0 and at most 0.1",
+        "trials.repeats = 2.5: must be a whole number from 1 to 1000",
+        "other = {  }: is not known; known here: title, scene, camera, variation, trials",
+    ):
+        assert part in message
+
+
+def test_launches_must_fit_the_particles(read):
+    with pytest.raises(SpecError, match="must list a time for each of"):
+        read("[scene]\nparticles = 3\nlaunch = [0.0, 0.1]\n")
+    (one,) = read("[scene]\nparticles = 2\nlaunch = [0.0, 0.1]\n").experiments
+    assert one.launch == (0.0, 0.1)
+
+
+@pytest.mark.parametrize("text", ["scene = 1\n", "title = 3\n", "[scene\n"])
+def test_what_is_no_experiment(read, text):
+    with pytest.raises(SpecError):
+        read(text)

@@ -1,0 +1,92 @@
+"""Bad tracks: one clear message each."""
+
+import numpy as np
+import pytest
+
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.camera import Camera
+from vibrosweep.lab.experiment import LABORATORY
+from vibrosweep.lab.impacts import find_impacts
+from vibrosweep.lab.tracks import make_tracks, table_to_tracks
+
+
+@pytest.fixture(scope="module")
+def sound(irregular):
+    """Times (s) and heights (m) of a sound recording."""
+    return irregular.tracks["time"].values, irregular.tracks["height"].values
+
+
+def refusal(call, *arguments, **options):
+    with pytest.raises(TrackError) as caught:
+        call(*arguments, **options)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def test_no_positions():
+    assert "holds no positions" in refusal(table_to_tracks, [], [], [])
+    assert "holds no positions" in refusal(make_tracks, [0.0, 1.0], np.full((2, 1), np.nan))
+
+
+def test_one_frame():
+    assert "holds one frame only" in refusal(table_to_tracks, [0.0, 0.0], [1, 2], [0.1, 0.2])
+
+
+def test_times_that_are_missing_fall_back_or_appear_twice():
+    times = [0.0, np.nan, 0.2]
+    assert "row 2 has no time" in refusal(table_to_tracks, times, [1, 1, 1], [0.1, 0.2, 0.3])
+    message = refusal(table_to_tracks, [0.0, 0.2, 0.1], [7, 7, 7], [0.1, 0.2, 0.3])
+    assert "particle 7 goes back in time, from 0.2 s to 0.1 s" in message
+    message = refusal(table_to_tracks, [0.0, 0.1, 0.1, 0.1], [7, 7, 7, 8], [0.1, 0.2, 0.3, 0.3])
+    assert "particle 7 has two positions at 0.1 s" in message
+
+
+def test_heights_that_are_no_numbers():
+    nan = float("nan")
+    message = refusal(table_to_tracks, [0.0, 0.1, 0.0, 0.1], [1, 1, 2, 2], [0.1, 0.2, nan, nan])
+    assert "particle 2 has no position that is a number" in message
+    assert "a height is infinite" in refusal(make_tracks, [0.0, 1.0], [[np.inf], [0.0]])
+
+
+@pytest.mark.parametrize(("factor", "remedy"), [(1000.0, "0.001"), (0.001, "1e+03")])
+def test_wrong_units(sound, factor, remedy):
+    time, height = sound
+    message = refusal(find_impacts, make_tracks(time, factor * height))
+    assert "instead of 9.81 m s-2" in message
+    assert f"multiply the scale by about {remedy}" in message
+
+
+def test_times_in_milliseconds(sound):
+    time, height = sound
+    assert "correct the frame rate" in refusal(find_impacts, make_tracks(1000.0 * time, height))
+
+
+def test_a_height_axis_that_points_down(sound):
+    time, height = sound
+    message = refusal(find_impacts, make_tracks(time, -height))
+    assert "instead of 9.81 m s-2" in message or "no flight rises" in message
+
+
+def test_a_base_above_the_track(sound):
+    tracks = make_tracks(*sound)
+    assert "the base at 1 m lies above the whole track" in refusal(find_impacts, tracks, base=1.0)
+    middle = float(tracks["height"].quantile(0.7))
+    message = refusal(find_impacts, tracks, base=middle)
+    assert "above half of the positions" in message
+
+
+def test_flights_of_too_few_frames(trial):
+    fast = {**LABORATORY, "frequency": 35.0, "amplitude": 1.2 / 35.0, "launch_velocity": 5 / 35.0}
+    fast["phase"] = np.pi
+    slow_camera = Camera(frame_rate=120.0, noise=0.1)
+    message = refusal(find_impacts, trial(scene=fast, particles=1, camera=slow_camera).tracks)
+    assert "film faster where flights last fewer than five frames" in message
+
+
+def test_what_does_not_bounce():
+    time = np.arange(1000) / 240.0
+    noise = 1e-4 * np.random.default_rng(0).standard_normal((1000, 1))
+    assert refusal(find_impacts, make_tracks(time, noise))
+    assert refusal(find_impacts, make_tracks(time, np.zeros((1000, 1))))
+    assert refusal(find_impacts, make_tracks(time[:6], np.linspace(0, 1, 6)[:, np.newaxis]))

@@ -1,0 +1,96 @@
+"""The wandering forcing: the engine without wander, and the phase that it should have with it."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from vibrosweep.kernels.sine import sin_turns
+from vibrosweep.lab.experiment import LABORATORY
+from vibrosweep.lab.wander import phase_walk, wandering_record
+from vibrosweep.scene import dimensionless, launches
+from vibrosweep.sweep.landings import record_landings
+
+
+def landings(parameters, walk, particles=4, duration=5.0, **scene):
+    values = {**LABORATORY, **scene}
+    given = {name: np.broadcast_to(value, particles) for name, value in values.items()}
+    sets = parameters(**given)
+    problem = dimensionless(sets, duration)
+    start = launches("staggered", particles, sets["frequency"][:1])
+    return wandering_record(problem, start, walk, values["frequency"], values["gravity"], None)
+
+
+@pytest.mark.parametrize("amplitude", [0.02, 0.06, 0.12])
+def test_without_wander_it_is_the_engine_to_the_last_bit(amplitude, parameters, observe, workers):
+    found = landings(parameters, np.zeros(2), amplitude=amplitude)
+    observation = observe("staggered", particles=4, duration=5.0, transient=-np.inf)
+    scene = parameters(**{**LABORATORY, "amplitude": amplitude})
+    engine = record_landings(scene, observation, workers)
+    for name, values in found._asdict().items():
+        np.testing.assert_array_equal(values, engine[name][0])
+
+
+def test_impacts_feel_the_phase_that_has_wandered(parameters):
+    """Every bounce obeys the map with the phase of the walk, found here by interpolation."""
+    jitter, frequency = 0.02, LABORATORY["frequency"]
+    walk = phase_walk(np.random.default_rng(3), jitter, 110)
+    found = landings(parameters, walk, frequency=frequency)
+    arrive = LABORATORY["gravity"] / 2.0 * np.diff(found.landing_time, axis=1)
+    time, leave = found.landing_time[:, 1:], found.rebound_velocity[:, 1:]
+    bounced = (found.rested[:, 1:] == 0) & (found.rested[:, :-1] == 0) & np.isfinite(leave)
+    periods = frequency * time
+    phase = periods + np.interp(periods, np.arange(walk.size) - 1.0, walk)
+    kick = LABORATORY["amplitude"] * np.sin(2.0 * np.pi * phase)
+    expected = LABORATORY["restitution"] * arrive + kick
+    assert bounced.sum() > 100
+    np.testing.assert_allclose(leave[bounced], expected[bounced], atol=1e-11)
+
+
+def test_a_resting_particle_leaves_at_the_wandered_phase(parameters):
+    walk = phase_walk(np.random.default_rng(4), 0.02, 110)
+    found = landings(parameters, walk, amplitude=0.02, contact_time=1e-3)
+    lifted = (found.rested == 1) & np.isfinite(found.liftoff_time)
+    periods = LABORATORY["frequency"] * found.liftoff_time[lifted]
+    phase = periods + np.interp(periods, np.arange(walk.size) - 1.0, walk)
+    kick = [0.02 * sin_turns(x) for x in phase - np.rint(phase)]
+    assert len(kick) > 20
+    np.testing.assert_allclose(kick, LABORATORY["gravity"] * 1e-3 / 2.0, atol=1e-9)
+    assert (np.cos(2.0 * np.pi * phase) > 0.0).all()
+
+
+def test_the_walk_has_the_variance_that_was_asked_for():
+    steps = np.diff(phase_walk(np.random.default_rng(0), 0.01, 100_000))
+    assert steps.std() == pytest.approx(0.01, rel=0.01)
+    assert phase_walk(np.random.default_rng(0), 0.01, 5)[0] == 0.0
+
+
+def test_plain_python_gives_the_same_bits(parameters, tmp_path):
+    """The compiler switched off, on a small case with bounces and rests."""
+    walk = phase_walk(np.random.default_rng(5), 0.01, 20)
+    found = landings(parameters, walk, particles=2, duration=0.5, amplitude=0.03)
+    assert (found.rested == 1).any()
+    assert (found.rested == 0).any()
+    sets = parameters(**{**LABORATORY, "amplitude": np.full(2, 0.03)})
+    np.savez(tmp_path / "given.npz", walk=walk, **sets)
+    np.savez(tmp_path / "found.npz", **found._asdict())
+    plain = """
+import sys
+import numpy as np
+from vibrosweep.lab.wander import wandering_record
+from vibrosweep.scene import dimensionless, launches
+given = dict(np.load(sys.argv[1] + "/given.npz"))
+walk = given.pop("walk")
+start = launches("staggered", 2, given["frequency"][:1])
+frequency, gravity = float(given["frequency"][0]), float(given["gravity"][0])
+record = wandering_record(dimensionless(given, 0.5), start, walk, frequency, gravity, None)
+for name, values in np.load(sys.argv[1] + "/found.npz").items():
+    np.testing.assert_array_equal(getattr(record, name), values)
+"""
+    subprocess.run(
+        [sys.executable, "-c", plain, str(tmp_path)],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        check=True,
+    )

@@ -1,0 +1,53 @@
+"""Warming up compiles what commands use, and only that once."""
+
+import numba
+import pytest
+
+from vibrosweep.api import simulate
+from vibrosweep.cli import main
+from vibrosweep.errors import OutputError
+from vibrosweep.kernels import _jit
+from vibrosweep.sweep.warmup import KERNELS, warm_up
+
+pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs machine code")
+
+SWEEPS = [
+    "[scene]\nlaunch = [0.0, 0.3]\n[sample]\nrealizations = 3\nfrequency = [1.0, 2.0]",
+    "[scene]\nparticles = 3\nrebound = 'reflect'\n[measure]\nseparation = true\nregimes = true\n"
+    "per_particle = true\ntrust = true\n[record]\nduration = 3.0",
+    "[sample]\ndesign = 'grid'\namplitude = [0.5, 1.0]\n[measure]\ntransient = 2.0\ntrust = true",
+    "[scene]\nlaunch = [-1.0, 0.3]\n[sample]\ndesign = 'latin'\nrealizations = 2\ngravity = [9, 10]"
+    "\n[measure]\nseparation = true\n[record]\ngravity = 9.81\nrebound = 'reflect'",
+    "[sample]\ndesign = 'table.csv'\n[measure]\nregimes = true\ntransient = 1.0",
+]
+
+
+def signatures():
+    return [len(kernel.signatures) for kernel in KERNELS]
+
+
+def test_no_command_compiles_after_warming_up(compute, tmp_path, capsys):
+    assert main(["warmup"]) == 0
+    assert "found on disk, in " in capsys.readouterr().out
+    warm = signatures()
+    assert all(warm)
+    (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1.2\n0.8,1.1\n")
+    simulate(restitution=0.8, launch_time=[0.0, 0.1], duration=2.0)
+    simulate(amplitude=[0.8, 1.0], duration=2.0, rebound="reflect")
+    for text in SWEEPS:
+        result = compute(text)
+        assert main(["verify", str(result)]) == 0
+    assert signatures() == warm
+
+
+def test_all_machine_code_is_on_disk_afterwards():
+    warm_up()
+    done = warm_up()
+    assert done.made + done.kept == sum(signatures())
+    assert done.directory == _jit.cache_directory
+
+
+def test_nowhere_to_keep_it(monkeypatch):
+    monkeypatch.setattr(_jit, "cache_directory", None)
+    with pytest.raises(OutputError, match="NUMBA_CACHE_DIR"):
+        warm_up()
