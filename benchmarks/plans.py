@@ -56,8 +56,8 @@ amplitude = [0.2, 3.5]
 [measure]
 regimes = true
 """,
-    "slow": """
-title = "Some twenty seconds of work, in chunks"
+    "grid of long orbits": """
+title = "A grid of long orbits, most of them skipped"
 [scene]
 particles = 20
 duration = 4e5
