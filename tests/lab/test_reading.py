@@ -116,6 +116,7 @@ def test_scale_axis_and_base(write):
     [
         ("", "is empty"),
         ("time,particle,height\n", "holds no positions"),
+        ("time,particle,height\n0.0,1,0.1\n0.1,,0.2\n", "row 2 has no particle"),
         ("time,height\n0.0,1.0\n0.1,1.1\n", "has the columns time, height; the file must have"),
         ("time,particle,height\n0.0,1,high\n0.1,1,0.2\n", "row 1 .*'high' is not a number"),
         ("mass_A\nt\tx\n0.0\t1.0\n0.1\t1.0\n", "without a column y"),

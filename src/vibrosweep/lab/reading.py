@@ -126,7 +126,12 @@ def tracks_from_frame(
         raise TrackError(f"{source}: has the columns {found}; {_WAYS}")
     upwards = 1.0 if (axis or "up") == "up" else -1.0
     height = upwards * (scale or 1.0) * (height - (base or 0.0))
-    tracks = table_to_tracks(time, table["particle"].to_numpy(), height, source)
+    nobody = np.flatnonzero(table["particle"].isna())
+    if nobody.size:
+        raise TrackError(f"{source}: row {nobody[0] + 1} has no particle; name or number it")
+    named = table["particle"]
+    owner = named.to_numpy() if named.dtype.kind in "iuf" else named.astype(str).to_numpy(object)
+    tracks = table_to_tracks(time, owner, height, source)
     if frame_rate is not None and "time" in table.columns:
         seconds = tracks["time"].values * (tracks.attrs["frame_rate"] / frame_rate)
         tracks = tracks.assign_coords(time=("frame", seconds, tracks["time"].attrs))
@@ -178,11 +183,12 @@ def _table(path: Path) -> pd.DataFrame:
             skiprows=1 if names is not None else 0,
             decimal="," if comma else ".",
             skipinitialspace=True,
+            low_memory=False,
         )
     except (ValueError, pd.errors.ParserError) as error:
         if len(lines) == first + 1:
             raise TrackError(f"{path}: holds no positions; check the file") from error
-        raise TrackError(f"{path}: is not a table: {error}") from error
+        raise TrackError(f"{path}: is not a table: {str(error).strip()}") from error
     if names is None:
         return table.rename(columns=str.strip)
     return _tracker(path, table, names, header.split(separator), separator, lines[first - 1])
