@@ -72,55 +72,11 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
     for tracks in recordings:
         groups.setdefault(tracks.sizes["particle"], []).append(_one(tracks, how, workers))
     counts = sorted(groups)
-    letters = {number: letter for letter, number in CASES.items()}
     rows = [groups[count] for count in counts]
-    shape = (len(rows), len(QUANTITIES), len(READINGS))
-    error, share = np.empty(shape), {name: np.empty(shape) for name in SHARES}
-    measured, spread, predicted = np.empty((3, len(rows), len(QUANTITIES)))
-    for i, row in enumerate(rows):
-        for j, q in enumerate(QUANTITIES):
-            values = np.array([one.measured[q] for one in row])
-            measured[i, j] = values.mean()
-            spread[i, j] = values.std(ddof=1) if len(row) > 1 else np.nan
-            predicted[i, j] = np.mean([one.predicted[q] for one in row])
-            for k, reading in enumerate(READINGS):
-                error[i, j, k] = np.mean([one.error[q][reading] for one in row])
-                for name in SHARES:
-                    # squares add, so they are averaged
-                    parts = [one.share[name][q][reading] ** 2 for one in row]
-                    share[name][i, j, k] = np.sqrt(np.mean(parts))
-    dims = ("case", "quantity", "reading")
-    variables: dict[str, Any] = {
-        "error": (
-            dims,
-            error,
-            {"units": "percent", "long_name": "|measured - predicted| / measured"},
-        ),
-        **{
-            name: (dims, share[name], {"units": "percent", "long_name": f"error due to {name}"})
-            for name in SHARES
-        },
-        "measured": (dims[:2], measured, {"long_name": "measured mean"}),
-        "measured_sd": (dims[:2], spread, {"long_name": "standard deviation over the repeats"}),
-        "predicted": (dims[:2], predicted, {"long_name": "predicted mean"}),
-        "repeats": ("case", [len(row) for row in rows], {"units": "1"}),
-        "compared": (
-            "case",
-            [float(np.mean([one.compared for one in row])) for row in rows],
-            {"units": "1", "long_name": "share of the particles that could be compared"},
-        ),
-        **{
-            name: (
-                "case",
-                [float(np.mean([one.parameters[name] for one in row])) for row in rows],
-                {"units": PARAMETERS[name].units, "long_name": PARAMETERS[name].long_name},
-            )
-            for name in ("restitution", "amplitude", "frequency")
-        },
-    }
+    letters = {number: letter for letter, number in CASES.items()}
     warnings = {one.warning for row in rows for one in row if one.warning}
     return xr.Dataset(
-        variables,
+        {**_errors(rows), **_means(rows)},
         coords={
             "case": [letters.get(count, f"N={count}") for count in counts],
             "particles": ("case", counts),
@@ -134,6 +90,56 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
             **{f"study_{q}": STUDY[q] for q in QUANTITIES},
         },
     )
+
+
+def _errors(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
+    """Variables of dims (case, quantity, reading): the errors, and what explains them."""
+    found = np.empty((1 + len(SHARES), len(rows), len(QUANTITIES), len(READINGS)))
+    for i, row in enumerate(rows):
+        for j, q in enumerate(QUANTITIES):
+            for k, reading in enumerate(READINGS):
+                found[0, i, j, k] = np.mean([one.error[q][reading] for one in row])
+                for m, name in enumerate(SHARES, start=1):
+                    # squares add, so they are averaged
+                    parts = [one.share[name][q][reading] ** 2 for one in row]
+                    found[m, i, j, k] = np.sqrt(np.mean(parts))
+    words = ["|measured - predicted| / measured", *(f"error due to {name}" for name in SHARES)]
+    return {
+        name: (("case", "quantity", "reading"), values, {"units": "percent", "long_name": text})
+        for name, values, text in zip(("error", *SHARES), found, words, strict=True)
+    }
+
+
+def _means(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
+    """Variables of dims (case, quantity) and (case): what was measured, predicted and used."""
+    measured, spread, predicted = np.empty((3, len(rows), len(QUANTITIES)))
+    for i, row in enumerate(rows):
+        for j, q in enumerate(QUANTITIES):
+            values = np.array([one.measured[q] for one in row])
+            measured[i, j] = values.mean()
+            spread[i, j] = values.std(ddof=1) if len(row) > 1 else np.nan
+            predicted[i, j] = np.mean([one.predicted[q] for one in row])
+    dims = ("case", "quantity")
+    used = {
+        name: (
+            "case",
+            [float(np.mean([one.parameters[name] for one in row])) for row in rows],
+            {"units": PARAMETERS[name].units, "long_name": PARAMETERS[name].long_name},
+        )
+        for name in ("restitution", "amplitude", "frequency")
+    }
+    return {
+        "measured": (dims, measured, {"long_name": "measured mean"}),
+        "measured_sd": (dims, spread, {"long_name": "standard deviation over the repeats"}),
+        "predicted": (dims, predicted, {"long_name": "predicted mean"}),
+        "repeats": ("case", [len(row) for row in rows], {"units": "1"}),
+        "compared": (
+            "case",
+            [float(np.mean([one.compared for one in row])) for row in rows],
+            {"units": "1", "long_name": "share of the particles that could be compared"},
+        ),
+        **used,
+    }
 
 
 def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:

@@ -92,19 +92,17 @@ def estimate(
             f"{impacts.attrs['source']}: only {bounces.middle.size} bounces have a whole flight on "
             f"either side; at least {FEWEST} are needed: film for longer, or faster"
         )
-    given = frequency is not None
     rate = find_frequency(bounces, frequency_range) if frequency is None else frequency
-    found = _adjust(bounces, rate, free=not given)
-    freedom = bounces.middle.size - found.values.size
-    misfit = found.chi_square / freedom
-    names = list(PARAMETER_UNITS)[: 3 if given else 4]
+    found = _adjust(bounces, rate, free=frequency is None)
+    misfit = found.chi_square / (bounces.middle.size - found.values.size)
     values, covariance = _polar(found.values, found.covariance * max(1.0, misfit))
-    rate = float(found.values[3]) if not given else rate
+    rate = rate if frequency is not None else float(found.values[3])
     signal = _weakest_signal(bounces, found, rate)
     error = np.sqrt(np.diag(covariance))
     warning = _warning(signal, values, error)
     if signal < SIGNAL:  # what noise alone has determined is no estimate
         values, error, covariance = (np.full_like(v, np.nan) for v in (values, error, covariance))
+    names = list(PARAMETER_UNITS)[: values.size]
     return xr.Dataset(
         {
             "estimate": ("parameter", values, {"long_name": "estimate"}),
@@ -119,7 +117,7 @@ def estimate(
         coords={
             "parameter": names,
             "other": names,
-            "units": ("parameter", [PARAMETER_UNITS[n] for n in names]),
+            "units": ("parameter", [PARAMETER_UNITS[name] for name in names]),
         },
         attrs={"warning": warning},
     )

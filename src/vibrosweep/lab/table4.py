@@ -6,7 +6,7 @@ prediction is that of the perfect experiment.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Final
@@ -150,39 +150,16 @@ def study_imperfections(
         and ``units``.
     """
     trials = [(one, size) for one in imperfections for size in one.sizes]
-    shape = (len(trials), len(METHODS), len(READINGS), len(cases))
-    found = {f"{q}_error{end}": np.full(shape, np.nan) for q in QUANTITIES for end in ("", "_sd")}
-    compared = np.zeros((len(trials), len(cases)))
-    for i, (one, size) in enumerate(trials):
-        for c, particles in enumerate(cases.values()):
-            plain = Experiment(
-                scene=scene,
-                particles=particles,
-                repeats=repeats,
-                transient=transient,
-                duration=duration,
-                camera=PERFECT,
-                seed=seed,
-            )
-            each = list(_repeats(one.applied(plain, size)))
-            compared[i, c] = np.mean([share for share, _ in each])
-            for q in QUANTITIES:
-                values = np.array([by_method[q] for _, by_method in each])
-                found[f"{q}_error"][i, ..., c] = values.mean(axis=0)
-                found[f"{q}_error_sd"][i, ..., c] = values.std(axis=0, ddof=min(1, repeats - 1))
-    dims = ("trial", "procedure", "reading", "case")
-    words = {q: f"error of {q}, |measured - predicted| / measured" for q in QUANTITIES}
-    variables: dict[str, Any] = {
-        name: (dims, values, {"units": "percent", "long_name": words[name.split("_")[0]]})
-        for name, values in found.items()
-    }
-    variables["compared"] = (
-        ("trial", "case"),
-        compared,
-        {"units": "1", "long_name": "share of the particles that could be compared"},
+    plain = Experiment(
+        scene=scene,
+        repeats=repeats,
+        transient=transient,
+        duration=duration,
+        camera=PERFECT,
+        seed=seed,
     )
     return xr.Dataset(
-        variables,
+        _tried(trials, plain, tuple(cases.values())),
         coords={
             "imperfection": ("trial", [one.name for one, _ in trials]),
             "size": ("trial", [size for _, size in trials]),
@@ -200,6 +177,31 @@ def study_imperfections(
             **{f"study_{q}": STUDY[q] for q in QUANTITIES},
         },
     )
+
+
+def _tried(
+    trials: Sequence[tuple[Imperfection, float]], plain: Experiment, cases: Sequence[int]
+) -> dict[str, Any]:
+    """Variables of `study_imperfections`."""
+    shape = (len(trials), len(METHODS), len(READINGS), len(cases))
+    found = {f"{q}_error{end}": np.full(shape, np.nan) for q in QUANTITIES for end in ("", "_sd")}
+    compared = np.zeros((len(trials), len(cases)))
+    for i, (one, size) in enumerate(trials):
+        for c, particles in enumerate(cases):
+            each = list(_repeats(one.applied(replace(plain, particles=particles), size)))
+            compared[i, c] = np.mean([share for share, _ in each])
+            for q in QUANTITIES:
+                values = np.array([by_method[q] for _, by_method in each])
+                found[f"{q}_error"][i, ..., c] = values.mean(axis=0)
+                found[f"{q}_error_sd"][i, ..., c] = values.std(axis=0, ddof=min(1, len(each) - 1))
+    dims = ("trial", "procedure", "reading", "case")
+    words = {q: f"error of {q}, |measured - predicted| / measured" for q in QUANTITIES}
+    variables: dict[str, Any] = {
+        name: (dims, values, {"units": "percent", "long_name": words[name.split("_")[0]]})
+        for name, values in found.items()
+    }
+    described = {"units": "1", "long_name": "share of the particles that could be compared"}
+    return {**variables, "compared": (("trial", "case"), compared, described)}
 
 
 def _repeats(experiment: Experiment) -> Iterator[tuple[float, dict[str, list[list[float]]]]]:
