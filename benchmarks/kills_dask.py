@@ -59,7 +59,9 @@ def workers_of(process: subprocess.Popen) -> list[psutil.Process]:
         return []
 
 
-def disturbed(words: list[str], run: Path, findings: Findings, rng: np.random.Generator) -> None:
+def disturbed(
+    words: list[str], run: Path, findings: Findings, rng: np.random.Generator, until: float
+) -> None:
     """Run a command and kill its workers until it ends or is killed itself.
 
     Workers are killed once they have finished a chunk: where one dies before all have started, the
@@ -69,9 +71,11 @@ def disturbed(words: list[str], run: Path, findings: Findings, rng: np.random.Ge
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
         while True:
             try:
-                _, message = process.communicate(timeout=rng.uniform(0.0, 3.0))
+                _, message = process.communicate(timeout=rng.uniform(0.0, 6.0))
             except subprocess.TimeoutExpired:
                 at_work = finished(run, run)[0].keys() - before
+                if time.perf_counter() > until:
+                    continue
                 victims = workers_of(process) if at_work else []
                 if rng.random() < CLIENT:
                     process.kill()
@@ -98,7 +102,7 @@ def campaign(directory: Path, kills: int, workers: int, seed: int, seconds: floa
     run = run_directory(output)
     findings, before = Findings(), set()
     while (findings.kills < kills and time.perf_counter() < until) or before:
-        disturbed(run_words(directory, ["--workers", str(workers)]), run, findings, rng)
+        disturbed(run_words(directory, ["--workers", str(workers)]), run, findings, rng, until)
         found, torn = finished(run, output)
         findings.torn += torn
         if output.exists():

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
     leave_linear_algebra_out()
-    from vibrosweep.sweep.warmup import warm_up
+    from vibrosweep.doctor.warmup import warm_up
 
     began = time.perf_counter()
     compiled = warm_up()

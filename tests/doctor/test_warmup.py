@@ -5,9 +5,9 @@ import pytest
 
 from vibrosweep.api import simulate
 from vibrosweep.cli import main
+from vibrosweep.doctor.warmup import KERNELS, warm_up
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
-from vibrosweep.sweep.warmup import KERNELS, warm_up
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs machine code")
 

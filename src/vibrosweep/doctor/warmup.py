@@ -1,4 +1,4 @@
-"""Compile every variant of the kernels that sweeps and records use."""
+"""Compile every variant of the kernels that commands use."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.analysis.conditions import Locked
+from vibrosweep.analysis.evaluate import locked
+from vibrosweep.analysis.scene import Scene
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
@@ -16,6 +19,7 @@ from vibrosweep.kernels.attractor import settle
 from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.cycles import shorten
 from vibrosweep.kernels.distinct import first_of_each
+from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.record import record
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.trust import trust
@@ -31,6 +35,7 @@ __all__ = ["KERNELS", "Compiled", "warm_up"]
 KERNELS: Final[tuple[Any, ...]] = (
     advance,
     combine,
+    find_fixed,
     first_of_each,
     has_closed_form,
     record,
@@ -79,6 +84,9 @@ def warm_up() -> Compiled:
             asked = replace(endless, transient=transient, regimes=regimes, lyapunov=regimes)
             asked = replace(asked, separation=True, trust=True, tolerance=1e-9, skip=True)
             measure(scene, asked, workers)
+        for rebound in LAWS:
+            point = np.array([0.9]), np.array([1.2])
+            locked(Scene(rebound=rebound), Locked(1), *point, workers)
     made = sum(sum(kernel.stats.cache_misses.values()) for kernel in KERNELS)
     kept = sum(sum(kernel.stats.cache_hits.values()) for kernel in KERNELS)
     return Compiled(made, kept, _jit.cache_directory)
