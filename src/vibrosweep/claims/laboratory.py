@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from importlib.util import find_spec
 from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
 from vibrosweep.claims.verdict import Check, Number, Outcome
+from vibrosweep.lab.table4 import in_band, study_imperfections
 
 __all__ = ["measured_and_predicted"]
 
-EXPERIMENT: Final = "vibrosweep.lab.table4"
 TOLERANCE: Final = 8.0
 # Fewer repeats and shorter films than the study's, and its three smaller cases: in some seconds
 SIZE: Final[dict[str, Any]] = {
@@ -29,11 +27,8 @@ def measured_and_predicted(threads: int) -> Outcome:
 
     The virtual experiment takes its own time on one thread.
     """
-    if find_spec(EXPERIMENT) is None:
-        return Outcome(missing=f"the virtual experiment: {EXPERIMENT} is not in this version")
-    table4: Any = import_module(EXPERIMENT)
-    study = table4.study_imperfections(**SIZE)
-    return judged(study, table4.in_band(study))
+    study = study_imperfections(**SIZE)
+    return judged(study, in_band(study))
 
 
 def judged(study: xr.Dataset, bands: xr.Dataset) -> Outcome:

@@ -30,7 +30,6 @@ CLASSES: Final = {
     Verdict.HOLDS: "holds",
     Verdict.CONDITIONAL: "condition",
     Verdict.FAILS: "fails",
-    Verdict.UNJUDGED: "unjudged",
 }
 PASSED: Final = '<td class="pass">passed</td>'
 MISSED: Final = '<td class="miss">missed</td>'
@@ -142,7 +141,6 @@ def _claim_data(claim: Claim) -> dict[str, Any]:
             for n in outcome.numbers
         ],
         "figures": [picture.name for picture in outcome.pictures],
-        "missing": outcome.missing,
     }
 
 
@@ -220,10 +218,7 @@ def _section(claim: Claim) -> str:
         f'<p class="source">{html.escape(claim.source)} {_badge(outcome.verdict)}</p></header>',
         f"<p><b>Tested.</b> {marked_up(claim.method)}</p>",
     ]
-    if outcome.missing:
-        parts.append(f'<p class="missing"><b>Missing.</b> {marked_up(outcome.missing)}.</p>')
-    if outcome.as_stated:
-        parts.append(_tests("As stated", outcome.as_stated))
+    parts.append(_tests("As stated", outcome.as_stated))
     if outcome.conditional:
         parts.append(_tests(f"Condition: {claim.condition}", outcome.conditional))
     parts.append(f"<p><b>Why.</b> {marked_up(claim.reason)}</p>")

@@ -24,7 +24,6 @@ class Verdict(Enum):
     HOLDS = "holds"
     CONDITIONAL = "holds under a stated condition"
     FAILS = "fails"
-    UNJUDGED = "not judged"
 
 
 @dataclass(frozen=True)
@@ -84,28 +83,23 @@ class Outcome:
     Attributes
     ----------
     as_stated
-        Tests of the claim as the study states it; none where it cannot be tested.
+        Tests of the claim as the study states it, at least one.
     conditional
         Tests under the condition that the text of the claim states.
     numbers
         What else was computed.
     pictures
         Figures.
-    missing
-        What a claim lacks that cannot be tested.
     """
 
-    as_stated: Sequence[Check] = ()
+    as_stated: Sequence[Check]
     conditional: Sequence[Check] = ()
     numbers: Sequence[Number] = ()
     pictures: Sequence[Picture] = ()
-    missing: str = ""
 
     @property
     def verdict(self) -> Verdict:
         """The verdict, by the rule that the page states."""
-        if not self.as_stated:
-            return Verdict.UNJUDGED
         if all(test.passed for test in self.as_stated):
             return Verdict.HOLDS
         if self.conditional and all(test.passed for test in self.conditional):
