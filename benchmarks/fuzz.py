@@ -257,10 +257,11 @@ def fuzz_results(directory: Path, rng: np.random.Generator, number: int) -> Find
         path.write_bytes(data)
         if rng.random() < 0.2:
             changed(rng, path, whole)
+            sealed = False  # HDF5 writes over the seal
         end, said = attempt(name, path, *words)
         note(findings, end, said, f"{name} of attempt {round_number}")
         same = said.replace(str(path), str(sound)) == expected[name][1]
-        if sealed and end == "accepted" and not same and "no seal" not in said:
+        if sealed and end == "accepted" and not same:
             findings.failures.append(f"{name}, attempt {round_number}: accepted, other numbers")
     return findings
 
