@@ -30,8 +30,6 @@ __all__ = [
     "on_dask",
 ]
 
-# Dask gives a chunk up after four dead workers; after so many times it is probably what kills them.
-MOST_DEATHS: Final = 3
 # Seconds until a scheduler answers, or is given up once it does not.
 PATIENCE: Final = 30
 # Seconds in which a part that a worker has written must be seen here: file servers may be slow.
@@ -176,7 +174,8 @@ class _Chunks:
         self._client = client
         self._job = job
         self._queue = queue
-        self._deaths: dict[int, int] = {}
+        self._suspects: list[int] = []
+        self._alone: int | None = None
         self._submitted: dict[Future, int] = {}
 
     def sizes(self) -> Iterator[int]:
@@ -193,10 +192,14 @@ class _Chunks:
             self._submit(done)
 
     def _submit(self, done: Any) -> None:
-        """Hand out as many chunks as keep all workers busy."""
+        """Hand out as many chunks as keep all workers busy, and suspects one by one at the end."""
         threads = sum(self._client.nthreads().values())
-        for _ in range(min(len(self._queue), max(1, AHEAD * threads) - len(self._submitted))):
-            index = self._queue.pop()
+        batch = min(len(self._queue), max(1, AHEAD * threads) - len(self._submitted))
+        indices = [self._queue.pop() for _ in range(batch)]
+        if not indices and not self._submitted and self._suspects:
+            self._alone = self._suspects.pop()
+            indices = [self._alone]
+        for index in indices:
             future = self._client.submit(_compute, self._job, index, pure=False)
             self._submitted[future] = index
             done.add(future)
@@ -214,11 +217,12 @@ class _Chunks:
         if isinstance(error, VibrosweepError):
             raise error
         if isinstance(error, KilledWorker):
-            self._deaths[index] = self._deaths.get(index, 0) + 1
-            if self._deaths[index] < MOST_DEATHS:
-                self._queue.append(index)
-            else:
+            # Dask gives up all chunks that were with four workers when these died; which of them
+            # is to blame is seen once each is computed with no other at work.
+            if index == self._alone:
                 self.failed[index] = "the workers that computed it died, time after time"
+            else:
+                self._suspects.append(index)
         elif isinstance(error, ImportError) or "deserializ" in str(error):
             raise RunError(
                 f"the cluster cannot run vibrosweep ({type(error).__name__}: {error}); install "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -41,9 +42,8 @@ def describe(path: Path) -> Iterator[str]:
     RunError
         The manifest of an unfinished run is damaged.
     """
-    with reading(path):  # a name may be one that no file can have
-        exists = path.exists()
-    if not exists:
+    # not Path.exists, which raises where a name is too long
+    if not os.path.exists(path) and os.path.exists(run_directory(path)):  # noqa: PTH110
         yield from _unfinished(path)
         return
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
