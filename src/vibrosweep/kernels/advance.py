@@ -13,7 +13,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel
 from vibrosweep.kernels.cycles import Cycles, look, no_rests
-from vibrosweep.kernels.impact import land, launch, lift_off, rebound
+from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
     AGE,
     DONE,
@@ -54,6 +54,9 @@ __all__ = ["CHECK", "Statistics", "advance", "empty_statistics"]
 
 CHECK = 4  # impacts between two looks at what is done
 FIRST_ANCHOR = 32  # age at which recurrence begins to be looked for
+
+# of a realization: its scene, first flight, and count and phase of the end and of the begin
+Constants = tuple[float, float, float, float, float, float, float, float, float, float, float]
 
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
@@ -142,40 +145,51 @@ def _find_done(s: Floats, lanes: int, places: Integers) -> int:
 
 
 @jit
+def _constants(problem: Dimensionless, i: int) -> Constants:
+    """What the trajectories of realization i have in common."""
+    return (
+        *scene(problem, i),
+        problem.launch_flight[i],
+        problem.end_count[i],
+        problem.end_phase[i],
+        problem.begin_count[i],
+        problem.begin_phase[i],
+    )
+
+
+@jit
 def _load(
     s: Floats,
     j: int,
-    i: int,
-    p: int,
     lane: int,
-    problem: Dimensionless,
-    launches: Launches,
+    start: tuple[float, float],
+    constants: Constants,
     window: int | None,
     cycles: Cycles | None,
     patience: float,
 ) -> None:
-    """Put trajectory `lane` (realization i, particle p) into place j."""
-    n, x = launch(problem, launches, i, p)
-    lifts = problem.kick[i] > problem.rest_flight[i]
+    """Put trajectory `lane`, which leaves the base at `start`, into place j."""
+    e, a, r, x_lift, wait, u_lift, u, n_end, x_end, n_begin, x_begin = constants
+    n, x = start
     s[X + j] = x
-    s[N + j] = n - problem.end_count[i]
-    s[U + j] = problem.launch_flight[i]
-    s[E + j] = problem.restitution[i]
-    s[A + j] = problem.kick[i]
-    s[R + j] = problem.rest_flight[i]
-    s[X_LIFT + j] = problem.liftoff_phase[i]
-    s[WAIT + j] = 0.0 if lifts else np.inf
-    s[U_LIFT + j] = problem.rest_flight[i] if lifts else 0.0
-    s[X_END + j] = problem.end_phase[i]
+    s[N + j] = n - n_end
+    s[U + j] = u
+    s[E + j] = e
+    s[A + j] = a
+    s[R + j] = r
+    s[X_LIFT + j] = x_lift
+    s[WAIT + j] = wait
+    s[U_LIFT + j] = u_lift
+    s[X_END + j] = x_end
     if window is not None:
-        s[N_BEGIN + j] = problem.begin_count[i] - problem.end_count[i]
-        s[X_BEGIN + j] = problem.begin_phase[i]
-    for row_start in (LANDINGS, RESTS, SUM, SQUARES, LARGEST, AGE, DONE):
+        s[N_BEGIN + j] = n_begin - n_end
+        s[X_BEGIN + j] = x_begin
+    for row_start in (LANDINGS, RESTS, SUM, SQUARES, LARGEST, AGE):
         s[row_start + j] = 0.0
     s[LANE + j] = lane
     if cycles is not None:
         s[X_ANCHOR + j] = np.nan
-        s[NEXT_ANCHOR + j] = FIRST_ANCHOR if -s[N + j] > patience else np.inf
+        s[NEXT_ANCHOR + j] = FIRST_ANCHOR if n_end - n > patience else np.inf
         cycles.impacts[lane], cycles.periods[lane], cycles.rests[lane] = 0, 0, 0
         cycles.whole[lane] = cycles.phase[lane] = np.nan
 
@@ -239,9 +253,10 @@ def advance(
     jump
         0 to find cycles and to follow the trajectories nevertheless.
     """
-    particles = launches.whole.shape[1]
+    particles, realizations = launches.whole.shape[1], problem.kick.size
     i, p = first // particles, first % particles
     first_realization = i
+    constants = _constants(problem, i)
     if all_cycles:
         patience = 0.0
     rests = no_rests(0 if cycles is None else (last - 1) // particles - i + 1)
@@ -251,10 +266,12 @@ def advance(
     while lanes > 0:
         fresh = min(done, last - following)
         for q in range(fresh):
-            _load(s, places[q], i, p, following + q, problem, launches, window, cycles, patience)
+            start = launch(problem, launches, i, p)
+            _load(s, places[q], following + q, start, constants, window, cycles, patience)
             p += 1
             if p == particles:
                 i, p = i + 1, 0
+                constants = _constants(problem, min(i, realizations - 1))
         following += fresh
         for q in range(done - 1, fresh - 1, -1):  # close the gaps that are left, the last one first
             lanes -= 1
