@@ -15,8 +15,9 @@ def processor_seconds():
     return time.process_time() + children.ru_utime + children.ru_stime
 
 
-def timed(run):
-    """Wall and processor time of a run in s."""
+def timed(run, settle):
+    """Wall and processor time of a run in s, which begins after a pause of `settle` s."""
+    time.sleep(settle)
     wall, processor = time.perf_counter(), processor_seconds()
     run()
     return time.perf_counter() - wall, processor_seconds() - processor
@@ -27,17 +28,28 @@ def race(benchmark, record_property):
     """Time a subject and a reference in turn; return how many times as fast the subject is.
 
     The ratio is the median over pairs of runs, so that what disturbs the machine for longer than
-    a pair disturbs both.  `regressions.py` holds it against the stored one under the test's name.
+    a pair disturbs both.  Where one of them leaves threads behind that wait in a busy loop,
+    `settle` is to be long enough for these to fall asleep.  `regressions.py` holds the ratio
+    against the stored one under the test's name.
     """
 
-    def run(subject, reference, *, work_subject=1.0, work_reference=1.0, rounds=9, warm_up=True):
+    def run(
+        subject,
+        reference,
+        *,
+        work_subject=1.0,
+        work_reference=1.0,
+        rounds=9,
+        warm_up=True,
+        settle=0.0,
+    ):
         if warm_up:
             subject()
             reference()
         references, subjects = [], []
         benchmark.pedantic(
-            lambda: subjects.append(timed(subject)),
-            setup=lambda: references.append(timed(reference)),
+            lambda: subjects.append(timed(subject, settle)),
+            setup=lambda: references.append(timed(reference, settle)),
             rounds=rounds,
             iterations=1,
         )

@@ -112,10 +112,11 @@ class BareMap:
     threads
         Number of threads.
     impacts, their_impacts
-        Impacts of each trajectory in a call: long enough to hide the start of threads.
+        Impacts of each trajectory in a call: both calls then last about a tenth of a second, which
+        hides the start of threads.
     """
 
-    def __init__(self, threads: int, impacts: int = 40_000, their_impacts: int = 4000) -> None:
+    def __init__(self, threads: int, impacts: int = 400_000, their_impacts: int = 4000) -> None:
         numba.set_num_threads(threads)
         self.threads, self.impacts, self.their_impacts = threads, impacts, their_impacts
         self.trajectories = threads * LANES

@@ -11,6 +11,9 @@ T = TypeVar("T")
 
 BUDGET = 1.0  # s for the repetitions of one point
 MOST = 40
+# s after which the threads of OpenMP, which wait for more work in a busy loop, have gone to sleep:
+# until then they take the cores from whatever is timed next
+SETTLE = 0.3
 
 
 def timed(run: Callable[[], T]) -> tuple[T, float]:
@@ -32,8 +35,14 @@ def medians(*runs: Callable[[], object], rounds: int = 9) -> list[float]:
     """Median seconds of runs that are timed in turn, after one run of each that is not."""
     for run in runs:
         run()
-    seconds = [[_once(run)[1] for run in runs] for _ in range(rounds)]
+    seconds = [[_settled(run) for run in runs] for _ in range(rounds)]
     return [statistics.median(column) for column in zip(*seconds, strict=True)]
+
+
+def _settled(run: Callable[[], object]) -> float:
+    """Seconds of a run that begins on an idle machine."""
+    time.sleep(SETTLE)
+    return _once(run)[1]
 
 
 def _once(run: Callable[[], T]) -> tuple[T, float]:
