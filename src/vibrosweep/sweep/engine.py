@@ -62,9 +62,9 @@ def measure(
     measured["flight_height_max"] = np.fmax(
         measured["rebound_height_max"], np.where(launched, launch_height, np.nan)
     )
-    if observation.per_particle:
+    if observation.per_particle and found.each is not None:
         measured |= _per_particle(found.each, parameters, problem, (frequency.size, particles))
-    if observation.regimes and found.cycles is not None:
+    if found.each is not None and found.cycles is not None:
         measured |= regimes(
             found.each, found.cycles, problem, particles, observation.reflect, frequency, workers
         )

@@ -42,18 +42,18 @@ class Followed:
     ----------
     each
         Of the trajectories, those of a realization side by side; in the workers' memory until its
-        next use.
+        next use. Only for measures per particle and regimes.
     whole
         Of the realizations.
     cycles
-        Of the trajectories, in the workers' memory.
+        Of the trajectories, in the workers' memory. Only for regimes.
     separations
         Of the realizations.
     bounds
         Of the trajectories.
     """
 
-    each: Statistics
+    each: Statistics | None
     whole: Statistics
     cycles: Cycles | None
     separations: Separations | None
@@ -93,7 +93,7 @@ def follow(
                 observation,
                 workers,
             )
-            return _repeated(found, source, observation.particles)
+            return _repeated(found, source, observation)
     return _follow(problem, launch, tolerance, observation, workers)
 
 
@@ -120,7 +120,14 @@ def _follow(
         separations = _separations(problem, launch, observation, whole, cycles, workers)
     if observation.trust:
         bounds = _error_bounds(problem, launch, tolerance, observation, workers)
-    return Followed(each, whole, cycles, separations, bounds)
+    of_particles = observation.per_particle or observation.regimes
+    return Followed(
+        each if of_particles else None,
+        whole,
+        cycles if observation.regimes else None,
+        separations,
+        bounds,
+    )
 
 
 def statistics(
@@ -139,32 +146,31 @@ def statistics(
     closed = np.empty(problem.kick.size, bool)
     if not (observation.skip and has_closed_form(problem, observation.impact_budget, closed)):
         return _advanced(problem, launch, observation, workers, cycles)
-    each = empty_statistics(closed.size * particles)
-    parts = [(closed, _unforced(problem, launch, closed, workers))]
-    if not closed.all():
+    if closed.all():
+        each = workers.statistics(closed.size * particles)
+        _unforced(problem, launch, workers, each)
+    else:
+        each = empty_statistics(closed.size * particles)
+        some = empty_statistics(int(np.count_nonzero(closed)) * particles)
+        _unforced(_taken(problem, closed), _launches_of(launch, closed), workers, some)
         forced = _taken(problem, ~closed), _launches_of(launch, ~closed)
-        found = _advanced(*forced, observation, workers, cycles)
-        parts.append((~closed, found))
-    for which, values in parts:
-        for target, source in zip(_rows(each, particles), _rows(values, particles), strict=True):
-            target[which] = source
+        rest = _advanced(*forced, observation, workers, cycles)
+        for target, *sources in zip(
+            *(_rows(v, particles) for v in (each, some, rest)), strict=True
+        ):
+            target[closed], target[~closed] = sources
     if cycles is not None:
         _place_cycles(cycles, ~closed, particles)
     return each
 
 
-def _unforced(
-    problem: Dimensionless, launch: Launches, which: NDArray[np.bool_], workers: Workers
-) -> Statistics:
-    chosen, launches = _taken(problem, which), _launches_of(launch, which)
-    size, particles = chosen.kick.size, launch.whole.shape[1]
-    each = empty_statistics(size * particles)
+def _unforced(problem: Dimensionless, launch: Launches, workers: Workers, each: Statistics) -> None:
+    particles = launch.whole.shape[1]
     workers.each(
-        lambda first, last: unforced(first, last, chosen, launches, each),
-        size,
+        lambda first, last: unforced(first, last, problem, launch, each),
+        problem.kick.size,
         max(1, TRAJECTORIES_PER_TASK // particles),
     )
-    return each
 
 
 def _place_cycles(cycles: Cycles, which: NDArray[np.bool_], particles: int) -> None:
@@ -231,8 +237,10 @@ def _separations(
         return found
     complete = whole.status == Status.COMPLETED
     known = cycles if cycles is not None and observation.skip else workers.cycles(0)
+    rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to make
 
     def task(first: int, last: int) -> None:
+        room = rooms.pop()
         separate(
             first,
             last,
@@ -242,12 +250,13 @@ def _separations(
             observation.impact_budget,
             observation.reflect,
             observation.window,
-            workspace(particles),
+            room,
             known,
             found,
         )
+        rooms.append(room)
 
-    workers.each(task, size, max(1, TRAJECTORIES_PER_TASK // (16 * particles)))
+    workers.each(task, size, max(1, TRAJECTORIES_PER_TASK // (8 * particles)))
     return found
 
 
@@ -287,7 +296,7 @@ def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
     return Launches._make(values[which] for values in launch)
 
 
-def _repeated(found: Followed, source: NDArray[np.intp], particles: int) -> Followed:
+def _repeated(found: Followed, source: NDArray[np.intp], observation: Observation) -> Followed:
     """The results of realizations for all those that are the same problem."""
 
     def realizations(values: Fields) -> Fields:
@@ -296,8 +305,9 @@ def _repeated(found: Followed, source: NDArray[np.intp], particles: int) -> Foll
     def trajectories(values: Fields) -> Fields:
         return type(values)(*(v.reshape(-1, particles)[source].ravel() for v in values))
 
+    particles = observation.particles
     return Followed(
-        trajectories(found.each),
+        None if found.each is None else trajectories(found.each),
         realizations(found.whole),
         None if found.cycles is None else trajectories(found.cycles),
         None if found.separations is None else realizations(found.separations),
