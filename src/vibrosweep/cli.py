@@ -122,8 +122,10 @@ def _leave_kernels() -> None:
     """End the process if a kernel still runs: it cannot be stopped and nobody waits for it."""
     for thread in threading.enumerate():
         if thread is not threading.current_thread() and not thread.daemon:
-            thread.join(timeout=0.2)
-            if thread.is_alive():
+            started = thread.ident is not None  # it was not where the interruption came in between
+            if started:
+                thread.join(timeout=0.2)
+            if not started or thread.is_alive():
                 with suppress(OSError):
                     sys.stdout.flush()
                 os._exit(INTERRUPTED)

@@ -87,7 +87,7 @@ def test_hours_are_foreseen_in_a_moment(workers):
     spec = replace(spec, duration=1e9)
     cost = explore(spec, chunks.open_design(spec), workers, 0.2)
     assert cost.share < 0.01
-    assert cost.seconds > 3600
+    assert cost.seconds > 1e-10 * cost.impacts > 10.0  # no processor is as fast as that
     # some landings in each second of the scene
     landings = cost.impacts / (spec.particles * spec.duration)
     assert 1.0 < landings < 10.0
