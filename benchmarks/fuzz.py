@@ -139,7 +139,7 @@ def spoilt_text(rng: np.random.Generator, text: str, values: tuple[str, ...] = V
         data = b"\n".join(lines)
         if kind == 5:
             data = spoilt_bytes(rng, data)
-        elif kind == 6:
+        elif kind == 6 and data.strip():
             words = data.split()
             data = data.replace(words[rng.integers(len(words))], words[rng.integers(len(words))])
     return data

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vibrosweep.kernels._jit import Floats, Integers, jit
 from vibrosweep.kernels.lanes import LANES, STRIDE, VECTOR
 
-__all__ = ["Landings", "Workspace", "put_in_order", "workspace"]
+__all__ = ["Landings", "Workspace", "closest", "put_in_order", "workspace"]
 
 # rows of a block of lanes: state after the last landing taken, then the landing in question
 X, N, U, WHO = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE, 3 * STRIDE
@@ -20,6 +20,10 @@ BLOCK = 9 * STRIDE
 
 FEW = 24  # a cell with more landings is sorted by itself
 PERIODS_REMEMBERED = 64
+NARROWEST = (
+    2.0**-40
+)  # gap, in periods; over more than FARTHEST periods it could be lost by rounding
+FARTHEST = 2.0**10
 
 Places = NDArray[np.int32]
 
@@ -124,3 +128,41 @@ def put_in_order(work: Workspace, k: int, n: float, x: float, span: float) -> No
             _sort(ordered, start, ends[c], (ends[c] - start) // 2)
         start = ends[c]
     _sort(ordered, 0, k, 1)
+
+
+@jit
+def closest(work: Workspace, k: int, gap: float) -> float:
+    """Smallest gap between k landings of different particles, where it is below `gap`; else `gap`.
+
+    Landings before the window, with negative names, are left out.  Nothing is put in order: time
+    is cut into cells of twice the gap, and a landing is compared with those in its own cell and
+    the two beside it; cells that are a multiple of the table's length apart share an entry of it.
+    Where the gap is infinite or below `NARROWEST`, or landings lie beyond `FARTHEST`, NaN is
+    returned.
+    """
+    found, following, heads = work.found, work.cell, work.ends
+    if not NARROWEST <= gap < np.inf:
+        return np.nan
+    entries = 64
+    while entries < 8 * k and 2 * entries < heads.size:
+        entries *= 2
+    heads[:entries] = -1
+    n, x, scale = found.whole[0], found.phase[0], 0.5 / gap
+    for q in range(k):
+        if found.who[q] < 0:
+            continue
+        after = (found.whole[q] - n) + (found.phase[q] - x)
+        if abs(after) > FARTHEST:
+            return np.nan
+        cell = int(np.floor(after * scale))
+        for near in range(cell - 1, cell + 2):
+            other = heads[near & (entries - 1)]
+            while other >= 0:
+                apart = abs(
+                    (found.whole[q] - found.whole[other]) + (found.phase[q] - found.phase[other])
+                )
+                gap = min(gap, apart)
+                other = following[other]
+        following[q] = heads[cell & (entries - 1)]
+        heads[cell & (entries - 1)] = np.int32(q)
+    return gap

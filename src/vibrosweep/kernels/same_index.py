@@ -19,6 +19,7 @@ from vibrosweep.kernels.ordering import (
     Landings,
     N,
     Workspace,
+    closest,
     put_in_order,
 )
 
@@ -173,8 +174,15 @@ def same_index(
         together |= met
         if k < 2:
             break
+        number += 1
+        drifting = joint.impacts > 0 and number > joint.age
+        nearer = np.nan if drifting else closest(work, k, gap)
+        if nearer <= gap:  # not NaN: no order is needed
+            gap, n = nearer, -np.inf
+            continue
         if n == -np.inf:
             n, x, span = _extent(work.found, k)
+            moved = 0.0
         put_in_order(work, k, n, x + moved, span)
         ordered = work.ordered
         _, gap, _ = compare(ordered, k, (np.inf, 0.0, 0.0, 0), gap, 0)
@@ -182,8 +190,7 @@ def same_index(
         moved = (ordered.whole[0] - n) + (ordered.phase[0] - x)
         n, x = ordered.whole[0], ordered.phase[0]
         span = (ordered.whole[k - 1] - n) + (ordered.phase[k - 1] - x)
-        number += 1
-        if joint.impacts > 0 and number > joint.age:
+        if drifting:
             same = early == before and _drift_apart(ordered, k, joint)
             repeated = repeated + 1 if same else 0
             if repeated > joint.impacts:
