@@ -29,7 +29,7 @@ from vibrosweep.lab.segments import samples_of
 from vibrosweep.lab.spec import read_experiments
 from vibrosweep.lab.table4 import study_imperfections, verdict
 from vibrosweep.lab.twin import Comparison
-from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.workers import Workers
 
 ROOT = Path(__file__).parents[1]
 SWEEPS = ROOT / "sweeps" / "laboratory"

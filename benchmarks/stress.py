@@ -21,7 +21,7 @@ import numpy as np
 from accuracy import LAWS, provenance, table, write_section
 from stress_checks import Case, Findings, examine
 from stress_exact import EXACT
-from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.workers import Workers
 
 RESTITUTION = (0.0, 1e-12, 0.5, 1.0 - 1e-12, 1.0)
 KICK = (0.0, 1e-300, 1e-18, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)

@@ -14,9 +14,10 @@ from trust_check import compare, kernel_jobs
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import launch as launch_state
 from vibrosweep.status import Status
-from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.landings import record_landings
 from vibrosweep.sweep.run import record_observation
+from vibrosweep.sweep.workers import Workers
 
 BITS = 256
 CAPACITY = 24  # landings of the first particle that are compared with the proved reference

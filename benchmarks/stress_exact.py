@@ -19,9 +19,10 @@ from vibrosweep.kernels.impact import land, rebound
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.status import Status
-from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.landings import record_landings
 from vibrosweep.sweep.run import record_observation
+from vibrosweep.sweep.workers import Workers
 
 Outcome = tuple[int, list[str]]
 CAPACITY = 400

@@ -14,7 +14,7 @@ settings.load_profile("compiled")
 
 @pytest.fixture(scope="session")
 def workers():
-    from vibrosweep.sweep.engine import Workers
+    from vibrosweep.sweep.workers import Workers
 
     with Workers(2) as pool:
         yield pool

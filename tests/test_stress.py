@@ -17,7 +17,8 @@ from trust_check import compare, draw, kernel_jobs
 from vibrosweep import theory
 from vibrosweep.kernels import trust
 from vibrosweep.status import Status
-from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.workers import Workers
 
 LAW = st.sampled_from(list(LAWS))
 

@@ -19,11 +19,11 @@ from vibrosweep.store.disk import check_output
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import replaces
 from vibrosweep.sweep.asked import record_observation
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.landings import record_landings
 from vibrosweep.sweep.result import DURATION, LAUNCH_TIME, coordinate_attributes
 from vibrosweep.sweep.run import available_threads, run_sweep
 from vibrosweep.sweep.spec import read_spec
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import RECORD
 
 __all__ = ["open_record", "open_sweep", "run", "simulate"]

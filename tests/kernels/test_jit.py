@@ -41,7 +41,8 @@ from pathlib import Path
 import numba
 assert numba.config.DISABLE_JIT
 from dataclasses import replace
-from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.sweep.landings import record_landings
 given, found = map(Path, sys.argv[1:])
 results = []
@@ -189,7 +190,8 @@ from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.separation import separate
-from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.sweep.landings import all_parameters
 from vibrosweep.sweep.run import record_observation
 from dataclasses import replace

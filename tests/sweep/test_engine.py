@@ -11,7 +11,8 @@ from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.advance import CHECK
 from vibrosweep.status import Status
 from vibrosweep.sweep import following
-from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import PER_PARTICLE, REGIMES, SWEEP, TRUST
 
 LAWS = ["rest", "reflect"]

@@ -6,7 +6,9 @@ import pytest
 from vibrosweep import simulate, theory
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.status import Regime
-from vibrosweep.sweep.engine import Observation, Workers, measure
+from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import Workers
 
 
 def observed(duration, *, launch="staggered", particles=8, regimes=True, **options):

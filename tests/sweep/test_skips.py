@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.status import Regime
 from vibrosweep.sweep import following
-from vibrosweep.sweep.engine import Observation, Workers, measure
+from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.landings import record_landings
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import Workers
 
 LAWS = ["rest", "reflect"]
 

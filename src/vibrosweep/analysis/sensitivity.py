@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.records import Array, variable
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.engine import Observation, Workers, measure
+from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.landings import all_parameters
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import SWEEP
 
 __all__ = ["OUTPUTS", "sobol_indices"]

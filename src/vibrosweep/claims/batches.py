@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.sweep.asked import record_observation
-from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.landings import all_parameters
 from vibrosweep.sweep.result import coordinate_attributes
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, PER_PARTICLE, REGIMES, SWEEP
 
 __all__ = ["IMPACT_BUDGET", "STUDY_RANGES", "STUDY_SEED", "study_sample", "swept"]

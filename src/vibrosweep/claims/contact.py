@@ -18,7 +18,7 @@ from vibrosweep.claims.verdict import Check, Number, Outcome, Picture
 from vibrosweep.figures.crossings import heights_and_crossings
 from vibrosweep.figures.separations import decay_in_a_slot, distributions
 from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["heights_differ", "separation_stays_positive"]
 

@@ -16,7 +16,7 @@ from vibrosweep.figures.restitution import height_against_restitution
 from vibrosweep.figures.sensitivity import sobol_bars
 from vibrosweep.scene import STAGGERED
 from vibrosweep.sweep.asked import record_observation
-from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["plateau", "sensitivity"]
 

@@ -20,7 +20,7 @@ from vibrosweep.claims.slots import POPULATIONS, own_slots, smallest_separation
 from vibrosweep.claims.verdict import Check, Number, Outcome, Picture
 from vibrosweep.figures.pairs import fates, separations_in_time
 from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["bounded_and_ordered", "preserved", "staggering"]
 

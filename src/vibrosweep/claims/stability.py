@@ -20,7 +20,7 @@ from vibrosweep.figures.multipliers import decay_per_impact
 from vibrosweep.figures.plane import parameter_plane
 from vibrosweep.figures.returns import return_map
 from vibrosweep.status import Regime
-from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["linearised_update", "period_two", "windows"]
 

@@ -153,8 +153,8 @@ def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.lab.twin import Comparison
     from vibrosweep.scene import PARAMETERS
     from vibrosweep.store.saving import save_dataset
-    from vibrosweep.sweep.engine import Workers
     from vibrosweep.sweep.run import available_threads
+    from vibrosweep.sweep.workers import Workers
 
     known = {"gravity": options.gravity}
     for name in ("frequency", "restitution", "amplitude", "phase", "contact_time"):

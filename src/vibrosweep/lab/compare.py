@@ -23,7 +23,7 @@ from vibrosweep.lab.impacts import fit_tracks, impacts_of
 from vibrosweep.lab.prediction import draw, predict
 from vibrosweep.lab.twin import Comparison, camera_shares
 from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.engine import Workers
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["compare"]
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.engine import Workers, measure
+from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.landings import all_parameters
 from vibrosweep.sweep.run import record_observation
+from vibrosweep.sweep.workers import Workers
 
 __all__ = ["DRAWS", "Prediction", "draw", "predict"]
 

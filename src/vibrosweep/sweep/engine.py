@@ -19,7 +19,7 @@ from vibrosweep.sweep.regimes import regimes
 from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import UNDETERMINED
 
-__all__ = ["Observation", "Workers", "measure"]
+__all__ = ["measure"]
 
 Array = NDArray[np.float64]
 Measured = dict[str, NDArray[Any]]

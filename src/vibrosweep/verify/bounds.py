@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.reference.ball import Trajectory
-from vibrosweep.sweep.engine import Observation, Workers
 from vibrosweep.sweep.landings import record_landings
 from vibrosweep.sweep.measuring import measure_all
+from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.verify.claims import EPS
 from vibrosweep.verify.judgement import Judgement
 from vibrosweep.verify.sample import Sample, Scene

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from vibrosweep.errors import ParameterError
 from vibrosweep.reference.ball import Trajectory, UndecidableError, trajectory
 from vibrosweep.status import Status
-from vibrosweep.sweep.engine import Workers
 from vibrosweep.sweep.progress import Advance, silent
+from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import UNDETERMINED
 from vibrosweep.verify.bounds import BOUNDS, judge_again, judge_bounds, measure_bounds
 from vibrosweep.verify.claims import Bounds, claims

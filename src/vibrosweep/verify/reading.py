@@ -16,7 +16,7 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
-from vibrosweep.sweep.engine import Observation
+from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.run import record_observation
 from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST, Variable
 from vibrosweep.verify.sample import Sample

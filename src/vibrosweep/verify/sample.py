@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.sweep.engine import Observation
+from vibrosweep.sweep.observation import Observation
 
 __all__ = ["Sample", "Scene"]
 
