@@ -134,9 +134,9 @@ def put_in_order(work: Workspace, k: int, n: float, x: float, span: float) -> No
 def closest(work: Workspace, k: int, gap: float) -> float:
     """Smallest gap between k landings of different particles, where it is below `gap`; else `gap`.
 
-    Landings before the window, with negative names, are left out.  Nothing is put in order: time
-    is cut into cells of twice the gap, and a landing is compared with those in its own cell and
-    the two beside it; cells that are a multiple of the table's length apart share an entry of it.
+    Names below zero, of what is not inside the window, are left out.  Nothing is put in order: time
+    is cut into cells of four gaps, and a landing is compared with those in its own cell and in
+    the nearer one beside it; cells that are a multiple of the table's length apart share an entry.
     Where the gap is infinite or below `NARROWEST`, or landings lie beyond `FARTHEST`, NaN is
     returned.
     """
@@ -154,14 +154,15 @@ def closest(work: Workspace, k: int, gap: float) -> float:
         after = (found.whole[q] - n) + (found.phase[q] - x)
         if abs(after) > FARTHEST:
             return np.nan
-        cell = int(np.floor(after * scale))
-        for near in range(cell - 1, cell + 2):
+        half = int(np.floor(after * scale))
+        cell = half >> 1
+        for near in (cell, cell + 1 if half & 1 else cell - 1):
             other = heads[near & (entries - 1)]
             while other >= 0:
                 apart = abs(
                     (found.whole[q] - found.whole[other]) + (found.phase[q] - found.phase[other])
                 )
-                gap = min(gap, apart)
+                gap = apart if found.who[q] != found.who[other] and apart < gap else gap
                 other = following[other]
         following[q] = heads[cell & (entries - 1)]
         heads[cell & (entries - 1)] = np.int32(q)

@@ -12,17 +12,19 @@ import numpy as np
 from vibrosweep.kernels._jit import Floats, jit
 from vibrosweep.kernels.impact import Scene, land
 from vibrosweep.kernels.lanes import STRIDE, VECTOR
-from vibrosweep.kernels.listing import Instant, compare, due_first, next_landings
+from vibrosweep.kernels.listing import Instant, Latest, compare, due_first, next_landings
 from vibrosweep.kernels.ordering import (
     DUE,
     N_LAND,
     STAY,
     WHO,
     X_LAND,
+    Landings,
     N,
     U,
     Workspace,
     X,
+    closest,
     put_in_order,
 )
 
@@ -83,7 +85,7 @@ def _collect(
     for block in range(work.lanes.size):
         s, lanes = work.state[block], work.lanes[block]
         while lanes > 0:
-            if k + lanes > work.found.whole.size:
+            if k + lanes >= work.found.whole.size:  # one place is for the slab before
                 return -1
             padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
             next_landings(s, padded, fixed, n_stop, x_stop, reflect)
@@ -110,6 +112,26 @@ def _earliest(work: Workspace) -> float:
             _, passed = land(s[X + j], s[U + j])
             earliest = min(earliest, s[N + j] + passed)
     return earliest
+
+
+@jit
+def _with_latest(found: Landings, k: int, latest: Latest) -> int:
+    """List the last landing of the slab before behind the k of this one; return their number."""
+    n, x, _, who = latest
+    if n == np.inf:
+        return k
+    found.whole[k], found.phase[k], found.who[k] = n, x, who
+    return k + 1
+
+
+@jit
+def _last(found: Landings, k: int, latest: Latest) -> Latest:
+    """The last of k landings, which are in no order; `latest` where there is none."""
+    for q in range(k):
+        n, x, _, _ = latest
+        if n == np.inf or (found.whole[q] - n) + (found.phase[q] - x) > 0.0:
+            latest = found.whole[q], found.phase[q], found.stay[q], found.who[q]
+    return latest
 
 
 @jit
@@ -145,8 +167,14 @@ def all_landings(
             _copy(work.saved, work.state)
             slab *= 0.5
             continue
-        put_in_order(work, k, n_stop, x_stop, slab)
-        latest, gap, shared = compare(work.ordered, k, latest, gap, shared)
+        nearer = np.nan
+        if shared == 1:  # stays need the order, gaps do not
+            nearer = closest(work, _with_latest(work.found, k, latest), gap)
+        if nearer <= gap:
+            gap, latest = nearer, _last(work.found, k, latest)
+        else:
+            put_in_order(work, k, n_stop, x_stop, slab)
+            latest, gap, shared = compare(work.ordered, k, latest, gap, shared)
         if at_end:
             break
         n_stop, x_stop = n_next, x_next
