@@ -81,7 +81,7 @@ def follow(
     workers
         Threads to use.
     """
-    if observation.skip:
+    if observation.skip and not _all_differ(problem):
         columns = np.stack([*problem, tolerance] if observation.trust else problem)
         first = np.empty(tolerance.size, np.int64)
         if first_of_each(columns, launch, first) < first.size:
@@ -95,6 +95,15 @@ def follow(
             )
             return _repeated(found, source, observation)
     return _follow(problem, launch, tolerance, observation, workers)
+
+
+def _all_differ(problem: Dimensionless) -> bool:
+    """Whether no two realizations can be the same problem, as is plain where they are drawn."""
+    for values in (problem.kick, problem.restitution):
+        ordered = np.sort(values)
+        if np.all(ordered[1:] != ordered[:-1]):
+            return True
+    return False
 
 
 def _follow(
@@ -144,7 +153,8 @@ def statistics(
     """
     particles = observation.particles
     closed = np.empty(problem.kick.size, bool)
-    if not (observation.skip and has_closed_form(problem, observation.impact_budget, closed)):
+    forced = not observation.skip or bool(problem.kick.all())
+    if forced or not has_closed_form(problem, observation.impact_budget, closed):
         return _advanced(problem, launch, observation, workers, cycles)
     if closed.all():
         each = workers.statistics(closed.size * particles)
@@ -153,8 +163,8 @@ def statistics(
         each = empty_statistics(closed.size * particles)
         some = empty_statistics(int(np.count_nonzero(closed)) * particles)
         _unforced(_taken(problem, closed), _launches_of(launch, closed), workers, some)
-        forced = _taken(problem, ~closed), _launches_of(launch, ~closed)
-        rest = _advanced(*forced, observation, workers, cycles)
+        others = _taken(problem, ~closed), _launches_of(launch, ~closed)
+        rest = _advanced(*others, observation, workers, cycles)
         for target, *sources in zip(
             *(_rows(v, particles) for v in (each, some, rest)), strict=True
         ):
