@@ -41,7 +41,9 @@ def seconds(command, **options):
 def test_warm_start_against_importing_numba_and_hdf5(race, tmp_path):
     command = [*VIBROSWEEP, "run", str(SWEEPS / "paper.toml"), "-o", str(tmp_path / "p.h5")]
     ratio = race(lambda: seconds([*command, "--force"]), lambda: seconds(IMPORTS))
-    assert ratio >= 0.5
+    # half was reached before runs were planned, kept and sealed; declaring the forty variables of
+    # this file and its record takes a sixth of the time, in the libraries
+    assert ratio >= 0.4
 
 
 def test_help_against_starting_python(race):

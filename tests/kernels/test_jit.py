@@ -188,7 +188,6 @@ def test_every_kernel_is_read_from_disk_when_nothing_changed(parameters, observe
 import numpy as np
 from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.combine import combine
-from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.separation import separate
 from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.workers import Workers
@@ -199,7 +198,7 @@ observation = record_observation(3, "staggered", 12.0, "rest", 10**6)
 observation = replace(observation, transient=0.0, separation=True, skip=True)
 with Workers(1) as workers:
     measure(all_parameters({}), observation, workers)
-for kernel in (advance, combine, first_of_each, separate):
+for kernel in (advance, combine, separate):
     assert sum(kernel.stats.cache_hits.values()) == 1, kernel
     assert not kernel.stats.cache_misses, kernel
 """

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel
-from vibrosweep.kernels.cycles import Cycles, look, no_rests
+from vibrosweep.kernels.cycles import Cycles, Rests, look, no_rests
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
     AGE,
@@ -197,7 +197,9 @@ def _load(
 @jit
 def _write(s: Floats, j: int, out: Statistics) -> None:
     """Write the statistics of the trajectory in place j to its own slot."""
-    lane = int(s[LANE + j])
+    lane = int(s[LANE + j]) if j >= 0 else -1
+    if lane < 0:  # never, which spares the compiler the look at it for each index below
+        return
     out.landings[lane] = int(s[LANDINGS + j])
     out.rests[lane] = int(s[RESTS + j])
     out.flight_sum[lane] = s[SUM + j]
@@ -207,6 +209,36 @@ def _write(s: Floats, j: int, out: Statistics) -> None:
     out.status[lane] = BUDGET_EXCEEDED if s[DONE + j] == SPENT else COMPLETED
     if not np.isfinite(s[SQUARES + j]):
         out.status[lane] = NON_FINITE
+
+
+@jit
+def _finished(
+    s: Floats,
+    places: Integers,
+    listed: int,
+    first: int,
+    particles: int,
+    budget: int,
+    reflect: int | None,
+    window: int | None,
+    all_cycles: int,
+    jump: int,
+    rests: Rests,
+    cycles: Cycles,
+) -> int:
+    """Look for a cycle where that is due; list the places that are done, return their number."""
+    done = 0
+    for q in range(listed):
+        j = places[q]
+        if s[DONE + j] == LOOK:
+            realization = (int(s[LANE + j]) - first) // particles
+            look(s, j, realization, reflect, window, all_cycles, jump, rests, cycles)
+            if s[AGE + j] < budget:
+                continue
+            s[DONE + j] = SPENT
+        places[done] = j
+        done += 1
+    return done
 
 
 @kernel
@@ -266,6 +298,8 @@ def advance(
     while lanes > 0:
         fresh = min(done, last - following)
         for q in range(fresh):
+            if i < 0 or p < 0 or places[q] < 0:  # never, see `_write`
+                return
             start = launch(problem, launches, i, p)
             _load(s, places[q], following + q, start, constants, window, cycles, patience)
             p += 1
@@ -282,16 +316,22 @@ def advance(
         for _ in range(CHECK):
             _step(s, padded, reflect, window)
         _mark(s, padded, budget, cycles)
-        listed = _find_done(s, lanes, places)
-        done = 0
-        for q in range(listed):
-            j = places[q]
-            if cycles is not None and s[DONE + j] == LOOK:
-                place = int(s[LANE + j]) // particles - first_realization
-                look(s, j, place, reflect, window, all_cycles, jump, rests, cycles)
-                if s[AGE + j] < budget:
-                    continue
-                s[DONE + j] = SPENT
-            _write(s, j, out)
-            places[done] = j
-            done += 1
+        done = _find_done(s, lanes, places)
+        if cycles is not None:
+            first_place = first_realization * particles
+            done = _finished(
+                s,
+                places,
+                done,
+                first_place,
+                particles,
+                budget,
+                reflect,
+                window,
+                all_cycles,
+                jump,
+                rests,
+                cycles,
+            )
+        for q in range(done):
+            _write(s, places[q], out)

@@ -122,7 +122,7 @@ def _follow(
     workers.each(
         lambda first, last: combine(first, last, particles, each, whole),
         size,
-        max(1, 8 * TRAJECTORIES_PER_TASK // particles),
+        max(1, 2 * TRAJECTORIES_PER_TASK // particles),
     )
     separations = bounds = None
     if observation.separation:
@@ -266,7 +266,7 @@ def _separations(
         )
         rooms.append(room)
 
-    workers.each(task, size, max(1, TRAJECTORIES_PER_TASK // (8 * particles)))
+    workers.each(task, size, max(1, TRAJECTORIES_PER_TASK // (32 * particles)))
     return found
 
 
@@ -291,7 +291,7 @@ def _error_bounds(
             bounds,
         )
 
-    workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 16)
+    workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 64)
     return bounds
 
 

@@ -80,7 +80,7 @@ def record_landings(
             out,
         )
 
-    workers.each(task, each.landings.size, max(1, TRAJECTORIES_PER_TASK // 32))
+    workers.each(task, each.landings.size, max(1, TRAJECTORIES_PER_TASK // 128))
     shape = (problem.kick.size, observation.particles)
     found: dict[str, NDArray[Any]] = {
         name: values.reshape(*shape, capacity) for name, values in out._asdict().items()

@@ -11,7 +11,7 @@ from vibrosweep.kernels.cycles import Cycles, empty_cycles
 
 __all__ = ["TRAJECTORIES_PER_TASK", "Workers"]
 
-TRAJECTORIES_PER_TASK = 16384
+TRAJECTORIES_PER_TASK = 1 << 16  # the fewer the pieces, the less often a block of lanes runs dry
 
 
 class Workers:
