@@ -92,6 +92,7 @@ def command(tmp_path):
             text=True,
             check=False,
         )
+        print(done.stdout, done.stderr)  # shown where the test fails
         return done.returncode, done.stdout
 
     run.stored = folder / "ratios.json"
