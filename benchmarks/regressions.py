@@ -18,6 +18,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -124,7 +125,7 @@ def store(figures: Mapping[str, float], processor: str) -> None:
     content = {
         "processor": processor,
         "date": datetime.now(UTC).date().isoformat(),
-        "versions": {name: version(name) for name in LIBRARIES},
+        "versions": {name: version(name) for name in LIBRARIES if find_spec(name)},
         "ratios": {name: float(f"{figures[name]:.4g}") for name in sorted(figures)},
     }
     STORED.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
