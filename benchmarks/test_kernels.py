@@ -41,7 +41,7 @@ def scene(realizations, particles, duration):
 
 
 @pytest.mark.parametrize(
-    ("realizations", "periods", "target"), [(20_000, 12.0, 10.0), (200, 1000.0, 10.0)]
+    ("realizations", "periods", "target"), [(20_000, 12.0, 12.0), (200, 1000.0, 12.0)]
 )
 def test_streaming_kernel_against_the_obvious_scalar_loop(race, realizations, periods, target):
     problem, launch, observation = scene(realizations, 20, periods)
@@ -83,7 +83,7 @@ def test_hot_loop_uses_whole_vector_registers():
     """The inner loop holds fused multiply-adds on the widest registers and calls nothing."""
     problem, launch, _ = scene(1, 8, 12.0)
     fresh = njit(nogil=True, error_model="numpy")(advance.py_func)
-    fresh(0, 8, problem, launch, 100, None, None, scratch(), empty_statistics(8))
+    fresh(0, 8, 0, problem, launch, 100, None, None, scratch(), empty_statistics(8))
     (assembly,) = fresh.inspect_asm().values()
     blocks = re.split(r"^\.LBB\w+:", assembly, flags=re.MULTILINE)
     hot = max(blocks, key=lambda block: len(re.findall(r"vfn?m(?:add|sub)\w+pd", block)))

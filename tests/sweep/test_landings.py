@@ -300,9 +300,12 @@ def test_a_budget_ends_what_would_not_end(budget):
 
 
 def test_a_spent_budget_is_no_fault_where_nothing_else_lands():
-    scene = {"restitution": 1.0, "amplitude": 0.0, "launch_velocity": 1.0, "impact_budget": 8}
-    assert simulate(duration=8.5, **scene, **DYADIC).status.item() == Status.COMPLETED
-    assert simulate(duration=9.0, **scene, **DYADIC).status.item() == Status.BUDGET_EXCEEDED
+    budget = 2 * CHECK  # impacts, one each second
+    scene = {"restitution": 1.0, "amplitude": 0.0, "launch_velocity": 1.0, "impact_budget": budget}
+    for late, status in ((0.5, Status.COMPLETED), (1.0, Status.BUDGET_EXCEEDED)):
+        found = simulate(duration=budget + late, **scene, **DYADIC)
+        assert found.status.item() == status
+        assert found.impact_count.item() == budget
 
 
 def test_a_flight_whose_square_overflows_gets_a_status():

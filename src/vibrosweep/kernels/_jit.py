@@ -17,8 +17,10 @@ from typing import Any, TypeVar
 
 import numba
 import numpy as np
+from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._cache import KernelCache
@@ -31,6 +33,7 @@ __all__ = [
     "fma",
     "jit",
     "kernel",
+    "prefetch",
     "sources_digest",
 ]
 
@@ -124,4 +127,29 @@ def _fma_instruction(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
 
 fma: Callable[[float, float, float], float] = (
     _fma_exact if numba.config.DISABLE_JIT else _fma_instruction
+)
+
+
+def _prefetch_nothing(array: NDArray[Any], i: int) -> None:
+    """Leave the caches as they are, for runs with the compiler switched off."""
+
+
+@intrinsic
+def _prefetch_instruction(typingctx: Any, array: Any, i: Any) -> Any:
+    """Begin to bring the cache line of array[i] near, to be written; one dimension, contiguous."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        data = make_array(signature.args[0])(context, builder, args[0]).data
+        byte, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
+        place = builder.bitcast(builder.gep(data, [args[1]]), byte)
+        kind = ir.FunctionType(ir.VoidType(), [byte, flag, flag, flag])
+        fetch = builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        builder.call(fetch, [place, flag(1), flag(3), flag(1)])  # to write, keep, data
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp), codegen
+
+
+prefetch: Callable[[NDArray[Any], int], None] = (
+    _prefetch_nothing if numba.config.DISABLE_JIT else _prefetch_instruction
 )

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel
-from vibrosweep.kernels.cycles import Cycles, Rests, look, no_rests
+from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel, prefetch
+from vibrosweep.kernels.cycles import Cycles, Rests, look
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
     AGE,
@@ -24,10 +24,12 @@ from vibrosweep.kernels.lanes import (
     LANES,
     LARGEST,
     LOOK,
+    MOVING,
     N_BEGIN,
     NEXT_ANCHOR,
     RESTS,
     ROWS,
+    SAVED,
     SPENT,
     SQUARES,
     STRIDE,
@@ -47,12 +49,14 @@ from vibrosweep.kernels.lanes import (
     U,
     X,
 )
+from vibrosweep.kernels.shared import Shared, become, no_cycle, save
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Status
 
 __all__ = ["CHECK", "Statistics", "advance", "empty_statistics"]
 
-CHECK = 4  # impacts between two looks at what is done
+CHECK = 6  # impacts between two looks at what is done
+LINE = 8  # numbers in a line of the cache
 FIRST_ANCHOR = 32  # age at which recurrence begins to be looked for
 
 # of a realization: its scene, first flight, and count and phase of the end and of the begin
@@ -81,7 +85,7 @@ class Statistics(NamedTuple):
 
     landings: Integers
     rests: Integers
-    at_rest: Integers
+    at_rest: Flags | Integers
     flight_sum: Floats
     flight_squares: Floats
     flight_max: Floats
@@ -90,9 +94,9 @@ class Statistics(NamedTuple):
 
 def empty_statistics(trajectories: int) -> Statistics:
     """Room for the statistics of a batch."""
-    landings, rests, at_rest = (np.empty(trajectories, np.int64) for _ in range(3))
+    landings, rests = (np.empty(trajectories, np.int64) for _ in range(2))
     total, squares, largest = (np.empty(trajectories) for _ in range(3))
-    status = np.empty(trajectories, np.int8)
+    at_rest, status = (np.empty(trajectories, np.int8) for _ in range(2))
     return Statistics(landings, rests, at_rest, total, squares, largest, status)
 
 
@@ -113,7 +117,7 @@ def _step(s: Floats, lanes: int, reflect: int | None, window: int | None) -> Non
         s[N + j] = n_off
         s[X + j] = x_off
         s[U + j] = u
-        s[LANDINGS + j] += 1.0 if seen else 0.0
+        s[LANDINGS + j] = s[LANDINGS + j] + 1.0 if seen else s[LANDINGS + j]
         s[RESTS + j] += 0.0 if leaves else (1.0 if seen else 0.0)
         s[SUM + j] += counted
         s[SQUARES + j] = fma(counted, counted, s[SQUARES + j])
@@ -122,16 +126,15 @@ def _step(s: Floats, lanes: int, reflect: int | None, window: int | None) -> Non
 
 @jit
 def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
-    """Mark the lanes whose next landing is past the end, to be looked at, or over the budget."""
+    """Mark the lanes that have left the base after the end, to be looked at, or over the budget."""
     for j in range(lanes):
-        x, passed = land(s[X + j], s[U + j])
         s[AGE + j] += CHECK
         why = GOES_ON if s[AGE + j] < budget else SPENT
         if cycles is not None:
             # the same bits again: from here on the orbit repeats, later by whole periods
             again = (s[X + j] == s[X_ANCHOR + j]) & (s[U + j] == s[U_ANCHOR + j])
             why = LOOK if again | (s[AGE + j] >= s[NEXT_ANCHOR + j]) else why
-        s[DONE + j] = why if s[N + j] + passed <= s[X_END + j] - x else ENDED
+        s[DONE + j] = why if s[N + j] <= s[X_END + j] - s[X + j] else ENDED
 
 
 @jit
@@ -190,8 +193,19 @@ def _load(
     if cycles is not None:
         s[X_ANCHOR + j] = np.nan
         s[NEXT_ANCHOR + j] = FIRST_ANCHOR if n_end - n > patience else np.inf
-        cycles.impacts[lane], cycles.periods[lane], cycles.rests[lane] = 0, 0, 0
-        cycles.whole[lane] = cycles.phase[lane] = np.nan
+        no_cycle(cycles, lane)
+
+
+@jit
+def _expect(out: Statistics, lane: int) -> None:
+    """Fetch the memory for statistics that will be written a block of lanes later."""
+    prefetch(out.landings, lane)
+    prefetch(out.rests, lane)
+    prefetch(out.flight_sum, lane)
+    prefetch(out.flight_squares, lane)
+    prefetch(out.flight_max, lane)
+    prefetch(out.at_rest, lane)
+    prefetch(out.status, lane)
 
 
 @jit
@@ -206,7 +220,11 @@ def _write(s: Floats, j: int, out: Statistics) -> None:
     out.flight_squares[lane] = s[SQUARES + j]
     out.flight_max[lane] = s[LARGEST + j]
     out.at_rest[lane] = 1 if s[N + j] == np.inf else 0
-    out.status[lane] = BUDGET_EXCEEDED if s[DONE + j] == SPENT else COMPLETED
+    out.status[lane] = COMPLETED
+    if s[DONE + j] == SPENT:
+        x, passed = land(s[X + j], s[U + j])
+        if s[N + j] + passed <= s[X_END + j] - x:
+            out.status[lane] = BUDGET_EXCEEDED
     if not np.isfinite(s[SQUARES + j]):
         out.status[lane] = NON_FINITE
 
@@ -216,28 +234,38 @@ def _finished(
     s: Floats,
     places: Integers,
     listed: int,
-    first: int,
+    problem: Dimensionless,
     particles: int,
     budget: int,
     reflect: int | None,
     window: int | None,
     all_cycles: int,
     jump: int,
-    rests: Rests,
+    out: Statistics,
     cycles: Cycles,
+    rests: Rests,
+    shared: Shared | None,
 ) -> int:
     """Look for a cycle where that is due; list the places that are done, return their number."""
     done = 0
     for q in range(listed):
         j = places[q]
-        if s[DONE + j] == LOOK:
-            realization = (int(s[LANE + j]) - first) // particles
-            look(s, j, realization, reflect, window, all_cycles, jump, rests, cycles)
-            if s[AGE + j] < budget:
-                continue
-            s[DONE + j] = SPENT
-        places[done] = j
-        done += 1
+        while True:
+            if s[DONE + j] == LOOK:
+                place = int(s[LANE + j]) // particles
+                look(s, j, place, reflect, window, all_cycles, jump, rests, cycles)
+                if s[AGE + j] < budget:
+                    break
+                s[DONE + j] = SPENT
+            if shared is None or shared.after[int(s[LANE + j])] < 0:
+                places[done] = j
+                done += 1
+                break
+            _write(s, j, out)
+            after = shared.after[int(s[LANE + j])]
+            become(s, j, after, problem, particles, shared)
+            no_cycle(cycles, after)
+            s[DONE + j] = LOOK
     return done
 
 
@@ -245,6 +273,7 @@ def _finished(
 def advance(
     first: int,
     last: int,
+    lanes: int,
     problem: Dimensionless,
     launches: Launches,
     budget: int,
@@ -253,16 +282,24 @@ def advance(
     s: Floats,
     out: Statistics,
     cycles: Cycles | None = None,
+    rests: Rests | None = None,
     patience: float = 0.0,
     all_cycles: int = 0,
     jump: int = 1,
-) -> None:
-    """Advance trajectories first ... last - 1 of a batch to the end of their window.
+    shared: Shared | None = None,
+) -> int:
+    """Advance trajectories of a batch to the end of their window.
+
+    Those that are under way when there are too few to fill the block stay in it until the next
+    call, which therefore takes the same arguments, apart from the first three.
 
     Parameters
     ----------
     first, last
-        Range of trajectories; trajectory t is particle t % N of realization t // N.
+        Trajectories ``first ... last - 1`` are begun; trajectory t is particle t % N of realization
+        t // N.  With none to begin, those that are under way are finished.
+    lanes
+        Number of trajectories that are under way: 0, or what the call before returned.
     problem : vibrosweep.scene.Dimensionless
     launches : vibrosweep.scene.Launches
     budget
@@ -273,10 +310,12 @@ def advance(
     s
         From `scratch`; not shared between threads.
     out : Statistics
-        Only the slots first ... last - 1 are written.
+        Only the slots of trajectories that were begun by this caller are written.
     cycles : Cycles or None
         Where given, a trajectory whose state returns bit for bit is not followed any further: the
         rest is counted from one cycle.  Sums then differ from those of going on by rounding only.
+    rests : Rests or None
+        Memory for all realizations, not shared between threads; given with `cycles`.
     patience
         Forcing periods; where fewer remain at the launch no recurrence is looked for, unless all
         are asked for.
@@ -284,54 +323,77 @@ def advance(
         1 to look for every cycle, 0 for those only that save work.
     jump
         0 to find cycles and to follow the trajectories nevertheless.
+    shared : Shared or None
+        Given, only with `cycles`, where several trajectories are one: `first` and `last` then count
+        those that are different.
+
+    Returns
+    -------
+    int
+        Number of trajectories under way.
     """
-    particles, realizations = launches.whole.shape[1], problem.kick.size
+    particles = launches.whole.shape[1]
     i, p = first // particles, first % particles
-    first_realization = i
-    constants = _constants(problem, i)
+    constants = _constants(problem, min(i, problem.kick.size - 1))
     if all_cycles:
         patience = 0.0
-    rests = no_rests(0 if cycles is None else (last - 1) // particles - i + 1)
     following = first
-    places = np.arange(LANES)
-    lanes = done = min(LANES, last - first)
+    places = np.arange(lanes, lanes + LANES)
+    done = min(LANES - lanes, last - first)
+    lanes += done
     while lanes > 0:
         fresh = min(done, last - following)
         for q in range(fresh):
+            lane = following + q
+            if shared is not None:
+                lane = shared.first[lane]
+                i, p = lane // particles, lane % particles
+                constants = _constants(problem, i)
             if i < 0 or p < 0 or places[q] < 0:  # never, see `_write`
-                return
+                return 0
             start = launch(problem, launches, i, p)
-            _load(s, places[q], following + q, start, constants, window, cycles, patience)
+            _load(s, places[q], lane, start, constants, window, cycles, patience)
+            if lane % LINE == 0:
+                _expect(out, lane)
+            if shared is not None:
+                for row in range(MOVING):
+                    s[SAVED + row * STRIDE + places[q]] = s[row * STRIDE + places[q]]
             p += 1
             if p == particles:
                 i, p = i + 1, 0
-                constants = _constants(problem, min(i, realizations - 1))
+                constants = _constants(problem, min(i, problem.kick.size - 1))
         following += fresh
         for q in range(done - 1, fresh - 1, -1):  # close the gaps that are left, the last one first
             lanes -= 1
-            for row in range(ROWS):
+            for row in range(ROWS if shared is None else ROWS + MOVING):
                 s[row * STRIDE + places[q]] = s[row * STRIDE + lanes]
+        if lanes < LANES and first < last:
+            return lanes
         # whole vectors only: the places behind the last lane hold stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for _ in range(CHECK):
             _step(s, padded, reflect, window)
         _mark(s, padded, budget, cycles)
         done = _find_done(s, lanes, places)
-        if cycles is not None:
-            first_place = first_realization * particles
+        if cycles is not None and rests is not None:
+            if shared is not None:
+                save(s, padded)
             done = _finished(
                 s,
                 places,
                 done,
-                first_place,
+                problem,
                 particles,
                 budget,
                 reflect,
                 window,
                 all_cycles,
                 jump,
-                rests,
+                out,
                 cycles,
+                rests,
+                shared,
             )
         for q in range(done):
             _write(s, places[q], out)
+    return 0

@@ -45,8 +45,8 @@ __all__ = [
     "Cycles",
     "Rests",
     "empty_cycles",
+    "empty_rests",
     "look",
-    "no_rests",
     "once_round",
     "repeats",
     "shorten",
@@ -105,8 +105,7 @@ class Rests(NamedTuple):
     flights: Floats
 
 
-@jit
-def no_rests(realizations: int) -> Rests:
+def empty_rests(realizations: int) -> Rests:
     """Memory for so many realizations, of which nothing is known."""
     return Rests(
         np.zeros(realizations, np.int64), np.zeros(realizations), np.zeros((realizations, 3))

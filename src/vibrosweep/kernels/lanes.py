@@ -14,27 +14,30 @@ from vibrosweep.kernels._jit import Floats
 
 __all__ = ["LANES", "VECTOR", "scratch"]
 
-LANES = 128
+LANES = 192
 VECTOR = 8
 STRIDE = LANES + VECTOR
 
 # rows of the scratch array
 X, N, U = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE  # phase, count (from the end), flight time
-E, A, R = 3 * STRIDE, 4 * STRIDE, 5 * STRIDE  # restitution, kick, rest threshold
-X_LIFT, WAIT, U_LIFT = 6 * STRIDE, 7 * STRIDE, 8 * STRIDE  # where a rest ends
-X_END, N_BEGIN, X_BEGIN = 9 * STRIDE, 10 * STRIDE, 11 * STRIDE  # window
-LANDINGS, RESTS = 12 * STRIDE, 13 * STRIDE
-SUM, SQUARES, LARGEST = 14 * STRIDE, 15 * STRIDE, 16 * STRIDE  # of the flight times
-AGE, DONE, LANE = 17 * STRIDE, 18 * STRIDE, 19 * STRIDE  # impacts so far, why it leaves, name
-X_ANCHOR, N_ANCHOR, U_ANCHOR = 20 * STRIDE, 21 * STRIDE, 22 * STRIDE  # an earlier state
-NEXT_ANCHOR = 23 * STRIDE  # age at which the next one is taken
+LANDINGS, RESTS = 3 * STRIDE, 4 * STRIDE
+SUM, SQUARES, LARGEST = 5 * STRIDE, 6 * STRIDE, 7 * STRIDE  # of the flight times
+X_ANCHOR, N_ANCHOR, U_ANCHOR = 8 * STRIDE, 9 * STRIDE, 10 * STRIDE  # an earlier state
+NEXT_ANCHOR, AGE = 11 * STRIDE, 12 * STRIDE  # age at which the next one is taken; impacts so far
+MOVING = 13  # rows so far: what changes from impact to impact
+E, A, R = 13 * STRIDE, 14 * STRIDE, 15 * STRIDE  # restitution, kick, rest threshold
+X_LIFT, WAIT, U_LIFT = 16 * STRIDE, 17 * STRIDE, 18 * STRIDE  # where a rest ends
+X_END, N_BEGIN, X_BEGIN = 19 * STRIDE, 20 * STRIDE, 21 * STRIDE  # window
+DONE, LANE = 22 * STRIDE, 23 * STRIDE  # why it leaves, name
 ROWS = 24
+SAVED = ROWS * STRIDE  # the moving rows again, as they were at an earlier impact
 
 GOES_ON, ENDED, SPENT, LOOK = 0.0, 1.0, 2.0, 3.0  # values of DONE
 
 
 def scratch() -> Floats:
     """Scratch memory for one caller of `advance`, on a cache line so that no vector spans two."""
-    memory = np.zeros(ROWS * STRIDE + VECTOR)
+    size = SAVED + MOVING * STRIDE
+    memory = np.zeros(size + VECTOR)
     offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
-    return memory[offset : offset + ROWS * STRIDE]
+    return memory[offset : offset + size]

@@ -6,6 +6,7 @@ on the number of threads, nor on how a sweep is cut into batches.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -14,8 +15,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels.advance import Statistics, advance, empty_statistics
 from vibrosweep.kernels.combine import combine
-from vibrosweep.kernels.cycles import Cycles
-from vibrosweep.kernels.distinct import first_of_each
+from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.lanes import scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
@@ -23,9 +23,10 @@ from vibrosweep.kernels.unforced import has_closed_form, unforced
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Status
 from vibrosweep.sweep.observation import Observation
+from vibrosweep.sweep.sharing import find_equal, find_shared
 from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
-__all__ = ["Followed", "follow", "statistics"]
+__all__ = ["PERIODS_TO_RECUR", "Followed", "follow", "statistics"]
 
 Array = NDArray[np.float64]
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
@@ -81,29 +82,19 @@ def follow(
     workers
         Threads to use.
     """
-    if observation.skip and not _all_differ(problem):
-        columns = np.stack([*problem, tolerance] if observation.trust else problem)
-        first = np.empty(tolerance.size, np.int64)
-        if first_of_each(columns, launch, first) < first.size:
-            chosen, source = np.unique(first, return_inverse=True)
-            found = _follow(
-                _taken(problem, chosen),
-                _launches_of(launch, chosen),
-                tolerance[chosen],
-                observation,
-                workers,
-            )
-            return _repeated(found, source, observation)
-    return _follow(problem, launch, tolerance, observation, workers)
-
-
-def _all_differ(problem: Dimensionless) -> bool:
-    """Whether no two realizations can be the same problem, as is plain where they are drawn."""
-    for values in (problem.kick, problem.restitution):
-        ordered = np.sort(values)
-        if np.all(ordered[1:] != ordered[:-1]):
-            return True
-    return False
+    others = [tolerance] if observation.trust else []
+    first = find_equal(problem, launch, *others) if observation.skip else None
+    if first is None:
+        return _follow(problem, launch, tolerance, observation, workers)
+    chosen, source = np.unique(first, return_inverse=True)
+    found = _follow(
+        _taken(problem, chosen),
+        _launches_of(launch, chosen),
+        tolerance[chosen],
+        observation,
+        workers,
+    )
+    return _repeated(found, source, observation)
 
 
 def _follow(
@@ -118,7 +109,7 @@ def _follow(
     if observation.regimes or (observation.skip and _is_long(problem, launch)):
         cycles = workers.cycles(size * particles)
     each = statistics(problem, launch, observation, workers, cycles)
-    whole = empty_statistics(size)
+    whole = empty_statistics(size)._replace(at_rest=np.empty(size, np.int64))
     workers.each(
         lambda first, last: combine(first, last, particles, each, whole),
         size,
@@ -205,25 +196,40 @@ def _advanced(
 ) -> Statistics:
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
+    shared = None
+    if observation.skip and cycles is not None and _is_long(problem, launch):
+        patience = 0.0 if observation.regimes else PERIODS_TO_RECUR
+        shared = find_shared(problem, launch, observation.window, patience)
 
-    def task(first: int, last: int) -> None:
-        advance(
-            first,
-            last,
-            problem,
-            launch,
-            observation.impact_budget,
-            observation.reflect,
-            observation.window,
-            scratch(),
-            each,
-            cycles,
-            PERIODS_TO_RECUR,
-            int(observation.regimes),
-            int(observation.skip),
-        )
+    def begin() -> Callable[[int, int], None]:
+        room = scratch()
+        rests = None if cycles is None else empty_rests(problem.kick.size)
+        lanes = 0
 
-    workers.each(task, total, TRAJECTORIES_PER_TASK)
+        def task(first: int, last: int) -> None:
+            nonlocal lanes
+            lanes = advance(
+                first,
+                last,
+                lanes,
+                problem,
+                launch,
+                observation.impact_budget,
+                observation.reflect,
+                observation.window,
+                room,
+                each,
+                cycles,
+                rests,
+                PERIODS_TO_RECUR,
+                int(observation.regimes),
+                int(observation.skip),
+                shared,
+            )
+
+        return task
+
+    workers.stream(begin, total if shared is None else shared.first.size)
     return each
 
 

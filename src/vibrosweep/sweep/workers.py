@@ -11,7 +11,10 @@ from vibrosweep.kernels.cycles import Cycles, empty_cycles
 
 __all__ = ["TRAJECTORIES_PER_TASK", "Workers"]
 
-TRAJECTORIES_PER_TASK = 1 << 16  # the fewer the pieces, the less often a block of lanes runs dry
+TRAJECTORIES_PER_TASK = 1 << 16
+# Of a stream: large beside what a call costs, and so many that threads end at about the same time.
+PIECES_PER_THREAD = 16
+SMALLEST_PIECE, LARGEST_PIECE = 1 << 9, 1 << 13
 
 
 class Workers:
@@ -28,12 +31,14 @@ class Workers:
         self._pool = ThreadPoolExecutor(threads)
         self._statistics = empty_statistics(0)
         self._cycles = empty_cycles(0)
+        self._interrupted = False
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
         # a running kernel cannot be stopped: after an interruption nobody waits for it
+        self._interrupted = kind is not None
         self._pool.shutdown(wait=kind is None, cancel_futures=True)
 
     def statistics(self, trajectories: int) -> Statistics:
@@ -53,4 +58,26 @@ class Workers:
         size = max(1, min(size, -(-total // self.threads)))
         starts = range(0, total, size)
         for _ in self._pool.map(lambda first: task(first, min(first + size, total)), starts):
+            pass
+
+    def stream(self, begin: Callable[[], Callable[[int, int], object]], total: int) -> None:
+        """Let each thread take ranges of ``range(total)`` one after the other, while there are any.
+
+        A thread calls its own ``task = begin()`` as ``task(first, last)`` for each of them, and at
+        last as ``task(total, total)``: what is left of one range may go on beside the next.
+        """
+        piece = total // (PIECES_PER_THREAD * self.threads)
+        piece = max(SMALLEST_PIECE, min(piece, LARGEST_PIECE))
+        piece = max(1, min(piece, -(-total // self.threads)))
+        starts = iter(range(0, total, piece))
+
+        def run(task: Callable[[int, int], object]) -> None:
+            for first in starts:
+                if self._interrupted:
+                    return
+                task(first, min(first + piece, total))
+            task(total, total)
+
+        tasks = [begin() for _ in range(min(self.threads, -(-total // piece)))]
+        for _ in self._pool.map(run, tasks):
             pass
