@@ -77,6 +77,33 @@ def test_one_problem_at_four_values_of_gravity(race):
     assert skipping(race, parameters, duration=12.0) >= 1.5
 
 
+def test_particles_launched_whole_periods_apart(race):
+    """Twenty particles on two orbits; the reference, too, is spared what recurs."""
+    parameters = drawn(2000)
+    apart, staggered = (tuple(np.arange(20.0) * step) for step in (0.5, 0.05))
+    with Workers(THREADS) as workers:
+        subject, reference = (
+            measuring(parameters, workers, launch=launch) for launch in (apart, staggered)
+        )
+        assert race(subject, reference) >= 1.3
+
+
+def test_one_problem_at_eight_frequencies(race):
+    """Equal in e, a, r and u0, not in the periods that they last; the reference differs in a."""
+    factor = np.repeat(2.0 ** np.arange(8), 100)
+    parameters = drawn(800)
+    for name in ("restitution", "amplitude"):
+        parameters[name] = np.tile(parameters[name][:100], 8)
+    others = parameters | {"amplitude": parameters["amplitude"] * np.linspace(1.0, 1.01, 800)}
+    for name in ("amplitude", "launch_velocity", "contact_time"):
+        for one in (parameters, others):
+            one[name] = one[name] / factor
+    parameters["frequency"] = others["frequency"] = factor
+    with Workers(THREADS) as workers:
+        subject, reference = (measuring(one, workers) for one in (parameters, others))
+        assert race(subject, reference) >= 1.5
+
+
 def test_nothing_to_skip_over_a_short_horizon(race):
     """Nothing recurs in time, no two problems are equal: what remains is to find that out."""
     assert skipping(race, drawn(20_000), duration=12.0) >= 0.9

@@ -19,7 +19,7 @@ SWEEPS = [
     "[scene]\nlaunch = [-1.0, 0.3]\n[sample]\ndesign = 'latin'\nrealizations = 2\ngravity = [9, 10]"
     "\n[measure]\nseparation = true\n[record]\ngravity = 9.81\nrebound = 'reflect'",
     "[sample]\ndesign = 'table.csv'\n[measure]\nregimes = true\ntransient = 1.0",
-    "[scene]\nlaunch = [0.0, 1.0]\nduration = 90.0\n[sample]\ndesign = 'table.csv'",
+    "[scene]\nlaunch = [0.0, 1.0]\nduration = 300.0\n[sample]\ndesign = 'table.csv'",
 ]
 
 

@@ -56,7 +56,7 @@ found.write_bytes(pickle.dumps(results))
 
 
 def test_plain_python_gives_the_bits_of_the_machine_code(
-    tmp_path, random_scenes, observe, record, workers
+    tmp_path, parameters, random_scenes, observe, record, workers
 ):
     # all products are fused where the source says so and nowhere else
     cases = []
@@ -74,6 +74,8 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
             tolerance=1e-9,
         )
         cases.append((scene, observation))
+    # orbits that recur, of which two are one
+    cases.append((parameters(restitution=[0.4, 0.6]), observe((0.5, 1.5), duration=300.0)))
     given, found = tmp_path / "given", tmp_path / "found"
     given.write_bytes(pickle.dumps(cases))
     python(AS_PYTHON, given, found, NUMBA_DISABLE_JIT="1")

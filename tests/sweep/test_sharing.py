@@ -18,7 +18,7 @@ APART = (0.0, 0.125, 1.0, 7.0, 3.125, 1.0, 80.125)
 
 def observed(launch=APART, **options):
     defaults = {
-        "duration": 150.0,
+        "duration": 300.0,
         "rebound": "rest",
         "transient": 0.0,
         "separation": False,

@@ -27,7 +27,7 @@ from vibrosweep.kernels.unforced import has_closed_form, unforced
 from vibrosweep.scene import LAWS
 from vibrosweep.sweep.asked import record_observation
 from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.following import PERIODS_TO_RECUR
+from vibrosweep.sweep.following import PERIODS_TO_SHARE
 from vibrosweep.sweep.landings import all_parameters, record_landings
 from vibrosweep.sweep.workers import Workers
 
@@ -87,7 +87,7 @@ def warm_up() -> Compiled:
             measure(scene, asked, workers)
             # long enough for orbits to recur, and two particles that are on one
             together = replace(endless, launch=(0.0, 0.0), transient=transient, skip=True)
-            measure(scene, replace(together, duration=2.0 * PERIODS_TO_RECUR), workers)
+            measure(scene, replace(together, duration=2.0 * PERIODS_TO_SHARE), workers)
         for rebound in LAWS:
             point = np.array([0.9]), np.array([1.2])
             locked(Scene(rebound=rebound), Locked(1), *point, workers)

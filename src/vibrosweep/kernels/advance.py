@@ -16,6 +16,7 @@ from vibrosweep.kernels.cycles import Cycles, Rests, look
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
     AGE,
+    C_IMPACTS,
     DONE,
     ENDED,
     GOES_ON,
@@ -192,6 +193,7 @@ def _load(
     s[LANE + j] = lane
     if cycles is not None:
         s[X_ANCHOR + j] = np.nan
+        s[C_IMPACTS + j] = 0.0
         s[NEXT_ANCHOR + j] = FIRST_ANCHOR if n_end - n > patience else np.inf
         no_cycle(cycles, lane)
 

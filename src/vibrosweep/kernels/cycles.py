@@ -15,6 +15,12 @@ from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
 from vibrosweep.kernels.impact import Scene, impact, scene
 from vibrosweep.kernels.lanes import (
     AGE,
+    C_IMPACTS,
+    C_LARGEST,
+    C_PERIODS,
+    C_RESTS,
+    C_SQUARES,
+    C_SUM,
     LANDINGS,
     LANE,
     LARGEST,
@@ -131,30 +137,32 @@ def once_round(fixed: Scene, x_start: float, u_start: float, reflect: int | None
 
 
 @jit
-def _cycle(s: Floats, j: int, place: int, reflect: int | None, rests: Rests) -> Totals:
-    """Totals of the cycle that lane j has entered; `place` is that of its realization."""
+def _count_cycle(s: Floats, j: int, place: int, reflect: int | None, rests: Rests) -> None:
+    """Note the totals of the cycle that lane j has entered; `place` is that of its realization."""
     x_lift, u_lift = s[X_LIFT + j], s[U_LIFT + j]
     fixed = (s[E + j], s[A + j], s[R + j], x_lift, s[WAIT + j], u_lift)
-    found = once_round(fixed, s[X + j], s[U + j], reflect)
-    if found[0] > 0 and found[2] == 0:
-        return found
-    if rests.impacts[place] == 0:
-        p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift, reflect)
-        rests.impacts[place], rests.periods[place] = p, q
-        rests.flights[place, 0] = total
-        rests.flights[place, 1] = squares
-        rests.flights[place, 2] = largest
-    flights = rests.flights[place]
-    return rests.impacts[place], rests.periods[place], 1, flights[0], flights[1], flights[2]
+    p, q, rested, total, squares, largest = once_round(fixed, s[X + j], s[U + j], reflect)
+    if p == 0 or rested > 0:
+        if rests.impacts[place] == 0:
+            p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift, reflect)
+            rests.impacts[place], rests.periods[place] = p, q
+            flights = rests.flights[place]
+            flights[0], flights[1], flights[2] = total, squares, largest
+        rested = 1
+        p, q = rests.impacts[place], rests.periods[place]
+        flights = rests.flights[place]
+        total, squares, largest = flights[0], flights[1], flights[2]
+    s[C_IMPACTS + j], s[C_PERIODS + j], s[C_RESTS + j] = p, q, rested
+    s[C_SUM + j], s[C_SQUARES + j], s[C_LARGEST + j] = total, squares, largest
 
 
 @jit
-def _jump(s: Floats, j: int, totals: Totals, window: int | None) -> bool:
+def _jump(s: Floats, j: int, window: int | None) -> bool:
     """Pass over whole cycles of lane j; return whether they were the last ones.
 
     The landings that are passed over are all inside the window, or all before it.
     """
-    impacts, periods, rests, total, squares, largest = totals
+    periods = s[C_PERIODS + j]
     n, x = s[N + j], s[X + j]
     if window is not None:
         begin = s[N_BEGIN + j] - n + (s[X_BEGIN + j] - x)
@@ -165,11 +173,11 @@ def _jump(s: Floats, j: int, totals: Totals, window: int | None) -> bool:
             return False
     times = max(0.0, np.floor(((s[X_END + j] - x) - n - MARGIN) / periods))
     s[N + j] = n + times * periods
-    s[LANDINGS + j] += times * impacts
-    s[RESTS + j] += times * rests
-    s[SUM + j] += times * total
-    s[SQUARES + j] += times * squares
-    s[LARGEST + j] = max(s[LARGEST + j], largest if times > 0.0 else 0.0)
+    s[LANDINGS + j] += times * s[C_IMPACTS + j]
+    s[RESTS + j] += times * s[C_RESTS + j]
+    s[SUM + j] += times * s[C_SUM + j]
+    s[SQUARES + j] += times * s[C_SQUARES + j]
+    s[LARGEST + j] = max(s[LARGEST + j], s[C_LARGEST + j] if times > 0.0 else 0.0)
     return True
 
 
@@ -206,14 +214,16 @@ def look(
     if x == s[X_ANCHOR + j] and u == s[U_ANCHOR + j] and n > s[N_ANCHOR + j]:
         last = True
         if all_of_them or -n > WORTH * (n - s[N_ANCHOR + j]):
-            totals = _cycle(s, j, place, reflect, rests)
+            if s[C_IMPACTS + j] == 0.0:
+                _count_cycle(s, j, place, reflect, rests)
             lane = int(s[LANE + j])
             if cycles.impacts[lane] == 0:
-                cycles.impacts[lane], cycles.periods[lane] = totals[0], int(totals[1])
-                cycles.rests[lane], cycles.age[lane] = totals[2], int(s[AGE + j])
+                cycles.impacts[lane] = int(s[C_IMPACTS + j])
+                cycles.periods[lane] = int(s[C_PERIODS + j])
+                cycles.rests[lane], cycles.age[lane] = int(s[C_RESTS + j]), int(s[AGE + j])
                 cycles.whole[lane], cycles.phase[lane], cycles.flight[lane] = n, x, u
             if jump:
-                last = _jump(s, j, totals, window)
+                last = _jump(s, j, window)
                 if last:
                     s[AGE + j] = -np.inf  # what is left is less than a cycle
         s[NEXT_ANCHOR + j] = np.inf

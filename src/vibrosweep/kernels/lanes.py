@@ -29,7 +29,10 @@ E, A, R = 13 * STRIDE, 14 * STRIDE, 15 * STRIDE  # restitution, kick, rest thres
 X_LIFT, WAIT, U_LIFT = 16 * STRIDE, 17 * STRIDE, 18 * STRIDE  # where a rest ends
 X_END, N_BEGIN, X_BEGIN = 19 * STRIDE, 20 * STRIDE, 21 * STRIDE  # window
 DONE, LANE = 22 * STRIDE, 23 * STRIDE  # why it leaves, name
-ROWS = 24
+# totals of the cycle that it has entered; 0 impacts while that is not known
+C_IMPACTS, C_PERIODS, C_RESTS = 24 * STRIDE, 25 * STRIDE, 26 * STRIDE
+C_SUM, C_SQUARES, C_LARGEST = 27 * STRIDE, 28 * STRIDE, 29 * STRIDE
+ROWS = 30
 SAVED = ROWS * STRIDE  # the moving rows again, as they were at an earlier impact
 
 GOES_ON, ENDED, SPENT, LOOK = 0.0, 1.0, 2.0, 3.0  # values of DONE

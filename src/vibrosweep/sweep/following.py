@@ -26,13 +26,15 @@ from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.sharing import find_equal, find_shared
 from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
-__all__ = ["PERIODS_TO_RECUR", "Followed", "follow", "statistics"]
+__all__ = ["PERIODS_TO_SHARE", "Followed", "follow", "statistics"]
 
 Array = NDArray[np.float64]
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
 # Over fewer periods hardly an orbit repeats early enough for its recognition to pay.
 PERIODS_TO_RECUR = 64.0
+# Over fewer periods it costs as much to find the trajectories that are one as to follow them all.
+PERIODS_TO_SHARE = 256.0
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,9 @@ def follow(
     first = find_equal(problem, launch, *others) if observation.skip else None
     if first is None:
         return _follow(problem, launch, tolerance, observation, workers)
-    chosen, source = np.unique(first, return_inverse=True)
+    chosen = np.flatnonzero(first == np.arange(first.size))
+    place = np.empty_like(first)
+    place[chosen] = np.arange(chosen.size)
     found = _follow(
         _taken(problem, chosen),
         _launches_of(launch, chosen),
@@ -94,7 +98,7 @@ def follow(
         observation,
         workers,
     )
-    return _repeated(found, source, observation)
+    return _repeated(found, place[first], observation)
 
 
 def _follow(
@@ -106,7 +110,7 @@ def _follow(
 ) -> Followed:
     size, particles = tolerance.size, observation.particles
     cycles = None
-    if observation.regimes or (observation.skip and _is_long(problem, launch)):
+    if observation.regimes or (observation.skip and _lasts(problem, launch, PERIODS_TO_RECUR)):
         cycles = workers.cycles(size * particles)
     each = statistics(problem, launch, observation, workers, cycles)
     whole = empty_statistics(size)._replace(at_rest=np.empty(size, np.int64))
@@ -197,7 +201,7 @@ def _advanced(
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
     shared = None
-    if observation.skip and cycles is not None and _is_long(problem, launch):
+    if observation.skip and cycles is not None and _lasts(problem, launch, PERIODS_TO_SHARE):
         patience = 0.0 if observation.regimes else PERIODS_TO_RECUR
         shared = find_shared(problem, launch, observation.window, patience)
 
@@ -233,9 +237,9 @@ def _advanced(
     return each
 
 
-def _is_long(problem: Dimensionless, launch: Launches) -> bool:
-    """Whether any trajectory may last long enough for its recurrence to be looked for."""
-    return bool(np.max(problem.end_count) - np.min(launch.whole) + 2.0 > PERIODS_TO_RECUR)
+def _lasts(problem: Dimensionless, launch: Launches, periods: float) -> bool:
+    """Whether any trajectory may last for more than so many periods."""
+    return bool(np.max(problem.end_count) - np.min(launch.whole) + 2.0 > periods)
 
 
 def _separations(
