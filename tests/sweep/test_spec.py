@@ -139,8 +139,9 @@ def test_tables_of_the_schema_know_every_parameter():
 
 MISTAKES = {
     "no title": ("", ["title: is missing"]),
-    "title type": ("title = 3", ["title = 3: must be a text"]),
-    "empty title": ('title = " "', ['title = " ": must be a text', "not empty"]),
+    "title type": ("title = 3", ["title = 3: must be one line of text"]),
+    "empty title": ('title = " "', ['title = " ": must be one line of text', "not empty"]),
+    "title that a terminal obeys": (r'title = "a\u001b[2J"', [r"a\u001b[2J", "one line of text"]),
     "unknown table": ("[sampel]", ["sampel", 'did you mean "sample"?', "scene", "record"]),
     "unknown key": (
         "[scene]\nfrequencey = 3",

@@ -12,6 +12,7 @@ from vibrosweep.errors import SpecError
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
+from vibrosweep.sweep.schema import is_plain
 from vibrosweep.sweep.spec import read_text
 from vibrosweep.sweep.spec_messages import Mistakes, nearest, quoted
 
@@ -44,8 +45,8 @@ def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise SpecError(f"{source}: is not valid TOML: {error}") from error
     title = data.pop("title", "")
-    if not isinstance(title, str):
-        mistakes.add("title", "must be a text", title)
+    if not isinstance(title, str) or not is_plain(title):
+        mistakes.add("title", "must be one line of text", title)
     tables = {name: _table(name, data.pop(name, {}), mistakes) for name in _KEYS}
     for name, value in data.items():
         mistakes.add(name, f"is not known; known here: title, {', '.join(_KEYS)}", value)

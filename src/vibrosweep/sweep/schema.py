@@ -7,6 +7,7 @@ the models of a validation library took longer than reading, computing and writi
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -25,6 +26,7 @@ __all__ = [
     "SceneTable",
     "SpecFile",
     "Steps",
+    "is_plain",
     "read_tables",
 ]
 
@@ -165,9 +167,14 @@ def _grouped(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _title(value: object) -> str:
-    if isinstance(value, str) and value.strip():
+    if isinstance(value, str) and value.strip() and is_plain(value):
         return value
-    raise ValueError("must be a text that is not empty and says what the sweep shows")
+    raise ValueError("must be one line of text that is not empty and says what the sweep shows")
+
+
+def is_plain(text: str) -> bool:
+    """Whether a text has no control character, which a terminal might obey."""
+    return not any(unicodedata.category(character) == "Cc" for character in text)
 
 
 def _table(name: str, value: object) -> Mapping[str, Any]:
