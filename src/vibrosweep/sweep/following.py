@@ -200,10 +200,11 @@ def _advanced(
 ) -> Statistics:
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
+    window = observation.window  # goes through all launches
     shared = None
     if observation.skip and cycles is not None and _lasts(problem, launch, PERIODS_TO_SHARE):
         patience = 0.0 if observation.regimes else PERIODS_TO_RECUR
-        shared = find_shared(problem, launch, observation.window, patience)
+        shared = find_shared(problem, launch, window, patience)
 
     def begin() -> Callable[[int, int], None]:
         room = scratch()
@@ -220,7 +221,7 @@ def _advanced(
                 launch,
                 observation.impact_budget,
                 observation.reflect,
-                observation.window,
+                window,
                 room,
                 each,
                 cycles,
@@ -257,6 +258,7 @@ def _separations(
         return found
     complete = whole.status == Status.COMPLETED
     known = cycles if cycles is not None and observation.skip else workers.cycles(0)
+    window = observation.window  # goes through all launches
     rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to make
 
     def task(first: int, last: int) -> None:
@@ -269,7 +271,7 @@ def _separations(
             complete,
             observation.impact_budget,
             observation.reflect,
-            observation.window,
+            window,
             room,
             known,
             found,

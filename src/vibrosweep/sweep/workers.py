@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Self
@@ -69,15 +70,16 @@ class Workers:
         piece = total // (PIECES_PER_THREAD * self.threads)
         piece = max(SMALLEST_PIECE, min(piece, LARGEST_PIECE))
         piece = max(1, min(piece, -(-total // self.threads)))
-        starts = iter(range(0, total, piece))
+        starts = range(0, total, piece)
+        # one for each thread, however soon another one might have time for it
+        own, others = starts[: self.threads], iter(starts[self.threads :])
 
-        def run(task: Callable[[int, int], object]) -> None:
-            for first in starts:
+        def run(first: int, task: Callable[[int, int], object]) -> None:
+            for start in itertools.chain((first,), others):
                 if self._interrupted:
                     return
-                task(first, min(first + piece, total))
+                task(start, min(start + piece, total))
             task(total, total)
 
-        tasks = [begin() for _ in range(min(self.threads, -(-total // piece)))]
-        for _ in self._pool.map(run, tasks):
+        for _ in self._pool.map(run, own, [begin() for _ in own]):
             pass
