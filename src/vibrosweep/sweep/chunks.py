@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 Tick = Callable[[int], object]
 
-# Statistics of so many trajectories take 15 MB, which the last-level cache of a workstation holds.
-TRAJECTORIES_PER_BATCH: Final = 1 << 18
+# Statistics of so many trajectories take 22 MB; what is done once for a batch takes no time then.
+TRAJECTORIES_PER_BATCH: Final = 1 << 19
 
 
 @dataclass(frozen=True)
@@ -178,16 +178,21 @@ def compute_rows(
         Sampled parameters and measured variables, each of shape (realization, ...).
     """
     for first in range(start, stop, batch_size(spec)):
-        sampled = design.take(first, min(first + batch_size(spec), stop))
-        parameters = parameters_of(spec, sampled, min(batch_size(spec), stop - first))
-        observation = observation_of(spec)
-        try:
-            measured = measure_all(parameters, observation, workers)
-        except VibrosweepError:
-            raise
-        except Exception:  # once more: what failed may have been the moment
-            measured = measure_all(parameters, observation, workers)
-        yield {**sampled, **measured}
+        # not held here while the next ones are computed
+        yield _batch(spec, design, first, min(first + batch_size(spec), stop), workers)
+
+
+def _batch(spec: SweepSpec, design: Design, start: int, stop: int, workers: Workers) -> Columns:
+    sampled, size = design.take(start, stop), stop - start
+    parameters = parameters_of(spec, sampled, size)
+    observation = observation_of(spec)
+    try:
+        measured = measure_all(parameters, observation, workers)
+    except VibrosweepError:
+        raise
+    except Exception:  # once more: what failed may have been the moment
+        measured = measure_all(parameters, observation, workers)
+    return {**sampled, **measured}
 
 
 def batch_size(spec: SweepSpec) -> int:

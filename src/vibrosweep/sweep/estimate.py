@@ -75,8 +75,9 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
     per_realization = bytes_per_realization(spec, design)
     cut = plan.chunks > 1
     loading = 0.0 if cost.compiled else cost.start
-    held = 2 * per_realization * plan.chunk if cut else 0
     batch = min(batch_size(spec), plan.chunk)
+    # results that wait to be written while the next ones are computed
+    held = per_realization * (2 * plan.chunk if cut else batch)
     return Needs(
         seconds=plan.opening + loading + cost.seconds * design.realizations + seconds,
         impacts=cost.impacts * design.realizations,

@@ -31,6 +31,7 @@ IMPACTS: Final = 1_000_000
 REALIZATIONS: Final = 4  # at least, for they differ
 STEP: Final = 4
 MEASURED_PARTICLES: Final = 4096
+MEASURED_TRAJECTORIES: Final = 4096  # their arrays stand out from whatever else is allocated
 SECONDS_TO_LOAD: Final = 2.0
 GOLDEN: Final = 0.6180339887498949
 
@@ -125,12 +126,14 @@ def memory_per_realization(spec: SweepSpec, design: Design, workers: Workers) ->
     particles = min(spec.particles, MEASURED_PARTICLES)
     launch = spec.launch if isinstance(spec.launch, str) else spec.launch[:particles]
     few = replace(spec, particles=particles, launch=launch)
-    sizes, peaks = (REALIZATIONS, STEP * REALIZATIONS), []
+    size = max(REALIZATIONS, -(-MEASURED_TRAJECTORIES // particles))
+    sizes, peaks = (size, STEP * size), []
     for size in sizes:
         sampled = {name: np.resize(values, size) for name, values in design.take(0, 1).items()}
         tracemalloc.start()
         try:
-            _timed(few, sampled, size, next(_shares(spec, design)), workers)
+            with Workers(workers.threads) as fresh:  # that hold no memory yet
+                _timed(few, sampled, size, next(_shares(spec, design)), fresh)
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
