@@ -16,6 +16,7 @@ from vibrosweep.kernels.cycles import Cycles, Rests, look
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
     AGE,
+    ALL_ROWS,
     C_IMPACTS,
     DONE,
     ENDED,
@@ -271,6 +272,16 @@ def _finished(
     return done
 
 
+@jit
+def _close_gaps(s: Floats, lanes: int, places: Integers, fresh: int, done: int, rows: int) -> int:
+    """Move the last lanes to the places that were not filled again; return how many are left."""
+    for q in range(done - 1, fresh - 1, -1):  # the last one first
+        lanes -= 1
+        for row in range(rows):
+            s[row * STRIDE + places[q]] = s[row * STRIDE + lanes]
+    return lanes
+
+
 @kernel
 def advance(
     first: int,
@@ -365,10 +376,7 @@ def advance(
                 i, p = i + 1, 0
                 constants = _constants(problem, min(i, problem.kick.size - 1))
         following += fresh
-        for q in range(done - 1, fresh - 1, -1):  # close the gaps that are left, the last one first
-            lanes -= 1
-            for row in range(ROWS if shared is None else ROWS + MOVING):
-                s[row * STRIDE + places[q]] = s[row * STRIDE + lanes]
+        lanes = _close_gaps(s, lanes, places, fresh, done, ROWS if shared is None else ALL_ROWS)
         if lanes < LANES and first < last:
             return lanes
         # whole vectors only: the places behind the last lane hold stale, harmless numbers

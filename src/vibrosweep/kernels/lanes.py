@@ -34,13 +34,14 @@ C_IMPACTS, C_PERIODS, C_RESTS = 24 * STRIDE, 25 * STRIDE, 26 * STRIDE
 C_SUM, C_SQUARES, C_LARGEST = 27 * STRIDE, 28 * STRIDE, 29 * STRIDE
 ROWS = 30
 SAVED = ROWS * STRIDE  # the moving rows again, as they were at an earlier impact
+ALL_ROWS = ROWS + MOVING
 
 GOES_ON, ENDED, SPENT, LOOK = 0.0, 1.0, 2.0, 3.0  # values of DONE
 
 
 def scratch() -> Floats:
     """Scratch memory for one caller of `advance`, on a cache line so that no vector spans two."""
-    size = SAVED + MOVING * STRIDE
+    size = ALL_ROWS * STRIDE
     memory = np.zeros(size + VECTOR)
     offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
     return memory[offset : offset + size]
