@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import shutil
 import tempfile
 import time
@@ -77,11 +76,12 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
     loading = 0.0 if cost.compiled else cost.start
     batch = min(batch_size(spec), plan.chunk)
     # results that wait to be written while the next ones are computed
-    held = per_realization * (2 * plan.chunk if cut else batch)
+    next_ones = 0 if batch == design.realizations else batch
+    held = per_realization * (2 * plan.chunk if cut else next_ones)
     return Needs(
         seconds=plan.opening + loading + cost.seconds * design.realizations + seconds,
         impacts=cost.impacts * design.realizations,
-        memory=_memory_now()
+        memory=cost.loaded
         + max(batch * memory_per_realization(spec, design, workers) + held, record),
         result=size,
         parts=per_realization * design.realizations if cut else 0,
@@ -168,15 +168,6 @@ def _record_file(
             write_record(file.group("record"), short, spec.impact_budget, workers)
         took = time.perf_counter() - began
         return path.stat().st_size / share, took / share
-
-
-def _memory_now() -> float:
-    """Bytes that this process holds."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
-    return float(pages * resource.getpagesize())
 
 
 def require_memory(needed: float) -> None:

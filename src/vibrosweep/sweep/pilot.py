@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import resource
 import time
 import tracemalloc
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -31,7 +33,7 @@ IMPACTS: Final = 1_000_000
 REALIZATIONS: Final = 4  # at least, for they differ
 STEP: Final = 4
 MEASURED_PARTICLES: Final = 4096
-MEASURED_TRAJECTORIES: Final = 4096  # their arrays stand out from whatever else is allocated
+MEASURED_TRAJECTORIES: Final = 1 << 14  # their arrays stand out from whatever else is allocated
 SECONDS_TO_LOAD: Final = 2.0
 GOLDEN: Final = 0.6180339887498949
 
@@ -51,6 +53,8 @@ class Cost:
         Share of the observation that was computed; below 1 the rest is extrapolated.
     start
         Seconds to load or compile the kernels.
+    loaded
+        Bytes that the process held once the kernels were loaded.
     columns
         What was measured; nothing where the sample could not be computed.
     """
@@ -60,6 +64,7 @@ class Cost:
     error: float
     share: float
     start: float
+    loaded: float
     columns: Columns
 
     @property
@@ -73,7 +78,7 @@ class Cost:
         return self.start > SECONDS_TO_LOAD
 
 
-UNKNOWN: Final = Cost(math.nan, math.nan, math.nan, 0.0, 0.0, {})
+UNKNOWN: Final = Cost(math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, {})
 
 
 def explore(
@@ -100,7 +105,7 @@ def explore(
     began = time.perf_counter()
     shares = list(_shares(spec, design))
     sampled = _sampled(spec, design, size)
-    start = 0.0
+    start = loaded = 0.0
     before = (0.0, 0.0, 0.0)
     while True:
         share = shares.pop(0)
@@ -108,8 +113,9 @@ def explore(
         first, _ = _timed(spec, sampled, size, share, workers)
         took, columns = _timed(spec, sampled, size, share, workers)
         start += max(first - took, 0.0)
+        loaded = loaded or _memory_now()
         now = (share, took / size, float(columns["impact_count"].mean()))
-        cost = _extrapolated(before, now, start, columns)
+        cost = _extrapolated(before, now, start, loaded, columns)
         before = now
         left = seconds - (time.perf_counter() - began - start)
         settled = share == 1.0 and (size == most or cost.seconds * design.realizations < enough)
@@ -128,12 +134,14 @@ def memory_per_realization(spec: SweepSpec, design: Design, workers: Workers) ->
     few = replace(spec, particles=particles, launch=launch)
     size = max(REALIZATIONS, -(-MEASURED_TRAJECTORIES // particles))
     sizes, peaks = (size, STEP * size), []
+    share = next(_shares(spec, design)) / STEP**2  # arrays have one size for any duration
     for size in sizes:
-        sampled = {name: np.resize(values, size) for name, values in design.take(0, 1).items()}
+        apart = 1.0 - 1e-9 * np.arange(size)  # what is equal would be computed once
+        sampled = {name: values * apart for name, values in design.take(0, 1).items()}
         tracemalloc.start()
         try:
             with Workers(workers.threads) as fresh:  # that hold no memory yet
-                _timed(few, sampled, size, next(_shares(spec, design)), fresh)
+                _timed(few, sampled, size, share, fresh)
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
@@ -154,6 +162,7 @@ def _extrapolated(
     before: tuple[float, float, float],
     now: tuple[float, float, float],
     start: float,
+    loaded: float,
     columns: Columns,
 ) -> Cost:
     """Continue the cost as it grew between two shares."""
@@ -167,6 +176,7 @@ def _extrapolated(
         error=deviation / np.sqrt(counts.size - 1) if counts.size > 1 else np.nan,
         share=share,
         start=start,
+        loaded=loaded,
         columns=columns,
     )
 
@@ -195,3 +205,12 @@ def _sampled(spec: SweepSpec, design: Design, size: int) -> dict[str, Array]:
     places = [int(design.realizations * (k * GOLDEN % 1.0)) for k in range(size)]
     rows = [design.take(place, place + 1) for place in places]
     return {name: np.concatenate([row[name] for row in rows]) for name in design.sampled}
+
+
+def _memory_now() -> float:
+    """Bytes that this process holds."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
+    return float(pages * resource.getpagesize())
