@@ -10,8 +10,9 @@ from numba import njit
 
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
 from methods.sweeps import paper_parameters
-from vibrosweep.kernels.advance import advance, empty_statistics
+from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.lanes import scratch
+from vibrosweep.kernels.statistics import empty_statistics
 from vibrosweep.scene import dimensionless, launches
 from vibrosweep.sweep.following import statistics
 from vibrosweep.sweep.observation import Observation

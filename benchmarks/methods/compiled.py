@@ -13,8 +13,8 @@ from methods.scenes import Point, Scene, table
 from methods.sweeps import Sweep
 from methods.timing import BUDGET, timed
 from methods.truth import Orbit, worst
-from vibrosweep.kernels.advance import Statistics, empty_statistics
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound
+from vibrosweep.kernels.statistics import Statistics, empty_statistics
 from vibrosweep.reference.rk4 import rk4
 from vibrosweep.scene import dimensionless, launches
 from vibrosweep.sweep.following import statistics

@@ -112,7 +112,7 @@ def test_fma_rounds_once(a, b, c):
 PROBE = """
 from vibrosweep.kernels._jit import kernel
 from vibrosweep.kernels.sine import sin_turns
-from vibrosweep.kernels.advance import BUDGET_EXCEEDED
+from vibrosweep.kernels.statistics import BUDGET_EXCEEDED
 
 @kernel
 def probe(x):

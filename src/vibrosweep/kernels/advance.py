@@ -7,11 +7,9 @@ places are filled again.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel, prefetch
+from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
 from vibrosweep.kernels.cycles import Cycles, Rests, look
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
@@ -52,54 +50,16 @@ from vibrosweep.kernels.lanes import (
     X,
 )
 from vibrosweep.kernels.shared import Shared, become, no_cycle, save
+from vibrosweep.kernels.statistics import Statistics, expect, write
 from vibrosweep.scene import Dimensionless, Launches
-from vibrosweep.status import Status
 
-__all__ = ["CHECK", "Statistics", "advance", "empty_statistics"]
+__all__ = ["CHECK", "advance"]
 
 CHECK = 6  # impacts between two looks at what is done
-LINE = 8  # numbers in a line of the cache
 FIRST_ANCHOR = 32  # age at which recurrence begins to be looked for
 
 # of a realization: its scene, first flight, and count and phase of the end and of the begin
 Constants = tuple[float, float, float, float, float, float, float, float, float, float, float]
-
-COMPLETED = int(Status.COMPLETED)
-BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
-NON_FINITE = int(Status.NON_FINITE)
-
-
-class Statistics(NamedTuple):
-    """Statistics of trajectories over the window, each array of shape (trajectory,).
-
-    Attributes
-    ----------
-    landings, rests
-        Number of landings, and of those after which the particle rested.
-    at_rest
-        1 where the particle came to rest for good before the end; summed, the number of those.
-    flight_sum, flight_squares, flight_max
-        Of the flights that follow the landings: sum, sum of squares and maximum of the flight
-        time, in forcing periods and their square; a particle at rest for good adds nothing.
-    status
-        `vibrosweep.status.Status`.
-    """
-
-    landings: Integers
-    rests: Integers
-    at_rest: Flags | Integers
-    flight_sum: Floats
-    flight_squares: Floats
-    flight_max: Floats
-    status: Flags
-
-
-def empty_statistics(trajectories: int) -> Statistics:
-    """Room for the statistics of a batch."""
-    landings, rests = (np.empty(trajectories, np.int64) for _ in range(2))
-    total, squares, largest = (np.empty(trajectories) for _ in range(3))
-    at_rest, status = (np.empty(trajectories, np.int8) for _ in range(2))
-    return Statistics(landings, rests, at_rest, total, squares, largest, status)
 
 
 @jit
@@ -200,39 +160,6 @@ def _load(
 
 
 @jit
-def _expect(out: Statistics, lane: int) -> None:
-    """Fetch the memory for statistics that will be written a block of lanes later."""
-    prefetch(out.landings, lane)
-    prefetch(out.rests, lane)
-    prefetch(out.flight_sum, lane)
-    prefetch(out.flight_squares, lane)
-    prefetch(out.flight_max, lane)
-    prefetch(out.at_rest, lane)
-    prefetch(out.status, lane)
-
-
-@jit
-def _write(s: Floats, j: int, out: Statistics) -> None:
-    """Write the statistics of the trajectory in place j to its own slot."""
-    lane = int(s[LANE + j]) if j >= 0 else -1
-    if lane < 0:  # never, which spares the compiler the look at it for each index below
-        return
-    out.landings[lane] = int(s[LANDINGS + j])
-    out.rests[lane] = int(s[RESTS + j])
-    out.flight_sum[lane] = s[SUM + j]
-    out.flight_squares[lane] = s[SQUARES + j]
-    out.flight_max[lane] = s[LARGEST + j]
-    out.at_rest[lane] = 1 if s[N + j] == np.inf else 0
-    out.status[lane] = COMPLETED
-    if s[DONE + j] == SPENT:
-        x, passed = land(s[X + j], s[U + j])
-        if s[N + j] + passed <= s[X_END + j] - x:
-            out.status[lane] = BUDGET_EXCEEDED
-    if not np.isfinite(s[SQUARES + j]):
-        out.status[lane] = NON_FINITE
-
-
-@jit
 def _finished(
     s: Floats,
     places: Integers,
@@ -264,7 +191,7 @@ def _finished(
                 places[done] = j
                 done += 1
                 break
-            _write(s, j, out)
+            write(s, j, out)
             after = shared.after[int(s[LANE + j])]
             become(s, j, after, problem, particles, shared)
             no_cycle(cycles, after)
@@ -362,12 +289,11 @@ def advance(
                 lane = shared.first[lane]
                 i, p = lane // particles, lane % particles
                 constants = _constants(problem, i)
-            if i < 0 or p < 0 or places[q] < 0:  # never, see `_write`
+            if i < 0 or p < 0 or places[q] < 0:  # never, see `write`
                 return 0
             start = launch(problem, launches, i, p)
             _load(s, places[q], lane, start, constants, window, cycles, patience)
-            if lane % LINE == 0:
-                _expect(out, lane)
+            expect(out, lane)
             if shared is not None:
                 for row in range(MOVING):
                     s[SAVED + row * STRIDE + places[q]] = s[row * STRIDE + places[q]]
@@ -405,5 +331,5 @@ def advance(
                 shared,
             )
         for q in range(done):
-            _write(s, places[q], out)
+            write(s, places[q], out)
     return 0

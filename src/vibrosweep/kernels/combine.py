@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibrosweep.kernels._jit import kernel
-from vibrosweep.kernels.advance import Statistics
+from vibrosweep.kernels.statistics import Statistics
 
 __all__ = ["combine"]
 
@@ -18,9 +18,9 @@ def combine(first: int, last: int, particles: int, each: Statistics, out: Statis
         Range of realizations.
     particles
         Trajectories per realization.
-    each : vibrosweep.kernels.advance.Statistics
+    each : vibrosweep.kernels.statistics.Statistics
         Of the trajectories; realization i owns i * particles ... (i + 1) * particles - 1.
-    out : vibrosweep.kernels.advance.Statistics
+    out : vibrosweep.kernels.statistics.Statistics
         Of the realizations: sums, the largest maximum, the number of particles at rest for good
         and the worst status.
     """

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import jit, kernel
-from vibrosweep.kernels.advance import Statistics
 from vibrosweep.kernels.impact import launch
+from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Status
 

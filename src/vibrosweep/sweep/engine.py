@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels.advance import Statistics
 from vibrosweep.kernels.separation import Separations
+from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.scene import Dimensionless, dimensionless, launches
 from vibrosweep.sweep.attractors import lyapunov

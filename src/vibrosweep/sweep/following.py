@@ -13,11 +13,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels.advance import Statistics, advance, empty_statistics
+from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.lanes import scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
+from vibrosweep.kernels.statistics import Statistics, empty_statistics
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.kernels.unforced import has_closed_form, unforced
 from vibrosweep.scene import Dimensionless, Launches

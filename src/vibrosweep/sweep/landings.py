@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.advance import CHECK, Statistics
+from vibrosweep.kernels.advance import CHECK
 from vibrosweep.kernels.record import empty_record, record
+from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.scene import PARAMETERS, Dimensionless, Launches, dimensionless, launches
 from vibrosweep.sweep.following import statistics
 from vibrosweep.sweep.observation import Observation

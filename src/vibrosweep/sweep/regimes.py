@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels.advance import Statistics
 from vibrosweep.kernels.cycles import Cycles, shorten
+from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.scene import Dimensionless
 from vibrosweep.status import Regime
 from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers

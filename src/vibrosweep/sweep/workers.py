@@ -7,8 +7,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Self
 
-from vibrosweep.kernels.advance import Statistics, empty_statistics
 from vibrosweep.kernels.cycles import Cycles, empty_cycles
+from vibrosweep.kernels.statistics import Statistics, empty_statistics
 
 __all__ = ["TRAJECTORIES_PER_TASK", "Workers"]
 

@@ -1,0 +1,101 @@
+"""Statistics of trajectories over the window, and how the kernel puts them down."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, prefetch
+from vibrosweep.kernels.impact import land
+from vibrosweep.kernels.lanes import (
+    DONE,
+    LANDINGS,
+    LANE,
+    LARGEST,
+    RESTS,
+    SPENT,
+    SQUARES,
+    SUM,
+    X_END,
+    N,
+    U,
+    X,
+)
+from vibrosweep.status import Status
+
+__all__ = ["Statistics", "empty_statistics", "expect", "write"]
+
+LINE = 8  # numbers in a line of the cache
+
+COMPLETED = int(Status.COMPLETED)
+BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
+NON_FINITE = int(Status.NON_FINITE)
+
+
+class Statistics(NamedTuple):
+    """Statistics of trajectories over the window, each array of shape (trajectory,).
+
+    Attributes
+    ----------
+    landings, rests
+        Number of landings, and of those after which the particle rested.
+    at_rest
+        1 where the particle came to rest for good before the end; summed, the number of those.
+    flight_sum, flight_squares, flight_max
+        Of the flights that follow the landings: sum, sum of squares and maximum of the flight
+        time, in forcing periods and their square; a particle at rest for good adds nothing.
+    status
+        `vibrosweep.status.Status`.
+    """
+
+    landings: Integers
+    rests: Integers
+    at_rest: Flags | Integers
+    flight_sum: Floats
+    flight_squares: Floats
+    flight_max: Floats
+    status: Flags
+
+
+def empty_statistics(trajectories: int) -> Statistics:
+    """Room for the statistics of a batch."""
+    landings, rests = (np.empty(trajectories, np.int64) for _ in range(2))
+    total, squares, largest = (np.empty(trajectories) for _ in range(3))
+    at_rest, status = (np.empty(trajectories, np.int8) for _ in range(2))
+    return Statistics(landings, rests, at_rest, total, squares, largest, status)
+
+
+@jit
+def expect(out: Statistics, lane: int) -> None:
+    """Fetch the memory for statistics that will be written a block of lanes later."""
+    if lane % LINE > 0:  # the trajectory before has done it
+        return
+    prefetch(out.landings, lane)
+    prefetch(out.rests, lane)
+    prefetch(out.flight_sum, lane)
+    prefetch(out.flight_squares, lane)
+    prefetch(out.flight_max, lane)
+    prefetch(out.at_rest, lane)
+    prefetch(out.status, lane)
+
+
+@jit
+def write(s: Floats, j: int, out: Statistics) -> None:
+    """Write the statistics of the trajectory in place j to its own slot."""
+    lane = int(s[LANE + j]) if j >= 0 else -1
+    if lane < 0:  # never, which spares the compiler the look at it for each index below
+        return
+    out.landings[lane] = int(s[LANDINGS + j])
+    out.rests[lane] = int(s[RESTS + j])
+    out.flight_sum[lane] = s[SUM + j]
+    out.flight_squares[lane] = s[SQUARES + j]
+    out.flight_max[lane] = s[LARGEST + j]
+    out.at_rest[lane] = 1 if s[N + j] == np.inf else 0
+    out.status[lane] = COMPLETED
+    if s[DONE + j] == SPENT:
+        x, passed = land(s[X + j], s[U + j])
+        if s[N + j] + passed <= s[X_END + j] - x:
+            out.status[lane] = BUDGET_EXCEEDED
+    if not np.isfinite(s[SQUARES + j]):
+        out.status[lane] = NON_FINITE
