@@ -26,6 +26,8 @@ from vibrosweep.kernels.lanes import (
     LOOK,
     MOVING,
     N_BEGIN,
+    NEW_SQUARES,
+    NEW_SUM,
     NEXT_ANCHOR,
     RESTS,
     ROWS,
@@ -81,8 +83,8 @@ def _step(s: Floats, lanes: int, reflect: int | None, window: int | None) -> Non
         s[U + j] = u
         s[LANDINGS + j] = s[LANDINGS + j] + 1.0 if seen else s[LANDINGS + j]
         s[RESTS + j] += 0.0 if leaves else (1.0 if seen else 0.0)
-        s[SUM + j] += counted
-        s[SQUARES + j] = fma(counted, counted, s[SQUARES + j])
+        s[NEW_SUM + j] += counted
+        s[NEW_SQUARES + j] = fma(counted, counted, s[NEW_SQUARES + j])
         s[LARGEST + j] = counted if counted > s[LARGEST + j] else s[LARGEST + j]
 
 
@@ -91,6 +93,10 @@ def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
     """Mark the lanes that have left the base after the end, to be looked at, or over the budget."""
     for j in range(lanes):
         s[AGE + j] += CHECK
+        # sums of sums, which over a long orbit are rounded a sixth as often
+        s[SUM + j] += s[NEW_SUM + j]
+        s[SQUARES + j] += s[NEW_SQUARES + j]
+        s[NEW_SUM + j] = s[NEW_SQUARES + j] = 0.0
         why = GOES_ON if s[AGE + j] < budget else SPENT
         if cycles is not None:
             # the same bits again: from here on the orbit repeats, later by whole periods

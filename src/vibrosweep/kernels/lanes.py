@@ -35,13 +35,15 @@ C_SUM, C_SQUARES, C_LARGEST = 27 * STRIDE, 28 * STRIDE, 29 * STRIDE
 ROWS = 30
 SAVED = ROWS * STRIDE  # the moving rows again, as they were at an earlier impact
 ALL_ROWS = ROWS + MOVING
+# sums since the last look, which are zero when lanes are moved, saved and filled
+NEW_SUM, NEW_SQUARES = ALL_ROWS * STRIDE, (ALL_ROWS + 1) * STRIDE
 
 GOES_ON, ENDED, SPENT, LOOK = 0.0, 1.0, 2.0, 3.0  # values of DONE
 
 
 def scratch() -> Floats:
     """Scratch memory for one caller of `advance`, on a cache line so that no vector spans two."""
-    size = ALL_ROWS * STRIDE
+    size = NEW_SQUARES + STRIDE
     memory = np.zeros(size + VECTOR)
     offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
     return memory[offset : offset + size]
