@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
-from vibrosweep.kernels.cycles import Cycles, Rests, look
+from vibrosweep.kernels.cycles import Cycles, Rests, look, no_cycle
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
     AGE,
@@ -51,7 +51,7 @@ from vibrosweep.kernels.lanes import (
     U,
     X,
 )
-from vibrosweep.kernels.shared import Shared, become, no_cycle, save
+from vibrosweep.kernels.shared import Shared, become, save
 from vibrosweep.kernels.statistics import Statistics, expect, write
 from vibrosweep.scene import Dimensionless, Launches
 

@@ -53,6 +53,7 @@ __all__ = [
     "empty_cycles",
     "empty_rests",
     "look",
+    "no_cycle",
     "once_round",
     "repeats",
     "shorten",
@@ -97,6 +98,13 @@ def empty_cycles(trajectories: int) -> Cycles:
     impacts, periods, rests, age = (np.empty(trajectories, np.int64) for _ in range(4))
     whole, phase, flight = (np.empty(trajectories) for _ in range(3))
     return Cycles(impacts, periods, rests, whole, phase, flight, age)
+
+
+@jit
+def no_cycle(cycles: Cycles, lane: int) -> None:
+    """Note that trajectory `lane` has not been seen to recur."""
+    cycles.impacts[lane], cycles.periods[lane], cycles.rests[lane] = 0, 0, 0
+    cycles.whole[lane] = cycles.phase[lane] = np.nan
 
 
 class Rests(NamedTuple):

@@ -9,10 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from vibrosweep.kernels._jit import Floats, Integers, jit
-from vibrosweep.kernels.cycles import Cycles
 from vibrosweep.kernels.lanes import (
     DONE,
     ENDED,
@@ -33,7 +30,7 @@ from vibrosweep.kernels.lanes import (
 )
 from vibrosweep.scene import Dimensionless
 
-__all__ = ["Shared", "become", "no_cycle", "save"]
+__all__ = ["Shared", "become", "save"]
 
 
 class Shared(NamedTuple):
@@ -52,13 +49,6 @@ class Shared(NamedTuple):
     first: Integers
     after: Integers
     periods: Floats
-
-
-@jit
-def no_cycle(cycles: Cycles, lane: int) -> None:
-    """Note that trajectory `lane` has not been seen to recur."""
-    cycles.impacts[lane], cycles.periods[lane], cycles.rests[lane] = 0, 0, 0
-    cycles.whole[lane] = cycles.phase[lane] = np.nan
 
 
 @jit
