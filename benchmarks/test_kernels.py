@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 
 import numpy as np
 import pytest
@@ -66,6 +67,29 @@ def test_streaming_kernel_against_the_obvious_scalar_loop(race, realizations, pe
         # the rounding of a running time lets some chaotic transients end on another attractor
         assert abs(int(out[0].sum()) - impacts) < 0.02 * impacts
     assert ratio >= target
+
+
+def test_speed_does_not_depend_on_the_place_in_memory():
+    """Rows that meet in the cache would make the kernel slow at some places of its memory."""
+    trajectories, places, page = 10_000, 200, 4096 // 8
+    problem, launch, observation = scene(trajectories // 20, 20, 12.0)
+    options = problem, launch, observation.impact_budget, None, None
+    out = empty_statistics(trajectories)
+    size = scratch().size
+    memory = np.zeros(size + (places + 1) * page)
+    start = (-memory.ctypes.data // 8) % page
+    fastest = np.full(places, np.inf)
+    for place in [0, *range(places)] * 5:
+        room = memory[start + place * page :][:size]
+        room[:] = 0.0
+        begin = time.perf_counter()
+        left = advance(0, trajectories, 0, *options, room, out, None, None, 0.0, 0, 1, None)
+        advance(0, 0, left, *options, room, out, None, None, 0.0, 0, 1, None)
+        fastest[place] = min(fastest[place], time.perf_counter() - begin)
+    slow = np.mean(fastest > 1.2 * fastest.min())
+    mean = fastest.mean() / fastest.min()
+    print(f"\n{places} places: {slow:.3f} are slow; on average {mean:.3f} times the fastest")
+    assert slow < 0.05
 
 
 def test_bare_map_against_the_sine_alone(race):

@@ -13,18 +13,19 @@ from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
 from vibrosweep.kernels.cycles import Cycles, Rests, look, no_cycle
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
+    AFTER_MOVING,
     AGE,
     ALL_ROWS,
     C_IMPACTS,
     DONE,
     ENDED,
+    FIRST_MOVING,
     GOES_ON,
     LANDINGS,
     LANE,
     LANES,
     LARGEST,
     LOOK,
-    MOVING,
     N_BEGIN,
     NEW_SQUARES,
     NEW_SUM,
@@ -39,7 +40,6 @@ from vibrosweep.kernels.lanes import (
     U_ANCHOR,
     U_LIFT,
     VECTOR,
-    WAIT,
     X_ANCHOR,
     X_BEGIN,
     X_END,
@@ -72,9 +72,11 @@ def _step(s: Floats, lanes: int, reflect: int | None, window: int | None) -> Non
         n = s[N + j] + passed
         w = rebound(x, s[U + j], s[E + j], s[A + j], reflect)
         seen = n <= s[X_END + j] - x
-        # a rest for good after the end is not observed
-        wait = s[WAIT + j] if seen else 0.0
-        n_off, x_off, u, leaves = lift_off(n, x, w, s[R + j], s[X_LIFT + j], wait, s[U_LIFT + j])
+        # a rest for good leaves no phase, and what has none is never again before any end
+        x_lift = s[X_LIFT + j]
+        if window is not None:  # after the end it is not observed
+            x_lift = 0.0 if n > s[X_END + j] - x else x_lift
+        n_off, x_off, u, leaves = lift_off(n, x, w, s[R + j], x_lift, 0.0, s[U_LIFT + j])
         if window is not None:
             seen = seen & (s[N_BEGIN + j] - n <= x - s[X_BEGIN + j])
         counted = u if seen else 0.0
@@ -148,15 +150,14 @@ def _load(
     s[E + j] = e
     s[A + j] = a
     s[R + j] = r
-    s[X_LIFT + j] = x_lift
-    s[WAIT + j] = wait
+    s[X_LIFT + j] = x_lift if wait == 0.0 else np.nan
     s[U_LIFT + j] = u_lift
     s[X_END + j] = x_end
     if window is not None:
         s[N_BEGIN + j] = n_begin - n_end
         s[X_BEGIN + j] = x_begin
-    for row_start in (LANDINGS, RESTS, SUM, SQUARES, LARGEST, AGE):
-        s[row_start + j] = 0.0
+    s[LANDINGS + j] = s[RESTS + j] = s[AGE + j] = 0.0
+    s[SUM + j] = s[SQUARES + j] = s[LARGEST + j] = 0.0
     s[LANE + j] = lane
     if cycles is not None:
         s[X_ANCHOR + j] = np.nan
@@ -197,7 +198,7 @@ def _finished(
                 places[done] = j
                 done += 1
                 break
-            write(s, j, out)
+            write(s, j, window, out)
             after = shared.after[int(s[LANE + j])]
             become(s, j, after, problem, particles, shared)
             no_cycle(cycles, after)
@@ -301,7 +302,7 @@ def advance(
             _load(s, places[q], lane, start, constants, window, cycles, patience)
             expect(out, lane)
             if shared is not None:
-                for row in range(MOVING):
+                for row in range(FIRST_MOVING, AFTER_MOVING):
                     s[SAVED + row * STRIDE + places[q]] = s[row * STRIDE + places[q]]
             p += 1
             if p == particles:
@@ -337,5 +338,5 @@ def advance(
                 shared,
             )
         for q in range(done):
-            write(s, places[q], out)
+            write(s, places[q], window, out)
     return 0

@@ -32,7 +32,6 @@ from vibrosweep.kernels.lanes import (
     SUM,
     U_ANCHOR,
     U_LIFT,
-    WAIT,
     X_ANCHOR,
     X_BEGIN,
     X_END,
@@ -148,7 +147,7 @@ def once_round(fixed: Scene, x_start: float, u_start: float, reflect: int | None
 def _count_cycle(s: Floats, j: int, place: int, reflect: int | None, rests: Rests) -> None:
     """Note the totals of the cycle that lane j has entered; `place` is that of its realization."""
     x_lift, u_lift = s[X_LIFT + j], s[U_LIFT + j]
-    fixed = (s[E + j], s[A + j], s[R + j], x_lift, s[WAIT + j], u_lift)
+    fixed = (s[E + j], s[A + j], s[R + j], x_lift, 0.0, u_lift)
     p, q, rested, total, squares, largest = once_round(fixed, s[X + j], s[U + j], reflect)
     if p == 0 or rested > 0:
         if rests.impacts[place] == 0:

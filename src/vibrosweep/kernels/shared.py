@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 from vibrosweep.kernels._jit import Floats, Integers, jit
 from vibrosweep.kernels.lanes import (
+    AFTER_MOVING,
     DONE,
     ENDED,
+    FIRST_MOVING,
     LANE,
-    MOVING,
     N_ANCHOR,
     N_BEGIN,
     SAVED,
@@ -63,7 +64,7 @@ def save(s: Floats, lanes: int) -> None:
             s[SAVED + U + j] == s[SAVED + U_ANCHOR + j]
         )
         kept = returned | (s[DONE + j] == ENDED) | (s[DONE + j] == SPENT)
-        for row in range(MOVING):
+        for row in range(FIRST_MOVING, AFTER_MOVING):
             place = row * STRIDE + j
             s[SAVED + place] = s[SAVED + place] if kept else s[place]
 
@@ -76,7 +77,7 @@ def become(
     later = shared.periods[int(s[LANE + j])] - shared.periods[after]
     s[SAVED + N + j] += later
     s[SAVED + N_ANCHOR + j] += later
-    for row in range(MOVING):
+    for row in range(FIRST_MOVING, AFTER_MOVING):
         s[row * STRIDE + j] = s[SAVED + row * STRIDE + j]
     i = after // particles
     s[X_END + j] = problem.end_phase[i]

@@ -81,7 +81,7 @@ def expect(out: Statistics, lane: int) -> None:
 
 
 @jit
-def write(s: Floats, j: int, out: Statistics) -> None:
+def write(s: Floats, j: int, window: int | None, out: Statistics) -> None:
     """Write the statistics of the trajectory in place j to its own slot."""
     lane = int(s[LANE + j]) if j >= 0 else -1
     if lane < 0:  # never, which spares the compiler the look at it for each index below
@@ -91,7 +91,10 @@ def write(s: Floats, j: int, out: Statistics) -> None:
     out.flight_sum[lane] = s[SUM + j]
     out.flight_squares[lane] = s[SQUARES + j]
     out.flight_max[lane] = s[LARGEST + j]
-    out.at_rest[lane] = 1 if s[N + j] == np.inf else 0
+    for_good = np.isnan(s[X + j])
+    if window is None:  # it may have come after the end, but not where it was counted
+        for_good = for_good and s[RESTS + j] > 0.0
+    out.at_rest[lane] = 1 if for_good else 0
     out.status[lane] = COMPLETED
     if s[DONE + j] == SPENT:
         x, passed = land(s[X + j], s[U + j])
