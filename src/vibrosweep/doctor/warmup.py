@@ -17,10 +17,10 @@ from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.attractor import settle
 from vibrosweep.kernels.combine import combine
-from vibrosweep.kernels.cycles import shorten
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.record import record
+from vibrosweep.kernels.regimes import classify
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.trust import trust
 from vibrosweep.kernels.unforced import has_closed_form, unforced
@@ -35,6 +35,7 @@ __all__ = ["KERNELS", "Compiled", "warm_up"]
 
 KERNELS: Final[tuple[Any, ...]] = (
     advance,
+    classify,
     combine,
     find_fixed,
     first_of_each,
@@ -42,7 +43,6 @@ KERNELS: Final[tuple[Any, ...]] = (
     record,
     separate,
     settle,
-    shorten,
     trust,
     unforced,
 )

@@ -10,7 +10,16 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
-from vibrosweep.kernels.cycles import Cycles, Rests, look, no_cycle
+from vibrosweep.kernels.cycles import (
+    CYCLE_IMPACTS,
+    Cycles,
+    Rests,
+    close_cycle,
+    has_returned,
+    no_cycle,
+    note_cycle,
+    take_anchor,
+)
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
     AFTER_MOVING,
@@ -18,6 +27,7 @@ from vibrosweep.kernels.lanes import (
     ALL_ROWS,
     C_IMPACTS,
     DONE,
+    DUE,
     ENDED,
     FIRST_MOVING,
     GOES_ON,
@@ -25,12 +35,12 @@ from vibrosweep.kernels.lanes import (
     LANE,
     LANES,
     LARGEST,
-    LOOK,
     N_BEGIN,
     NEW_SQUARES,
     NEW_SUM,
     NEXT_ANCHOR,
     RESTS,
+    RETURNED,
     ROWS,
     SAVED,
     SPENT,
@@ -99,11 +109,14 @@ def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
         s[SUM + j] += s[NEW_SUM + j]
         s[SQUARES + j] += s[NEW_SQUARES + j]
         s[NEW_SUM + j] = s[NEW_SQUARES + j] = 0.0
-        why = GOES_ON if s[AGE + j] < budget else SPENT
+        why = GOES_ON
+        if cycles is not None:
+            why = DUE if s[AGE + j] >= s[NEXT_ANCHOR + j] else GOES_ON
+        why = SPENT if s[AGE + j] >= budget else why
         if cycles is not None:
             # the same bits again: from here on the orbit repeats, later by whole periods
             again = (s[X + j] == s[X_ANCHOR + j]) & (s[U + j] == s[U_ANCHOR + j])
-            why = LOOK if again | (s[AGE + j] >= s[NEXT_ANCHOR + j]) else why
+            why = RETURNED if again else why
         s[DONE + j] = why if s[N + j] <= s[X_END + j] - s[X + j] else ENDED
 
 
@@ -171,6 +184,41 @@ def _finished(
     s: Floats,
     places: Integers,
     listed: int,
+    particles: int,
+    budget: int,
+    reflect: int | None,
+    window: int | None,
+    all_cycles: int,
+    jump: int,
+    cycles: Cycles,
+    rests: Rests,
+) -> int:
+    """Take anchors and close cycles; list the places that are done, return their number."""
+    done = 0
+    for q in range(listed):
+        j = places[q]
+        if s[DONE + j] == DUE:
+            take_anchor(s, j)
+            continue
+        if s[DONE + j] == RETURNED:
+            lane = int(s[LANE + j])
+            state, age = (s[N + j], s[X + j], s[U + j]), s[AGE + j]
+            found = close_cycle(s, j, lane // particles, reflect, window, all_cycles, jump, rests)
+            if found[0] > 0.0 and cycles[CYCLE_IMPACTS, lane] == 0.0:
+                note_cycle(cycles, lane, found, state, age)
+            if s[AGE + j] < budget:
+                continue
+            s[DONE + j] = SPENT
+        places[done] = j
+        done += 1
+    return done
+
+
+@jit
+def _go_on(
+    s: Floats,
+    places: Integers,
+    listed: int,
     problem: Dimensionless,
     particles: int,
     budget: int,
@@ -181,28 +229,31 @@ def _finished(
     out: Statistics,
     cycles: Cycles,
     rests: Rests,
-    shared: Shared | None,
+    shared: Shared,
 ) -> int:
-    """Look for a cycle where that is due; list the places that are done, return their number."""
+    """Go on as the trajectory that is watched for longer; list the places where there is none."""
     done = 0
     for q in range(listed):
         j = places[q]
-        while True:
-            if s[DONE + j] == LOOK:
-                place = int(s[LANE + j]) // particles
-                look(s, j, place, reflect, window, all_cycles, jump, rests, cycles)
-                if s[AGE + j] < budget:
-                    break
-                s[DONE + j] = SPENT
-            if shared is None or shared.after[int(s[LANE + j])] < 0:
+        while s[DONE + j] != GOES_ON:
+            lane = int(s[LANE + j])
+            after = shared.after[lane]
+            if after < 0:
                 places[done] = j
                 done += 1
                 break
             write(s, j, window, out)
-            after = shared.after[int(s[LANE + j])]
             become(s, j, after, problem, particles, shared)
             no_cycle(cycles, after)
-            s[DONE + j] = LOOK
+            if has_returned(s, j):
+                state, age = (s[N + j], s[X + j], s[U + j]), s[AGE + j]
+                place = after // particles
+                found = close_cycle(s, j, place, reflect, window, all_cycles, jump, rests)
+                if found[0] > 0.0:
+                    note_cycle(cycles, after, found, state, age)
+            elif s[AGE + j] >= s[NEXT_ANCHOR + j]:
+                take_anchor(s, j)
+            s[DONE + j] = GOES_ON if s[AGE + j] < budget else SPENT
     return done
 
 
@@ -258,11 +309,13 @@ def advance(
         From `scratch`; not shared between threads.
     out : Statistics
         Only the slots of trajectories that were begun by this caller are written.
-    cycles : Cycles or None
-        Where given, a trajectory whose state returns bit for bit is not followed any further: the
-        rest is counted from one cycle.  Sums then differ from those of going on by rounding only.
-    rests : Rests or None
-        Memory for all realizations, not shared between threads; given with `cycles`.
+    cycles
+        From `empty_cycles`, or None.  Where given, a trajectory whose state returns bit for bit is
+        not followed any further: the rest is counted from one cycle.  Sums then differ from those
+        of going on by rounding only.
+    rests
+        From `empty_rests`, or None.  Memory for all realizations, not shared between threads; given
+        with `cycles`.
     patience
         Forcing periods; where fewer remain at the launch no recurrence is looked for, unless all
         are asked for.
@@ -319,24 +372,12 @@ def advance(
         _mark(s, padded, budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:
+            options = particles, budget, reflect, window, all_cycles, jump
             if shared is not None:
                 save(s, padded)
-            done = _finished(
-                s,
-                places,
-                done,
-                problem,
-                particles,
-                budget,
-                reflect,
-                window,
-                all_cycles,
-                jump,
-                out,
-                cycles,
-                rests,
-                shared,
-            )
+            done = _finished(s, places, done, *options, cycles, rests)
+            if shared is not None:
+                done = _go_on(s, places, done, problem, *options, out, cycles, rests, shared)
         for q in range(done):
             write(s, places[q], window, out)
     return 0

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
-from vibrosweep.kernels.cycles import once_round, repeats
+from vibrosweep.kernels.cycles import once_round
 from vibrosweep.kernels.impact import Scene, impact, launch, rebound, scene
+from vibrosweep.kernels.regimes import repeats
 from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope, stretch
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Regime

@@ -7,12 +7,10 @@ known for all time.  A lane remembers an earlier state, its anchor, at ages that
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
-from vibrosweep.kernels.impact import Scene, impact, scene
+from vibrosweep.kernels._jit import Floats, jit
+from vibrosweep.kernels.impact import Scene, impact
 from vibrosweep.kernels.lanes import (
     AGE,
     C_IMPACTS,
@@ -22,12 +20,12 @@ from vibrosweep.kernels.lanes import (
     C_SQUARES,
     C_SUM,
     LANDINGS,
-    LANE,
     LARGEST,
     N_ANCHOR,
     N_BEGIN,
     NEXT_ANCHOR,
     RESTS,
+    RESTS_ANCHOR,
     SQUARES,
     SUM,
     U_ANCHOR,
@@ -43,86 +41,91 @@ from vibrosweep.kernels.lanes import (
     U,
     X,
 )
-from vibrosweep.scene import Dimensionless
 
 __all__ = [
-    "SAME",
+    "CYCLE_AGE",
+    "CYCLE_FLIGHT",
+    "CYCLE_IMPACTS",
+    "CYCLE_PERIODS",
+    "CYCLE_PHASE",
+    "CYCLE_RESTS",
+    "CYCLE_WHOLE",
     "Cycles",
     "Rests",
+    "close_cycle",
     "empty_cycles",
     "empty_rests",
-    "look",
+    "has_returned",
     "no_cycle",
+    "note_cycle",
     "once_round",
-    "repeats",
-    "shorten",
+    "take_anchor",
 ]
 
-# Periods.  Near the loss of stability a cycle wanders by rounding over 1 - |multiplier|; distinct
-# points of one cycle are never this close, unless it has just split.
-SAME = 2.0**-30
 # A cycle is worth its finding where so many times the time since the anchor remains.
 WORTH = 4.0
 # Instants of the window that rounding might decide are left to be followed.
 MARGIN = 2.0**-20  # periods
 
 Totals = tuple[int, float, int, float, float, float]  # impacts, periods, rests and of the flights
+Found = tuple[float, float, float]  # impacts, periods and rests of a cycle
 
 
-class Cycles(NamedTuple):
-    """Cycles that trajectories have entered, each array of shape (trajectory,).
-
-    Attributes
-    ----------
-    impacts, periods, rests
-        Impacts, forcing periods and rests until the same bits return; 0 where no recurrence was
-        found.
-    whole, phase, flight
-        A state on the cycle: whole periods from the end's, phase and flight time.
-    age
-        Impacts from the launch until that state.
-    """
-
-    impacts: Integers
-    periods: Integers
-    rests: Integers
-    whole: Floats
-    phase: Floats
-    flight: Floats
-    age: Integers
+# The cycles that trajectories have entered: a row for each field, a column for each trajectory; one
+# array, because numba counts references to each.  Impacts, forcing periods and rests until the same
+# bits return; whole periods from the end's, phase and flight time of a state on the cycle; impacts
+# from the launch until that state.  Where no recurrence was found there are 0 impacts, and the
+# other fields hold anything.
+Cycles = Floats
+(
+    CYCLE_IMPACTS,
+    CYCLE_PERIODS,
+    CYCLE_RESTS,
+    CYCLE_WHOLE,
+    CYCLE_PHASE,
+    CYCLE_FLIGHT,
+    CYCLE_AGE,
+) = range(7)
+CYCLE_FIELDS = 7
 
 
 def empty_cycles(trajectories: int) -> Cycles:
     """Room for the cycles of a batch."""
-    impacts, periods, rests, age = (np.empty(trajectories, np.int64) for _ in range(4))
-    whole, phase, flight = (np.empty(trajectories) for _ in range(3))
-    return Cycles(impacts, periods, rests, whole, phase, flight, age)
+    return np.empty((CYCLE_FIELDS, trajectories))
 
 
 @jit
 def no_cycle(cycles: Cycles, lane: int) -> None:
     """Note that trajectory `lane` has not been seen to recur."""
-    cycles.impacts[lane], cycles.periods[lane], cycles.rests[lane] = 0, 0, 0
-    cycles.whole[lane] = cycles.phase[lane] = np.nan
+    cycles[CYCLE_IMPACTS, lane] = 0.0
 
 
-class Rests(NamedTuple):
-    """The orbit from one rest to the next, which all rested particles of a realization share.
+@jit
+def note_cycle(
+    cycles: Cycles,
+    lane: int,
+    found: Found,
+    state: tuple[float, float, float],
+    age: float,
+) -> None:
+    """Note the cycle that trajectory `lane` is on, and a state of it."""
+    impacts, periods, rests = found
+    cycles[CYCLE_IMPACTS, lane], cycles[CYCLE_PERIODS, lane] = impacts, periods
+    cycles[CYCLE_RESTS, lane], cycles[CYCLE_AGE, lane] = rests, age
+    whole, phase, flight = state
+    cycles[CYCLE_WHOLE, lane], cycles[CYCLE_PHASE, lane] = whole, phase
+    cycles[CYCLE_FLIGHT, lane] = flight
 
-    Arrays of shape (realization,): `impacts` is 0 until it is known; `flights`, of shape
-    (realization, 3), holds sum, sum of squares and maximum of the flight time.
-    """
 
-    impacts: Integers
-    periods: Floats
-    flights: Floats
+# Of the orbit from one rest to the next, which all rested particles of a realization share: a row
+# for each realization, with impacts (0 until they are known), forcing periods, and sum, sum of
+# squares and maximum of the flight time.
+Rests = Floats
 
 
 def empty_rests(realizations: int) -> Rests:
     """Memory for so many realizations, of which nothing is known."""
-    return Rests(
-        np.zeros(realizations, np.int64), np.zeros(realizations), np.zeros((realizations, 3))
-    )
+    return np.zeros((realizations, 5))
 
 
 @jit
@@ -148,17 +151,17 @@ def _count_cycle(s: Floats, j: int, place: int, reflect: int | None, rests: Rest
     """Note the totals of the cycle that lane j has entered; `place` is that of its realization."""
     x_lift, u_lift = s[X_LIFT + j], s[U_LIFT + j]
     fixed = (s[E + j], s[A + j], s[R + j], x_lift, 0.0, u_lift)
-    p, q, rested, total, squares, largest = once_round(fixed, s[X + j], s[U + j], reflect)
+    p, q, rested, total, squares, largest = 0, 0.0, 0, 0.0, 0.0, 0.0
+    if s[RESTS + j] == s[RESTS_ANCHOR + j]:  # no rest is known on the way
+        p, q, rested, total, squares, largest = once_round(fixed, s[X + j], s[U + j], reflect)
     if p == 0 or rested > 0:
-        if rests.impacts[place] == 0:
+        if rests[place, 0] == 0.0:
             p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift, reflect)
-            rests.impacts[place], rests.periods[place] = p, q
-            flights = rests.flights[place]
-            flights[0], flights[1], flights[2] = total, squares, largest
+            rests[place, 0], rests[place, 1] = p, q
+            rests[place, 2], rests[place, 3], rests[place, 4] = total, squares, largest
         rested = 1
-        p, q = rests.impacts[place], rests.periods[place]
-        flights = rests.flights[place]
-        total, squares, largest = flights[0], flights[1], flights[2]
+        p, q = int(rests[place, 0]), rests[place, 1]
+        total, squares, largest = rests[place, 2], rests[place, 3], rests[place, 4]
     s[C_IMPACTS + j], s[C_PERIODS + j], s[C_RESTS + j] = p, q, rested
     s[C_SUM + j], s[C_SQUARES + j], s[C_LARGEST + j] = total, squares, largest
 
@@ -189,7 +192,22 @@ def _jump(s: Floats, j: int, window: int | None) -> bool:
 
 
 @jit
-def look(
+def take_anchor(s: Floats, j: int) -> None:
+    """Remember the state of lane j until its age has doubled."""
+    s[X_ANCHOR + j], s[N_ANCHOR + j], s[U_ANCHOR + j] = s[X + j], s[N + j], s[U + j]
+    s[RESTS_ANCHOR + j] = s[RESTS + j]
+    s[NEXT_ANCHOR + j] = 2.0 * s[AGE + j]
+
+
+@jit
+def has_returned(s: Floats, j: int) -> bool:
+    """Whether the state of lane j is that of its anchor."""
+    same = s[X + j] == s[X_ANCHOR + j] and s[U + j] == s[U_ANCHOR + j]
+    return bool(same)
+
+
+@jit
+def close_cycle(
     s: Floats,
     j: int,
     place: int,
@@ -198,9 +216,8 @@ def look(
     all_of_them: int,
     jump: int,
     rests: Rests,
-    cycles: Cycles,
-) -> None:
-    """Look at lane j, whose state has returned to its anchor or which is to take a new one.
+) -> Found:
+    """Find the cycle of lane j, whose state has returned, and pass over what is left of it.
 
     Parameters
     ----------
@@ -212,93 +229,35 @@ def look(
         1 where cycles are asked for, else only those are found that save work.
     jump
         1 where cycles are to be passed over.
-    rests : Rests
+    rests
         Of the realizations at hand.
-    cycles : Cycles
-        Where the cycle is written.
+
+    Returns
+    -------
+    tuple
+        Impacts, forcing periods and rests of the cycle; 0 impacts where it was not asked for.
     """
-    n, x, u = s[N + j], s[X + j], s[U + j]
-    if x == s[X_ANCHOR + j] and u == s[U_ANCHOR + j] and n > s[N_ANCHOR + j]:
-        last = True
-        if all_of_them or -n > WORTH * (n - s[N_ANCHOR + j]):
-            if s[C_IMPACTS + j] == 0.0:
-                _count_cycle(s, j, place, reflect, rests)
-            lane = int(s[LANE + j])
-            if cycles.impacts[lane] == 0:
-                cycles.impacts[lane] = int(s[C_IMPACTS + j])
-                cycles.periods[lane] = int(s[C_PERIODS + j])
-                cycles.rests[lane], cycles.age[lane] = int(s[C_RESTS + j]), int(s[AGE + j])
-                cycles.whole[lane], cycles.phase[lane], cycles.flight[lane] = n, x, u
-            if jump:
-                last = _jump(s, j, window)
-                if last:
-                    s[AGE + j] = -np.inf  # what is left is less than a cycle
-        s[NEXT_ANCHOR + j] = np.inf
-        if last:
-            s[X_ANCHOR + j] = np.nan
-    elif s[AGE + j] >= s[NEXT_ANCHOR + j]:
-        s[X_ANCHOR + j], s[N_ANCHOR + j], s[U_ANCHOR + j] = x, n, u
-        s[NEXT_ANCHOR + j] = 2.0 * s[AGE + j]
-
-
-@jit
-def repeats(
-    fixed: Scene, x: float, u: float, reflect: int | None, impacts: int, shorter: int
-) -> int:
-    """Periods of the shorter cycle that a cycle is up to rounding; 0 if it is none."""
-    n = ahead_n = 0.0
-    ahead_x, ahead_u = x, u
-    for _ in range(shorter):
-        _, _, ahead_n, ahead_x, ahead_u, _ = impact(fixed, ahead_n, ahead_x, ahead_u, reflect)
-    periods = np.rint(ahead_n + (ahead_x - x))
-    for _ in range(impacts):
-        apart = (ahead_n - n - periods) + (ahead_x - x)
-        if abs(apart) > SAME or abs(ahead_u - u) > SAME:
-            return 0
-        _, _, n, x, u, _ = impact(fixed, n, x, u, reflect)
-        _, _, ahead_n, ahead_x, ahead_u, _ = impact(fixed, ahead_n, ahead_x, ahead_u, reflect)
-    return int(periods)
-
-
-@kernel
-def shorten(
-    first: int,
-    last: int,
-    problem: Dimensionless,
-    particles: int,
-    reflect: int | None,
-    cycles: Cycles,
-    impacts: Integers,
-    periods: Integers,
-) -> None:
-    """Cycles of trajectories first ... last - 1 with states closer than `SAME` taken as one.
-
-    Rounding lets an orbit alternate between neighbouring numbers; the cycle of its bits is then a
-    multiple of the orbit's.  One with a rest never is: a rest sets the state exactly.
-
-    Parameters
-    ----------
-    first, last
-        Range of trajectories; trajectory t is particle t % N of realization t // N.
-    problem : vibrosweep.scene.Dimensionless
-    particles
-        N.
-    reflect
-        None, or 1 for the `reflect` law; chosen at compile time.
-    cycles : Cycles
-        As they were found.
-    impacts, periods
-        Written: of the shortest cycle; 0 where there is none.
-    """
-    for t in range(first, last):
-        impacts[t], periods[t] = cycles.impacts[t], cycles.periods[t]
-        if cycles.rests[t] > 0:
-            continue
-        fixed = scene(problem, t // particles)
-        x, u = cycles.phase[t], cycles.flight[t]
-        for shorter in range(1, cycles.impacts[t] // 2 + 1):
-            if cycles.impacts[t] % shorter == 0:
-                found = repeats(fixed, x, u, reflect, cycles.impacts[t], shorter)
-                if found > 0:
-                    impacts[t], periods[t] = shorter, found
-                    break
+    n = s[N + j]
+    since = n - s[N_ANCHOR + j]
+    if since <= 0.0:  # it is still there
+        return 0.0, 0.0, 0.0
+    worth = jump == 1 and -n > WORTH * since
+    rested = s[RESTS + j] - s[RESTS_ANCHOR + j]
+    found = 0.0, 0.0, 0.0
+    last = True
+    if not worth and all_of_them and rested > 0.0 and window is None:
+        # from rest to rest there is but one orbit, so many times since the anchor
+        impacts = s[AGE + j] - 0.5 * s[NEXT_ANCHOR + j]
+        found = impacts / rested, since / rested, 1.0
+    elif worth or all_of_them:
+        if s[C_IMPACTS + j] == 0.0:
+            _count_cycle(s, j, place, reflect, rests)
+        found = s[C_IMPACTS + j], s[C_PERIODS + j], s[C_RESTS + j]
+        if worth:
+            last = _jump(s, j, window)
+            if last:
+                s[AGE + j] = -np.inf  # what is left is less than a cycle
+    s[NEXT_ANCHOR + j] = np.inf
+    if last:
+        s[X_ANCHOR + j] = np.nan
+    return found

@@ -7,7 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.cycles import Cycles
+from vibrosweep.kernels.cycles import (
+    CYCLE_AGE,
+    CYCLE_IMPACTS,
+    CYCLE_PERIODS,
+    CYCLE_WHOLE,
+    Cycles,
+)
 
 __all__ = ["Joint", "affordable", "joint_cycle", "no_joint"]
 
@@ -59,15 +65,15 @@ def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
     impacts, periods, age, known = 1, 1, 0, -np.inf
     for p in range(pace.size):
         t = first + p
-        if cycles.impacts[t] == 0:
+        if cycles[CYCLE_IMPACTS, t] == 0.0:
             return no_joint(pace)
-        impacts = _common_multiple(impacts, cycles.impacts[t])
-        periods = _common_multiple(periods, cycles.periods[t])
+        impacts = _common_multiple(impacts, int(cycles[CYCLE_IMPACTS, t]))
+        periods = _common_multiple(periods, int(cycles[CYCLE_PERIODS, t]))
         if impacts > LONGEST or periods > LONGEST:
             return no_joint(pace)
-        age = max(age, cycles.age[t])
-        known = max(known, cycles.whole[t] + 1.0)
-        pace[p] = cycles.periods[t] / cycles.impacts[t]
+        age = max(age, int(cycles[CYCLE_AGE, t]))
+        known = max(known, cycles[CYCLE_WHOLE, t] + 1.0)
+        pace[p] = cycles[CYCLE_PERIODS, t] / cycles[CYCLE_IMPACTS, t]
     return Joint(impacts, float(periods), age, known, pace)
 
 
@@ -78,8 +84,8 @@ def affordable(cycles: Cycles, first: int, particles: int, n_end: float, budget:
     Those that have no cycle were followed to the end within it.
     """
     for t in range(first, first + particles):
-        if cycles.impacts[t] > 0:
-            rounds = (n_end - cycles.whole[t]) / cycles.periods[t]
-            if cycles.age[t] + rounds * cycles.impacts[t] > budget:
+        if cycles[CYCLE_IMPACTS, t] > 0.0:
+            rounds = (n_end - cycles[CYCLE_WHOLE, t]) / cycles[CYCLE_PERIODS, t]
+            if cycles[CYCLE_AGE, t] + rounds * cycles[CYCLE_IMPACTS, t] > budget:
                 return False
     return True

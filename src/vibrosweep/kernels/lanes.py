@@ -29,20 +29,23 @@ LANDINGS, RESTS = 9 * STRIDE, 10 * STRIDE
 NEW_SUM, NEW_SQUARES = 11 * STRIDE, 12 * STRIDE  # of the flight times since the last look
 LARGEST = 13 * STRIDE
 SUM, SQUARES = 14 * STRIDE, 15 * STRIDE  # up to the last look
-X_ANCHOR, N_ANCHOR, U_ANCHOR = 16 * STRIDE, 17 * STRIDE, 18 * STRIDE  # an earlier state
-NEXT_ANCHOR, AGE = 19 * STRIDE, 20 * STRIDE  # age at which the next one is taken; impacts so far
-FIRST_MOVING, AFTER_MOVING = 6, 21  # rows that change from impact to impact
-N_BEGIN, X_BEGIN = 21 * STRIDE, 22 * STRIDE  # window
-DONE, LANE = 23 * STRIDE, 24 * STRIDE  # why it leaves, name
+# an earlier state, and the rests before it
+X_ANCHOR, N_ANCHOR, U_ANCHOR = 16 * STRIDE, 17 * STRIDE, 18 * STRIDE
+RESTS_ANCHOR = 19 * STRIDE
+NEXT_ANCHOR, AGE = 20 * STRIDE, 21 * STRIDE  # age at which the next one is taken; impacts so far
+FIRST_MOVING, AFTER_MOVING = 6, 22  # rows that change from impact to impact
+N_BEGIN, X_BEGIN = 22 * STRIDE, 23 * STRIDE  # window
+DONE, LANE = 24 * STRIDE, 25 * STRIDE  # why it leaves, name
 # totals of the cycle that it has entered; 0 impacts while that is not known
-C_IMPACTS, C_PERIODS, C_RESTS = 25 * STRIDE, 26 * STRIDE, 27 * STRIDE
-C_SUM, C_SQUARES, C_LARGEST = 28 * STRIDE, 29 * STRIDE, 30 * STRIDE
-ROWS = 31
+C_IMPACTS, C_PERIODS, C_RESTS = 26 * STRIDE, 27 * STRIDE, 28 * STRIDE
+C_SUM, C_SQUARES, C_LARGEST = 29 * STRIDE, 30 * STRIDE, 31 * STRIDE
+ROWS = 32
 # from a moving row to the same as it was at an earlier impact
 SAVED = (ROWS - FIRST_MOVING) * STRIDE
 ALL_ROWS = ROWS + AFTER_MOVING - FIRST_MOVING
 
-GOES_ON, ENDED, SPENT, LOOK = 0.0, 1.0, 2.0, 3.0  # values of DONE
+# values of DONE; the last two: to take an anchor, and that its state has come again
+GOES_ON, ENDED, SPENT, DUE, RETURNED = 0.0, 1.0, 2.0, 3.0, 4.0
 
 
 def scratch() -> Floats:

@@ -98,9 +98,10 @@ def separate(
         compile time.
     work : Workspace
         Not shared between threads.
-    cycles : vibrosweep.kernels.cycles.Cycles
-        Where all particles of a realization have entered theirs, no more is followed than the
-        joint cycle of all; the result is the same, bit for bit.  Of no length where unknown.
+    cycles
+        From `vibrosweep.kernels.cycles.empty_cycles`.  Where all particles of a realization have
+        entered theirs, no more is followed than the joint cycle of all; the result is the same, bit
+        for bit.  Of no length where unknown.
     out : Separations
         Only the slots first ... last - 1 are written.
     """
@@ -114,7 +115,7 @@ def separate(
         begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
         x_end = problem.end_phase[i]
         joint, opening, end = no_joint(pace), begin, (0.0, x_end)
-        if cycles.impacts.size > 0:
+        if cycles.size > 0:
             joint = joint_cycle(cycles, i * particles, pace)
             if joint.impacts > 0:
                 opening, end = _until(window, begin, x_end, joint)

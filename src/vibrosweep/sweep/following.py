@@ -181,10 +181,9 @@ def _unforced(problem: Dimensionless, launch: Launches, workers: Workers, each: 
 
 def _place_cycles(cycles: Cycles, which: NDArray[np.bool_], particles: int) -> None:
     """Move cycles that were written one after the other to the realizations that have them."""
-    found = np.count_nonzero(which)
-    for values in _rows(cycles, particles):
-        values[which] = values[:found].copy()
-        values[~which] = 0 if values.dtype.kind == "i" else np.nan
+    of_each = cycles.reshape(cycles.shape[0], -1, particles)
+    of_each[:, which] = of_each[:, : np.count_nonzero(which)].copy()
+    of_each[:, ~which] = 0.0
 
 
 def _rows(fields: tuple[Any, ...], particles: int) -> list[NDArray[Any]]:
@@ -329,10 +328,14 @@ def _repeated(found: Followed, source: NDArray[np.intp], observation: Observatio
         return type(values)(*(v.reshape(-1, particles)[source].ravel() for v in values))
 
     particles = observation.particles
+    cycles = found.cycles
+    if cycles is not None:
+        of_each = cycles.reshape(cycles.shape[0], -1, particles)
+        cycles = of_each[:, source].reshape(cycles.shape[0], -1)
     return Followed(
         None if found.each is None else trajectories(found.each),
         realizations(found.whole),
-        None if found.cycles is None else trajectories(found.cycles),
+        cycles,
         None if found.separations is None else realizations(found.separations),
         None if found.bounds is None else trajectories(found.bounds),
     )

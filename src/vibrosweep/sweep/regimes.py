@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels.cycles import Cycles, shorten
+from vibrosweep.kernels.cycles import Cycles
+from vibrosweep.kernels.regimes import classify, empty_regimes
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.scene import Dimensionless
 from vibrosweep.status import Regime
@@ -48,32 +49,22 @@ def regimes(
         Arrays of shape (realization, particle) and (realization,), named as in
         `vibrosweep.variables`.
     """
-    shape = (frequency.size, -1)
-    found = np.select(
-        [each.at_rest > 0, cycles.rests > 0, cycles.impacts > 0],
-        [Regime.AT_REST, Regime.RESTING, Regime.LOCKED],
-        Regime.IRREGULAR,
-    ).reshape(shape)
-    begin = (cycles.whole + cycles.phase).reshape(shape)
-    begin += (problem.end_count - problem.phase)[:, np.newaxis]
-    impacts, periods = (np.empty(each.status.size, np.int64) for _ in range(2))
+    found = empty_regimes(frequency.size, particles)
     workers.each(
-        lambda first, last: shorten(
-            first, last, problem, particles, reflect, cycles, impacts, periods
+        lambda first, last: classify(
+            first, last, problem, frequency, reflect, each.at_rest, cycles, found
         ),
-        each.status.size,
-        TRAJECTORIES_PER_TASK,
+        frequency.size,
+        max(1, TRAJECTORIES_PER_TASK // particles),
     )
-    counts = {
-        f"{regime.meaning}_count": np.count_nonzero(found == regime, axis=1)
-        for regime in (Regime.RESTING, Regime.LOCKED, Regime.IRREGULAR)
-    }
     return {
-        "regime": found.astype(np.int8),
-        "cycle_impacts": impacts.reshape(shape),
-        "cycle_periods": periods.reshape(shape),
-        # a copy: `cycles` is written over by the next batch
-        "cycle_rests": cycles.rests.reshape(shape).copy(),
-        "recurrent_from": begin / frequency[:, np.newaxis],
-        **counts,
+        "regime": found.regime,
+        "cycle_impacts": found.impacts,
+        "cycle_periods": found.periods,
+        "cycle_rests": found.rests,
+        "recurrent_from": found.since,
+        **{
+            f"{regime.meaning}_count": found.counts[regime]
+            for regime in (Regime.RESTING, Regime.LOCKED, Regime.IRREGULAR)
+        },
     }

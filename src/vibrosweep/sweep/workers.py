@@ -50,9 +50,10 @@ class Workers:
 
     def cycles(self, trajectories: int) -> Cycles:
         """Memory for cycles, the same at each call."""
-        if self._cycles.age.size < trajectories:
+        if self._cycles.shape[1] < trajectories:
             self._cycles = empty_cycles(trajectories)
-        return Cycles._make(values[:trajectories] for values in self._cycles)
+        fields = self._cycles.shape[0]
+        return self._cycles.ravel()[: fields * trajectories].reshape(fields, trajectories)
 
     def each(self, task: Callable[[int, int], object], total: int, size: int) -> None:
         """Call ``task(first, last)`` for ranges of at most `size` that cover ``range(total)``."""

@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from vibrosweep.kernels.cycles import SAME
+from vibrosweep.kernels.regimes import SAME
 from vibrosweep.reference._flint import arb, ctx
 from vibrosweep.reference.ball import Trajectory
 from vibrosweep.status import Regime
