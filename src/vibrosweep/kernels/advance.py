@@ -11,14 +11,13 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
 from vibrosweep.kernels.cycles import (
-    CYCLE_IMPACTS,
     Cycles,
     Rests,
     close_cycle,
+    forget_anchor,
     has_returned,
     no_cycle,
-    note_cycle,
-    take_anchor,
+    saves_work,
 )
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
@@ -27,7 +26,6 @@ from vibrosweep.kernels.lanes import (
     ALL_ROWS,
     C_IMPACTS,
     DONE,
-    DUE,
     ENDED,
     FIRST_MOVING,
     GOES_ON,
@@ -35,11 +33,13 @@ from vibrosweep.kernels.lanes import (
     LANE,
     LANES,
     LARGEST,
+    N_ANCHOR,
     N_BEGIN,
     NEW_SQUARES,
     NEW_SUM,
     NEXT_ANCHOR,
     RESTS,
+    RESTS_ANCHOR,
     RETURNED,
     ROWS,
     SAVED,
@@ -68,7 +68,7 @@ from vibrosweep.scene import Dimensionless, Launches
 __all__ = ["CHECK", "advance"]
 
 CHECK = 6  # impacts between two looks at what is done
-FIRST_ANCHOR = 32  # age at which recurrence begins to be looked for
+FIRST_ANCHOR = 64  # age at which recurrence begins to be looked for
 
 # of a realization: its scene, first flight, and count and phase of the end and of the begin
 Constants = tuple[float, float, float, float, float, float, float, float, float, float, float]
@@ -102,21 +102,24 @@ def _step(s: Floats, lanes: int, reflect: int | None, window: int | None) -> Non
 
 @jit
 def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
-    """Mark the lanes that have left the base after the end, to be looked at, or over the budget."""
+    """Mark the lanes that have ended, returned or spent their budget; move anchors that are due."""
     for j in range(lanes):
         s[AGE + j] += CHECK
         # sums of sums, which over a long orbit are rounded a sixth as often
         s[SUM + j] += s[NEW_SUM + j]
         s[SQUARES + j] += s[NEW_SQUARES + j]
         s[NEW_SUM + j] = s[NEW_SQUARES + j] = 0.0
-        why = GOES_ON
-        if cycles is not None:
-            why = DUE if s[AGE + j] >= s[NEXT_ANCHOR + j] else GOES_ON
-        why = SPENT if s[AGE + j] >= budget else why
+        why = SPENT if s[AGE + j] >= budget else GOES_ON
         if cycles is not None:
             # the same bits again: from here on the orbit repeats, later by whole periods
             again = (s[X + j] == s[X_ANCHOR + j]) & (s[U + j] == s[U_ANCHOR + j])
             why = RETURNED if again else why
+            if (s[AGE + j] >= s[NEXT_ANCHOR + j]) & (not again):
+                s[X_ANCHOR + j] = s[X + j]
+                s[N_ANCHOR + j] = s[N + j]
+                s[U_ANCHOR + j] = s[U + j]
+                s[RESTS_ANCHOR + j] = s[RESTS + j]
+                s[NEXT_ANCHOR + j] = 2.0 * s[AGE + j]
         s[DONE + j] = why if s[N + j] <= s[X_END + j] - s[X + j] else ENDED
 
 
@@ -180,41 +183,6 @@ def _load(
 
 
 @jit
-def _finished(
-    s: Floats,
-    places: Integers,
-    listed: int,
-    particles: int,
-    budget: int,
-    reflect: int | None,
-    window: int | None,
-    all_cycles: int,
-    jump: int,
-    cycles: Cycles,
-    rests: Rests,
-) -> int:
-    """Take anchors and close cycles; list the places that are done, return their number."""
-    done = 0
-    for q in range(listed):
-        j = places[q]
-        if s[DONE + j] == DUE:
-            take_anchor(s, j)
-            continue
-        if s[DONE + j] == RETURNED:
-            lane = int(s[LANE + j])
-            state, age = (s[N + j], s[X + j], s[U + j]), s[AGE + j]
-            found = close_cycle(s, j, lane // particles, reflect, window, all_cycles, jump, rests)
-            if found[0] > 0.0 and cycles[CYCLE_IMPACTS, lane] == 0.0:
-                note_cycle(cycles, lane, found, state, age)
-            if s[AGE + j] < budget:
-                continue
-            s[DONE + j] = SPENT
-        places[done] = j
-        done += 1
-    return done
-
-
-@jit
 def _go_on(
     s: Floats,
     places: Integers,
@@ -245,14 +213,10 @@ def _go_on(
             write(s, j, window, out)
             become(s, j, after, problem, particles, shared)
             no_cycle(cycles, after)
-            if has_returned(s, j):
-                state, age = (s[N + j], s[X + j], s[U + j]), s[AGE + j]
-                place = after // particles
-                found = close_cycle(s, j, place, reflect, window, all_cycles, jump, rests)
-                if found[0] > 0.0:
-                    note_cycle(cycles, after, found, state, age)
-            elif s[AGE + j] >= s[NEXT_ANCHOR + j]:
-                take_anchor(s, j)
+            if has_returned(s, j) and (all_cycles == 1 or saves_work(s, j, jump)):
+                close_cycle(s, j, after // particles, reflect, window, jump, cycles, rests)
+            elif has_returned(s, j):
+                forget_anchor(s, j)
             s[DONE + j] = GOES_ON if s[AGE + j] < budget else SPENT
     return done
 
@@ -372,11 +336,25 @@ def advance(
         _mark(s, padded, budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:
-            options = particles, budget, reflect, window, all_cycles, jump
             if shared is not None:
                 save(s, padded)
-            done = _finished(s, places, done, *options, cycles, rests)
+            # here and not in a function: numba would count references to all arrays that it takes
+            listed, done = done, 0
+            for q in range(listed):
+                j = places[q]
+                if s[DONE + j] == RETURNED:
+                    if all_cycles == 1 or saves_work(s, j, jump):
+                        place = int(s[LANE + j]) // particles
+                        close_cycle(s, j, place, reflect, window, jump, cycles, rests)
+                    else:
+                        forget_anchor(s, j)
+                    if s[AGE + j] < budget:
+                        continue
+                    s[DONE + j] = SPENT
+                places[done] = j
+                done += 1
             if shared is not None:
+                options = particles, budget, reflect, window, all_cycles, jump
                 done = _go_on(s, places, done, problem, *options, out, cycles, rests, shared)
         for q in range(done):
             write(s, places[q], window, out)

@@ -20,6 +20,7 @@ from vibrosweep.kernels.lanes import (
     C_SQUARES,
     C_SUM,
     LANDINGS,
+    LANE,
     LARGEST,
     N_ANCHOR,
     N_BEGIN,
@@ -55,11 +56,11 @@ __all__ = [
     "close_cycle",
     "empty_cycles",
     "empty_rests",
+    "forget_anchor",
     "has_returned",
     "no_cycle",
-    "note_cycle",
     "once_round",
-    "take_anchor",
+    "saves_work",
 ]
 
 # A cycle is worth its finding where so many times the time since the anchor remains.
@@ -101,7 +102,7 @@ def no_cycle(cycles: Cycles, lane: int) -> None:
 
 
 @jit
-def note_cycle(
+def _note(
     cycles: Cycles,
     lane: int,
     found: Found,
@@ -192,18 +193,24 @@ def _jump(s: Floats, j: int, window: int | None) -> bool:
 
 
 @jit
-def take_anchor(s: Floats, j: int) -> None:
-    """Remember the state of lane j until its age has doubled."""
-    s[X_ANCHOR + j], s[N_ANCHOR + j], s[U_ANCHOR + j] = s[X + j], s[N + j], s[U + j]
-    s[RESTS_ANCHOR + j] = s[RESTS + j]
-    s[NEXT_ANCHOR + j] = 2.0 * s[AGE + j]
+def has_returned(s: Floats, j: int) -> bool:
+    """Whether the state of lane j is that of its anchor, at a later time."""
+    same = s[X + j] == s[X_ANCHOR + j] and s[U + j] == s[U_ANCHOR + j]
+    return bool(same and s[N + j] > s[N_ANCHOR + j])
 
 
 @jit
-def has_returned(s: Floats, j: int) -> bool:
-    """Whether the state of lane j is that of its anchor."""
-    same = s[X + j] == s[X_ANCHOR + j] and s[U + j] == s[U_ANCHOR + j]
-    return bool(same)
+def forget_anchor(s: Floats, j: int) -> None:
+    """Look no more for a cycle of lane j."""
+    s[X_ANCHOR + j] = np.nan
+    s[NEXT_ANCHOR + j] = np.inf
+
+
+@jit
+def saves_work(s: Floats, j: int, jump: int) -> bool:
+    """Whether the cycle of lane j, whose state has returned, may and should be passed over."""
+    since = s[N + j] - s[N_ANCHOR + j]
+    return bool(jump == 1 and since > 0.0 and -s[N + j] > WORTH * since)
 
 
 @jit
@@ -213,11 +220,11 @@ def close_cycle(
     place: int,
     reflect: int | None,
     window: int | None,
-    all_of_them: int,
     jump: int,
+    cycles: Cycles,
     rests: Rests,
-) -> Found:
-    """Find the cycle of lane j, whose state has returned, and pass over what is left of it.
+) -> None:
+    """Find the cycle of lane j, whose state has returned, and pass over it where that saves work.
 
     Parameters
     ----------
@@ -225,39 +232,32 @@ def close_cycle(
         Scratch memory, lane, and place of its realization in `rests`.
     reflect, window
         As in `vibrosweep.kernels.advance.advance`.
-    all_of_them
-        1 where cycles are asked for, else only those are found that save work.
     jump
         1 where cycles are to be passed over.
+    cycles
+        Where the cycle is noted, if none has been.
     rests
         Of the realizations at hand.
-
-    Returns
-    -------
-    tuple
-        Impacts, forcing periods and rests of the cycle; 0 impacts where it was not asked for.
     """
-    n = s[N + j]
-    since = n - s[N_ANCHOR + j]
-    if since <= 0.0:  # it is still there
-        return 0.0, 0.0, 0.0
-    worth = jump == 1 and -n > WORTH * since
+    age, state = s[AGE + j], (s[N + j], s[X + j], s[U + j])
+    since = s[N + j] - s[N_ANCHOR + j]
     rested = s[RESTS + j] - s[RESTS_ANCHOR + j]
-    found = 0.0, 0.0, 0.0
-    last = True
-    if not worth and all_of_them and rested > 0.0 and window is None:
+    last, jumps = True, saves_work(s, j, jump)
+    if window is None and rested > 0.0 and not jumps:
         # from rest to rest there is but one orbit, so many times since the anchor
-        impacts = s[AGE + j] - 0.5 * s[NEXT_ANCHOR + j]
+        impacts = age - 0.5 * s[NEXT_ANCHOR + j]
         found = impacts / rested, since / rested, 1.0
-    elif worth or all_of_them:
+    else:
         if s[C_IMPACTS + j] == 0.0:
             _count_cycle(s, j, place, reflect, rests)
         found = s[C_IMPACTS + j], s[C_PERIODS + j], s[C_RESTS + j]
-        if worth:
+        if jumps:
             last = _jump(s, j, window)
             if last:
                 s[AGE + j] = -np.inf  # what is left is less than a cycle
+    lane = int(s[LANE + j])
+    if cycles[CYCLE_IMPACTS, lane] == 0.0:
+        _note(cycles, lane, found, state, age)
     s[NEXT_ANCHOR + j] = np.inf
     if last:
-        s[X_ANCHOR + j] = np.nan
-    return found
+        forget_anchor(s, j)

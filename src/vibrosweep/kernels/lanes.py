@@ -44,8 +44,7 @@ ROWS = 32
 SAVED = (ROWS - FIRST_MOVING) * STRIDE
 ALL_ROWS = ROWS + AFTER_MOVING - FIRST_MOVING
 
-# values of DONE; the last two: to take an anchor, and that its state has come again
-GOES_ON, ENDED, SPENT, DUE, RETURNED = 0.0, 1.0, 2.0, 3.0, 4.0
+GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of DONE
 
 
 def scratch() -> Floats:

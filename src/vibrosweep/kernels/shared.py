@@ -63,6 +63,7 @@ def save(s: Floats, lanes: int) -> None:
         returned = (s[SAVED + X + j] == s[SAVED + X_ANCHOR + j]) & (
             s[SAVED + U + j] == s[SAVED + U_ANCHOR + j]
         )
+        returned &= s[SAVED + N + j] > s[SAVED + N_ANCHOR + j]  # not the anchor itself
         kept = returned | (s[DONE + j] == ENDED) | (s[DONE + j] == SPENT)
         for row in range(FIRST_MOVING, AFTER_MOVING):
             place = row * STRIDE + j

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
 # Over fewer periods hardly an orbit repeats early enough for its recognition to pay.
-PERIODS_TO_RECUR = 64.0
+PERIODS_TO_RECUR = 32.0
 # Over fewer periods it costs as much to find the trajectories that are one as to follow them all.
 PERIODS_TO_SHARE = 256.0
 
