@@ -5,17 +5,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibrosweep.kernels.ordering import FARTHEST, NARROWEST, closest, put_in_order, workspace
+from vibrosweep.kernels.ordering import (
+    FARTHEST,
+    NARROWEST,
+    ORDERED,
+    closest,
+    put_in_order,
+    workspace,
+)
 
 
 def listed(whole, phase, who):
-    """A workspace that holds these landings."""
+    """A list that holds these landings, and room for cells."""
     work = workspace(len(who))
-    for values, given_values in zip(
-        work.found, (whole, phase, np.zeros(len(who)), who), strict=True
-    ):
-        values[: len(who)] = given_values
-    return work
+    work.listed[:ORDERED, : len(who)] = whole, phase, np.zeros(len(who)), who
+    return work.listed, work.cells
 
 
 def all_pairs(whole, phase, who):
@@ -44,7 +48,7 @@ def landings(draw):
 def test_the_closest_of_landings_that_are_not_in_order(given_landings, exponent):
     whole, phase, who = given_landings
     gap = 10.0**exponent
-    found = closest(listed(whole, phase, who), len(who), gap)
+    found = closest(*listed(whole, phase, who), len(who), gap)
     if gap < NARROWEST:
         assert np.isnan(found)
     else:
@@ -54,20 +58,20 @@ def test_the_closest_of_landings_that_are_not_in_order(given_landings, exponent)
 @pytest.mark.parametrize("gap", [np.inf, 0.0, NARROWEST / 2])
 def test_gaps_that_need_an_order(gap):
     phase = np.linspace(-0.4, 0.4, 9)
-    assert np.isnan(closest(listed(np.zeros(9), phase, np.arange(9)), 9, gap))
+    assert np.isnan(closest(*listed(np.zeros(9), phase, np.arange(9)), 9, gap))
 
 
 def test_landings_that_are_too_far_apart():
     whole = np.array([0.0, FARTHEST + 1.0])
-    assert np.isnan(closest(listed(whole, np.zeros(2), np.arange(2)), 2, 0.1))
+    assert np.isnan(closest(*listed(whole, np.zeros(2), np.arange(2)), 2, 0.1))
 
 
 @given(landings(), st.floats(0.0, 400.0))
 def test_any_cells_give_the_order_of_time(given_landings, span):
     whole, phase, who = given_landings
-    work = listed(whole, phase, who)
-    put_in_order(work, len(who), whole[0], phase[0], span)
-    ordered = [values[: len(who)] for values in work.ordered]
+    landings_listed, cells = listed(whole, phase, who)
+    put_in_order(landings_listed, cells, len(who), whole[0], phase[0], span)
+    ordered = landings_listed[ORDERED:, : len(who)]
     assert sorted(ordered[3]) == sorted(who)
     assert np.all(np.diff(ordered[0]) + np.diff(ordered[1]) >= 0.0)
     for values, original in zip(ordered[:2], (whole, phase), strict=True):

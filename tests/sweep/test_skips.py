@@ -44,6 +44,9 @@ def drawn(seed, size, **given_):
     }
 
 
+SEPARATIONS = ("dt_min", "dt_min_same_index")
+
+
 def both(parameters, observation):
     """What is measured with everything skipped that can be, and with everything followed."""
     with Workers(2) as workers:
@@ -180,14 +183,18 @@ def test_without_excitation_nothing_is_iterated(e, speed, contact_time, transien
         len(launch),
         launch=tuple(launch),
         transient=transient,
-        separation=False,
         regimes=False,
     )
     skipped, followed = both(parameters, observation)
     counts = ("particle_impact_count", "particle_rest_count", "particle_at_rest")
     if all(np.array_equal(skipped[name], followed[name]) for name in counts):
+        gaps = {name: (skipped.pop(name), followed.pop(name)) for name in SEPARATIONS}
         # a power of e instead of a product of up to some hundred roundings
         assert_same(skipped, followed, rtol=1e-12, rounded=("mean", "max"))
+        # each landing that is followed rounds its flight, and so all later instants
+        rounding = 2.0**-52 * (1.0 + skipped["particle_impact_count"].max()) * (transient + length)
+        for name, (closed, iterated) in gaps.items():
+            np.testing.assert_allclose(closed, iterated, rtol=0.0, atol=rounding, err_msg=name)
         return
     # a landing within rounding of an edge of the window, or a flight within rounding of the rest
     everything = dataclasses.replace(observation, duration=60.0, transient=-math.inf)
@@ -205,6 +212,13 @@ def test_excited_and_unexcited_realizations_side_by_side():
     parameters["restitution"][0] = 1.0  # without loss there is no rest, and it is followed
     skipped, followed = both(parameters, observed(200.0, 3))
     assert np.all(skipped["regime"][3::3] == Regime.AT_REST)
+    for name in SEPARATIONS:
+        closed, iterated = (found.pop(name) for found in (skipped, followed))
+        np.testing.assert_array_equal(closed[0], iterated[0])
+        np.testing.assert_array_equal(closed[1::3], iterated[1::3])
+        np.testing.assert_array_equal(closed[2::3], iterated[2::3])
+        # instants up to 200 periods are followed to a rounding of their phase
+        np.testing.assert_allclose(closed, iterated, rtol=0.0, atol=1e-14)
     assert_same(skipped, followed, rtol=1e-11)
 
 

@@ -24,6 +24,7 @@ from vibrosweep.kernels.regimes import classify
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.trust import trust
 from vibrosweep.kernels.unforced import has_closed_form, unforced
+from vibrosweep.kernels.unforced_gaps import separate_unforced
 from vibrosweep.scene import LAWS
 from vibrosweep.sweep.asked import record_observation
 from vibrosweep.sweep.engine import measure
@@ -42,6 +43,7 @@ KERNELS: Final[tuple[Any, ...]] = (
     has_closed_form,
     record,
     separate,
+    separate_unforced,
     settle,
     trust,
     unforced,

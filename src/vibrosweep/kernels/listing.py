@@ -14,12 +14,16 @@ from vibrosweep.kernels.impact import Scene, land, launch, lift_off, rebound
 from vibrosweep.kernels.lanes import LANES
 from vibrosweep.kernels.ordering import (
     DUE,
+    LASTS,
     N_LAND,
     N_REST,
+    ORDERED,
+    PHASE,
     STAY,
     WHO,
+    WHO_LANDS,
+    WHOLE,
     X_LAND,
-    Landings,
     N,
     U,
     Workspace,
@@ -30,7 +34,7 @@ from vibrosweep.scene import Dimensionless, Launches
 __all__ = ["Instant", "Latest", "compare", "due_first", "next_landings", "start"]
 
 Instant = tuple[float, float]  # whole periods and phase
-Latest = tuple[float, float, float, int]  # whole periods, phase, stay, particle
+Latest = tuple[float, float, float, float]  # whole periods, phase, stay, particle
 
 
 @jit
@@ -92,7 +96,7 @@ def due_first(s: Floats, lanes: int) -> int:
 
 @jit
 def compare(
-    ordered: Landings, k: int, latest: Latest, gap: float, shared: int
+    listed: Floats, k: int, latest: Latest, gap: float, shared: int
 ) -> tuple[Latest, float, int]:
     """Compare k ordered landings with their neighbours.
 
@@ -101,12 +105,13 @@ def compare(
     """
     n, x, stay, who = latest
     for i in range(k):
-        n_next, x_next, other = ordered.whole[i], ordered.phase[i], ordered.who[i]
+        n_next, x_next = listed[ORDERED + WHOLE, i], listed[ORDERED + PHASE, i]
+        other = listed[ORDERED + WHO_LANDS, i]
         if n < np.inf and (other if other >= 0 else -1 - other) != (who if who >= 0 else -1 - who):
             apart = abs((n_next - n) + (x_next - x))
             if apart <= stay:
                 shared = 1
             if who >= 0 and other >= 0 and apart < gap:
                 gap = apart
-        n, x, stay, who = n_next, x_next, ordered.stay[i], other
+        n, x, stay, who = n_next, x_next, listed[ORDERED + LASTS, i], other
     return (n, x, stay, who), gap, shared

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vibrosweep.kernels._jit import Floats, Integers, jit
 from vibrosweep.kernels.lanes import LANES, STRIDE, VECTOR
 
-__all__ = ["Landings", "Workspace", "closest", "put_in_order", "workspace"]
+__all__ = ["Workspace", "closest", "put_in_order", "workspace"]
 
 # rows of a block of lanes: state after the last landing taken, then the landing in question
 X, N, U, WHO = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE, 3 * STRIDE
@@ -28,25 +28,25 @@ FARTHEST = 2.0**10
 Places = NDArray[np.int32]
 
 
-class Landings(NamedTuple):
-    """A list of landings: whole periods, phase, stay on the base, and particle."""
-
-    whole: Floats
-    phase: Floats
-    stay: Floats
-    who: Integers
+# rows of a list of landings: whole periods, phase, stay on the base, and particle
+WHOLE, PHASE, LASTS, WHO_LANDS = 0, 1, 2, 3
+ORDERED = 4  # from a row to the same in the order of time
+# rows of the table of cells: that of each landing, or the next one in its cell; end, or head, of a
+# cell
+CELL, ENDS = 0, 1
 
 
 class Workspace(NamedTuple):
-    """Memory of one caller of `separate`."""
+    """Memory of one caller of `separate`.
+
+    Few arrays: numba counts references to each that a function takes, with atomic instructions.
+    """
 
     state: Floats
     saved: Floats
     lanes: Integers
-    found: Landings
-    ordered: Landings
-    cell: Places
-    ends: Places
+    listed: Floats
+    cells: Places
     rests: Floats
 
 
@@ -57,81 +57,77 @@ def workspace(particles: int) -> Workspace:
     memory = np.zeros(blocks * BLOCK + VECTOR)
     offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
 
-    def landings() -> Landings:
-        whole, phase, stay = (np.zeros(capacity) for _ in range(3))
-        return Landings(whole, phase, stay, np.zeros(capacity, np.int64))
-
     return Workspace(
         state=memory[offset : offset + blocks * BLOCK].reshape(blocks, BLOCK),
         saved=np.zeros((blocks, BLOCK)),
         lanes=np.zeros(blocks, np.int64),
-        found=landings(),
-        ordered=landings(),
-        cell=np.zeros(capacity, np.int32),
-        ends=np.zeros(capacity + 1, np.int32),
+        listed=np.zeros((2 * ORDERED, capacity)),
+        cells=np.zeros((2, capacity + 1), np.int32),
         rests=np.zeros(PERIODS_REMEMBERED),
     )
 
 
 @jit
-def _sort(listed: Landings, start: int, stop: int, gap: int) -> None:
-    """Put the landings start ... stop - 1 exactly in the order of time.
+def _sort(listed: Floats, start: int, stop: int, gap: int) -> None:
+    """Put the ordered landings start ... stop - 1 exactly in the order of time.
 
     Shell's method with shrinking gaps; a first gap of 1 makes it an insertion sort.
     """
-    whole, phase, stay, who = listed
+    whole, phase = ORDERED + WHOLE, ORDERED + PHASE
+    lasts, who = ORDERED + LASTS, ORDERED + WHO_LANDS
     while gap > 0:
         for q in range(start + gap, stop):
-            n, x, place = whole[q], phase[q], q
-            if not (whole[q - gap] - n) + (phase[q - gap] - x) > 0.0:
+            n, x, place = listed[whole, q], listed[phase, q], q
+            if not (listed[whole, q - gap] - n) + (listed[phase, q - gap] - x) > 0.0:
                 continue
-            lasts, name = stay[q], who[q]
+            stay, name = listed[lasts, q], listed[who, q]
             while place >= start + gap:
                 before = place - gap
-                if not (whole[before] - n) + (phase[before] - x) > 0.0:
+                if not (listed[whole, before] - n) + (listed[phase, before] - x) > 0.0:
                     break
-                whole[place], phase[place] = whole[before], phase[before]
-                stay[place], who[place] = stay[before], who[before]
+                for row in range(ORDERED, 2 * ORDERED):
+                    listed[row, place] = listed[row, before]
                 place = before
-            whole[place], phase[place], stay[place], who[place] = n, x, lasts, name
+            listed[whole, place], listed[phase, place] = n, x
+            listed[lasts, place], listed[who, place] = stay, name
         gap = 1 if gap == 2 else gap * 5 // 11
 
 
 @jit
-def put_in_order(work: Workspace, k: int, n: float, x: float, span: float) -> None:
+def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span: float) -> None:
     """Put the k landings that were found into the order of time.
 
     They are counted into k cells of time, which begin at (n, x) and reach over `span` periods;
     what lies outside falls into the first or the last cell.  Exact comparisons do the rest, so
     that the cells decide on the speed only.
     """
-    found, ordered, cell, ends = work.found, work.ordered, work.cell, work.ends
     scale = k / span if span > 1e-290 else 0.0
     last = k - 1.0
     for q in range(k):
-        place = ((found.whole[q] - n) + (found.phase[q] - x)) * scale
+        place = ((listed[WHOLE, q] - n) + (listed[PHASE, q] - x)) * scale
         place = place if place > 0.0 else 0.0
-        cell[q] = np.int32(place if place < last else last)
-    ends[: k + 1] = 0
+        cells[CELL, q] = np.int32(place if place < last else last)
+    cells[ENDS, : k + 1] = 0
     for q in range(k):
-        ends[cell[q] + 1] += 1
+        cells[ENDS, cells[CELL, q] + 1] += 1
     for c in range(k):
-        ends[c + 1] += ends[c]
+        cells[ENDS, c + 1] += cells[ENDS, c]
     for q in range(k):
-        to = ends[cell[q]]
-        ends[cell[q]] = to + 1
-        ordered.whole[to], ordered.phase[to] = found.whole[q], found.phase[q]
-        ordered.stay[to], ordered.who[to] = found.stay[q], found.who[q]
+        to = cells[ENDS, cells[CELL, q]]
+        cells[ENDS, cells[CELL, q]] = to + 1
+        for row in range(ORDERED):
+            listed[ORDERED + row, to] = listed[row, q]
     start = 0
-    for c in range(k):  # ends[c] is by now the end of cell c
-        if ends[c] - start > FEW:
-            _sort(ordered, start, ends[c], (ends[c] - start) // 2)
-        start = ends[c]
-    _sort(ordered, 0, k, 1)
+    for c in range(k):  # this is by now the end of cell c
+        end = cells[ENDS, c]
+        if end - start > FEW:
+            _sort(listed, start, end, (end - start) // 2)
+        start = end
+    _sort(listed, 0, k, 1)
 
 
 @jit
-def closest(work: Workspace, k: int, gap: float) -> float:
+def closest(listed: Floats, cells: Places, k: int, gap: float) -> float:
     """Smallest gap between k landings of different particles, where it is below `gap`; else `gap`.
 
     Names below zero, of what is not inside the window, are left out.  Nothing is put in order: time
@@ -140,30 +136,29 @@ def closest(work: Workspace, k: int, gap: float) -> float:
     Where the gap is infinite or below `NARROWEST`, or landings lie beyond `FARTHEST`, NaN is
     returned.
     """
-    found, following, heads = work.found, work.cell, work.ends
     if not NARROWEST <= gap < np.inf:
         return np.nan
     entries = 64
-    while entries < 8 * k and 2 * entries < heads.size:
+    while entries < 8 * k and 2 * entries < cells.shape[1]:
         entries *= 2
-    heads[:entries] = -1
-    n, x, scale = found.whole[0], found.phase[0], 0.5 / gap
+    cells[ENDS, :entries] = -1
+    n, x, scale = listed[WHOLE, 0], listed[PHASE, 0], 0.5 / gap
     for q in range(k):
-        if found.who[q] < 0:
+        who = listed[WHO_LANDS, q]
+        if who < 0.0:
             continue
-        after = (found.whole[q] - n) + (found.phase[q] - x)
+        whole, phase = listed[WHOLE, q], listed[PHASE, q]
+        after = (whole - n) + (phase - x)
         if abs(after) > FARTHEST:
             return np.nan
         half = int(np.floor(after * scale))
         cell = half >> 1
         for near in (cell, cell + 1 if half & 1 else cell - 1):
-            other = heads[near & (entries - 1)]
+            other = cells[ENDS, near & (entries - 1)]
             while other >= 0:
-                apart = abs(
-                    (found.whole[q] - found.whole[other]) + (found.phase[q] - found.phase[other])
-                )
-                gap = apart if found.who[q] != found.who[other] and apart < gap else gap
-                other = following[other]
-        following[q] = heads[cell & (entries - 1)]
-        heads[cell & (entries - 1)] = np.int32(q)
+                apart = abs((whole - listed[WHOLE, other]) + (phase - listed[PHASE, other]))
+                gap = apart if who != listed[WHO_LANDS, other] and apart < gap else gap
+                other = cells[CELL, other]
+        cells[CELL, q] = cells[ENDS, cell & (entries - 1)]
+        cells[ENDS, cell & (entries - 1)] = np.int32(q)
     return gap

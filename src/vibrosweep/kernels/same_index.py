@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, jit
+from vibrosweep.kernels._jit import Floats, Integers, jit
 from vibrosweep.kernels.impact import Scene, land
 from vibrosweep.kernels.joint import Joint
 from vibrosweep.kernels.lanes import VECTOR
 from vibrosweep.kernels.listing import Instant, compare, due_first, next_landings
 from vibrosweep.kernels.ordering import (
     DUE,
+    LASTS,
     N_LAND,
     N_REST,
+    ORDERED,
     PERIODS_REMEMBERED,
+    PHASE,
     WHO,
+    WHO_LANDS,
+    WHOLE,
     X_LAND,
-    Landings,
     N,
     Workspace,
     closest,
@@ -28,23 +32,22 @@ __all__ = ["same_index"]
 
 @jit
 def _append_all(
-    s: Floats, lanes: int, window: int | None, begin: Instant, work: Workspace, k: int
+    s: Floats, lanes: int, window: int | None, begin: Instant, listed: Floats, k: int
 ) -> tuple[int, int]:
     """Append the landings that were due; return the length of the list and how many were early.
 
     A landing before the window gets a negative name.
     """
-    found = work.found
     n_begin, x_begin = begin
     early = 0
     for j in range(lanes):
-        found.whole[k], found.phase[k], found.stay[k] = s[N_LAND + j], s[X_LAND + j], 0.0
-        who = int(s[WHO + j])
+        listed[WHOLE, k], listed[PHASE, k], listed[LASTS, k] = s[N_LAND + j], s[X_LAND + j], 0.0
+        who = s[WHO + j]
         if window is not None:
             before = (n_begin - s[N_LAND + j]) + (x_begin - s[X_LAND + j]) > 0.0
             early += 1 if before and s[DUE + j] != 0.0 else 0
-            who = -1 - who if before else who
-        found.who[k] = who
+            who = -1.0 - who if before else who
+        listed[WHO_LANDS, k] = who
         k += int(s[DUE + j])
     return k, early
 
@@ -73,60 +76,64 @@ def _next_numbers(
     begin: Instant,
     x_end: float,
     reflect: int | None,
-    work: Workspace,
     lift_offs: Instant,
+    state: Floats,
+    lanes_of: Integers,
+    listed: Floats,
+    rests: Floats,
 ) -> tuple[int, int, bool]:
     """List the next landing of every particle.
 
     Returns their number, how many are before the window, and whether two lift off together.
     """
     k, early, together = 0, 0, False
-    for block in range(work.lanes.size):
-        s, lanes = work.state[block], work.lanes[block]
+    for block in range(lanes_of.size):
+        s, lanes = state[block], lanes_of[block]
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         next_landings(s, padded, fixed, 0.0, x_end, reflect)
         start = k
-        k, outside = _append_all(s, lanes, window, begin, work, k)
+        k, outside = _append_all(s, lanes, window, begin, listed, k)
         early += outside
-        together |= _lift_off_together(s, lanes, lift_offs[0], lift_offs[1], work.rests)
+        together |= _lift_off_together(s, lanes, lift_offs[0], lift_offs[1], rests)
         if k - start < lanes:  # the others have passed the end
-            work.lanes[block] = due_first(s, lanes)
+            lanes_of[block] = due_first(s, lanes)
     return k, early, together
 
 
 @jit
-def _extent(found: Landings, k: int) -> tuple[float, float, float]:
+def _extent(listed: Floats, k: int) -> tuple[float, float, float]:
     """The first of k landings, whole periods and phase, and the periods from it to the last."""
-    n, x = found.whole[0], found.phase[0]
+    n, x = listed[WHOLE, 0], listed[PHASE, 0]
     low, high = 0.0, 0.0
     for q in range(k):
-        after = (found.whole[q] - n) + (found.phase[q] - x)
+        after = (listed[WHOLE, q] - n) + (listed[PHASE, q] - x)
         low, high = min(low, after), max(high, after)
     return n, x + low, high - low
 
 
 @jit
-def _drift_apart(ordered: Landings, k: int, joint: Joint) -> bool:
+def _drift_apart(listed: Floats, k: int, pace: Floats) -> bool:
     """Whether, of k ordered landings of equal number, later ones are never of faster particles."""
     slowest = -np.inf
     for q in range(k):
-        who = ordered.who[q]
-        pace = joint.pace[who if who >= 0 else -1 - who]
-        if pace < slowest:
+        who = int(listed[ORDERED + WHO_LANDS, q])
+        own = pace[who if who >= 0 else -1 - who]
+        if own < slowest:
             return False
-        slowest = pace
+        slowest = own
     return True
 
 
 @jit
 def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
     """Pass over whole cycles of every particle, as long as none of them enters the window."""
-    found = work.found
+    listed = work.listed
     times = np.inf
     for q in range(k):
-        if found.who[q] < 0:
-            before = (begin[0] - found.whole[q]) + (begin[1] - found.phase[q])
-            cycle = joint.impacts * joint.pace[-1 - found.who[q]]
+        who = int(listed[WHO_LANDS, q])
+        if who < 0:
+            before = (begin[0] - listed[WHOLE, q]) + (begin[1] - listed[PHASE, q])
+            cycle = joint.impacts * joint.pace[-1 - who]
             times = min(times, np.floor(before / cycle) - 1.0)
     if times > 0.0:
         for block in range(work.lanes.size):
@@ -166,32 +173,36 @@ def same_index(
     gap, together = np.inf, False
     number, repeated, early = 0, 0, 0
     lift_offs = _followed_by_landings(fixed, window, begin, x_end)
-    work.rests[:] = np.inf
+    state, listed, cells, rests = work.state, work.listed, work.cells, work.rests
+    lanes_of, pace = work.lanes, joint.pace
+    rests[:] = np.inf
     n, x, span, moved = -np.inf, 0.0, 0.0, 0.0
     while gap > 0.0:
         before = early
-        k, early, met = _next_numbers(fixed, window, begin, x_end, reflect, work, lift_offs)
+        k, early, met = _next_numbers(
+            fixed, window, begin, x_end, reflect, lift_offs, state, lanes_of, listed, rests
+        )
         together |= met
         if k < 2:
             break
         number += 1
         drifting = joint.impacts > 0 and number > joint.age
-        nearer = np.nan if drifting else closest(work, k, gap)
+        nearer = np.nan if drifting else closest(listed, cells, k, gap)
         if nearer <= gap:  # not NaN: no order is needed
             gap, n = nearer, -np.inf
             continue
         if n == -np.inf:
-            n, x, span = _extent(work.found, k)
+            n, x, span = _extent(listed, k)
             moved = 0.0
-        put_in_order(work, k, n, x + moved, span)
-        ordered = work.ordered
-        _, gap, _ = compare(ordered, k, (np.inf, 0.0, 0.0, 0), gap, 0)
+        put_in_order(listed, cells, k, n, x + moved, span)
+        _, gap, _ = compare(listed, k, (np.inf, 0.0, 0.0, 0.0), gap, 0)
         # the next ones are expected to move on as far as these did
-        moved = (ordered.whole[0] - n) + (ordered.phase[0] - x)
-        n, x = ordered.whole[0], ordered.phase[0]
-        span = (ordered.whole[k - 1] - n) + (ordered.phase[k - 1] - x)
+        whole, phase = listed[ORDERED + WHOLE, 0], listed[ORDERED + PHASE, 0]
+        moved = (whole - n) + (phase - x)
+        n, x = whole, phase
+        span = (listed[ORDERED + WHOLE, k - 1] - n) + (listed[ORDERED + PHASE, k - 1] - x)
         if drifting:
-            same = early == before and _drift_apart(ordered, k, joint)
+            same = early == before and _drift_apart(listed, k, pace)
             repeated = repeated + 1 if same else 0
             if repeated > joint.impacts:
                 if early == 0:

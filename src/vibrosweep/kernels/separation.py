@@ -14,7 +14,7 @@ from vibrosweep.kernels.joint import Joint, affordable, joint_cycle, no_joint
 from vibrosweep.kernels.listing import Instant, start
 from vibrosweep.kernels.ordering import Workspace, workspace
 from vibrosweep.kernels.same_index import same_index
-from vibrosweep.kernels.slabs import UNKNOWN, all_landings
+from vibrosweep.kernels.slabs import UNKNOWN, all_landings, earliest
 from vibrosweep.scene import Dimensionless, Launches
 
 __all__ = [
@@ -90,7 +90,7 @@ def separate(
     launches : vibrosweep.scene.Launches
     complete
         Shape (realization,): false where a trajectory ran out of its budget; such a realization
-        is not measured.
+        is not measured, and what stands in `out` is left there.
     budget
         Landings of a particle up to which a realization is measured.
     reflect, window
@@ -108,7 +108,6 @@ def separate(
     particles = launches.whole.shape[1]
     pace = np.empty(particles)
     for i in range(first, last):
-        out.gap[i], out.same[i], out.shared[i] = np.nan, np.nan, UNKNOWN
         if not complete[i]:
             continue
         fixed = scene(problem, i)
@@ -126,7 +125,9 @@ def separate(
         gap, shared = 0.0, 1
         if not together:
             start(work, problem, launches, i)
-            gap, shared = all_landings(fixed, window, opening, end, reflect, work)
+            gap, shared = all_landings(
+                fixed, window, opening, end, reflect, None, earliest(work), work
+            )
         out.shared[i] = shared
         if shared != UNKNOWN:
             out.gap[i] = gap if gap < np.inf else np.nan

@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, jit
+from vibrosweep.kernels._jit import Floats, Integers, jit
 from vibrosweep.kernels.impact import Scene, land
 from vibrosweep.kernels.lanes import STRIDE, VECTOR
 from vibrosweep.kernels.listing import Instant, Latest, compare, due_first, next_landings
 from vibrosweep.kernels.ordering import (
     DUE,
+    LASTS,
     N_LAND,
+    N_REST,
+    PHASE,
     STAY,
     WHO,
+    WHO_LANDS,
+    WHOLE,
     X_LAND,
-    Landings,
     N,
     U,
     Workspace,
@@ -28,9 +32,13 @@ from vibrosweep.kernels.ordering import (
     put_in_order,
 )
 
-__all__ = ["UNKNOWN", "all_landings"]
+__all__ = ["UNKNOWN", "Series", "all_landings", "earliest"]
 
 UNKNOWN = -1
+
+# Of landings in a geometric series: whole periods and phase from each of them to the limit, shape
+# (2, number), the time of contact in periods, and the number of the one that rests for good.
+Series = tuple[Floats, float, int]
 
 # periods; when all particles rest for good, only the end is left to reach
 LONGEST_SLAB = 2.0**50
@@ -40,7 +48,7 @@ SHORTEST_SLAB = 2.0**-40
 
 @jit
 def _append(
-    s: Floats, lanes: int, window: int | None, begin: Instant, work: Workspace, k: int
+    s: Floats, lanes: int, window: int | None, begin: Instant, listed: Floats, k: int
 ) -> tuple[int, int]:
     """Append the landings that were due to the list; return its length and how many were due.
 
@@ -48,24 +56,25 @@ def _append(
     listed one period before the beginning, where it stands between no two landings, with a stay
     that ends when its own does and a negative name: no landing, but an occupant.
     """
-    found = work.found
     n_begin, x_begin = begin
     start, due = k, 0
     for j in range(lanes):  # each lane is written, and overwritten unless it was due
-        found.whole[k], found.phase[k] = s[N_LAND + j], s[X_LAND + j]
-        found.stay[k], found.who[k] = s[STAY + j], int(s[WHO + j])
+        listed[WHOLE, k], listed[PHASE, k] = s[N_LAND + j], s[X_LAND + j]
+        listed[LASTS, k], listed[WHO_LANDS, k] = s[STAY + j], s[WHO + j]
         k += int(s[DUE + j])
     due = k - start
     if window is not None:
         k = start
         for q in range(start, start + due):
-            n, x, stay, who = found.whole[q], found.phase[q], found.stay[q], found.who[q]
+            n, x = listed[WHOLE, q], listed[PHASE, q]
+            stay, who = listed[LASTS, q], listed[WHO_LANDS, q]
             early = (n_begin - n) + (x_begin - x)
             if early > 0.0:
                 if stay < early:
                     continue
-                n, x, stay, who = n_begin - 1.0, x_begin, (stay - early) + 1.0, -1 - who
-            found.whole[k], found.phase[k], found.stay[k], found.who[k] = n, x, stay, who
+                n, x, stay, who = n_begin - 1.0, x_begin, (stay - early) + 1.0, -1.0 - who
+            listed[WHOLE, k], listed[PHASE, k] = n, x
+            listed[LASTS, k], listed[WHO_LANDS, k] = stay, who
             k += 1
     return k, due
 
@@ -77,21 +86,61 @@ def _collect(
     window: int | None,
     begin: Instant,
     reflect: int | None,
-    work: Workspace,
+    state: Floats,
+    lanes_of: Integers,
+    listed: Floats,
 ) -> int:
     """List all landings up to the stop; return their number, or -1 where the list is too short."""
     n_stop, x_stop = stop
     k = 0
-    for block in range(work.lanes.size):
-        s, lanes = work.state[block], work.lanes[block]
+    for block in range(lanes_of.size):
+        s, lanes = state[block], lanes_of[block]
         while lanes > 0:
-            if k + lanes >= work.found.whole.size:  # one place is for the slab before
+            if k + lanes >= listed.shape[1]:  # one place is for the slab before
                 return -1
             padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
             next_landings(s, padded, fixed, n_stop, x_stop, reflect)
-            k, due = _append(s, lanes, window, begin, work, k)
+            k, due = _append(s, lanes, window, begin, listed, k)
             if 2 * due < lanes or due == 0:
                 lanes = due_first(s, lanes)
+    return k
+
+
+@jit
+def _collect_series(
+    series: Series, stop: Instant, begin: Instant, state: Floats, lanes_of: Integers, listed: Floats
+) -> int:
+    """Do as `_collect` for landings of which the instants are known.
+
+    A lane holds the instant at which its series would end, the number of its next landing and that
+    of its last one.
+    """
+    n_stop, x_stop = stop
+    n_begin, x_begin = begin
+    before_limit, contact, final = series
+    k = 0
+    for block in range(lanes_of.size):
+        s = state[block]
+        for j in range(lanes_of[block]):
+            number, last = int(s[U + j]), int(s[N_REST + j])
+            while number <= last:
+                n, x = s[N + j] - before_limit[0, number], s[X + j] - before_limit[1, number]
+                carry = np.rint(x)
+                n, x = n + carry, x - carry
+                if n - n_stop > x_stop - x:
+                    break
+                if k + 1 >= listed.shape[1]:
+                    return -1
+                stay, who = np.inf if number == final else contact, s[WHO + j]
+                if number <= s[DUE + j]:  # before the window: at most an occupant, see `_append`
+                    early = (n_begin - n) + (x_begin - x)
+                    n, x, stay, who = n_begin - 1.0, x_begin, (stay - early) + 1.0, -1.0 - who
+                number += 1
+                if who >= 0.0 or stay >= 1.0:
+                    listed[WHOLE, k], listed[PHASE, k] = n, x
+                    listed[LASTS, k], listed[WHO_LANDS, k] = stay, who
+                    k += 1
+            s[U + j] = number
     return k
 
 
@@ -103,34 +152,35 @@ def _copy(source: Floats, target: Floats) -> None:
 
 
 @jit
-def _earliest(work: Workspace) -> float:
+def earliest(work: Workspace) -> float:
     """Whole periods of the earliest first landing."""
-    earliest = np.inf
+    first = np.inf
     for block in range(work.lanes.size):
         s = work.state[block]
         for j in range(work.lanes[block]):
             _, passed = land(s[X + j], s[U + j])
-            earliest = min(earliest, s[N + j] + passed)
-    return earliest
+            first = min(first, s[N + j] + passed)
+    return first
 
 
 @jit
-def _with_latest(found: Landings, k: int, latest: Latest) -> int:
+def _with_latest(listed: Floats, k: int, latest: Latest) -> int:
     """List the last landing of the slab before behind the k of this one; return their number."""
     n, x, _, who = latest
     if n == np.inf:
         return k
-    found.whole[k], found.phase[k], found.who[k] = n, x, who
+    listed[WHOLE, k], listed[PHASE, k], listed[WHO_LANDS, k] = n, x, who
     return k + 1
 
 
 @jit
-def _last(found: Landings, k: int, latest: Latest) -> Latest:
+def _last(listed: Floats, k: int, latest: Latest) -> Latest:
     """The last of k landings, which are in no order; `latest` where there is none."""
     for q in range(k):
         n, x, _, _ = latest
-        if n == np.inf or (found.whole[q] - n) + (found.phase[q] - x) > 0.0:
-            latest = found.whole[q], found.phase[q], found.stay[q], found.who[q]
+        if n == np.inf or (listed[WHOLE, q] - n) + (listed[PHASE, q] - x) > 0.0:
+            n, x = listed[WHOLE, q], listed[PHASE, q]
+            latest = n, x, listed[LASTS, q], listed[WHO_LANDS, q]
     return latest
 
 
@@ -141,40 +191,48 @@ def all_landings(
     begin: Instant,
     end: Instant,
     reflect: int | None,
+    series: Series | None,
+    n_first: float,
     work: Workspace,
 ) -> tuple[float, int]:
     """Smallest gap between any landings of different particles, and whether the base was shared.
 
-    Returns (inf, UNKNOWN) where landings crowd beyond what slabs can resolve.
+    The first landing is in or after the whole period `n_first`.  With a `series` the instants of
+    landings come from it.  Returns (inf, UNKNOWN) where landings crowd beyond what slabs can
+    resolve.
     """
+    state, listed, cells = work.state, work.listed, work.cells
     n_end, x_end = end
-    n_stop, x_stop = _earliest(work), -0.5
+    n_stop, x_stop = n_first, -0.5
     if window is not None and begin[0] > n_stop:
         n_stop = begin[0]
     slab = 1.0
-    latest = (np.inf, 0.0, 0.0, 0)
+    latest = (np.inf, 0.0, 0.0, 0.0)
     gap, shared = np.inf, 0
     while n_stop - n_end <= x_end - x_stop and not (gap == 0.0 and shared == 1):
-        _copy(work.state, work.saved)
+        _copy(state, work.saved)
         n_next, x_next = n_stop + np.floor(x_stop + slab + 0.5), x_stop + slab
         x_next -= np.floor(x_next + 0.5)
         at_end = not n_next - n_end <= x_end - x_next
         stop = end if at_end else (n_next, x_next)
-        k = _collect(fixed, stop, window, begin, reflect, work)
+        if series is None:
+            k = _collect(fixed, stop, window, begin, reflect, state, work.lanes, listed)
+        else:
+            k = _collect_series(series, stop, begin, state, work.lanes, listed)
         if k < 0:
             if slab <= SHORTEST_SLAB:
                 return np.inf, UNKNOWN
-            _copy(work.saved, work.state)
+            _copy(work.saved, state)
             slab *= 0.5
             continue
         nearer = np.nan
         if shared == 1:  # stays need the order, gaps do not
-            nearer = closest(work, _with_latest(work.found, k, latest), gap)
+            nearer = closest(listed, cells, _with_latest(listed, k, latest), gap)
         if nearer <= gap:
-            gap, latest = nearer, _last(work.found, k, latest)
+            gap, latest = nearer, _last(listed, k, latest)
         else:
-            put_in_order(work, k, n_stop, x_stop, slab)
-            latest, gap, shared = compare(work.ordered, k, latest, gap, shared)
+            put_in_order(listed, cells, k, n_stop, x_stop, slab)
+            latest, gap, shared = compare(listed, k, latest, gap, shared)
         if at_end:
             break
         n_stop, x_stop = n_next, x_next

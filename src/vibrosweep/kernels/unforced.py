@@ -17,7 +17,7 @@ from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Status
 
-__all__ = ["has_closed_form", "unforced"]
+__all__ = ["has_closed_form", "landings_seen", "unforced", "whole_series"]
 
 COMPLETED = int(Status.COMPLETED)
 NON_FINITE = int(Status.NON_FINITE)
@@ -61,6 +61,30 @@ def _landings_by(time: float, e: float, u: float, last: float, total: float) -> 
     return number - 1.0 if u * _series(e, number) > time else number
 
 
+@jit
+def whole_series(problem: Dimensionless, i: int) -> tuple[float, float]:
+    """Number of landings of realization i until the rest, and their time from the launch on."""
+    e, u = problem.restitution[i], problem.launch_flight[i]
+    final = _until_rest(e, u, problem.rest_flight[i])
+    return final, u * _series(e, final)
+
+
+@jit
+def landings_seen(
+    problem: Dimensionless, i: int, start: tuple[float, float], final: float, total: float
+) -> tuple[float, float]:
+    """Number of landings before the window and up to its end of a particle launched at `start`."""
+    e, u = problem.restitution[i], problem.launch_flight[i]
+    n, x = start
+    until = (problem.end_count[i] - n) + (problem.end_phase[i] - x)
+    since = (problem.begin_count[i] - n) + (problem.begin_phase[i] - x)
+    by = _landings_by(until, e, u, final, total)
+    before = _landings_by(since, e, u, final, total)
+    if before > 0.0 and u * _series(e, before) == since:  # at the beginning is inside
+        before -= 1.0
+    return before, by
+
+
 @kernel
 def has_closed_form(problem: Dimensionless, budget: int, out: NDArray[np.bool_]) -> int:
     """Find the realizations without a kick, with some loss, that come to rest within the budget.
@@ -95,20 +119,13 @@ def unforced(
     particles = launches.whole.shape[1]
     for i in range(first, last):
         e, u = problem.restitution[i], problem.launch_flight[i]
-        final = _until_rest(e, u, problem.rest_flight[i])
-        total = u * _series(e, final)
+        final, total = whole_series(problem, i)
         # of a particle that is seen from its launch to its rest
         flights = e * u * _series(e, final - 1.0)
         squares = e * u * (e * u) * _series(e * e, final - 1.0)
         for p in range(particles):
             t = i * particles + p
-            n, x = launch(problem, launches, i, p)
-            until = (problem.end_count[i] - n) + (problem.end_phase[i] - x)
-            since = (problem.begin_count[i] - n) + (problem.begin_phase[i] - x)
-            by = _landings_by(until, e, u, final, total)
-            before = _landings_by(since, e, u, final, total)
-            if before > 0.0 and u * _series(e, before) == since:  # at the beginning is inside
-                before -= 1.0
+            before, by = landings_seen(problem, i, launch(problem, launches, i, p), final, total)
             seen = max(by - before, 0.0)
             rests = 1.0 if by == final and seen > 0.0 else 0.0
             out.landings[t], out.rests[t] = int(seen), int(rests)

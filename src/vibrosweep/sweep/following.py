@@ -21,6 +21,7 @@ from vibrosweep.kernels.separation import Separations, empty_separations, separa
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.kernels.unforced import has_closed_form, unforced
+from vibrosweep.kernels.unforced_gaps import separate_unforced
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Status
 from vibrosweep.sweep.observation import Observation
@@ -260,9 +261,15 @@ def _separations(
     known = cycles if cycles is not None and observation.skip else workers.cycles(0)
     window = observation.window  # goes through all launches
     rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to make
+    closed = np.zeros(size, bool)
+    if observation.skip and not problem.kick.all():
+        has_closed_form(problem, observation.impact_budget, closed)
+    complete &= ~closed
 
     def task(first: int, last: int) -> None:
         room = rooms.pop()
+        if closed[first:last].any():
+            separate_unforced(first, last, problem, launch, closed, window, room, found)
         separate(
             first,
             last,
