@@ -122,6 +122,6 @@ def test_nothing_is_followed(monkeypatch):
     monkeypatch.setattr(following, "advance", None)
     calls = []
     separate = following.separate
-    monkeypatch.setattr(following, "separate", lambda *a: calls.append(a[4].any()) or separate(*a))
+    monkeypatch.setattr(following, "separate", lambda *a: calls.append(a[6].any()) or separate(*a))
     measured([0.0, 0.3], 10.0)
     assert calls == [False]

@@ -185,3 +185,33 @@ def test_the_same_bits_for_any_threads_and_any_part(workers):
             some = {name: values[part] for name, values in parameters.items()}
             for name, values in measure(some, observation, one).items():
                 assert values.tobytes() == whole[name][part].tobytes(), name
+
+
+@pytest.mark.parametrize("rebound", ["rest", "reflect"])
+def test_separations_of_one_scene_that_is_watched_for_different_times(
+    rebound, workers, monkeypatch
+):
+    factors = [4.0, 1.0, 2.0, 16.0]
+    parameters = at_frequencies(drawn(40, seed=9, phase=0.0), factors)
+    observation = dataclasses.replace(
+        observed((0.0,) * 4, duration=150.0, rebound=rebound, separation=True),
+        launch="staggered",
+        impact_budget=10_000_000,
+    )
+    scenes = []
+    original = following.separate
+
+    def watched(first, last, *rest):
+        scenes.append(last - first)
+        original(first, last, *rest)
+
+    monkeypatch.setattr(following, "separate", watched)
+    found = measure(parameters, observation, workers)
+    assert sum(scenes) == 40
+    followed = measure(parameters, dataclasses.replace(observation, skip=False), workers)
+    for name in ("dt_min", "dt_min_same_index", "base_shared", "collision_free"):
+        np.testing.assert_array_equal(found[name], followed[name], err_msg=name)
+    # the orbits do go on after the earliest end, some with smaller gaps
+    gaps = (found["dt_min"] * parameters["frequency"]).reshape(4, 40)
+    assert np.any(gaps[3] < gaps[1])
+    assert np.all(gaps[3] <= gaps[1])

@@ -163,14 +163,15 @@ def same_index(
     reflect: int | None,
     work: Workspace,
     joint: Joint,
-) -> tuple[float, bool]:
+) -> tuple[float, bool, bool]:
     """Smallest gap between landings with equal impact numbers, and whether two particles are one.
 
-    Once all particles are on their cycles the gaps of equally fast ones repeat after the joint
-    cycle, and those of others grow as soon as the slower one is the later one.  When that has held
-    for one joint cycle, nothing smaller can follow.
+    The third value is whether both would be the same for any later end.  Once all particles are on
+    their cycles the gaps of equally fast ones repeat after the joint cycle, and those of others
+    grow as soon as the slower one is the later one.  When that has held for one joint cycle,
+    nothing smaller can follow.
     """
-    gap, together = np.inf, False
+    gap, together, settled = np.inf, False, False
     number, repeated, early = 0, 0, 0
     lift_offs = _followed_by_landings(fixed, window, begin, x_end)
     state, listed, cells, rests = work.state, work.listed, work.cells, work.rests
@@ -206,7 +207,9 @@ def same_index(
             repeated = repeated + 1 if same else 0
             if repeated > joint.impacts:
                 if early == 0:
+                    settled = True
                     break
                 _pass_over(work, k, begin, joint)
                 n, repeated = -np.inf, 0
-    return gap, together or gap == 0.0
+    together |= gap == 0.0
+    return gap, together, settled or gap == 0.0

@@ -25,7 +25,7 @@ from vibrosweep.kernels.unforced_gaps import separate_unforced
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Status
 from vibrosweep.sweep.observation import Observation
-from vibrosweep.sweep.sharing import find_equal, find_shared
+from vibrosweep.sweep.sharing import find_chains, find_equal, find_shared
 from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
 __all__ = ["PERIODS_TO_SHARE", "Followed", "follow", "statistics"]
@@ -266,13 +266,19 @@ def _separations(
         has_closed_form(problem, observation.impact_budget, closed)
     complete &= ~closed
 
+    scenes, after = np.arange(size), np.full(size, -1)
+    if window is None and known.size > 0 and _lasts(problem, launch, PERIODS_TO_SHARE):
+        chains = find_chains(problem, launch, window, 0.0)
+        if chains is not None:
+            scenes, after = chains
+
     def task(first: int, last: int) -> None:
         room = rooms.pop()
-        if closed[first:last].any():
-            separate_unforced(first, last, problem, launch, closed, window, room, found)
         separate(
             first,
             last,
+            scenes,
+            after,
             problem,
             launch,
             complete,
@@ -285,7 +291,15 @@ def _separations(
         )
         rooms.append(room)
 
-    workers.each(task, size, max(1, TRAJECTORIES_PER_TASK // (32 * particles)))
+    def task_unforced(first: int, last: int) -> None:
+        room = rooms.pop()
+        separate_unforced(first, last, problem, launch, closed, window, room, found)
+        rooms.append(room)
+
+    per_task = max(1, TRAJECTORIES_PER_TASK // (32 * particles))
+    workers.each(task, scenes.size, per_task)
+    if closed.any():
+        workers.each(task_unforced, size, per_task)
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.shared import Shared
 from vibrosweep.scene import Dimensionless, Launches
 
-__all__ = ["find_equal", "find_shared"]
+__all__ = ["Chains", "find_chains", "find_equal", "find_shared"]
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
@@ -37,15 +38,29 @@ def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Plac
     return None if _all_differ(problem) else _firsts([*problem, *others], launch)
 
 
-def find_shared(
-    problem: Dimensionless, launch: Launches, window: int | None, patience: float
-) -> Shared | None:
-    """Find the trajectories of a batch that differ only in how long they are watched.
+class Chains(NamedTuple):
+    """Realizations that differ only in how long they are watched.
 
-    These are equal, bit for bit, in e, a, r, u0, the phase of the launch, and the time from the
-    launch to the beginning of the window: particles of one realization that are launched whole
-    periods apart, and realizations that differ in gravity, frequency or phase at the same e, a, r
-    and u0.
+    Attributes
+    ----------
+    first
+        Shape (scene,): of those that are the same scene, the one watched for the shortest time.
+    after
+        Shape (realization,): the one watched for the next longer time, or -1.
+    """
+
+    first: Places
+    after: Places
+
+
+def find_chains(
+    problem: Dimensionless, launch: Launches, window: int | None, patience: float
+) -> Chains | None:
+    """Find realizations that differ only in how long they are watched.
+
+    These are equal, bit for bit, in e, a, r, u0, the phases of all launches, the whole periods
+    between these, and the time from the first launch to the beginning of the window: realizations
+    that differ in gravity, frequency or phase at the same e, a, r and u0.
 
     Parameters
     ----------
@@ -59,44 +74,112 @@ def find_shared(
 
     Returns
     -------
+    Chains or None
+        None where all realizations differ.
+    """
+    if _all_differ(problem):
+        return None
+    launched, phase = _launched(problem, launch)
+    periods = problem.end_count[:, np.newaxis] - launched
+    recurs = periods > patience
+    all_or_none = recurs.all(axis=1) | ~recurs.any(axis=1)
+    decisive = [
+        *_orbits(problem),
+        phase[:, 0],
+        np.where(all_or_none, recurs[:, 0], 2.0 + np.arange(recurs.shape[0])),
+    ]
+    if window is not None:
+        decisive += [problem.begin_count - launched[:, 0], problem.begin_phase]
+    same_as = _firsts(decisive, Launches(launched - launched[:, :1], phase))
+    if same_as is None:
+        return None
+    return Chains(*_in_order(same_as, periods[:, 0], problem.end_phase))
+
+
+def find_shared(
+    problem: Dimensionless, launch: Launches, window: int | None, patience: float
+) -> Shared | None:
+    """Find the trajectories of a batch that differ only in how long they are watched.
+
+    These are particles of realizations that are the same scene, see `find_chains`; where there are
+    none, particles of one realization that are launched whole periods apart, and those of others
+    at the same e, a, r, u0 and phase of the launch.
+
+    Parameters
+    ----------
+    problem, launch, window, patience
+        As for `find_chains`.
+
+    Returns
+    -------
     Shared or None
         None where all trajectories differ.
     """
-    orbits = [
+    repeated = _repeats(launch.phase)
+    if not repeated and (_all_differ(problem) or _firsts(_orbits(problem), AT_ONCE) is None):
+        return None
+    chains = None if repeated else find_chains(problem, launch, window, patience)
+    if chains is None:
+        return _find_shared_particles(problem, launch, window, patience)
+    launched, _ = _launched(problem, launch)
+    particle = np.arange(launched.shape[1])
+    first, after = (i[:, np.newaxis] * particle.size + particle for i in chains)
+    after[chains.after < 0] = -1
+    periods = problem.end_count[:, np.newaxis] - launched
+    return Shared(first.ravel(), after.ravel(), periods.ravel())
+
+
+def _find_shared_particles(
+    problem: Dimensionless, launch: Launches, window: int | None, patience: float
+) -> Shared | None:
+    """Do as `find_shared` where single particles may be one trajectory."""
+    launched, phase = _launched(problem, launch)
+
+    def of_each(values: Array) -> Array:
+        return np.broadcast_to(values[:, np.newaxis], launched.shape).ravel()
+
+    periods = (problem.end_count[:, np.newaxis] - launched).ravel()
+    decisive = [of_each(values) for values in _orbits(problem)]
+    decisive += [phase.ravel(), (periods > patience).astype(np.float64)]
+    if window is not None:
+        decisive.append((problem.begin_count[:, np.newaxis] - launched).ravel())
+        decisive.append(of_each(problem.begin_phase))
+    same_as = _firsts(decisive, AT_ONCE)
+    if same_as is None:
+        return None
+    return Shared(*_in_order(same_as, periods, of_each(problem.end_phase)), periods)
+
+
+def _orbits(problem: Dimensionless) -> list[Array]:
+    """What decides an orbit, apart from its launch."""
+    return [
         problem.restitution,
         problem.kick,
         problem.rest_flight,
         problem.liftoff_phase,
         problem.launch_flight,
     ]
-    if not _repeats(launch.phase) and (_all_differ(problem) or _firsts(orbits, AT_ONCE) is None):
-        return None
-    shape = (problem.kick.size, launch.whole.shape[1])
 
-    def of_each(values: Array) -> Array:
-        return np.broadcast_to(values, shape).ravel()
 
+def _launched(problem: Dimensionless, launch: Launches) -> tuple[Array, Array]:
+    """Whole periods and phase of all launches, shape (realization, particle)."""
     start = launch.phase + problem.phase[:, np.newaxis]
-    launched = launch.whole + np.rint(start)
-    periods = of_each(problem.end_count[:, np.newaxis] - launched)
-    decisive = [of_each(values[:, np.newaxis]) for values in orbits]
-    decisive += [of_each(start - np.rint(start)), (periods > patience).astype(np.float64)]
-    if window is not None:
-        decisive.append(of_each(problem.begin_count[:, np.newaxis] - launched))
-        decisive.append(of_each(problem.begin_phase[:, np.newaxis]))
-    same_as = _firsts(decisive, AT_ONCE)
-    if same_as is None:
-        return None
-    order = np.lexsort((of_each(problem.end_phase[:, np.newaxis]), periods, same_as))
+    carry = np.rint(start)
+    return launch.whole + carry, start - carry
+
+
+def _in_order(same_as: Places, whole: Array, phase: Array) -> tuple[Places, Places]:
+    """First of those that are the same, and next one of each, by the length of their watch."""
+    order = np.lexsort((phase, whole, same_as))
     goes_on = same_as[order][1:] == same_as[order][:-1]
     after = np.full(order.size, -1)
     after[order[:-1][goes_on]] = order[1:][goes_on]
-    return Shared(np.sort(order[np.append(True, ~goes_on)]), after, periods)
+    return np.sort(order[np.append(True, ~goes_on)]), after
 
 
 def _all_differ(problem: Dimensionless) -> bool:
     """Whether no two realizations can be the same problem, as is plain where they are drawn."""
-    return not _repeats(problem.kick) or not _repeats(problem.restitution)
+    return _firsts([problem.kick], AT_ONCE) is None
 
 
 def _repeats(values: Array) -> bool:
