@@ -148,10 +148,12 @@ else:
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the peak of a process")
 @pytest.mark.parametrize("measures", ["", "regimes = true\nseparation = true\n"])
 def test_memory_is_foreseen(tmp_path, measures):
-    def told(what):
-        words = [sys.executable, "-c", MEMORY, WIDE.format(60_000) + measures, what, tmp_path / "o"]
+    def told(what, output="out.h5"):
+        words = [sys.executable, "-c", MEMORY, WIDE.format(60_000) + measures, what]
+        words.append(tmp_path / output)
         return float(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
 
+    told("run", "first.h5")  # compiling, where that is still to be done, takes memory of its own
     assert told("plan") == pytest.approx(told("run"), rel=0.2)
 
 
