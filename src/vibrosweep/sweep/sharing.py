@@ -116,17 +116,33 @@ def find_shared(
         None where all trajectories differ.
     """
     repeated = _repeats(launch.phase)
-    if not repeated and (_all_differ(problem) or _firsts(_orbits(problem), AT_ONCE) is None):
+    all_differ = _all_differ(problem) or _firsts(_orbits(problem), AT_ONCE) is None
+    if all_differ and not repeated:
         return None
+    launched, _ = _launched(problem, launch)
+    periods = problem.end_count[:, np.newaxis] - launched
+    alike = all_differ and launch.phase.shape[0] == 1 and np.ptp(problem.phase) == 0.0
+    if alike and periods.min() > patience:  # what one realization shares, all do
+        one = Dimensionless._make(values[:1] for values in problem)
+        shared = _find_shared_particles(one, launch, window, patience)
+        return None if shared is None else _in_all(shared.first, shared.after, periods)
     chains = None if repeated else find_chains(problem, launch, window, patience)
     if chains is None:
         return _find_shared_particles(problem, launch, window, patience)
-    launched, _ = _launched(problem, launch)
-    particle = np.arange(launched.shape[1])
+    particle = np.arange(periods.shape[1])
     first, after = (i[:, np.newaxis] * particle.size + particle for i in chains)
     after[chains.after < 0] = -1
-    periods = problem.end_count[:, np.newaxis] - launched
     return Shared(first.ravel(), after.ravel(), periods.ravel())
+
+
+def _in_all(first: Places, after: Places, periods: Array) -> Shared:
+    """The same particles of every realization as one trajectory; periods of all of them."""
+    begin = np.arange(periods.shape[0])[:, np.newaxis] * periods.shape[1]
+    return Shared(
+        (begin + first).ravel(),
+        np.where(after < 0, -1, begin + after).ravel(),
+        periods.ravel(),
+    )
 
 
 def _find_shared_particles(
