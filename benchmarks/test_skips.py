@@ -6,13 +6,28 @@ The subject skips, the reference follows everything.
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from methods.sweeps import paper_parameters
 from test_kernels import THREADS
-from vibrosweep.scene import PARAMETERS
+from vibrosweep.scene import PARAMETERS, dimensionless, launches
+from vibrosweep.sweep import following
 from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.workers import Workers
+
+ASKED = {
+    "launch": "staggered",
+    "duration": 1e3,
+    "rebound": "rest",
+    "transient": 0.0,
+    "separation": False,
+    "per_particle": False,
+    "regimes": False,
+    "trust": False,
+    "tolerance": 1e-9,
+    "impact_budget": 10_000_000,
+}
 
 
 def drawn(realizations, **given):
@@ -30,19 +45,7 @@ def drawn(realizations, **given):
 
 def measuring(parameters, workers, particles=20, **options):
     """Measure a batch; `skip` among the options."""
-    asked = {
-        "launch": "staggered",
-        "duration": 1e3,
-        "rebound": "rest",
-        "transient": 0.0,
-        "separation": False,
-        "per_particle": False,
-        "regimes": False,
-        "trust": False,
-        "tolerance": 1e-9,
-        "impact_budget": 10_000_000,
-    } | options
-    observation = Observation(particles=particles, **asked)
+    observation = Observation(particles=particles, **(ASKED | options))
     return lambda: measure(parameters, observation, workers)
 
 
@@ -67,14 +70,31 @@ def test_separations_at_ten_thousand_periods(race):
     assert skipping(race, drawn(50), separation=True, duration=1e4) >= 4.0
 
 
-def test_one_problem_at_four_values_of_gravity(race):
-    factor = np.repeat([1.0, 2.0, 4.0, 8.0], 2500)
-    parameters = drawn(10_000)
+def four_gravities(realizations):
+    """The same dimensionless problems at four values of gravity."""
+    factor = np.repeat([1.0, 2.0, 4.0, 8.0], realizations)
+    parameters = drawn(4 * realizations)
     for name in ("restitution", "amplitude"):
-        parameters[name] = np.tile(parameters[name][:2500], 4)
+        parameters[name] = np.tile(parameters[name][:realizations], 4)
     for name in ("amplitude", "gravity", "launch_velocity"):
         parameters[name] *= factor
-    assert skipping(race, parameters, duration=12.0) >= 1.5
+    return parameters
+
+
+def test_one_problem_at_four_values_of_gravity(race):
+    assert skipping(race, four_gravities(2500), duration=12.0) >= 1.5
+
+
+@pytest.mark.parametrize(("realizations", "periods"), [(2500, 12.0), (200, 1000.0)])
+def test_four_values_of_gravity_against_one(race, realizations, periods):
+    """A sweep over gravity costs one run, and what is done for each realization anyway."""
+    every = four_gravities(realizations)
+    one = {name: values[:realizations].copy() for name, values in every.items()}
+    with Workers(THREADS) as workers:
+        subject, reference = (
+            measuring(parameters, workers, duration=periods) for parameters in (every, one)
+        )
+        assert race(subject, reference) >= 0.5
 
 
 def test_particles_launched_whole_periods_apart(race):
@@ -88,20 +108,37 @@ def test_particles_launched_whole_periods_apart(race):
         assert race(subject, reference) >= 1.3
 
 
-def test_one_problem_at_eight_frequencies(race):
-    """Equal in e, a, r and u0, not in the periods that they last; the reference differs in a."""
-    factor = np.repeat(2.0 ** np.arange(8), 100)
-    parameters = drawn(800)
+def eight_frequencies(realizations):
+    """Equal in e, a, r and u0, not in the periods that they last."""
+    factor = np.repeat(2.0 ** np.arange(8), realizations)
+    parameters = drawn(8 * realizations)
     for name in ("restitution", "amplitude"):
-        parameters[name] = np.tile(parameters[name][:100], 8)
-    others = parameters | {"amplitude": parameters["amplitude"] * np.linspace(1.0, 1.01, 800)}
+        parameters[name] = np.tile(parameters[name][:realizations], 8)
     for name in ("amplitude", "launch_velocity", "contact_time"):
-        for one in (parameters, others):
-            one[name] = one[name] / factor
-    parameters["frequency"] = others["frequency"] = factor
+        parameters[name] /= factor
+    parameters["frequency"] = factor
+    return parameters
+
+
+def test_one_problem_at_eight_frequencies(race):
+    """The reference differs in a."""
+    parameters = eight_frequencies(100)
+    others = parameters | {"amplitude": parameters["amplitude"] * np.linspace(1.0, 1.01, 800)}
     with Workers(THREADS) as workers:
         subject, reference = (measuring(one, workers) for one in (parameters, others))
         assert race(subject, reference) >= 1.5
+
+
+@pytest.mark.parametrize("separation", [False, True])
+def test_eight_frequencies_against_the_longest(race, separation):
+    """A sweep over frequency costs two to three runs; separations, where they settle late, more."""
+    every = eight_frequencies(200)
+    longest = {name: values[-200:].copy() for name, values in every.items()}
+    with Workers(THREADS) as workers:
+        subject, reference = (
+            measuring(parameters, workers, separation=separation) for parameters in (every, longest)
+        )
+        assert race(subject, reference) >= (0.15 if separation else 0.25)
 
 
 def test_nothing_to_skip_over_a_short_horizon(race):
@@ -109,8 +146,30 @@ def test_nothing_to_skip_over_a_short_horizon(race):
     assert skipping(race, drawn(20_000), duration=12.0) >= 0.9
 
 
+@pytest.mark.parametrize("regimes", [False, True])
+def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
+    """Looking for orbits that repeat, and with regimes also counting the few that do in time."""
+    monkeypatch.setattr(following, "PERIODS_TO_RECUR", 0.0)
+    parameters = drawn(20_000)
+    observation = Observation(particles=20, **(ASKED | {"duration": 12.0, "regimes": regimes}))
+    problem = dimensionless(parameters, 12.0, 0.0)
+    launch = launches("staggered", 20, parameters["frequency"])
+    with Workers(THREADS) as workers:
+        cycles = workers.cycles(400_000)
+        ratio = race(
+            lambda: following.statistics(problem, launch, observation, workers, cycles),
+            lambda: following.statistics(problem, launch, observation, workers),
+        )
+    assert ratio >= (0.8 if regimes else 0.85)
+
+
 def test_no_excitation(race):
     assert skipping(race, drawn(5000, amplitude=0.0), duration=60.0) >= 2.0
+
+
+def test_separations_without_excitation(race):
+    parameters = drawn(1000, amplitude=0.0)
+    assert skipping(race, parameters, duration=60.0, separation=True) >= 1.2
 
 
 def test_a_million_periods_against_a_thousand(race):

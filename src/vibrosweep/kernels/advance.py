@@ -278,8 +278,7 @@ def advance(
         not followed any further: the rest is counted from one cycle.  Sums then differ from those
         of going on by rounding only.
     rests
-        From `empty_rests`, or None.  Memory for all realizations, not shared between threads; given
-        with `cycles`.
+        From `empty_rests`, or None.  Not shared between threads; given with `cycles`.
     patience
         Forcing periods; where fewer remain at the launch no recurrence is looked for, unless all
         are asked for.

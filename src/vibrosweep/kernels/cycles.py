@@ -118,15 +118,18 @@ def _note(
     cycles[CYCLE_FLIGHT, lane] = flight
 
 
-# Of the orbit from one rest to the next, which all rested particles of a realization share: a row
-# for each realization, with impacts (0 until they are known), forcing periods, and sum, sum of
-# squares and maximum of the flight time.
+# Of the orbit from one rest to the next, which all rested particles of a realization share:
+# impacts, forcing periods, and sum, sum of squares and maximum of the flight time; a row for each
+# of the realizations that are at hand, which the last field names.  Another one may take the row:
+# then the orbit is gone through again.
 Rests = Floats
+ROOM_FOR_RESTS = 1024
+WHOSE = 5
 
 
-def empty_rests(realizations: int) -> Rests:
-    """Memory for so many realizations, of which nothing is known."""
-    return np.zeros((realizations, 5))
+def empty_rests() -> Rests:
+    """Memory of which nothing is known."""
+    return np.full((ROOM_FOR_RESTS, WHOSE + 1), -1.0)
 
 
 @jit
@@ -148,21 +151,23 @@ def once_round(fixed: Scene, x_start: float, u_start: float, reflect: int | None
 
 
 @jit
-def _count_cycle(s: Floats, j: int, place: int, reflect: int | None, rests: Rests) -> None:
-    """Note the totals of the cycle that lane j has entered; `place` is that of its realization."""
+def _count_cycle(s: Floats, j: int, realization: int, reflect: int | None, rests: Rests) -> None:
+    """Note the totals of the cycle that lane j has entered."""
     x_lift, u_lift = s[X_LIFT + j], s[U_LIFT + j]
     fixed = (s[E + j], s[A + j], s[R + j], x_lift, 0.0, u_lift)
     p, q, rested, total, squares, largest = 0, 0.0, 0, 0.0, 0.0, 0.0
     if s[RESTS + j] == s[RESTS_ANCHOR + j]:  # no rest is known on the way
         p, q, rested, total, squares, largest = once_round(fixed, s[X + j], s[U + j], reflect)
     if p == 0 or rested > 0:
-        if rests[place, 0] == 0.0:
+        row = realization % ROOM_FOR_RESTS
+        if rests[row, WHOSE] != realization:
             p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift, reflect)
-            rests[place, 0], rests[place, 1] = p, q
-            rests[place, 2], rests[place, 3], rests[place, 4] = total, squares, largest
+            rests[row, 0], rests[row, 1] = p, q
+            rests[row, 2], rests[row, 3], rests[row, 4] = total, squares, largest
+            rests[row, WHOSE] = realization
         rested = 1
-        p, q = int(rests[place, 0]), rests[place, 1]
-        total, squares, largest = rests[place, 2], rests[place, 3], rests[place, 4]
+        p, q = int(rests[row, 0]), rests[row, 1]
+        total, squares, largest = rests[row, 2], rests[row, 3], rests[row, 4]
     s[C_IMPACTS + j], s[C_PERIODS + j], s[C_RESTS + j] = p, q, rested
     s[C_SUM + j], s[C_SQUARES + j], s[C_LARGEST + j] = total, squares, largest
 
@@ -217,7 +222,7 @@ def saves_work(s: Floats, j: int, jump: int) -> bool:
 def close_cycle(
     s: Floats,
     j: int,
-    place: int,
+    realization: int,
     reflect: int | None,
     window: int | None,
     jump: int,
@@ -228,8 +233,8 @@ def close_cycle(
 
     Parameters
     ----------
-    s, j, place
-        Scratch memory, lane, and place of its realization in `rests`.
+    s, j, realization
+        Scratch memory, lane, and which realization it is of.
     reflect, window
         As in `vibrosweep.kernels.advance.advance`.
     jump
@@ -237,7 +242,7 @@ def close_cycle(
     cycles
         Where the cycle is noted, if none has been.
     rests
-        Of the realizations at hand.
+        From `empty_rests`.
     """
     age, state = s[AGE + j], (s[N + j], s[X + j], s[U + j])
     since = s[N + j] - s[N_ANCHOR + j]
@@ -249,7 +254,7 @@ def close_cycle(
         found = impacts / rested, since / rested, 1.0
     else:
         if s[C_IMPACTS + j] == 0.0:
-            _count_cycle(s, j, place, reflect, rests)
+            _count_cycle(s, j, realization, reflect, rests)
         found = s[C_IMPACTS + j], s[C_PERIODS + j], s[C_RESTS + j]
         if jumps:
             last = _jump(s, j, window)

@@ -209,7 +209,7 @@ def _advanced(
 
     def begin() -> Callable[[int, int], None]:
         room = scratch()
-        rests = None if cycles is None else empty_rests(problem.kick.size)
+        rests = None if cycles is None else empty_rests()
         lanes = 0
 
         def task(first: int, last: int) -> None:
