@@ -42,7 +42,7 @@ def scene(realizations, particles, duration):
     return problem, launches("staggered", particles, parameters["frequency"]), observation
 
 
-# 11.9 to 12.1 and 13 on a quiet machine: vectors suffer more from busy neighbours than scalars do
+# 12.1 to 12.6 and 13 to 13.5 on a quiet machine: vectors suffer more from busy neighbours
 @pytest.mark.parametrize(
     ("realizations", "periods", "target"), [(20_000, 12.0, 11.5), (200, 1000.0, 12.0)]
 )
