@@ -352,7 +352,7 @@ def advance(
                     s[DONE + j] = SPENT
                 places[done] = j
                 done += 1
-            if shared is not None:
+            if shared is not None and done > 0:
                 options = particles, budget, reflect, window, all_cycles, jump
                 done = _go_on(s, places, done, problem, *options, out, cycles, rests, shared)
         for q in range(done):
