@@ -136,7 +136,7 @@ from vibrosweep.sweep.spec import parse_spec
 spec = replace(parse_spec(sys.argv[1]), duration=1.0)
 if sys.argv[2] == "plan":
     with Workers(2) as workers:
-        print(estimate(spec, make_plan(spec, workers, seconds=0.05), workers).memory)
+        print(estimate(spec, make_plan(spec, workers, seconds=1.0), workers).memory)
 else:
     run_sweep(spec, Path(sys.argv[3]), threads=2)
     # not that of getrusage, which knows the process that started this one
