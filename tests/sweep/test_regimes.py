@@ -5,7 +5,7 @@ import pytest
 
 from vibrosweep import simulate, theory
 from vibrosweep.scene import PARAMETERS
-from vibrosweep.status import Regime
+from vibrosweep.status import Regime, Status
 from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.workers import Workers
@@ -87,3 +87,16 @@ def test_no_recurrence_is_claimed_before_it_happens():
     assert np.all(found["regime"] == Regime.IRREGULAR)
     assert np.all(np.isnan(found["recurrent_from"]))
     assert found["irregular_count"].item() == 8
+
+
+@pytest.mark.parametrize("ratio", [1.05, 1.2, 2.0])
+def test_an_orbit_that_makes_no_headway_has_no_cycle(ratio):
+    """Flights too short for the phase to change: the same state at the same instant."""
+    tiny = 9.81 * 1e-18
+    parameters = scene(
+        amplitude=0.5 * ratio * tiny, contact_time=1e-18, launch_velocity=tiny, restitution=0.5
+    )
+    found = run(parameters, observed(3.0, launch=(0.2, 0.05), particles=2, impact_budget=3000))
+    assert np.all(found["status"] == Status.BUDGET_EXCEEDED)
+    assert np.all(found["regime"] == Regime.IRREGULAR)
+    assert np.all(found["cycle_impacts"] == 0)

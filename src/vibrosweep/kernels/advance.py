@@ -342,10 +342,11 @@ def advance(
             for q in range(listed):
                 j = places[q]
                 if s[DONE + j] == RETURNED:
-                    if all_cycles == 1 or saves_work(s, j, jump):
-                        place = int(s[LANE + j]) // particles
-                        close_cycle(s, j, place, reflect, window, jump, cycles, rests)
-                    else:
+                    later = has_returned(s, j)
+                    if later and (all_cycles == 1 or saves_work(s, j, jump)):
+                        realization = int(s[LANE + j]) // particles
+                        close_cycle(s, j, realization, reflect, window, jump, cycles, rests)
+                    elif later:
                         forget_anchor(s, j)
                     if s[AGE + j] < budget:
                         continue
