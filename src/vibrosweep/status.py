@@ -35,7 +35,8 @@ class Regime(IntEnum):
     AT_REST = 0
     RESTING = 1
     LOCKED = 2
-    IRREGULAR = 3
+    UNSETTLED = 3
+    APERIODIC = 4
 
     @property
     def sentence(self) -> str:
@@ -52,7 +53,14 @@ _REGIMES = {
     Regime.AT_REST: "The particle came to rest for good.",
     Regime.RESTING: "The orbit repeats exactly and rests at least once in its cycle.",
     Regime.LOCKED: "The orbit repeats exactly and never rests.",
-    Regime.IRREGULAR: "No exact repetition was found before the end of the observation.",
+    Regime.UNSETTLED: (
+        "No exact repetition was found before the end of the observation, and nothing shows that "
+        "there is none: the orbit may still be settling; observe for longer."
+    ),
+    Regime.APERIODIC: (
+        "No exact repetition was found, and the largest Lyapunov exponent, over 64 or more "
+        "landings, exceeds zero by three standard errors."
+    ),
 }
 
 _SENTENCES = {

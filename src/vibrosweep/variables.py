@@ -16,6 +16,7 @@ __all__ = [
     "PER_PARTICLE",
     "RECORD",
     "REGIMES",
+    "RESOLUTION",
     "SWEEP",
     "TRUST",
     "UNDETERMINED",
@@ -23,6 +24,9 @@ __all__ = [
 ]
 
 UNDETERMINED: Final = -1
+# Forcing periods.  A landing phase is rounded to 2**-54, and orbits that contract by 2**-12 or more
+# per impact keep the error below this; a separation that is smaller may be all rounding.
+RESOLUTION: Final = 2.0**-40
 _UNDECIDED = ((UNDETERMINED, "undetermined"),)
 _STATUS = tuple((int(s), s.meaning) for s in Status)
 
@@ -124,6 +128,17 @@ SWEEP: Final = _registry(
         comment="NaN where no two particles land, or the impact budget does not reach the end",
     ),
     Variable(
+        "dt_min_resolved",
+        _R,
+        "int8",
+        "1",
+        "dt_min is above the resolution of the arithmetic",
+        flags=(*_UNDECIDED, (0, "below_resolution"), (1, "resolved")),
+        key=_SEPARATION,
+        comment=f"below {RESOLUTION:.1g} forcing periods, rounding alone can make two particles "
+        "one: they approach each other without limit, or leave a rest together",
+    ),
+    Variable(
         "dt_min_same_index",
         _R,
         "float64",
@@ -179,7 +194,17 @@ SWEEP: Final = _registry(
             key=_REGIMES,
             comment=regime.sentence,
         )
-        for regime in (Regime.RESTING, Regime.LOCKED, Regime.IRREGULAR)
+        for regime in Regime
+        if regime != Regime.AT_REST  # always counted
+    ),
+    Variable(
+        "uncertain_cycle_count",
+        _R,
+        "int64",
+        "1",
+        "particles whose cycle rounding may have decided",
+        key=_REGIMES,
+        comment="see cycle_uncertain",
     ),
     Variable("status", _R, "int8", "1", "worst status of the particles", flags=_STATUS),
 )
@@ -270,6 +295,17 @@ REGIMES: Final = _registry(
     ),
     Variable("cycle_rests", _RP, "int64", "1", "rests in a cycle", key=_REGIMES, comment=_WITHOUT),
     Variable(
+        "cycle_uncertain",
+        _RP,
+        "int8",
+        "1",
+        "rounding may have changed a decision along the cycle",
+        flags=((UNDETERMINED, "no_cycle"), (0, "certain"), (1, "uncertain")),
+        key=_REGIMES,
+        comment="the bound of the error along the cycle reaches the distance of a landing from "
+        "the threshold of rest: the exact model may have another cycle",
+    ),
+    Variable(
         "recurrent_from",
         _RP,
         "float64",
@@ -299,7 +335,8 @@ LYAPUNOV: Final = _registry(
         "1",
         "standard error of the largest Lyapunov exponent",
         key=_LYAPUNOV,
-        comment="from the means of blocks of impacts; of a cycle, its rounding error",
+        comment="from the means of blocks of impacts; of a cycle, its rounding error, infinite "
+        "where the cycle is uncertain",
     ),
     Variable(
         "lyapunov_sum",
@@ -308,7 +345,8 @@ LYAPUNOV: Final = _registry(
         "1",
         "sum of both Lyapunov exponents per impact",
         key=_LYAPUNOV,
-        comment="the logarithm of the restitution, but -inf where the orbit rests",
+        comment="the logarithm of the restitution, but -inf where the orbit rests; NaN without "
+        "landings in the window",
     ),
     Variable(
         "lyapunov_sum_error",
@@ -317,6 +355,7 @@ LYAPUNOV: Final = _registry(
         "1",
         "bound of the rounding error of the sum of both Lyapunov exponents",
         key=_LYAPUNOV,
+        comment="infinite where the cycle is uncertain",
     ),
     Variable(
         "orbit",
@@ -343,14 +382,7 @@ LYAPUNOV: Final = _registry(
         "1",
         "largest Lyapunov exponent per impact of any particle",
         key=_LYAPUNOV,
-    ),
-    Variable(
-        "chaotic_count",
-        _R,
-        "int64",
-        "1",
-        "irregular particles whose exponent exceeds zero by three standard errors",
-        key=_LYAPUNOV,
+        comment="of the particles with landings in the window",
     ),
     Variable(
         "orbit_count", _R, "int64", "1", "distinct orbits that particles settled on", key=_LYAPUNOV

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -11,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.attractor import Orbits
+from vibrosweep.kernels.orbits import Orbits
 from vibrosweep.scene import PARAMETERS, Launches, dimensionless, reduced_turns
 from vibrosweep.status import Regime
-from vibrosweep.sweep.attractors import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.sweep.landings import launch_times
+from vibrosweep.sweep.orbits import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.sweep.result import coordinate_attributes
 from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, REGIMES
@@ -61,7 +62,7 @@ def basins(
         ``cycle_impacts``, ``cycle_periods``, ``cycle_rests``, ``lyapunov_largest``,
         ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1) of the member of the cycle with
         the shortest flight.  All launches at rest for good are one attractor, and so are all that
-        are irregular.
+        are unsettled, and all that are aperiodic.
 
     Raises
     ------
@@ -78,7 +79,8 @@ def basins(
     whole, phase = reduced_turns(scene.frequency, np.tile(times, speeds.size), 0.0)
     launch = Launches(whole[:, np.newaxis], phase[:, np.newaxis])
     with Workers(thread_count(threads)) as workers:
-        orbits = find_orbits(problem, launch, scene.observation(), workers)
+        alone = replace(scene.observation(), particles=1, launch=tuple(times))
+        orbits = find_orbits(problem, launch, alone, workers)
     labels = _labels(orbits)
     first, index, count = _by_frequency(labels)
     data: dict[str, Any] = {
@@ -112,7 +114,7 @@ def basins_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
 def name_of(attractor: xr.Dataset) -> str:
     """Name of one attractor: its regime, and for a cycle its impacts and periods."""
     regime = Regime(int(attractor["regime"]))
-    if regime in (Regime.AT_REST, Regime.IRREGULAR):
+    if regime not in (Regime.RESTING, Regime.LOCKED):
         return regime.meaning.replace("_", " ")
     impacts, periods = int(attractor["cycle_impacts"]), int(attractor["cycle_periods"])
     return f"{regime.meaning}, {impacts} in {periods} period{'s' if periods > 1 else ''}"
@@ -146,7 +148,8 @@ def _attractors(scene: Scene, orbits: Orbits, first: Codes, fraction: Array) -> 
     """Variables along the dim attractor, from the first launch that leads to each."""
     unit = scene.gravity / (2.0 * scene.frequency)
     recurs = orbits.impacts[first] > 0
-    exponent = np.where(orbits.regime[first] == Regime.IRREGULAR, np.nan, orbits.largest[first])
+    same = recurs | (orbits.regime[first] == Regime.AT_REST)
+    exponent = np.where(same, orbits.largest[first], np.nan)
     values = {
         "regime": (orbits.regime[first], REGIMES["regime"].attributes),
         "cycle_impacts": (orbits.impacts[first], REGIMES["cycle_impacts"].attributes),
@@ -155,7 +158,8 @@ def _attractors(scene: Scene, orbits: Orbits, first: Codes, fraction: Array) -> 
         "fraction": (fraction, {"units": "1", "long_name": "fraction of launches in the basin"}),
         "lyapunov_largest": (
             exponent,
-            LYAPUNOV["lyapunov_largest"].attributes | {"comment": "NaN of irregular orbits"},
+            LYAPUNOV["lyapunov_largest"].attributes
+            | {"comment": "NaN where orbits do not repeat: each has its own"},
         ),
         "impact_phase": (
             np.where(recurs, orbits.phase[first], np.nan),

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.analysis.evaluate import launch_states, settle_from
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.attractor import Orbits
+from vibrosweep.kernels.orbits import Orbits
 from vibrosweep.kernels.record import empty_record, record
 from vibrosweep.scene import PARAMETERS, Launches, dimensionless
 from vibrosweep.status import Regime
-from vibrosweep.sweep.attractors import orbit_variables
+from vibrosweep.sweep.orbits import orbit_variables
 from vibrosweep.sweep.result import coordinate_attributes
 from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, REGIMES
@@ -106,7 +106,7 @@ def bifurcation(
             phase, speed = _impacts(scene, parameters, orbits, samples, workers)
             at = (np.arange(len(DIRECTIONS)), np.array([i, a.size - 1 - i]))
             values[at] = function(phase, speed, scene.gravity)
-            found = orbit_variables(orbits, len(DIRECTIONS))
+            found = orbit_variables(orbits, parameters["frequency"])
             for kept in KEPT:
                 room = measured.setdefault(kept, np.empty(shape, found[kept].dtype))
                 room[at] = found[kept]

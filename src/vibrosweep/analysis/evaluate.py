@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -11,11 +12,11 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.conditions import Condition, Locked
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.attractor import Orbits
 from vibrosweep.kernels.fixed import ATTRACTS, empty_fixed, find_fixed
+from vibrosweep.kernels.orbits import Orbits
 from vibrosweep.scene import Launches, dimensionless, launches
-from vibrosweep.sweep.attractors import find_orbits, orbit_variables
 from vibrosweep.sweep.engine import measure
+from vibrosweep.sweep.orbits import find_orbits, orbit_variables
 from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, REGIMES, SWEEP
 
@@ -115,7 +116,8 @@ def settle_from(
     phase, flight = states.reshape(-1, 2).T
     problem = problem._replace(launch_flight=np.ascontiguousarray(flight))
     launch = Launches(np.zeros((phase.size, 1)), np.ascontiguousarray(phase)[:, np.newaxis])
-    return find_orbits(problem, launch, scene.observation(), workers)
+    alone = replace(scene.observation(), particles=1, launch=(0.0,))
+    return find_orbits(problem, launch, alone, workers)
 
 
 def continued(
@@ -135,7 +137,8 @@ def continued(
     """
     parameters = scene.parameters(restitution=restitution, amplitude=amplitude)
     orbits = settle_from(scene, parameters, states, workers)
-    measured = orbit_variables(orbits, restitution.size)
+    measured = orbit_variables(orbits, parameters["frequency"])
+    del measured["recurrent_from"]  # counts from the last point, not from the launch
     lacking = [name for name in condition.variables if name not in measured]
     if lacking:
         raise ParameterError(

@@ -44,7 +44,8 @@ class Scene:
     launch
         ``"staggered"`` evenly over one forcing period, or the launch times of all particles in s.
     duration
-        End of the observation in s: an orbit that has not recurred by then is irregular.
+        End of the observation in s: orbits that have not recurred by then are unsettled or
+        aperiodic.
     transient
         Time in s before the window that measures cover.
     rebound

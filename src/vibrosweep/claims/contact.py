@@ -31,7 +31,7 @@ def separation_stays_positive(threads: int) -> Outcome:
     sample = study_sample()
     with Workers(threads) as workers:
         settled = swept(workers, **sample, duration=2000.0, regimes=True)
-        stable = settled["irregular_count"].values == 0
+        stable = (settled["unsettled_count"] + settled["aperiodic_count"]).values == 0
         sweeps = [swept(workers, **sample, duration=t, separation=True) for t in DURATIONS]
         fewer = [
             swept(workers, **sample, duration=12.0, separation=True, particles=n)

@@ -104,7 +104,7 @@ def staggering(threads: int) -> Outcome:
             ),
             Number(
                 "pairs with a positive Lyapunov exponent in the end, share",
-                float(np.mean(near["chaotic_count"].values > 0)),
+                float(np.mean(near["aperiodic_count"].values > 0)),
             ),
             Number(
                 "modulus of the multipliers at Table 1",

@@ -267,7 +267,10 @@ def period_two(threads: int) -> Outcome:
                 "impacts in a cycle of those that rest, median",
                 float(np.median(impacts[regime == Regime.RESTING])),
             ),
-            Number("not settled, share", float(np.mean(regime == Regime.IRREGULAR))),
+            Number(
+                "neither locked nor resting, share",
+                float(np.mean((regime != Regime.LOCKED) & (regime != Regime.RESTING))),
+            ),
             Number(
                 "at 3.05 m/s, above A_max: cycles of two impacts without rest, share",
                 _two_share(doubled),

@@ -15,20 +15,17 @@ from vibrosweep.analysis.scene import Scene
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
-from vibrosweep.kernels.attractor import settle
 from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.fixed import find_fixed
+from vibrosweep.kernels.orbits import settle
 from vibrosweep.kernels.record import record
-from vibrosweep.kernels.regimes import classify
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.trust import trust
-from vibrosweep.kernels.unforced import has_closed_form, unforced
-from vibrosweep.kernels.unforced_gaps import separate_unforced
 from vibrosweep.scene import LAWS
 from vibrosweep.sweep.asked import record_observation
 from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.following import PERIODS_TO_SHARE
+from vibrosweep.sweep.following import PERIODS_TO_RECUR
 from vibrosweep.sweep.landings import all_parameters, record_landings
 from vibrosweep.sweep.workers import Workers
 
@@ -36,17 +33,13 @@ __all__ = ["KERNELS", "Compiled", "warm_up"]
 
 KERNELS: Final[tuple[Any, ...]] = (
     advance,
-    classify,
     combine,
     find_fixed,
     first_of_each,
-    has_closed_form,
     record,
     separate,
-    separate_unforced,
     settle,
     trust,
-    unforced,
 )
 
 
@@ -79,7 +72,7 @@ def warm_up() -> Compiled:
             "machine code cannot be kept beside the package nor in the home directory; set "
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
-    scene = all_parameters({"amplitude": np.array([0.0, 1.0])})  # no kick has a kernel of its own
+    scene = all_parameters({"amplitude": np.array([1.0])})
     with Workers(1) as workers:
         for rebound, transient, regimes in product(LAWS, (0.0, 1.0), (False, True)):
             endless = record_observation(2, "staggered", 2.0, rebound, 1000)
@@ -87,9 +80,9 @@ def warm_up() -> Compiled:
             asked = replace(endless, transient=transient, regimes=regimes, lyapunov=regimes)
             asked = replace(asked, separation=True, trust=True, tolerance=1e-9, skip=True)
             measure(scene, asked, workers)
-            # long enough for orbits to recur, and two particles that are on one
-            together = replace(endless, launch=(0.0, 0.0), transient=transient, skip=True)
-            measure(scene, replace(together, duration=2.0 * PERIODS_TO_SHARE), workers)
+            # long enough for orbits to recur
+            longer = replace(endless, transient=transient, duration=2.0 * PERIODS_TO_RECUR)
+            measure(scene, replace(longer, skip=True), workers)
         for rebound in LAWS:
             point = np.array([0.9]), np.array([1.2])
             locked(Scene(rebound=rebound), Locked(1), *point, workers)

@@ -64,11 +64,11 @@ def fates(sweep: xr.Dataset, launched: float) -> Figure:
     """
     dt = data.quantity(sweep, "dt_min")
     amplitude = data.quantity(sweep, "amplitude")
-    irregular = sweep["irregular_count"].values > 0
+    elsewhere = (sweep["unsettled_count"] + sweep["aperiodic_count"]).values > 0
     figure, axes = style.new_figure(style.MEDIUM, 3.0)
     for chosen, colour, name in (
-        (~irregular, style.OKABE_ITO[0], "recurrent orbits"),
-        (irregular, style.OKABE_ITO[1], "not recurrent so far"),
+        (~elsewhere, style.OKABE_ITO[0], "recurrent orbits"),
+        (elsewhere, style.OKABE_ITO[1], "not recurrent so far"),
     ):
         axes.plot(
             amplitude[chosen],

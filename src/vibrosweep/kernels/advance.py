@@ -11,6 +11,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
 from vibrosweep.kernels.cycles import (
+    FIRST_ANCHOR,
     Cycles,
     Rests,
     close_cycle,
@@ -21,13 +22,10 @@ from vibrosweep.kernels.cycles import (
 )
 from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.lanes import (
-    AFTER_MOVING,
     AGE,
-    ALL_ROWS,
     C_IMPACTS,
     DONE,
     ENDED,
-    FIRST_MOVING,
     GOES_ON,
     LANDINGS,
     LANE,
@@ -42,7 +40,6 @@ from vibrosweep.kernels.lanes import (
     RESTS_ANCHOR,
     RETURNED,
     ROWS,
-    SAVED,
     SPENT,
     SQUARES,
     STRIDE,
@@ -61,14 +58,12 @@ from vibrosweep.kernels.lanes import (
     U,
     X,
 )
-from vibrosweep.kernels.shared import Shared, become, save
 from vibrosweep.kernels.statistics import Statistics, expect, write
 from vibrosweep.scene import Dimensionless, Launches
 
 __all__ = ["CHECK", "advance"]
 
 CHECK = 6  # impacts between two looks at what is done
-FIRST_ANCHOR = 64  # age at which recurrence begins to be looked for
 
 # of a realization: its scene, first flight, and count and phase of the end and of the begin
 Constants = tuple[float, float, float, float, float, float, float, float, float, float, float]
@@ -183,50 +178,11 @@ def _load(
 
 
 @jit
-def _go_on(
-    s: Floats,
-    places: Integers,
-    listed: int,
-    problem: Dimensionless,
-    particles: int,
-    budget: int,
-    reflect: int | None,
-    window: int | None,
-    all_cycles: int,
-    jump: int,
-    out: Statistics,
-    cycles: Cycles,
-    rests: Rests,
-    shared: Shared,
-) -> int:
-    """Go on as the trajectory that is watched for longer; list the places where there is none."""
-    done = 0
-    for q in range(listed):
-        j = places[q]
-        while s[DONE + j] != GOES_ON:
-            lane = int(s[LANE + j])
-            after = shared.after[lane]
-            if after < 0:
-                places[done] = j
-                done += 1
-                break
-            write(s, j, window, out)
-            become(s, j, after, problem, particles, shared)
-            no_cycle(cycles, after)
-            if has_returned(s, j) and (all_cycles == 1 or saves_work(s, j, jump)):
-                close_cycle(s, j, after // particles, reflect, window, jump, cycles, rests)
-            elif has_returned(s, j):
-                forget_anchor(s, j)
-            s[DONE + j] = GOES_ON if s[AGE + j] < budget else SPENT
-    return done
-
-
-@jit
-def _close_gaps(s: Floats, lanes: int, places: Integers, fresh: int, done: int, rows: int) -> int:
+def _close_gaps(s: Floats, lanes: int, places: Integers, fresh: int, done: int) -> int:
     """Move the last lanes to the places that were not filled again; return how many are left."""
     for q in range(done - 1, fresh - 1, -1):  # the last one first
         lanes -= 1
-        for row in range(rows):
+        for row in range(ROWS):
             s[row * STRIDE + places[q]] = s[row * STRIDE + lanes]
     return lanes
 
@@ -248,7 +204,6 @@ def advance(
     patience: float = 0.0,
     all_cycles: int = 0,
     jump: int = 1,
-    shared: Shared | None = None,
 ) -> int:
     """Advance trajectories of a batch to the end of their window.
 
@@ -286,9 +241,6 @@ def advance(
         1 to look for every cycle, 0 for those only that save work.
     jump
         0 to find cycles and to follow the trajectories nevertheless.
-    shared : Shared or None
-        Given, only with `cycles`, where several trajectories are one: `first` and `last` then count
-        those that are different.
 
     Returns
     -------
@@ -308,24 +260,17 @@ def advance(
         fresh = min(done, last - following)
         for q in range(fresh):
             lane = following + q
-            if shared is not None:
-                lane = shared.first[lane]
-                i, p = lane // particles, lane % particles
-                constants = _constants(problem, i)
             if i < 0 or p < 0 or places[q] < 0:  # never, see `write`
                 return 0
             start = launch(problem, launches, i, p)
             _load(s, places[q], lane, start, constants, window, cycles, patience)
             expect(out, lane)
-            if shared is not None:
-                for row in range(FIRST_MOVING, AFTER_MOVING):
-                    s[SAVED + row * STRIDE + places[q]] = s[row * STRIDE + places[q]]
             p += 1
             if p == particles:
                 i, p = i + 1, 0
                 constants = _constants(problem, min(i, problem.kick.size - 1))
         following += fresh
-        lanes = _close_gaps(s, lanes, places, fresh, done, ROWS if shared is None else ALL_ROWS)
+        lanes = _close_gaps(s, lanes, places, fresh, done)
         if lanes < LANES and first < last:
             return lanes
         # whole vectors only: the places behind the last lane hold stale, harmless numbers
@@ -335,8 +280,6 @@ def advance(
         _mark(s, padded, budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:
-            if shared is not None:
-                save(s, padded)
             # here and not in a function: numba would count references to all arrays that it takes
             listed, done = done, 0
             for q in range(listed):
@@ -353,9 +296,6 @@ def advance(
                     s[DONE + j] = SPENT
                 places[done] = j
                 done += 1
-            if shared is not None and done > 0:
-                options = particles, budget, reflect, window, all_cycles, jump
-                done = _go_on(s, places, done, problem, *options, out, cycles, rests, shared)
         for q in range(done):
             write(s, places[q], window, out)
     return 0

@@ -51,6 +51,7 @@ __all__ = [
     "CYCLE_PHASE",
     "CYCLE_RESTS",
     "CYCLE_WHOLE",
+    "FIRST_ANCHOR",
     "Cycles",
     "Rests",
     "close_cycle",
@@ -63,6 +64,7 @@ __all__ = [
     "saves_work",
 ]
 
+FIRST_ANCHOR = 64  # age in impacts at which recurrence begins to be looked for
 # A cycle is worth its finding where so many times the time since the anchor remains.
 WORTH = 4.0
 # Instants of the window that rounding might decide are left to be followed.

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
-from vibrosweep.kernels.attractor import leading_eigenvalue
 from vibrosweep.kernels.impact import land, rebound
+from vibrosweep.kernels.orbits import leading_eigenvalue
 from vibrosweep.kernels.tangent import HALF_ULP, kick_slope
 
 __all__ = ["ABSENT", "ATTRACTS", "REPELS", "FixedOrbits", "empty_fixed", "find_fixed"]

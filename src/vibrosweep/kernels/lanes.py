@@ -33,23 +33,19 @@ SUM, SQUARES = 14 * STRIDE, 15 * STRIDE  # up to the last look
 X_ANCHOR, N_ANCHOR, U_ANCHOR = 16 * STRIDE, 17 * STRIDE, 18 * STRIDE
 RESTS_ANCHOR = 19 * STRIDE
 NEXT_ANCHOR, AGE = 20 * STRIDE, 21 * STRIDE  # age at which the next one is taken; impacts so far
-FIRST_MOVING, AFTER_MOVING = 6, 22  # rows that change from impact to impact
 N_BEGIN, X_BEGIN = 22 * STRIDE, 23 * STRIDE  # window
 DONE, LANE = 24 * STRIDE, 25 * STRIDE  # why it leaves, name
 # totals of the cycle that it has entered; 0 impacts while that is not known
 C_IMPACTS, C_PERIODS, C_RESTS = 26 * STRIDE, 27 * STRIDE, 28 * STRIDE
 C_SUM, C_SQUARES, C_LARGEST = 29 * STRIDE, 30 * STRIDE, 31 * STRIDE
 ROWS = 32
-# from a moving row to the same as it was at an earlier impact
-SAVED = (ROWS - FIRST_MOVING) * STRIDE
-ALL_ROWS = ROWS + AFTER_MOVING - FIRST_MOVING
 
 GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of DONE
 
 
 def scratch() -> Floats:
     """Scratch memory for one caller of `advance`, on a cache line so that no vector spans two."""
-    size = ALL_ROWS * STRIDE
+    size = ROWS * STRIDE
     memory = np.zeros(size + VECTOR)
     offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
     return memory[offset : offset + size]

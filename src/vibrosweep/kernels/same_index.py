@@ -163,15 +163,15 @@ def same_index(
     reflect: int | None,
     work: Workspace,
     joint: Joint,
-) -> tuple[float, bool, bool]:
+) -> tuple[float, bool]:
     """Smallest gap between landings with equal impact numbers, and whether two particles are one.
 
-    The third value is whether both would be the same for any later end.  Once all particles are on
+    Once all particles are on
     their cycles the gaps of equally fast ones repeat after the joint cycle, and those of others
     grow as soon as the slower one is the later one.  When that has held for one joint cycle,
     nothing smaller can follow.
     """
-    gap, together, settled = np.inf, False, False
+    gap, together = np.inf, False
     number, repeated, early = 0, 0, 0
     lift_offs = _followed_by_landings(fixed, window, begin, x_end)
     state, listed, cells, rests = work.state, work.listed, work.cells, work.rests
@@ -207,9 +207,8 @@ def same_index(
             repeated = repeated + 1 if same else 0
             if repeated > joint.impacts:
                 if early == 0:
-                    settled = True
                     break
                 _pass_over(work, k, begin, joint)
                 n, repeated = -np.inf, 0
     together |= gap == 0.0
-    return gap, together, settled or gap == 0.0
+    return gap, together

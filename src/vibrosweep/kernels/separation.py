@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
+from vibrosweep.kernels._jit import Flags, Floats, jit, kernel
 from vibrosweep.kernels.cycles import Cycles
 from vibrosweep.kernels.impact import scene
 from vibrosweep.kernels.joint import Joint, affordable, joint_cycle, no_joint
@@ -102,34 +102,28 @@ def _separate(
     window: int | None,
     work: Workspace,
     out: Separations,
-) -> bool:
-    """Measure realization i; return whether the result would be the same for any later end."""
+) -> None:
+    """Measure realization i."""
     _, joint, opening, end = found
     fixed = scene(problem, i)
     begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
     start(work, problem, launches, i)
-    same, together, settled = same_index(
-        fixed, window, begin, problem.end_phase[i], reflect, work, joint
-    )
+    same, together = same_index(fixed, window, begin, problem.end_phase[i], reflect, work, joint)
     gap, shared = 0.0, 1
     if not together:
         start(work, problem, launches, i)
         first = earliest(work)
         gap, shared = all_landings(fixed, window, opening, end, reflect, None, first, work)
-        settled &= end[0] < 0.0
     out.shared[i] = shared
     if shared != UNKNOWN:
         out.gap[i] = gap if gap < np.inf else np.nan
         out.same[i] = same if same < np.inf else np.nan
-    return settled and shared != UNKNOWN
 
 
 @kernel
 def separate(
     first: int,
     last: int,
-    scenes: Integers,
-    after: Integers,
     problem: Dimensionless,
     launches: Launches,
     complete: NDArray[np.bool_],
@@ -140,17 +134,12 @@ def separate(
     cycles: Cycles,
     out: Separations,
 ) -> None:
-    """Measure the separations of scenes first ... last - 1.
+    """Measure the separations of realizations first ... last - 1.
 
     Parameters
     ----------
     first, last
-        Range of scenes.
-    scenes
-        Shape (scene,): a realization of each, that with the earliest end.
-    after
-        Shape (realization,): the one of the same scene with the next later end, or -1.  What can
-        be no other at a later end is taken over from it.
+        Range of realizations.
     problem : vibrosweep.scene.Dimensionless
     launches : vibrosweep.scene.Launches
     complete
@@ -168,19 +157,12 @@ def separate(
         entered theirs, no more is followed than the joint cycle of all; the result is the same, bit
         for bit.  Of no length where unknown.
     out : Separations
-        Only the slots of these scenes' realizations are written.
+        Only the slots of these realizations are written.
     """
     particles = launches.whole.shape[1]
     pace = np.empty(particles)
-    for scene_number in range(first, last):
-        i, measured, settled = scenes[scene_number], -1, False
-        while i >= 0:
-            if complete[i]:
-                found = _window(problem, i, particles, budget, window, cycles, pace)
-                if found[0] and settled:
-                    out.gap[i], out.same[i] = out.gap[measured], out.same[measured]
-                    out.shared[i] = out.shared[measured]
-                elif found[0]:
-                    measured = i
-                    settled = _separate(problem, launches, i, found, reflect, window, work, out)
-            i = after[i]
+    for i in range(first, last):
+        if complete[i]:
+            found = _window(problem, i, particles, budget, window, cycles, pace)
+            if found[0]:
+                _separate(problem, launches, i, found, reflect, window, work, out)

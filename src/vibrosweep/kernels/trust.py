@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit, kernel
-from vibrosweep.kernels.impact import land, launch, lift_off, rebound
+from vibrosweep.kernels.impact import Scene, land, launch, lift_off, rebound, scene
 from vibrosweep.kernels.sine import sin_turns
 from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope
 from vibrosweep.scene import Dimensionless, Launches
 
-__all__ = ["Trust", "empty_trust", "trust"]
+__all__ = ["Trust", "empty_trust", "is_certain", "trust"]
 
 # Relative error of `sin_turns`, proved: benchmarks/sine_error.py finds 3.42 half ulps at most.
 SINE_ERROR = 3.5 * HALF_ULP
@@ -44,6 +44,7 @@ ARCSINE_ERROR = 10.0 * HALF_ULP
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40
 CURVATURE = 2.0 * math.pi * math.pi  # half the second derivative of sin(2 pi x)
+SMALLEST = 2.0**-1020  # absolute, of a product or quotient that is subnormal
 LOST = 0.125  # turns; beyond, a linearisation says nothing
 
 
@@ -110,6 +111,91 @@ def _lift_error(r: float, a: float, x_lift: float) -> float:
 
 
 @jit
+def _land(
+    x: float, u: float, frame: tuple[float, float], box: tuple[float, float]
+) -> tuple[float, float, float, float]:
+    """Phase of a landing and whole periods passed; its own rounding, and its error in all."""
+    moved = x + (u - np.rint(u))
+    rounding = min(LANDING_ERROR, HALF_ULP * abs(moved))
+    x, passed = land(x, u)
+    c, s = frame
+    error = (abs(c + s) * box[0] + abs(c - s) * box[1] + rounding) * INFLATION
+    return x, passed, rounding, error
+
+
+@jit
+def _rebound(
+    fixed: Scene,
+    x: float,
+    u: float,
+    landing: tuple[float, float],
+    frame: tuple[float, float],
+    box: tuple[float, float],
+    reflect: int | None,
+) -> tuple[float, float, tuple[float, float], tuple[float, float]]:
+    """Next flight of a particle that leaves at once, its error, and the frame and box after it.
+
+    `landing` holds the rounding and the error of the landing.
+    """
+    e, a = fixed[0], fixed[1]
+    rounding, error = landing
+    w = rebound(x, u, e, a, None)
+    k = kick_slope(x, a)
+    kicked = abs(k) * rounding + HALF_ULP * abs(w) + SMALLEST
+    kicked += a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(sin_turns(x))
+    kicked += a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
+    sign = -1.0 if (reflect is not None and w < 0.0) else 1.0
+    frame, box = _turn(frame, box, e, k, sign)
+    c, s = frame
+    box = (
+        box[0] + (abs(c) * rounding + abs(s) * kicked) * INFLATION,
+        box[1] + (abs(s) * rounding + abs(c) * kicked) * INFLATION,
+    )
+    return sign * w, (abs(s) * box[0] + abs(c) * box[1]) * INFLATION, frame, box
+
+
+@jit
+def is_certain(
+    fixed: Scene, x: float, u: float, impacts: int, modulus: float, reflect: int | None
+) -> bool:
+    """Whether no rounding can change a decision along a cycle.
+
+    Parameters
+    ----------
+    fixed
+        The scene of the realization.
+    x, u
+        A state of the cycle; of one with a rest, the lift-off from it.
+    impacts
+        In one cycle.
+    modulus
+        Of the leading multiplier, by which the error of one cycle is passed on to the next; 0 of
+        a cycle with a rest, which begins anew.
+    reflect
+        None, or 1 for the `reflect` law.
+    """
+    a, r, x_lift = fixed[1], fixed[2], fixed[3]
+    if not modulus < 1.0:
+        return False
+    frame, box, x_error = (1.0, 0.0), (0.0, 0.0), 0.0
+    if modulus == 0.0:
+        x_error = _lift_error(r, a, x_lift)
+        box = (x_error, REST_ERROR * r)
+    all_cycles = 1.0 / (1.0 - modulus)
+    for _ in range(impacts):
+        x, _, rounding, error = _land(x, u, frame, box)
+        if not all_cycles * error < LOST:
+            return False
+        u, u_error, frame, box = _rebound(fixed, x, u, (rounding, error), frame, box, reflect)
+        if abs(u - r) <= all_cycles * u_error + REST_ERROR * r:
+            return False
+        if u <= r:
+            barely = abs(a - r) <= KICK_ERROR * a + REST_ERROR * r
+            return not (barely or abs(x - x_lift) <= error + x_error)
+    return True
+
+
+@jit
 def _follow(
     problem: Dimensionless,
     launches: Launches,
@@ -120,22 +206,18 @@ def _follow(
     reflect: int | None,
 ) -> tuple[float, float, float]:
     """Bounds of one trajectory, as the fields of `Trust`."""
-    e, a, r = problem.restitution[i], problem.kick[i], problem.rest_flight[i]
-    x_lift, x_end = problem.liftoff_phase[i], problem.end_phase[i]
-    wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
+    fixed = scene(problem, i)
+    _, a, r, x_lift, wait, u_lift = fixed
+    x_end = problem.end_phase[i]
     n, x = launch(problem, launches, i, p)
     n -= problem.end_count[i]
     u = problem.launch_flight[i]
-    frame, box = (1.0, 0.0), (LAUNCH_ERROR, KICK_ERROR * u)
+    frame, box = (1.0, 0.0), (LAUNCH_ERROR, KICK_ERROR * u + SMALLEST)
     until, landing_error, flight_error = np.nan, 0.0, 0.0
     known = True
     for _ in range(budget):
-        moved = x + (u - np.rint(u))
-        rounding = min(LANDING_ERROR, HALF_ULP * abs(moved))
-        x, passed = land(x, u)
+        x, passed, rounding, error = _land(x, u, frame, box)
         n += passed
-        c, s = frame
-        error = (abs(c + s) * box[0] + abs(c - s) * box[1] + rounding) * INFLATION
         remaining = (x_end - x) - n
         if remaining < -error - LAUNCH_ERROR:
             return (np.inf if known else until), landing_error, flight_error
@@ -145,21 +227,7 @@ def _follow(
         known = known and error <= tolerance
         if known:
             until = (n + problem.end_count[i]) + (x - problem.phase[i])
-        sine = sin_turns(x)
-        w = rebound(x, u, e, a, None)
-        k = kick_slope(x, a)
-        kicked = abs(k) * rounding + HALF_ULP * abs(w)
-        kicked += a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(sine)
-        kicked += a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
-        sign = -1.0 if (reflect is not None and w < 0.0) else 1.0
-        frame, box = _turn(frame, box, e, k, sign)
-        c, s = frame
-        box = (
-            box[0] + (abs(c) * rounding + abs(s) * kicked) * INFLATION,
-            box[1] + (abs(s) * rounding + abs(c) * kicked) * INFLATION,
-        )
-        w *= sign
-        w_error = (abs(s) * box[0] + abs(c) * box[1]) * INFLATION
+        w, w_error, frame, box = _rebound(fixed, x, u, (rounding, error), frame, box, reflect)
         if abs(w - r) <= w_error + REST_ERROR * r:
             break
         x_landed = x

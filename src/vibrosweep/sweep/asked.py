@@ -58,6 +58,8 @@ def parameters_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> d
 
 def measured_variables(asked: SweepSpec | Observation) -> Iterator[Variable]:
     """Give the variables that are measured."""
+    if isinstance(asked, SweepSpec):
+        asked = observation_of(asked)
     for registry in (SWEEP, PER_PARTICLE, REGIMES, TRUST, LYAPUNOV):
         for variable in registry.values():
             key = variable.key.removeprefix("measure.")

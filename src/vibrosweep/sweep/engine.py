@@ -12,12 +12,12 @@ from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.scene import Dimensionless, dimensionless, launches
-from vibrosweep.sweep.attractors import lyapunov
+from vibrosweep.sweep.asked import measured_variables
 from vibrosweep.sweep.following import follow
 from vibrosweep.sweep.observation import Observation
-from vibrosweep.sweep.regimes import regimes
+from vibrosweep.sweep.orbits import orbit_variables
 from vibrosweep.sweep.workers import Workers
-from vibrosweep.variables import UNDETERMINED
+from vibrosweep.variables import RESOLUTION, UNDETERMINED
 
 __all__ = ["measure"]
 
@@ -64,16 +64,14 @@ def measure(
     )
     if observation.per_particle and found.each is not None:
         measured |= _per_particle(found.each, parameters, problem, (frequency.size, particles))
-    if found.each is not None and found.cycles is not None:
-        measured |= regimes(
-            found.each, found.cycles, problem, particles, observation.reflect, frequency, workers
-        )
+    if found.orbits is not None:
+        of_orbits = orbit_variables(found.orbits, frequency)
+        asked = {variable.name for variable in measured_variables(observation)}
+        measured |= {name: values for name, values in of_orbits.items() if name in asked}
     if found.separations is not None:
         measured |= _separations(found.separations, frequency)
     if found.bounds is not None:
         measured |= _error_bounds(found.bounds, observation, parameters)
-    if observation.lyapunov:
-        measured |= lyapunov(problem, launch, observation, workers)
     return measured
 
 
@@ -133,8 +131,10 @@ def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.
 
 def _separations(found: Separations, frequency: Array) -> Measured:
     shared = found.shared
+    resolved = np.where(np.isnan(found.gap), UNDETERMINED, found.gap > RESOLUTION)
     return {
         "dt_min": found.gap / frequency,
+        "dt_min_resolved": resolved.astype(np.int8),
         "dt_min_same_index": found.same / frequency,
         "base_shared": shared,
         "collision_free": np.where(shared == UNDETERMINED, shared, 1 - shared).astype(np.int8),

@@ -17,26 +17,23 @@ from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.lanes import scratch
+from vibrosweep.kernels.orbits import Orbits, empty_orbits, settle
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
-from vibrosweep.kernels.unforced import has_closed_form, unforced
-from vibrosweep.kernels.unforced_gaps import separate_unforced
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Status
 from vibrosweep.sweep.observation import Observation
-from vibrosweep.sweep.sharing import find_chains, find_equal, find_shared
+from vibrosweep.sweep.sharing import find_equal
 from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
 
-__all__ = ["PERIODS_TO_SHARE", "Followed", "follow", "statistics"]
+__all__ = ["PERIODS_TO_RECUR", "Followed", "follow", "settled", "statistics"]
 
 Array = NDArray[np.float64]
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
 # Over fewer periods hardly an orbit repeats early enough for its recognition to pay.
 PERIODS_TO_RECUR = 32.0
-# Over fewer periods it costs as much to find the trajectories that are one as to follow them all.
-PERIODS_TO_SHARE = 256.0
 
 
 @dataclass(frozen=True)
@@ -47,11 +44,11 @@ class Followed:
     ----------
     each
         Of the trajectories, those of a realization side by side; in the workers' memory until its
-        next use. Only for measures per particle and regimes.
+        next use. Only for measures per particle.
     whole
         Of the realizations.
-    cycles
-        Of the trajectories, in the workers' memory. Only for regimes.
+    orbits
+        What the trajectories settle on.
     separations
         Of the realizations.
     bounds
@@ -60,7 +57,7 @@ class Followed:
 
     each: Statistics | None
     whole: Statistics
-    cycles: Cycles | None
+    orbits: Orbits | None
     separations: Separations | None
     bounds: Trust | None
 
@@ -121,19 +118,14 @@ def _follow(
         size,
         max(1, 2 * TRAJECTORIES_PER_TASK // particles),
     )
-    separations = bounds = None
+    orbits = separations = bounds = None
+    if observation.regimes and cycles is not None:
+        orbits = _orbits(problem, launch, each, cycles, observation, workers)
     if observation.separation:
         separations = _separations(problem, launch, observation, whole, cycles, workers)
     if observation.trust:
         bounds = _error_bounds(problem, launch, tolerance, observation, workers)
-    of_particles = observation.per_particle or observation.regimes
-    return Followed(
-        each if of_particles else None,
-        whole,
-        cycles if observation.regimes else None,
-        separations,
-        bounds,
-    )
+    return Followed(each if observation.per_particle else None, whole, orbits, separations, bounds)
 
 
 def statistics(
@@ -148,64 +140,9 @@ def statistics(
     They stand in the workers' memory until its next use.  Where `cycles` are given, they are
     written, and trajectories that recur are followed no further.
     """
-    particles = observation.particles
-    closed = np.empty(problem.kick.size, bool)
-    forced = not observation.skip or bool(problem.kick.all())
-    if forced or not has_closed_form(problem, observation.impact_budget, closed):
-        return _advanced(problem, launch, observation, workers, cycles)
-    if closed.all():
-        each = workers.statistics(closed.size * particles)
-        _unforced(problem, launch, workers, each)
-    else:
-        each = empty_statistics(closed.size * particles)
-        some = empty_statistics(int(np.count_nonzero(closed)) * particles)
-        _unforced(_taken(problem, closed), _launches_of(launch, closed), workers, some)
-        others = _taken(problem, ~closed), _launches_of(launch, ~closed)
-        rest = _advanced(*others, observation, workers, cycles)
-        for target, *sources in zip(
-            *(_rows(v, particles) for v in (each, some, rest)), strict=True
-        ):
-            target[closed], target[~closed] = sources
-    if cycles is not None:
-        _place_cycles(cycles, ~closed, particles)
-    return each
-
-
-def _unforced(problem: Dimensionless, launch: Launches, workers: Workers, each: Statistics) -> None:
-    particles = launch.whole.shape[1]
-    workers.each(
-        lambda first, last: unforced(first, last, problem, launch, each),
-        problem.kick.size,
-        max(1, TRAJECTORIES_PER_TASK // particles),
-    )
-
-
-def _place_cycles(cycles: Cycles, which: NDArray[np.bool_], particles: int) -> None:
-    """Move cycles that were written one after the other to the realizations that have them."""
-    of_each = cycles.reshape(cycles.shape[0], -1, particles)
-    of_each[:, which] = of_each[:, : np.count_nonzero(which)].copy()
-    of_each[:, ~which] = 0.0
-
-
-def _rows(fields: tuple[Any, ...], particles: int) -> list[NDArray[Any]]:
-    """Fields of trajectories, a row for each realization."""
-    return [values.reshape(-1, particles) for values in fields]
-
-
-def _advanced(
-    problem: Dimensionless,
-    launch: Launches,
-    observation: Observation,
-    workers: Workers,
-    cycles: Cycles | None,
-) -> Statistics:
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
     window = observation.window  # goes through all launches
-    shared = None
-    if observation.skip and cycles is not None and _lasts(problem, launch, PERIODS_TO_SHARE):
-        patience = 0.0 if observation.regimes else PERIODS_TO_RECUR
-        shared = find_shared(problem, launch, window, patience)
 
     def begin() -> Callable[[int, int], None]:
         room = scratch()
@@ -220,7 +157,7 @@ def _advanced(
                 lanes,
                 problem,
                 launch,
-                observation.impact_budget,
+                observation.budget,
                 observation.reflect,
                 window,
                 room,
@@ -230,13 +167,52 @@ def _advanced(
                 PERIODS_TO_RECUR,
                 int(observation.regimes),
                 int(observation.skip),
-                shared,
             )
 
         return task
 
-    workers.stream(begin, total if shared is None else shared.first.size)
+    workers.stream(begin, total)
     return each
+
+
+def settled(
+    problem: Dimensionless, launch: Launches, observation: Observation, workers: Workers
+) -> Orbits:
+    """What every trajectory settles on, in the order of realizations and within them of particles.
+
+    Arguments as of `statistics`.
+    """
+    cycles = workers.cycles(problem.kick.size * observation.particles)
+    each = statistics(problem, launch, observation, workers, cycles)
+    return _orbits(problem, launch, each, cycles, observation, workers)
+
+
+def _orbits(
+    problem: Dimensionless,
+    launch: Launches,
+    each: Statistics,
+    cycles: Cycles,
+    observation: Observation,
+    workers: Workers,
+) -> Orbits:
+    orbits = empty_orbits(each.status.size)
+
+    def task(first: int, last: int) -> None:
+        settle(
+            first,
+            last,
+            problem,
+            launch,
+            each,
+            cycles,
+            observation.budget,
+            int(observation.lyapunov),
+            observation.reflect,
+            orbits,
+        )
+
+    workers.each(task, each.status.size, TRAJECTORIES_PER_TASK // 64)
+    return orbits
 
 
 def _lasts(problem: Dimensionless, launch: Launches, periods: float) -> bool:
@@ -261,28 +237,16 @@ def _separations(
     known = cycles if cycles is not None and observation.skip else workers.cycles(0)
     window = observation.window  # goes through all launches
     rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to make
-    closed = np.zeros(size, bool)
-    if observation.skip and not problem.kick.all():
-        has_closed_form(problem, observation.impact_budget, closed)
-    complete &= ~closed
-
-    scenes, after = np.arange(size), np.full(size, -1)
-    if window is None and known.size > 0 and _lasts(problem, launch, PERIODS_TO_SHARE):
-        chains = find_chains(problem, launch, window, 0.0)
-        if chains is not None:
-            scenes, after = chains
 
     def task(first: int, last: int) -> None:
         room = rooms.pop()
         separate(
             first,
             last,
-            scenes,
-            after,
             problem,
             launch,
             complete,
-            observation.impact_budget,
+            observation.budget,
             observation.reflect,
             window,
             room,
@@ -291,15 +255,8 @@ def _separations(
         )
         rooms.append(room)
 
-    def task_unforced(first: int, last: int) -> None:
-        room = rooms.pop()
-        separate_unforced(first, last, problem, launch, closed, window, room, found)
-        rooms.append(room)
-
     per_task = max(1, TRAJECTORIES_PER_TASK // (32 * particles))
-    workers.each(task, scenes.size, per_task)
-    if closed.any():
-        workers.each(task_unforced, size, per_task)
+    workers.each(task, size, per_task)
     return found
 
 
@@ -319,7 +276,7 @@ def _error_bounds(
             problem,
             launch,
             tolerance,
-            observation.impact_budget,
+            observation.budget,
             observation.reflect,
             bounds,
         )
@@ -349,14 +306,10 @@ def _repeated(found: Followed, source: NDArray[np.intp], observation: Observatio
         return type(values)(*(v.reshape(-1, particles)[source].ravel() for v in values))
 
     particles = observation.particles
-    cycles = found.cycles
-    if cycles is not None:
-        of_each = cycles.reshape(cycles.shape[0], -1, particles)
-        cycles = of_each[:, source].reshape(cycles.shape[0], -1)
     return Followed(
         None if found.each is None else trajectories(found.each),
         realizations(found.whole),
-        cycles,
+        None if found.orbits is None else trajectories(found.orbits),
         None if found.separations is None else realizations(found.separations),
         None if found.bounds is None else trajectories(found.bounds),
     )

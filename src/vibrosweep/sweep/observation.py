@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from vibrosweep.kernels.advance import CHECK
+
 __all__ = ["Observation"]
 
 
@@ -34,9 +36,9 @@ class Observation:
     tolerance
         Error of a landing time in s up to which it is trusted.
     impact_budget
-        Impacts after which a particle is given up.
+        Impacts after which a particle is given up, see `budget`.
     lyapunov
-        Whether Lyapunov exponents, distinct orbits and slots are found.
+        Whether Lyapunov exponents, distinct orbits and slots are found; regimes then are, too.
     skip
         Whether what is known already is counted instead of followed; off only to compare.
     """
@@ -54,6 +56,15 @@ class Observation:
     impact_budget: int
     lyapunov: bool = False
     skip: bool = True
+
+    def __post_init__(self) -> None:
+        if self.lyapunov:  # the exponents of a cycle are those of its multipliers
+            object.__setattr__(self, "regimes", True)
+
+    @property
+    def budget(self) -> int:
+        """Impacts after which a particle is given up: the budget up to a whole number of looks."""
+        return -(-self.impact_budget // CHECK) * CHECK
 
     @property
     def reflect(self) -> int | None:

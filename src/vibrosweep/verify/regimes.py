@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from vibrosweep.kernels.regimes import SAME
+from vibrosweep.kernels.orbits import SAME_ORBIT
 from vibrosweep.reference._flint import arb, ctx
 from vibrosweep.reference.ball import Trajectory
 from vibrosweep.status import Regime
@@ -59,7 +59,7 @@ def _proved(
         start = orbit.start(own["recurrent_from"], stated)
         cycle = orbit.cycle(start, stated)
     if cycle == 0:
-        regime = Regime.AT_REST if trajectory.at_rest else Regime.IRREGULAR
+        regime = Regime.AT_REST if trajectory.at_rest else Regime.UNSETTLED
         return {"recurrent_from": None, "regime": int(regime)} | dict.fromkeys(
             ("cycle_impacts", "cycle_periods", "cycle_rests"), 0
         )
@@ -121,11 +121,13 @@ class _Orbit:
         The stated number holds if the orbit repeats after so many impacts and, certainly, not after
         fewer that divide them.
         """
-        if stated > 0 and self._repeats(start, stated, SAME + self.error):
+        if stated > 0 and self._repeats(start, stated, SAME_ORBIT + self.error):
             shorter = (d for d in range(1, stated) if stated % d == 0)
-            return next((d for d in shorter if self._repeats(start, d, SAME - self.error)), stated)
+            return next(
+                (d for d in shorter if self._repeats(start, d, SAME_ORBIT - self.error)), stated
+            )
         others = range(1, len(self.times) - start)
-        return next((n for n in others if self._repeats(start, n, SAME + self.error)), 0)
+        return next((n for n in others if self._repeats(start, n, SAME_ORBIT + self.error)), 0)
 
     def _repeats(self, start: int, cycle: int, error: float) -> bool:
         """Whether all states from one on are equal to those a cycle later, up to an error."""

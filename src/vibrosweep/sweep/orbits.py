@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels.attractor import SAME_ORBIT, Orbits, empty_orbits, settle
+from vibrosweep.kernels.orbits import SAME_ORBIT, Orbits
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Regime
-from vibrosweep.variables import LYAPUNOV
+from vibrosweep.sweep.following import settled
 
 if TYPE_CHECKING:
     from vibrosweep.sweep.observation import Observation
@@ -20,7 +21,6 @@ __all__ = [
     "NO_ORBIT",
     "find_orbits",
     "label_orbits",
-    "lyapunov",
     "orbit_variables",
     "slot_count",
     "slots",
@@ -29,8 +29,6 @@ __all__ = [
 Codes = NDArray[np.int64]
 
 NO_ORBIT: Final = -1
-TRAJECTORIES_PER_TASK: Final = 1024
-CERTAIN: Final = 3.0  # standard errors by which a chaotic orbit's exponent exceeds zero
 
 
 def find_orbits(
@@ -41,10 +39,11 @@ def find_orbits(
     Parameters
     ----------
     problem, launch
-        Realizations and launches; the number of particles is that of the launches, and exponents
-        of orbits that do not recur are means over the window of the problem.
+        Realizations and launches; exponents of orbits that do not recur are means over the window
+        of the problem.
     observation
-        Gives the rebound law and the impact budget.
+        Its particles are those of the launches, and its window begins after a launch where that of
+        the problem does.
     workers
         Threads to use.
 
@@ -53,14 +52,8 @@ def find_orbits(
     Orbits
         Arrays of shape (realization * particle,), in dimensionless units.
     """
-    orbits = empty_orbits(problem.kick.size * launch.whole.shape[1])
-
-    def task(first: int, last: int) -> None:
-        budget, reflect = observation.impact_budget, observation.reflect
-        settle(first, last, problem, launch, budget, reflect, orbits)
-
-    workers.each(task, orbits.impacts.size, TRAJECTORIES_PER_TASK)
-    return orbits
+    asked = replace(observation, lyapunov=True, skip=True)
+    return settled(problem, launch, asked, workers)
 
 
 def label_orbits(orbits: Orbits, realizations: int) -> Codes:
@@ -113,50 +106,43 @@ def slot_count(labels: Codes, slot: Codes) -> Codes:
     return np.asarray(np.count_nonzero(steps, axis=1))
 
 
-def lyapunov(
-    problem: Dimensionless, launch: Launches, observation: Observation, workers: Workers
-) -> dict[str, NDArray[Any]]:
-    """Lyapunov exponents of each particle, and the orbits and slots that are occupied.
-
-    Returns
-    -------
-    dict
-        The variables of `vibrosweep.variables.LYAPUNOV`.
-    """
-    orbits = find_orbits(problem, launch, observation, workers)
-    found = orbit_variables(orbits, problem.kick.size)
-    return {name: found[name] for name in LYAPUNOV}
-
-
-def orbit_variables(orbits: Orbits, realizations: int) -> dict[str, NDArray[Any]]:
+def orbit_variables(orbits: Orbits, frequency: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
     """What orbits say of each particle and of each realization.
 
+    Parameters
+    ----------
+    orbits
+        Of all trajectories, those of a realization side by side.
+    frequency
+        Hz, shape (realization,).
+
     Returns
     -------
     dict
-        The variables of `vibrosweep.variables.LYAPUNOV`, and of its REGIMES all that do not depend
-        on when an orbit began; arrays of shape (realization, particle) and (realization,).
+        The variables of the measures regimes and lyapunov in `vibrosweep.variables`, of shape
+        (realization, particle) and (realization,).
     """
-    shape = (realizations, -1)
-    labels, slot = label_orbits(orbits, realizations), slots(orbits).reshape(shape)
-    largest, error = orbits.largest.reshape(shape), orbits.largest_error.reshape(shape)
-    regime = orbits.regime.reshape(shape)
-    irregular = regime == Regime.IRREGULAR
+    shape = (frequency.size, -1)
+    labels, slot = label_orbits(orbits, frequency.size), slots(orbits).reshape(shape)
+    largest, regime = orbits.largest.reshape(shape), orbits.regime.reshape(shape)
+    uncertain = orbits.uncertain.reshape(shape)
     counts = {f"{one.meaning}_count": np.count_nonzero(regime == one, axis=1) for one in Regime}
     return {
         "regime": regime,
         "cycle_impacts": orbits.impacts.reshape(shape),
         "cycle_periods": orbits.periods.reshape(shape),
         "cycle_rests": orbits.rests.reshape(shape),
+        "cycle_uncertain": uncertain,
+        "recurrent_from": orbits.since.reshape(shape) / frequency[:, np.newaxis],
         **counts,
+        "uncertain_cycle_count": np.count_nonzero(uncertain == 1, axis=1),
         "lyapunov_largest": largest,
-        "lyapunov_largest_error": error,
+        "lyapunov_largest_error": orbits.largest_error.reshape(shape),
         "lyapunov_sum": orbits.total.reshape(shape),
         "lyapunov_sum_error": orbits.total_error.reshape(shape),
         "orbit": labels,
         "slot": slot,
-        "lyapunov_max": largest.max(axis=1),
-        "chaotic_count": np.count_nonzero(irregular & (largest > CERTAIN * error), axis=1),
+        "lyapunov_max": np.fmax.reduce(largest, axis=1),
         "orbit_count": labels.max(axis=1) + 1,
         "slot_count": slot_count(labels, slot),
     }

@@ -1,0 +1,396 @@
+"""What each trajectory settles on: its regime, its cycle, multipliers and Lyapunov exponents.
+
+Cycles are those that were recognised while the trajectory was advanced (see `cycles`); nothing here
+looks for a recurrence.  The exponents of a cycle follow from its multipliers, the eigenvalues of
+the product of the Jacobians of its impacts; those of any other orbit are means along the orbit,
+over the landings in the window.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.kernels import growth
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
+from vibrosweep.kernels.cycles import (
+    CYCLE_FLIGHT,
+    CYCLE_IMPACTS,
+    CYCLE_PERIODS,
+    CYCLE_PHASE,
+    CYCLE_RESTS,
+    CYCLE_WHOLE,
+    FIRST_ANCHOR,
+    Cycles,
+)
+from vibrosweep.kernels.impact import Scene, impact, launch, rebound, scene
+from vibrosweep.kernels.statistics import Statistics
+from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope, stretch
+from vibrosweep.kernels.trust import is_certain
+from vibrosweep.scene import Dimensionless, Launches
+from vibrosweep.status import Regime
+
+__all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle"]
+
+State = tuple[float, float, float]  # whole periods, phase, and the flight that follows
+
+# Periods.  Two particles on one orbit differ by the rounding of an impact over
+# 1 - |leading multiplier|, and so do the rounds of an orbit whose bits return after several only;
+# distinct points of one cycle are never this close, unless it has just split.
+SAME_ORBIT = 2.0**-30
+CERTAIN = 3.0  # standard errors by which the exponent of an aperiodic orbit exceeds zero
+
+AT_REST = int(Regime.AT_REST)
+RESTING = int(Regime.RESTING)
+LOCKED = int(Regime.LOCKED)
+UNSETTLED = int(Regime.UNSETTLED)
+APERIODIC = int(Regime.APERIODIC)
+
+
+class Orbits(NamedTuple):
+    """Where trajectories settle, each array of shape (trajectory,).
+
+    Attributes
+    ----------
+    regime
+        `vibrosweep.status.Regime`.
+    impacts, periods, rests
+        Impacts, forcing periods and rests in one cycle; 0 where no recurrence was found.
+    uncertain
+        1 where rounding may have changed a decision along the cycle, 0 where it cannot have, -1
+        where there is no cycle.
+    since
+        Instant in forcing periods from which on the orbit is known to repeat; NaN where it is not.
+    whole, phase, flight
+        A state to go on from: whole periods and phase of a lift-off, and the flight that follows.
+        Of a cycle, the member with the shortest flight, so that particles on one orbit agree in it
+        up to rounding; at rest for good, the last landing with a flight of 0; NaN where the
+        trajectory was not followed.
+    multiplier
+        The leading multiplier of the cycle, 0 if it has a rest; NaN where there is no cycle.
+    largest, largest_error
+        Largest Lyapunov exponent per impact, and the standard error of its mean, or the rounding
+        error to first order where multipliers give it; -inf with error 0 where a rest occurs.  The
+        error is infinite where the cycle is uncertain.
+    total, total_error
+        Sum of both exponents per impact, from the areas of the frames that are carried along, and
+        the bound of its rounding error; -inf with error 0 also without restitution.
+    """
+
+    regime: Flags
+    impacts: Integers
+    periods: Integers
+    rests: Integers
+    uncertain: Flags
+    since: Floats
+    whole: Floats
+    phase: Floats
+    flight: Floats
+    multiplier: NDArray[np.complex128]
+    largest: Floats
+    largest_error: Floats
+    total: Floats
+    total_error: Floats
+
+
+def empty_orbits(trajectories: int) -> Orbits:
+    """Room for the orbits of a batch."""
+    impacts, periods, rests = (np.empty(trajectories, np.int64) for _ in range(3))
+    regime, uncertain = (np.empty(trajectories, np.int8) for _ in range(2))
+    since, whole, phase, flight, *exponents = (np.empty(trajectories) for _ in range(8))
+    multiplier = np.empty(trajectories, np.complex128)
+    return Orbits(
+        regime,
+        impacts,
+        periods,
+        rests,
+        uncertain,
+        since,
+        whole,
+        phase,
+        flight,
+        multiplier,
+        *exponents,
+    )
+
+
+@jit
+def _sign(fixed: Scene, x: float, u: float, reflect: int | None) -> float:
+    """-1 where the `reflect` law turns a particle back that lands at phase x, else 1."""
+    if reflect is not None and rebound(x, u, fixed[0], fixed[1], None) < 0.0:
+        return -1.0
+    return 1.0
+
+
+@jit
+def _follow(
+    fixed: Scene,
+    launched: State,
+    window: tuple[float, float, float, float],
+    budget: int,
+    reflect: int | None,
+    g: Floats,
+) -> tuple[State, int, float, float]:
+    """Follow a trajectory to its end.
+
+    Returns the state reached and, of the impacts in the window, the number of rests, the sum of the
+    logarithms of areas, and the bound of its rounding error.
+    """
+    n, x, u = launched
+    n_begin, x_begin, n_end, x_end = window
+    c, d = 1.0, 0.0
+    rests, area, slack = 0, 0.0, 0.0
+    growth.empty(g)
+    for _ in range(budget):
+        landed, x_landed, n_off, x_off, u_off, leaves = impact(fixed, n, x, u, reflect)
+        if not landed - n_end <= x_end - x_landed:
+            break
+        if n_begin - landed <= x_landed - x_begin:
+            rests += 0 if leaves else 1
+            k, sign = kick_slope(x_landed, fixed[1]), _sign(fixed, x_landed, u, reflect)
+            c, d, along, across, error = stretch(c, d, fixed[0], k, sign)
+            growth.add(g, growth.logarithm(along))
+            area += growth.logarithm(along * across)
+            slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
+        if n_off == np.inf:
+            return (landed, x_landed, 0.0), rests, area, slack
+        n, x, u = n_off, x_off, u_off
+    return (n, x, u), rests, area, slack
+
+
+@jit
+def _periods_of(
+    fixed: Scene, x: float, u: float, reflect: int | None, impacts: int, shorter: int
+) -> int:
+    """Periods of the shorter cycle that a cycle is up to rounding; 0 if it is none."""
+    n = ahead_n = 0.0
+    ahead_x, ahead_u = x, u
+    for _ in range(shorter):
+        _, _, ahead_n, ahead_x, ahead_u, _ = impact(fixed, ahead_n, ahead_x, ahead_u, reflect)
+    periods = np.rint(ahead_n + (ahead_x - x))
+    for _ in range(impacts):
+        apart = (ahead_n - n - periods) + (ahead_x - x)
+        if abs(apart) > SAME_ORBIT or abs(ahead_u - u) > SAME_ORBIT:
+            return 0
+        _, _, n, x, u, _ = impact(fixed, n, x, u, reflect)
+        _, _, ahead_n, ahead_x, ahead_u, _ = impact(fixed, ahead_n, ahead_x, ahead_u, reflect)
+    return int(periods)
+
+
+@jit
+def _shortest(
+    fixed: Scene, x: float, u: float, reflect: int | None, impacts: int, periods: int
+) -> tuple[int, int]:
+    """Impacts and periods of a cycle with states closer than `SAME_ORBIT` taken as one.
+
+    Rounding lets an orbit alternate between neighbouring numbers; the cycle of its bits is then a
+    multiple of the orbit's.
+    """
+    for shorter in range(1, impacts // 2 + 1):
+        if impacts % shorter == 0:
+            found = _periods_of(fixed, x, u, reflect, impacts, shorter)
+            if found > 0:
+                return shorter, found
+    return impacts, periods
+
+
+@jit
+def _representative(fixed: Scene, state: State, impacts: int, reflect: int | None) -> State:
+    """Member of the cycle with the shortest flight; of equal ones that with the first phase."""
+    n, x, u = state
+    n_best, x_best, u_best = state
+    for _ in range(impacts):
+        _, _, n, x, u, _ = impact(fixed, n, x, u, reflect)
+        tie = abs(u - u_best) <= SAME_ORBIT
+        if u < u_best - SAME_ORBIT or (tie and x < x_best - SAME_ORBIT):
+            n_best, x_best, u_best = n, x, u
+    if x_best < SAME_ORBIT - 0.5:  # phases of -1/2 and 1/2 are one
+        return n_best - 1.0, x_best + 1.0, u_best
+    return n_best, x_best, u_best
+
+
+@jit
+def leading_eigenvalue(trace: float, determinant: float) -> complex:
+    """Eigenvalue of largest modulus of a 2 x 2 matrix."""
+    discriminant = trace * trace - 4.0 * determinant
+    root = math.sqrt(abs(discriminant))
+    if discriminant < 0.0:
+        return complex(0.5 * trace, 0.5 * root)
+    return complex(0.5 * (trace + math.copysign(root, trace)), 0.0)
+
+
+@jit
+def _eigenvalue_error(trace: float, determinant: float, rounding: float) -> float:
+    """Error of the leading eigenvalue from that of the entries, which are at most 1."""
+    root = math.sqrt(abs(trace * trace - 4.0 * determinant))
+    error = rounding * (abs(trace) + 1.0)
+    # at a double eigenvalue an error enters by its square root
+    return error / root if root > math.sqrt(error) else math.sqrt(error)
+
+
+@jit
+def _cycle_exponents(
+    fixed: Scene, state: State, impacts: int, reflect: int | None
+) -> tuple[complex, float, float, float, float]:
+    """Leading multiplier of a cycle without rests; both exponents with their errors."""
+    n, x, u = state
+    e, a = fixed[0], fixed[1]
+    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
+    c, d, area, slack = 1.0, 0.0, 0.0, 0.0
+    scale, turned, longest = 0.0, 1.0, 0.0
+    for _ in range(impacts):
+        _, x_landed, n, x_off, u_off, _ = impact(fixed, n, x, u, reflect)
+        k, sign = kick_slope(x_landed, a), _sign(fixed, x_landed, u, reflect)
+        x, u, longest = x_off, u_off, max(longest, u_off)
+        m00, m10 = carry(m00, m10, e, k, sign)
+        m01, m11 = carry(m01, m11, e, k, sign)
+        norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
+        scale += growth.logarithm(norm)
+        m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm
+        c, d, along, across, error = stretch(c, d, e, k, sign)
+        area += growth.logarithm(along * across)
+        slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
+        turned *= sign
+    determinant = turned * math.exp(impacts * growth.logarithm(e) - 2.0 * scale)
+    value = leading_eigenvalue(m00 + m11, determinant)
+    modulus = abs(value)
+    # the state itself is known to the rounding of an impact over 1 - |multiplier|
+    gap = max(abs(1.0 - modulus * math.exp(scale)), HALF_ULP)
+    wobble = 2.0 * HALF_ULP * (1.0 + longest) / gap
+    curvature = (2.0 * math.pi) ** 2 * a
+    rounding = impacts * (ROUNDING + curvature * wobble)
+    error = _eigenvalue_error(m00 + m11, determinant, rounding)
+    largest = (growth.logarithm(modulus) + scale) / impacts
+    relative = error / modulus if modulus > 0.0 else 0.0
+    return value * math.exp(scale), largest, relative / impacts, area / impacts, slack / impacts
+
+
+@jit
+def _write_exponents(
+    t: int, e: float, largest: tuple[float, float], total: tuple[float, float], out: Orbits
+) -> None:
+    """Write both exponents of a trajectory, each with its error."""
+    out.largest[t], out.largest_error[t] = largest
+    out.total[t], out.total_error[t] = total
+    if e == 0.0:  # every impact loses one dimension
+        out.total[t], out.total_error[t] = -np.inf, 0.0
+
+
+@jit
+def _write_cycle(
+    fixed: Scene, t: int, state: State, impacts: int, reflect: int | None, out: Orbits
+) -> None:
+    """Write a cycle through a state: its representative, multiplier and exponents.
+
+    Its impacts and rests stand in `out` already, and whether it is uncertain if it rests.
+    """
+    state = _representative(fixed, state, impacts, reflect)
+    out.whole[t], out.phase[t], out.flight[t] = state
+    if out.rests[t] > 0:
+        out.multiplier[t] = 0.0
+        _write_exponents(t, fixed[0], (-np.inf, 0.0), (-np.inf, 0.0), out)
+    else:
+        found = _cycle_exponents(fixed, state, impacts, reflect)
+        out.multiplier[t] = found[0]
+        _write_exponents(t, fixed[0], (found[1], found[2]), (found[3], found[4]), out)
+        certain = is_certain(fixed, state[1], state[2], impacts, abs(found[0]), reflect)
+        out.uncertain[t] = 0 if certain else 1
+    if out.uncertain[t] == 1:
+        out.largest_error[t] = out.total_error[t] = np.inf
+
+
+@jit
+def _write_mean(
+    t: int, e: float, rests: int, area: float, slack: float, g: Floats, out: Orbits
+) -> None:
+    """Write the exponents of an orbit that does not recur; some of its landings rested."""
+    if rests > 0:
+        _write_exponents(t, e, (-np.inf, 0.0), (-np.inf, 0.0), out)
+        return
+    impacts = growth.count(g)
+    total = (area / impacts, slack / impacts) if impacts > 0.0 else (np.nan, np.nan)
+    _write_exponents(t, e, (growth.mean(g), growth.error(g)), total, out)
+    positive = out.largest[t] > CERTAIN * out.largest_error[t]
+    if impacts >= FIRST_ANCHOR and positive and out.regime[t] == UNSETTLED:
+        out.regime[t] = APERIODIC
+
+
+@kernel
+def settle(
+    first: int,
+    last: int,
+    problem: Dimensionless,
+    launches: Launches,
+    each: Statistics,
+    cycles: Cycles,
+    budget: int,
+    exponents: int,
+    reflect: int | None,
+    out: Orbits,
+) -> None:
+    """Tell what trajectories first ... last - 1 of a batch settle on.
+
+    Parameters
+    ----------
+    first, last
+        Range of trajectories; trajectory t is particle t % N of realization t // N.
+    problem : vibrosweep.scene.Dimensionless
+    launches : vibrosweep.scene.Launches
+    each : vibrosweep.kernels.statistics.Statistics
+    cycles
+        From `vibrosweep.kernels.cycles.empty_cycles`; both as `advance` left them.
+    budget
+        Impacts after which a trajectory is given up.
+    exponents
+        1 where the exponents of every orbit are wanted; with 0 those that do not recur are only
+        followed again where that may show that they are aperiodic.
+    reflect
+        None, or 1 for the `reflect` law; chosen at compile time.
+    out : Orbits
+        Only the slots first ... last - 1 are written.
+    """
+    particles = launches.whole.shape[1]
+    g = np.empty(growth.ROOM)
+    judged, doubtful = -1, 0  # realization whose orbit from rest to rest is known, and what of it
+    for t in range(first, last):
+        i = t // particles
+        fixed = scene(problem, i)
+        out.regime[t] = UNSETTLED
+        out.impacts[t] = out.periods[t] = out.rests[t] = 0
+        out.uncertain[t], out.since[t] = -1, np.nan
+        out.whole[t] = out.phase[t] = out.flight[t] = np.nan
+        out.multiplier[t] = complex(np.nan, np.nan)
+        out.largest[t] = out.largest_error[t] = out.total[t] = out.total_error[t] = np.nan
+        if each.at_rest[t] == 0 and cycles[CYCLE_IMPACTS, t] > 0.0:
+            x, u = cycles[CYCLE_PHASE, t], cycles[CYCLE_FLIGHT, t]
+            n = cycles[CYCLE_WHOLE, t] + problem.end_count[i]
+            impacts, periods = int(cycles[CYCLE_IMPACTS, t]), int(cycles[CYCLE_PERIODS, t])
+            out.rests[t] = int(cycles[CYCLE_RESTS, t])
+            if out.rests[t] > 0:  # a rest sets the state exactly
+                if judged != i:
+                    judged = i
+                    certain = is_certain(fixed, fixed[3], fixed[5], impacts, 0.0, reflect)
+                    doubtful = 0 if certain else 1
+                out.uncertain[t] = doubtful
+            else:
+                impacts, periods = _shortest(fixed, x, u, reflect, impacts, periods)
+            out.regime[t] = RESTING if out.rests[t] > 0 else LOCKED
+            out.impacts[t], out.periods[t] = impacts, periods
+            out.since[t] = n + (x - problem.phase[i])
+            _write_cycle(fixed, t, (n, x, u), impacts, reflect, out)
+        else:
+            out.regime[t] = AT_REST if each.at_rest[t] > 0 else UNSETTLED
+            if exponents == 0 and (each.at_rest[t] > 0 or each.landings[t] < FIRST_ANCHOR):
+                continue
+            n, x = launch(problem, launches, i, t % particles)
+            begin = problem.begin_count[i], problem.begin_phase[i]
+            window = (*begin, problem.end_count[i], problem.end_phase[i])
+            launched = (n, x, problem.launch_flight[i])
+            state, rests, area, slack = _follow(fixed, launched, window, budget, reflect, g)
+            out.whole[t], out.phase[t], out.flight[t] = state
+            if each.at_rest[t] > 0:
+                rests = 1
+            _write_mean(t, fixed[0], rests, area, slack, g, out)
