@@ -60,7 +60,8 @@ def simulate(
     rebound
         ``"rest"`` or ``"reflect"``.
     impact_budget
-        Landings after which a particle is given up, in steps of 4; its status says so.
+        Landings after which a particle is given up, rounded up to a multiple of 6; its status says
+        so.
     threads
         Number of threads, by default all processors; the result does not depend on it.
 

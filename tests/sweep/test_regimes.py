@@ -84,9 +84,9 @@ def test_the_record_repeats_from_the_recurrence_on():
 
 def test_no_recurrence_is_claimed_before_it_happens():
     found = run(scene(restitution=0.98, amplitude=3.4), observed(12.0))
-    assert np.all(found["regime"] == Regime.IRREGULAR)
+    assert np.all(found["regime"] == Regime.UNSETTLED)
     assert np.all(np.isnan(found["recurrent_from"]))
-    assert found["irregular_count"].item() == 8
+    assert found["unsettled_count"].item() == 8
 
 
 @pytest.mark.parametrize("ratio", [1.05, 1.2, 2.0])
@@ -98,5 +98,5 @@ def test_an_orbit_that_makes_no_headway_has_no_cycle(ratio):
     )
     found = run(parameters, observed(3.0, launch=(0.2, 0.05), particles=2, impact_budget=3000))
     assert np.all(found["status"] == Status.BUDGET_EXCEEDED)
-    assert np.all(found["regime"] == Regime.IRREGULAR)
+    assert np.all(found["regime"] == Regime.UNSETTLED)
     assert np.all(found["cycle_impacts"] == 0)

@@ -220,7 +220,7 @@ def advance(
     problem : vibrosweep.scene.Dimensionless
     launches : vibrosweep.scene.Launches
     budget
-        Impacts after which a trajectory is given up, in steps of `CHECK`.
+        Impacts after which a trajectory is given up; a multiple of `CHECK`.
     reflect, window
         None, or 1 for the `reflect` law and for a window that begins after the launch; chosen at
         compile time.

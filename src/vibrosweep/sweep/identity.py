@@ -27,7 +27,7 @@ SOURCES: Final = (
     "landings",
     "measuring",
     "observation",
-    "regimes",
+    "orbits",
     "table",
     "workers",
 )

@@ -8,7 +8,7 @@ import pytest
 from vibrosweep import simulate, theory
 from vibrosweep.scene import dimensionless, launches
 from vibrosweep.status import Regime
-from vibrosweep.sweep.attractors import find_orbits
+from vibrosweep.sweep.orbits import find_orbits
 
 
 @pytest.fixture
@@ -153,11 +153,11 @@ def test_an_orbit_that_rests_is_superstable(parameters, settled):
 CHAOS = {"restitution": 0.5, "amplitude": 12.0, "contact_time": 1e-12}
 
 
-def test_exponents_of_an_irregular_orbit_are_means_along_it(parameters, settled):
+def test_exponents_of_an_aperiodic_orbit_are_means_along_it(parameters, settled):
     duration, transient = 900.0, 100.0
     launch = 0.41
     found = settled(parameters(**CHAOS), duration, transient, launch=(launch,), rebound="reflect")
-    assert found["regime"].item() == Regime.IRREGULAR
+    assert found["regime"].item() == Regime.APERIODIC
     one = simulate(**CHAOS, launch_time=launch, duration=duration, rebound="reflect")
     times = one.landing_time.values[0, 0]
     kick = 2.0 * CHAOS["amplitude"] / 9.81
@@ -178,7 +178,7 @@ def test_the_stated_error_of_an_exponent_is_its_scatter(parameters, settled):
     launch = tuple(np.linspace(0.0, 0.99, 300))
     reflect = {"rebound": "reflect", "launch": launch}
     found = settled(parameters(**CHAOS), 1500.0, 300.0, **reflect)
-    chaotic = found["regime"][0] == Regime.IRREGULAR
+    chaotic = found["regime"][0] == Regime.APERIODIC
     assert chaotic.mean() > 0.8
     value, error = found["largest"][0, chaotic], found["largest_error"][0, chaotic]
     deviation = (value - value.mean()) / error
@@ -203,3 +203,54 @@ def test_exponents_of_a_thousand_orbits_sum_to_the_logarithm_of_the_restitution(
     error = found["total_error"][bounces, 0]
     assert np.all(off <= error)
     assert np.median(error) < 1e-12
+
+
+def test_without_restitution_the_exponents_sum_to_minus_infinity(parameters, settled):
+    scene = parameters(restitution=0.0, amplitude=np.linspace(5.0, 12.0, 40))
+    found = settled(scene, 300.0, launch=(0.2, 0.41))
+    assert np.all(found["total"] == -np.inf)
+    assert np.all(found["total_error"] == 0.0)
+    assert np.isfinite(found["largest"]).any()
+
+
+@pytest.mark.parametrize(("e", "amplitude"), [(0.8, 1.0), (0.9, 1.2)])
+def test_a_cycle_that_rounding_decides_is_uncertain(e, amplitude, parameters, settled):
+    # under `reflect` a hundred chaotic impacts from rest to rest: no double knows their number
+    scene = parameters(restitution=e, amplitude=amplitude)
+    found = settled(scene, 2000.0, launch=np.arange(20) / 20.0, rebound="reflect")
+    resting = found["regime"] == Regime.RESTING
+    assert resting.any()
+    assert np.all(found["impacts"][resting] > 50)
+    assert np.all(found["uncertain"][resting] == 1)
+    assert np.all(found["largest_error"][resting] == np.inf)
+    locked = found["regime"] == Regime.LOCKED
+    assert np.all(found["uncertain"][locked] == 0)
+    assert np.all(found["largest_error"][locked] < 1e-9)
+
+
+def test_cycles_are_certain_only_if_a_change_by_rounding_leaves_them(parameters, settled):
+    """Changed by one unit in the last place of the amplitude, certain cycles remain what they are."""
+    rng = np.random.default_rng(21)
+    drawn = {
+        "restitution": rng.uniform(0.6, 0.97, 400),
+        "amplitude": rng.uniform(0.5, 3.5, 400),
+    }
+    for rebound in ("rest", "reflect"):
+        found, moved = (
+            settled(
+                parameters(**(drawn | {"amplitude": drawn["amplitude"] * factor})),
+                3000.0,
+                launch=(0.4,),
+                rebound=rebound,
+            )
+            for factor in (1.0, 1.0 + 2.0**-52)
+        )
+        resting = (found["rests"] > 0) & (moved["rests"] > 0)
+        certain = resting & (found["uncertain"] == 0)
+        assert certain.sum() > 20
+        assert np.array_equal(found["impacts"][certain], moved["impacts"][certain])
+        assert np.array_equal(found["periods"][certain], moved["periods"][certain])
+    # under `reflect` most orbits that rest change by one unit in the last place of the kick
+    changed = resting & (found["impacts"] != moved["impacts"])
+    assert changed.sum() > 10
+    assert np.all(found["uncertain"][changed] == 1)
