@@ -97,50 +97,6 @@ def test_four_values_of_gravity_against_one(race, realizations, periods):
         assert race(subject, reference) >= 0.5
 
 
-def test_particles_launched_whole_periods_apart(race):
-    """Twenty particles on two orbits; the reference, too, is spared what recurs."""
-    parameters = drawn(2000)
-    apart, staggered = (tuple(np.arange(20.0) * step) for step in (0.5, 0.05))
-    with Workers(THREADS) as workers:
-        subject, reference = (
-            measuring(parameters, workers, launch=launch) for launch in (apart, staggered)
-        )
-        assert race(subject, reference) >= 1.3
-
-
-def eight_frequencies(realizations):
-    """Equal in e, a, r and u0, not in the periods that they last."""
-    factor = np.repeat(2.0 ** np.arange(8), realizations)
-    parameters = drawn(8 * realizations)
-    for name in ("restitution", "amplitude"):
-        parameters[name] = np.tile(parameters[name][:realizations], 8)
-    for name in ("amplitude", "launch_velocity", "contact_time"):
-        parameters[name] /= factor
-    parameters["frequency"] = factor
-    return parameters
-
-
-def test_one_problem_at_eight_frequencies(race):
-    """The reference differs in a."""
-    parameters = eight_frequencies(100)
-    others = parameters | {"amplitude": parameters["amplitude"] * np.linspace(1.0, 1.01, 800)}
-    with Workers(THREADS) as workers:
-        subject, reference = (measuring(one, workers) for one in (parameters, others))
-        assert race(subject, reference) >= 1.5
-
-
-@pytest.mark.parametrize("separation", [False, True])
-def test_eight_frequencies_against_the_longest(race, separation):
-    """A sweep over frequency costs two to three runs; separations, where they settle late, more."""
-    every = eight_frequencies(200)
-    longest = {name: values[-200:].copy() for name, values in every.items()}
-    with Workers(THREADS) as workers:
-        subject, reference = (
-            measuring(parameters, workers, separation=separation) for parameters in (every, longest)
-        )
-        assert race(subject, reference) >= (0.15 if separation else 0.25)
-
-
 def test_nothing_to_skip_over_a_short_horizon(race):
     """Nothing recurs in time, no two problems are equal: what remains is to find that out."""
     assert skipping(race, drawn(20_000), duration=12.0) >= 0.9
@@ -161,15 +117,6 @@ def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
             lambda: following.statistics(problem, launch, observation, workers),
         )
     assert ratio >= (0.8 if regimes else 0.85)
-
-
-def test_no_excitation(race):
-    assert skipping(race, drawn(5000, amplitude=0.0), duration=60.0) >= 2.0
-
-
-def test_separations_without_excitation(race):
-    parameters = drawn(1000, amplitude=0.0)
-    assert skipping(race, parameters, duration=60.0, separation=True) >= 1.2
 
 
 def test_a_million_periods_against_a_thousand(race):

@@ -229,7 +229,7 @@ def test_a_cycle_that_rounding_decides_is_uncertain(e, amplitude, parameters, se
 
 
 def test_cycles_are_certain_only_if_a_change_by_rounding_leaves_them(parameters, settled):
-    """Changed by one unit in the last place of the amplitude, certain cycles remain what they are."""
+    """With an amplitude changed by one ulp, certain cycles remain what they are."""
     rng = np.random.default_rng(21)
     drawn = {
         "restitution": rng.uniform(0.6, 0.97, 400),

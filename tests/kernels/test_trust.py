@@ -115,3 +115,12 @@ def test_before_the_first_landing_nothing_can_be_wrong(parameters, bounds):
     until, landing, speed = bounds(parameters(), duration=0.5)
     assert until == 0.5
     assert landing == speed == 0.0
+
+
+@pytest.mark.parametrize("contact_time", [1e-323, 1e-310, 1e-307])
+def test_flights_that_are_subnormal_are_not_trusted(contact_time, parameters, bounds):
+    """Their rounding is absolute: whether one is above the threshold of rest cannot be known."""
+    scene = parameters(amplitude=0.0, restitution=0.7, contact_time=contact_time)
+    until, landing_error, _ = bounds(scene, impact_budget=10**6)
+    assert landing_error.item() == np.inf
+    assert not until.item() >= 12.0

@@ -100,8 +100,8 @@ def compare(
 ) -> tuple[Latest, float, int]:
     """Compare k ordered landings with their neighbours.
 
-    `latest` is (count, phase, stay, name) of the last landing of the slab before; name UNKNOWN - N
-    stands for none.  Returns the new `latest`, the smallest gap and whether the base was shared.
+    `latest` is (count, phase, stay, name) of the last landing of the slab before; an infinite count
+    stands for none, and name -1 - p for particle p that landed before the window.  Returns the new `latest`, the smallest gap and whether the base was shared.
     """
     n, x, stay, who = latest
     for i in range(k):

@@ -113,7 +113,7 @@ def _separate(
     if not together:
         start(work, problem, launches, i)
         first = earliest(work)
-        gap, shared = all_landings(fixed, window, opening, end, reflect, None, first, work)
+        gap, shared = all_landings(fixed, window, opening, end, reflect, first, work)
     out.shared[i] = shared
     if shared != UNKNOWN:
         out.gap[i] = gap if gap < np.inf else np.nan

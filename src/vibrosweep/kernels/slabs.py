@@ -32,13 +32,9 @@ from vibrosweep.kernels.ordering import (
     put_in_order,
 )
 
-__all__ = ["UNKNOWN", "Series", "all_landings", "earliest"]
+__all__ = ["UNKNOWN", "all_landings", "earliest"]
 
 UNKNOWN = -1
-
-# Of landings in a geometric series: whole periods and phase from each of them to the limit, shape
-# (2, number), the time of contact in periods, and the number of the one that rests for good.
-Series = tuple[Floats, float, int]
 
 # periods; when all particles rest for good, only the end is left to reach
 LONGEST_SLAB = 2.0**50
@@ -107,44 +103,6 @@ def _collect(
 
 
 @jit
-def _collect_series(
-    series: Series, stop: Instant, begin: Instant, state: Floats, lanes_of: Integers, listed: Floats
-) -> int:
-    """Do as `_collect` for landings of which the instants are known.
-
-    A lane holds the instant at which its series would end, the number of its next landing and that
-    of its last one.
-    """
-    n_stop, x_stop = stop
-    n_begin, x_begin = begin
-    before_limit, contact, final = series
-    k = 0
-    for block in range(lanes_of.size):
-        s = state[block]
-        for j in range(lanes_of[block]):
-            number, last = int(s[U + j]), int(s[N_REST + j])
-            while number <= last:
-                n, x = s[N + j] - before_limit[0, number], s[X + j] - before_limit[1, number]
-                carry = np.rint(x)
-                n, x = n + carry, x - carry
-                if n - n_stop > x_stop - x:
-                    break
-                if k + 1 >= listed.shape[1]:
-                    return -1
-                stay, who = np.inf if number == final else contact, s[WHO + j]
-                if number <= s[DUE + j]:  # before the window: at most an occupant, see `_append`
-                    early = (n_begin - n) + (x_begin - x)
-                    n, x, stay, who = n_begin - 1.0, x_begin, (stay - early) + 1.0, -1.0 - who
-                number += 1
-                if who >= 0.0 or stay >= 1.0:
-                    listed[WHOLE, k], listed[PHASE, k] = n, x
-                    listed[LASTS, k], listed[WHO_LANDS, k] = stay, who
-                    k += 1
-            s[U + j] = number
-    return k
-
-
-@jit
 def _copy(source: Floats, target: Floats) -> None:
     for block in range(source.shape[0]):
         for q in range(WHO + STRIDE):  # what follows is no state
@@ -191,15 +149,13 @@ def all_landings(
     begin: Instant,
     end: Instant,
     reflect: int | None,
-    series: Series | None,
     n_first: float,
     work: Workspace,
 ) -> tuple[float, int]:
     """Smallest gap between any landings of different particles, and whether the base was shared.
 
-    The first landing is in or after the whole period `n_first`.  With a `series` the instants of
-    landings come from it.  Returns (inf, UNKNOWN) where landings crowd beyond what slabs can
-    resolve.
+    The first landing is in or after the whole period `n_first`.  Returns (inf, UNKNOWN) where
+    landings crowd beyond what slabs can resolve.
     """
     state, listed, cells = work.state, work.listed, work.cells
     n_end, x_end = end
@@ -215,10 +171,7 @@ def all_landings(
         x_next -= np.floor(x_next + 0.5)
         at_end = not n_next - n_end <= x_end - x_next
         stop = end if at_end else (n_next, x_next)
-        if series is None:
-            k = _collect(fixed, stop, window, begin, reflect, state, work.lanes, listed)
-        else:
-            k = _collect_series(series, stop, begin, state, work.lanes, listed)
+        k = _collect(fixed, stop, window, begin, reflect, state, work.lanes, listed)
         if k < 0:
             if slab <= SHORTEST_SLAB:
                 return np.inf, UNKNOWN
