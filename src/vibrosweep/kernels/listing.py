@@ -101,7 +101,8 @@ def compare(
     """Compare k ordered landings with their neighbours.
 
     `latest` is (count, phase, stay, name) of the last landing of the slab before; an infinite count
-    stands for none, and name -1 - p for particle p that landed before the window.  Returns the new `latest`, the smallest gap and whether the base was shared.
+    stands for none.  The name of particle p is p, or -1 - p if it landed before the window.
+    Returns the new `latest`, the smallest gap and whether the base was shared.
     """
     n, x, stay, who = latest
     for i in range(k):

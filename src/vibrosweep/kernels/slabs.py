@@ -17,7 +17,6 @@ from vibrosweep.kernels.ordering import (
     DUE,
     LASTS,
     N_LAND,
-    N_REST,
     PHASE,
     STAY,
     WHO,
