@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.analysis.evaluate import launch_states, settle_from
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.orbits import Orbits
-from vibrosweep.kernels.record import empty_record, record
+from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.scene import PARAMETERS, Launches, dimensionless
 from vibrosweep.status import Regime
 from vibrosweep.sweep.orbits import orbit_variables
@@ -161,14 +162,10 @@ def _impacts(
     problem = problem._replace(launch_flight=orbits.flight, end_count=endless)
     launch = Launches(np.zeros((orbits.phase.size, 1)), orbits.phase[:, np.newaxis])
     out = empty_record(orbits.phase.size, samples)
-    periods = np.ones(orbits.phase.size)  # a frequency of 1: times in periods are counted from 0
-    unit = repeated["gravity"] / (2.0 * repeated["frequency"])
-    reflect = scene.observation().reflect
-    workers.each(
-        lambda first, last: record(first, last, problem, launch, periods, unit, reflect, out),
-        orbits.phase.size,
-        16,
-    )
+    batch = Batch(base_of(scene.rebound), problem, launch)
+    # a frequency of 1: times in periods are counted from 0
+    units = Units(np.ones(orbits.phase.size), repeated["gravity"] / (2.0 * repeated["frequency"]))
+    workers.each(lambda first, last: record(first, last, batch, units, out), orbits.phase.size, 16)
     shape = (-1, scene.particles, samples)
     phase = out.landing_time - np.rint(out.landing_time)
     return phase.reshape(shape), out.rebound_velocity.reshape(shape)

@@ -8,6 +8,7 @@ the same bits, whatever the compiler makes of them.
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import shutil
 from collections.abc import Callable, Iterator
@@ -19,7 +20,7 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
@@ -29,11 +30,13 @@ __all__ = [
     "Flags",
     "Floats",
     "Integers",
+    "answer",
     "cache_directory",
     "fma",
     "jit",
     "kernel",
     "prefetch",
+    "question",
     "sources_digest",
 ]
 
@@ -54,7 +57,7 @@ def sources_digest() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     kernels = Path(__file__).parent
     beside = [kernels.parent / "scene.py", kernels.parent / "status.py"]
-    for path in [*sorted(kernels.glob("*.py")), *beside]:
+    for path in [*sorted(kernels.rglob("*.py")), *beside]:
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -105,6 +108,43 @@ def kernel(function: F) -> F:
     with _caching_in(cache_directory):
         compiled._cache = KernelCache(function)  # as njit(cache=True) sets numba's own
     return compiled  # type: ignore[no-any-return]
+
+
+_answers: dict[Any, dict[type, Any]] = {}
+
+
+def question(declared: F) -> F:
+    """Turn a declaration into a function whose code depends on the type of its first argument.
+
+    `answer` gives the code for a kind of named tuple; compiled callers choose when they are
+    compiled, others when they call.
+    """
+
+    @functools.wraps(declared)
+    def ask(first: Any, *others: Any) -> Any:
+        return _answers[ask][type(first)](first, *others)
+
+    @overload(ask)
+    def choose(first: Any, *others: Any) -> Any:
+        code = _answers[ask][first.instance_class]
+
+        def compiled(first: Any, *others: Any) -> Any:
+            return code(first, *others)
+
+        return compiled
+
+    _answers[ask] = {}
+    return ask  # type: ignore[return-value]
+
+
+def answer(question: F, kind: type) -> Callable[[F], F]:
+    """Compile a function as the answer of one kind of named tuple to a question."""
+
+    def keep(function: F) -> F:
+        _answers[question][kind] = jit(function)
+        return function
+
+    return keep
 
 
 def _fma_exact(a: float, b: float, c: float) -> float:

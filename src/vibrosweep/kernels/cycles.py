@@ -7,50 +7,17 @@ known for all time.  A lane remembers an earlier state, its anchor, at ages that
 
 from __future__ import annotations
 
+from typing import Final, NamedTuple
+
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.impact import Scene, impact
-from vibrosweep.kernels.lanes import (
-    AGE,
-    C_IMPACTS,
-    C_LARGEST,
-    C_PERIODS,
-    C_RESTS,
-    C_SQUARES,
-    C_SUM,
-    LANDINGS,
-    LANE,
-    LARGEST,
-    N_ANCHOR,
-    N_BEGIN,
-    NEXT_ANCHOR,
-    RESTS,
-    RESTS_ANCHOR,
-    SQUARES,
-    SUM,
-    U_ANCHOR,
-    U_LIFT,
-    X_ANCHOR,
-    X_BEGIN,
-    X_END,
-    X_LIFT,
-    A,
-    E,
-    N,
-    R,
-    U,
-    X,
-)
+from vibrosweep.kernels.bases import Base, Scene, after_rest, take
+from vibrosweep.kernels.impact import impact
+from vibrosweep.kernels.lanes import ROW
 
 __all__ = [
-    "CYCLE_AGE",
-    "CYCLE_FLIGHT",
-    "CYCLE_IMPACTS",
-    "CYCLE_PERIODS",
-    "CYCLE_PHASE",
-    "CYCLE_RESTS",
-    "CYCLE_WHOLE",
+    "CYCLE",
     "FIRST_ANCHOR",
     "Cycles",
     "Rests",
@@ -74,59 +41,58 @@ Totals = tuple[int, float, int, float, float, float]  # impacts, periods, rests 
 Found = tuple[float, float, float]  # impacts, periods and rests of a cycle
 
 
-# The cycles that trajectories have entered: a row for each field, a column for each trajectory; one
-# array, because numba counts references to each.  Impacts, forcing periods and rests until the same
-# bits return; whole periods from the end's, phase and flight time of a state on the cycle; impacts
-# from the launch until that state.  Where no recurrence was found there are 0 impacts, and the
-# other fields hold anything.
 Cycles = Floats
-(
-    CYCLE_IMPACTS,
-    CYCLE_PERIODS,
-    CYCLE_RESTS,
-    CYCLE_WHOLE,
-    CYCLE_PHASE,
-    CYCLE_FLIGHT,
-    CYCLE_AGE,
-) = range(7)
-CYCLE_FIELDS = 7
+
+
+class CycleRows(NamedTuple):
+    """Rows of an array that holds the cycles which trajectories have entered, a column for each.
+
+    One array, because numba counts references to each.  Where no recurrence was found there are 0
+    impacts, and the other rows hold anything.
+    """
+
+    IMPACTS: int = 0  # until the same bits return
+    PERIODS: int = 1
+    RESTS: int = 2
+    WHOLE: int = 3  # whole periods from the end's, phase and speed of a state on the cycle
+    PHASE: int = 4
+    FLIGHT: int = 5
+    AGE: int = 6  # impacts from the launch until that state
+
+
+CYCLE: Final = CycleRows()
 
 
 def empty_cycles(trajectories: int) -> Cycles:
     """Room for the cycles of a batch."""
-    return np.empty((CYCLE_FIELDS, trajectories))
+    return np.empty((len(CYCLE), trajectories))
 
 
 @jit
 def no_cycle(cycles: Cycles, lane: int) -> None:
     """Note that trajectory `lane` has not been seen to recur."""
-    cycles[CYCLE_IMPACTS, lane] = 0.0
+    cycles[CYCLE.IMPACTS, lane] = 0.0
 
 
 @jit
 def _note(
-    cycles: Cycles,
-    lane: int,
-    found: Found,
-    state: tuple[float, float, float],
-    age: float,
+    cycles: Cycles, lane: int, found: Found, state: tuple[float, float, float], age: float
 ) -> None:
     """Note the cycle that trajectory `lane` is on, and a state of it."""
     impacts, periods, rests = found
-    cycles[CYCLE_IMPACTS, lane], cycles[CYCLE_PERIODS, lane] = impacts, periods
-    cycles[CYCLE_RESTS, lane], cycles[CYCLE_AGE, lane] = rests, age
+    cycles[CYCLE.IMPACTS, lane], cycles[CYCLE.PERIODS, lane] = impacts, periods
+    cycles[CYCLE.RESTS, lane], cycles[CYCLE.AGE, lane] = rests, age
     whole, phase, flight = state
-    cycles[CYCLE_WHOLE, lane], cycles[CYCLE_PHASE, lane] = whole, phase
-    cycles[CYCLE_FLIGHT, lane] = flight
+    cycles[CYCLE.WHOLE, lane], cycles[CYCLE.PHASE, lane] = whole, phase
+    cycles[CYCLE.FLIGHT, lane] = flight
 
 
-# Of the orbit from one rest to the next, which all rested particles of a realization share:
-# impacts, forcing periods, and sum, sum of squares and maximum of the flight time; a row for each
-# of the realizations that are at hand, which the last field names.  Another one may take the row:
-# then the orbit is gone through again.
+# Of the orbit from one rest to the next, which all rested particles of a realization share: its
+# totals and the realization, a line for each of those that are at hand.  Another one may take the
+# line: then the orbit is gone through again.
 Rests = Floats
 ROOM_FOR_RESTS = 1024
-WHOSE = 5
+REST_IMPACTS, REST_PERIODS, REST_SUM, REST_SQUARES, REST_LARGEST, WHOSE = range(6)
 
 
 def empty_rests() -> Rests:
@@ -135,17 +101,18 @@ def empty_rests() -> Rests:
 
 
 @jit
-def once_round(fixed: Scene, x_start: float, u_start: float, reflect: int | None) -> Totals:
+def once_round(fixed: Scene, x_start: float, u_start: float) -> Totals:
     """Totals of the cycle through a state; those of no impacts where a rest lies on the way."""
     n, x, u = 0.0, x_start, u_start
     impacts, total, squares, largest = 0, 0.0, 0.0, 0.0
     while impacts == 0 or x != x_start or u != u_start:
-        _, _, n, x, u, leaves = impact(fixed, n, x, u, reflect)
+        hit = impact(fixed, n, x, u)
+        n, x, u = hit.n_off, hit.x_off, hit.u
         impacts += 1
         total += u
         squares += u * u
         largest = max(largest, u)
-        if not leaves:
+        if not hit.leaves:
             if x != x_start or u != u_start:
                 return 0, 0.0, 0, 0.0, 0.0, 0.0
             return impacts, n, 1, total, squares, largest
@@ -153,25 +120,26 @@ def once_round(fixed: Scene, x_start: float, u_start: float, reflect: int | None
 
 
 @jit
-def _count_cycle(s: Floats, j: int, realization: int, reflect: int | None, rests: Rests) -> None:
+def _count_cycle(s: Floats, j: int, realization: int, fixed: Scene, rests: Rests) -> None:
     """Note the totals of the cycle that lane j has entered."""
-    x_lift, u_lift = s[X_LIFT + j], s[U_LIFT + j]
-    fixed = (s[E + j], s[A + j], s[R + j], x_lift, 0.0, u_lift)
     p, q, rested, total, squares, largest = 0, 0.0, 0, 0.0, 0.0, 0.0
-    if s[RESTS + j] == s[RESTS_ANCHOR + j]:  # no rest is known on the way
-        p, q, rested, total, squares, largest = once_round(fixed, s[X + j], s[U + j], reflect)
+    if s[ROW.RESTS + j] == s[ROW.RESTS_ANCHOR + j]:  # no rest is known on the way
+        p, q, rested, total, squares, largest = once_round(fixed, s[ROW.X + j], s[ROW.U + j])
     if p == 0 or rested > 0:
-        row = realization % ROOM_FOR_RESTS
-        if rests[row, WHOSE] != realization:
-            p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift, reflect)
-            rests[row, 0], rests[row, 1] = p, q
-            rests[row, 2], rests[row, 3], rests[row, 4] = total, squares, largest
-            rests[row, WHOSE] = realization
+        line = realization % ROOM_FOR_RESTS
+        if rests[line, WHOSE] != realization:
+            x_lift, u_lift = after_rest(fixed)
+            p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift)
+            rests[line, REST_IMPACTS], rests[line, REST_PERIODS] = p, q
+            rests[line, REST_SUM], rests[line, REST_SQUARES] = total, squares
+            rests[line, REST_LARGEST], rests[line, WHOSE] = largest, realization
         rested = 1
-        p, q = int(rests[row, 0]), rests[row, 1]
-        total, squares, largest = rests[row, 2], rests[row, 3], rests[row, 4]
-    s[C_IMPACTS + j], s[C_PERIODS + j], s[C_RESTS + j] = p, q, rested
-    s[C_SUM + j], s[C_SQUARES + j], s[C_LARGEST + j] = total, squares, largest
+        p, q = int(rests[line, REST_IMPACTS]), rests[line, REST_PERIODS]
+        total, squares = rests[line, REST_SUM], rests[line, REST_SQUARES]
+        largest = rests[line, REST_LARGEST]
+    s[ROW.CYCLE_IMPACTS + j], s[ROW.CYCLE_PERIODS + j], s[ROW.CYCLE_RESTS + j] = p, q, rested
+    s[ROW.CYCLE_SUM + j], s[ROW.CYCLE_SQUARES + j] = total, squares
+    s[ROW.CYCLE_LARGEST + j] = largest
 
 
 @jit
@@ -180,44 +148,44 @@ def _jump(s: Floats, j: int, window: int | None) -> bool:
 
     The landings that are passed over are all inside the window, or all before it.
     """
-    periods = s[C_PERIODS + j]
-    n, x = s[N + j], s[X + j]
+    periods = s[ROW.CYCLE_PERIODS + j]
+    n, x = s[ROW.N + j], s[ROW.X + j]
     if window is not None:
-        begin = s[N_BEGIN + j] - n + (s[X_BEGIN + j] - x)
+        begin = s[ROW.N_BEGIN + j] - n + (s[ROW.X_BEGIN + j] - x)
         if begin > -MARGIN:
             times = np.floor((begin - MARGIN) / periods)
-            s[N + j] = n + max(0.0, times) * periods
-            s[N_ANCHOR + j] = s[N + j]  # where it returns, and is looked at again
+            s[ROW.N + j] = n + max(0.0, times) * periods
+            s[ROW.N_ANCHOR + j] = s[ROW.N + j]  # where it returns, and is looked at again
             return False
-    times = max(0.0, np.floor(((s[X_END + j] - x) - n - MARGIN) / periods))
-    s[N + j] = n + times * periods
-    s[LANDINGS + j] += times * s[C_IMPACTS + j]
-    s[RESTS + j] += times * s[C_RESTS + j]
-    s[SUM + j] += times * s[C_SUM + j]
-    s[SQUARES + j] += times * s[C_SQUARES + j]
-    s[LARGEST + j] = max(s[LARGEST + j], s[C_LARGEST + j] if times > 0.0 else 0.0)
+    times = max(0.0, np.floor(((s[ROW.X_END + j] - x) - n - MARGIN) / periods))
+    s[ROW.N + j] = n + times * periods
+    s[ROW.LANDINGS + j] += times * s[ROW.CYCLE_IMPACTS + j]
+    s[ROW.RESTS + j] += times * s[ROW.CYCLE_RESTS + j]
+    s[ROW.SUM + j] += times * s[ROW.CYCLE_SUM + j]
+    s[ROW.SQUARES + j] += times * s[ROW.CYCLE_SQUARES + j]
+    s[ROW.LARGEST + j] = max(s[ROW.LARGEST + j], s[ROW.CYCLE_LARGEST + j] if times > 0.0 else 0.0)
     return True
 
 
 @jit
 def has_returned(s: Floats, j: int) -> bool:
     """Whether the state of lane j is that of its anchor, at a later time."""
-    same = s[X + j] == s[X_ANCHOR + j] and s[U + j] == s[U_ANCHOR + j]
-    return bool(same and s[N + j] > s[N_ANCHOR + j])
+    same = s[ROW.X + j] == s[ROW.X_ANCHOR + j] and s[ROW.U + j] == s[ROW.U_ANCHOR + j]
+    return bool(same and s[ROW.N + j] > s[ROW.N_ANCHOR + j])
 
 
 @jit
 def forget_anchor(s: Floats, j: int) -> None:
     """Look no more for a cycle of lane j."""
-    s[X_ANCHOR + j] = np.nan
-    s[NEXT_ANCHOR + j] = np.inf
+    s[ROW.X_ANCHOR + j] = np.nan
+    s[ROW.NEXT_ANCHOR + j] = np.inf
 
 
 @jit
 def saves_work(s: Floats, j: int, jump: int) -> bool:
     """Whether the cycle of lane j, whose state has returned, may and should be passed over."""
-    since = s[N + j] - s[N_ANCHOR + j]
-    return bool(jump == 1 and since > 0.0 and -s[N + j] > WORTH * since)
+    since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
+    return bool(jump == 1 and since > 0.0 and -s[ROW.N + j] > WORTH * since)
 
 
 @jit
@@ -225,7 +193,7 @@ def close_cycle(
     s: Floats,
     j: int,
     realization: int,
-    reflect: int | None,
+    base: Base,
     window: int | None,
     jump: int,
     cycles: Cycles,
@@ -237,7 +205,7 @@ def close_cycle(
     ----------
     s, j, realization
         Scratch memory, lane, and which realization it is of.
-    reflect, window
+    base, window
         As in `vibrosweep.kernels.advance.advance`.
     jump
         1 where cycles are to be passed over.
@@ -246,25 +214,25 @@ def close_cycle(
     rests
         From `empty_rests`.
     """
-    age, state = s[AGE + j], (s[N + j], s[X + j], s[U + j])
-    since = s[N + j] - s[N_ANCHOR + j]
-    rested = s[RESTS + j] - s[RESTS_ANCHOR + j]
+    age, state = s[ROW.AGE + j], (s[ROW.N + j], s[ROW.X + j], s[ROW.U + j])
+    since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
+    rested = s[ROW.RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
     if window is None and rested > 0.0 and not jumps:
         # from rest to rest there is but one orbit, so many times since the anchor
-        impacts = age - 0.5 * s[NEXT_ANCHOR + j]
+        impacts = age - 0.5 * s[ROW.NEXT_ANCHOR + j]
         found = impacts / rested, since / rested, 1.0
     else:
-        if s[C_IMPACTS + j] == 0.0:
-            _count_cycle(s, j, realization, reflect, rests)
-        found = s[C_IMPACTS + j], s[C_PERIODS + j], s[C_RESTS + j]
+        if s[ROW.CYCLE_IMPACTS + j] == 0.0:
+            _count_cycle(s, j, realization, take(base, s, j), rests)
+        found = s[ROW.CYCLE_IMPACTS + j], s[ROW.CYCLE_PERIODS + j], s[ROW.CYCLE_RESTS + j]
         if jumps:
             last = _jump(s, j, window)
             if last:
-                s[AGE + j] = -np.inf  # what is left is less than a cycle
-    lane = int(s[LANE + j])
-    if cycles[CYCLE_IMPACTS, lane] == 0.0:
+                s[ROW.AGE + j] = -np.inf  # what is left is less than a cycle
+    lane = int(s[ROW.LANE + j])
+    if cycles[CYCLE.IMPACTS, lane] == 0.0:
         _note(cycles, lane, found, state, age)
-    s[NEXT_ANCHOR + j] = np.inf
+    s[ROW.NEXT_ANCHOR + j] = np.inf
     if last:
         forget_anchor(s, j)

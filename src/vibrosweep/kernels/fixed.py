@@ -7,15 +7,17 @@ a few steps, and the eigenvalues of that Jacobian say whether it attracts.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
-from vibrosweep.kernels.impact import land, rebound
+from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel
+from vibrosweep.kernels.impact import land
 from vibrosweep.kernels.orbits import leading_eigenvalue
-from vibrosweep.kernels.tangent import HALF_ULP, kick_slope
+from vibrosweep.kernels.rounding import HALF_ULP
+from vibrosweep.kernels.sine import cos_turns, sin_turns
 
 __all__ = ["ABSENT", "ATTRACTS", "REPELS", "FixedOrbits", "empty_fixed", "find_fixed"]
 
@@ -58,9 +60,9 @@ def _solve(
     u = k
     for _ in range(STEPS):
         landed, passed = land(x, u)
-        w = rebound(landed, u, e, a, None)
+        w = fma(e, u, a * sin_turns(landed))
         sign = -1.0 if reflect is not None and w < 0.0 else 1.0
-        slope = sign * kick_slope(landed, a)
+        slope = sign * (2.0 * math.pi * a * cos_turns(landed))
         off_x, off_u = (passed - k) + (landed - x), sign * w - u
         if abs(off_x) <= RESIDUAL * k and abs(off_u) <= RESIDUAL * (k + a):
             return True, x, leading_eigenvalue(1.0 + sign * e + slope, sign * e)

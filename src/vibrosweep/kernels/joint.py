@@ -7,13 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.cycles import (
-    CYCLE_AGE,
-    CYCLE_IMPACTS,
-    CYCLE_PERIODS,
-    CYCLE_WHOLE,
-    Cycles,
-)
+from vibrosweep.kernels.cycles import CYCLE, Cycles
 
 __all__ = ["Joint", "affordable", "joint_cycle", "no_joint"]
 
@@ -65,15 +59,15 @@ def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
     impacts, periods, age, known = 1, 1, 0, -np.inf
     for p in range(pace.size):
         t = first + p
-        if cycles[CYCLE_IMPACTS, t] == 0.0:
+        if cycles[CYCLE.IMPACTS, t] == 0.0:
             return no_joint(pace)
-        impacts = _common_multiple(impacts, int(cycles[CYCLE_IMPACTS, t]))
-        periods = _common_multiple(periods, int(cycles[CYCLE_PERIODS, t]))
+        impacts = _common_multiple(impacts, int(cycles[CYCLE.IMPACTS, t]))
+        periods = _common_multiple(periods, int(cycles[CYCLE.PERIODS, t]))
         if impacts > LONGEST or periods > LONGEST:
             return no_joint(pace)
-        age = max(age, int(cycles[CYCLE_AGE, t]))
-        known = max(known, cycles[CYCLE_WHOLE, t] + 1.0)
-        pace[p] = cycles[CYCLE_PERIODS, t] / cycles[CYCLE_IMPACTS, t]
+        age = max(age, int(cycles[CYCLE.AGE, t]))
+        known = max(known, cycles[CYCLE.WHOLE, t] + 1.0)
+        pace[p] = cycles[CYCLE.PERIODS, t] / cycles[CYCLE.IMPACTS, t]
     return Joint(impacts, float(periods), age, known, pace)
 
 
@@ -84,8 +78,8 @@ def affordable(cycles: Cycles, first: int, particles: int, n_end: float, budget:
     Those that have no cycle were followed to the end within it.
     """
     for t in range(first, first + particles):
-        if cycles[CYCLE_IMPACTS, t] > 0.0:
-            rounds = (n_end - cycles[CYCLE_WHOLE, t]) / cycles[CYCLE_PERIODS, t]
-            if cycles[CYCLE_AGE, t] + rounds * cycles[CYCLE_IMPACTS, t] > budget:
+        if cycles[CYCLE.IMPACTS, t] > 0.0:
+            rounds = (n_end - cycles[CYCLE.WHOLE, t]) / cycles[CYCLE.PERIODS, t]
+            if cycles[CYCLE.AGE, t] + rounds * cycles[CYCLE.IMPACTS, t] > budget:
                 return False
     return True

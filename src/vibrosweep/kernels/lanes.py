@@ -1,4 +1,4 @@
-"""Layout of the scratch array in which blocks of lanes are advanced.
+"""Layout of the scratch memory in which blocks of lanes are advanced.
 
 A block of lanes (trajectories) lives in one flat array, one row per quantity.  One array with
 constant row offsets, rather than one array per quantity, lets the compiler prove that rows do not
@@ -9,43 +9,69 @@ in memory out of six made the same code half as fast.
 
 from __future__ import annotations
 
+from typing import Final, NamedTuple
+
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats
 
-__all__ = ["LANES", "VECTOR", "scratch"]
+__all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "Rows", "aligned", "scratch"]
 
-LANES = 192
-VECTOR = 8
-STRIDE = LANES + VECTOR
+LANES: Final = 192
+VECTOR: Final = 8
+STRIDE: Final = LANES + VECTOR
+OF_SCENE: Final = 5  # rows that a base has for its scene
 
-# rows of the scratch array; those up to LARGEST take part in every impact
-E, A, R = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE  # restitution, kick, rest threshold
-# where a rest ends: phase, NaN where it never does, and next flight
-X_LIFT, U_LIFT = 3 * STRIDE, 4 * STRIDE
-X_END = 5 * STRIDE
-X, N, U = 6 * STRIDE, 7 * STRIDE, 8 * STRIDE  # phase, count (from the end), flight time
-LANDINGS, RESTS = 9 * STRIDE, 10 * STRIDE
-NEW_SUM, NEW_SQUARES = 11 * STRIDE, 12 * STRIDE  # of the flight times since the last look
-LARGEST = 13 * STRIDE
-SUM, SQUARES = 14 * STRIDE, 15 * STRIDE  # up to the last look
-# an earlier state, and the rests before it
-X_ANCHOR, N_ANCHOR, U_ANCHOR = 16 * STRIDE, 17 * STRIDE, 18 * STRIDE
-RESTS_ANCHOR = 19 * STRIDE
-NEXT_ANCHOR, AGE = 20 * STRIDE, 21 * STRIDE  # age at which the next one is taken; impacts so far
-N_BEGIN, X_BEGIN = 22 * STRIDE, 23 * STRIDE  # window
-DONE, LANE = 24 * STRIDE, 25 * STRIDE  # why it leaves, name
-# totals of the cycle that it has entered; 0 impacts while that is not known
-C_IMPACTS, C_PERIODS, C_RESTS = 26 * STRIDE, 27 * STRIDE, 28 * STRIDE
-C_SUM, C_SQUARES, C_LARGEST = 29 * STRIDE, 30 * STRIDE, 31 * STRIDE
-ROWS = 32
+GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of the row DONE
 
-GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of DONE
+
+class Rows(NamedTuple):
+    """Where the rows of the scratch memory begin, in their order; SCENE is the first of several.
+
+    Those up to LARGEST take part in every impact.
+    """
+
+    SCENE: int
+    X_END: int
+    X: int  # phase
+    N: int  # whole periods from the end's
+    U: int  # speed, as the time of the next flight
+    LANDINGS: int
+    RESTS: int
+    NEW_SUM: int  # of the flight times since the last look, and of their squares
+    NEW_SQUARES: int
+    LARGEST: int
+    SUM: int  # up to the last look
+    SQUARES: int
+    X_ANCHOR: int  # an earlier state, and the rests before it
+    N_ANCHOR: int
+    U_ANCHOR: int
+    RESTS_ANCHOR: int
+    NEXT_ANCHOR: int  # age at which the next one is taken
+    AGE: int  # impacts so far
+    N_BEGIN: int  # of the window
+    X_BEGIN: int
+    DONE: int  # why the trajectory leaves its place
+    LANE: int  # which trajectory it is
+    CYCLE_IMPACTS: int  # totals of the cycle that it has entered; 0 impacts while none is known
+    CYCLE_PERIODS: int
+    CYCLE_RESTS: int
+    CYCLE_SUM: int
+    CYCLE_SQUARES: int
+    CYCLE_LARGEST: int
+
+
+ROWS: Final = len(Rows._fields) - 1 + OF_SCENE
+ROW: Final = Rows(0, *(row * STRIDE for row in range(OF_SCENE, ROWS)))
+
+
+def aligned(numbers: int) -> Floats:
+    """Zeros that begin on a line of the cache, so that no vector spans two."""
+    memory = np.zeros(numbers + VECTOR)
+    offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
+    return memory[offset : offset + numbers]
 
 
 def scratch() -> Floats:
-    """Scratch memory for one caller of `advance`, on a cache line so that no vector spans two."""
-    size = ROWS * STRIDE
-    memory = np.zeros(size + VECTOR)
-    offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
-    return memory[offset : offset + size]
+    """Scratch memory for one caller of `advance`."""
+    return aligned(ROWS * STRIDE)

@@ -10,73 +10,48 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.impact import Scene, land, launch, lift_off, rebound
+from vibrosweep.kernels.bases import Scene
+from vibrosweep.kernels.impact import Batch, Instant, impact, launch
 from vibrosweep.kernels.lanes import LANES
-from vibrosweep.kernels.ordering import (
-    DUE,
-    LASTS,
-    N_LAND,
-    N_REST,
-    ORDERED,
-    PHASE,
-    STAY,
-    WHO,
-    WHO_LANDS,
-    WHOLE,
-    X_LAND,
-    N,
-    U,
-    Workspace,
-    X,
-)
-from vibrosweep.scene import Dimensionless, Launches
+from vibrosweep.kernels.ordering import LIST, ORDERED, STATE, Workspace
 
-__all__ = ["Instant", "Latest", "compare", "due_first", "next_landings", "start"]
+__all__ = ["Latest", "compare", "due_first", "next_landings", "start"]
 
-Instant = tuple[float, float]  # whole periods and phase
 Latest = tuple[float, float, float, float]  # whole periods, phase, stay, particle
 
 
 @jit
-def start(work: Workspace, problem: Dimensionless, launches: Launches, i: int) -> None:
+def start(work: Workspace, batch: Batch, i: int) -> None:
     """Put all particles of realization i at their launch; counts are relative to the end."""
-    for p in range(launches.whole.shape[1]):
+    problem, launches = batch.problem, batch.launches
+    particles = launches.whole.shape[1]
+    for p in range(particles):
         s, j = work.state[p // LANES], p % LANES
-        n, x = launch(problem, launches, i, p)
-        s[X + j] = x
-        s[N + j] = n - problem.end_count[i]
-        s[U + j] = problem.launch_flight[i]
-        s[WHO + j] = p
+        n, x = launch(launches, i, p, problem.phase[i])
+        s[STATE.X + j] = x
+        s[STATE.N + j] = n - problem.end_count[i]
+        s[STATE.U + j] = problem.launch_flight[i]
+        s[STATE.WHO + j] = p
     for block in range(work.lanes.size):
-        work.lanes[block] = min(LANES, launches.whole.shape[1] - block * LANES)
+        work.lanes[block] = min(LANES, particles - block * LANES)
 
 
 @jit
-def next_landings(
-    s: Floats,
-    lanes: int,
-    fixed: Scene,
-    n_stop: float,
-    x_stop: float,
-    reflect: int | None,
-) -> None:
+def next_landings(s: Floats, lanes: int, fixed: Scene, stop: Instant) -> None:
     """Find the next landing of each lane; take those up to the stop and leave the others be."""
-    e, a, r, x_lift, wait, u_lift = fixed
+    n_stop, x_stop = stop
     for j in range(lanes):
-        x, passed = land(s[X + j], s[U + j])
-        n = s[N + j] + passed
-        due = n - n_stop <= x_stop - x
-        w = rebound(x, s[U + j], e, a, reflect)
-        n_off, x_off, u, leaves = lift_off(n, x, w, r, x_lift, wait, u_lift)
-        rest = 0.0 if leaves else (n_off - n) + (x_off - x)
-        s[X_LAND + j] = x
-        s[N_LAND + j] = n
-        s[STAY + j] = rest if rest > r else r
-        s[N_REST + j] = np.inf if leaves else n_off
-        s[DUE + j] = 1.0 if due else 0.0
-        s[X + j] = x_off if due else s[X + j]
-        s[N + j] = n_off if due else s[N + j]
-        s[U + j] = u if due else s[U + j]
+        hit = impact(fixed, s[STATE.N + j], s[STATE.X + j], s[STATE.U + j])
+        due = hit.n - n_stop <= x_stop - hit.x
+        rest = 0.0 if hit.leaves else (hit.n_off - hit.n) + (hit.x_off - hit.x)
+        s[STATE.X_LAND + j] = hit.x
+        s[STATE.N_LAND + j] = hit.n
+        s[STATE.STAY + j] = rest if rest > fixed.r else fixed.r
+        s[STATE.N_REST + j] = np.inf if hit.leaves else hit.n_off
+        s[STATE.DUE + j] = 1.0 if due else 0.0
+        s[STATE.X + j] = hit.x_off if due else s[STATE.X + j]
+        s[STATE.N + j] = hit.n_off if due else s[STATE.N + j]
+        s[STATE.U + j] = hit.u if due else s[STATE.U + j]
 
 
 @jit
@@ -84,9 +59,9 @@ def due_first(s: Floats, lanes: int) -> int:
     """Move the lanes that were due to the front of their block; return how many there are."""
     front = 0
     for j in range(lanes):
-        if s[DUE + j] != 0.0:
+        if s[STATE.DUE + j] != 0.0:
             if j > front:
-                for row in (X, N, U, WHO):
+                for row in (STATE.X, STATE.N, STATE.U, STATE.WHO):
                     kept = s[row + front]
                     s[row + front] = s[row + j]
                     s[row + j] = kept
@@ -106,13 +81,13 @@ def compare(
     """
     n, x, stay, who = latest
     for i in range(k):
-        n_next, x_next = listed[ORDERED + WHOLE, i], listed[ORDERED + PHASE, i]
-        other = listed[ORDERED + WHO_LANDS, i]
+        n_next, x_next = listed[ORDERED + LIST.WHOLE, i], listed[ORDERED + LIST.PHASE, i]
+        other = listed[ORDERED + LIST.WHO, i]
         if n < np.inf and (other if other >= 0 else -1 - other) != (who if who >= 0 else -1 - who):
             apart = abs((n_next - n) + (x_next - x))
             if apart <= stay:
                 shared = 1
             if who >= 0 and other >= 0 and apart < gap:
                 gap = apart
-        n, x, stay, who = n_next, x_next, listed[ORDERED + LASTS, i], other
+        n, x, stay, who = n_next, x_next, listed[ORDERED + LIST.STAY, i], other
     return (n, x, stay, who), gap, shared

@@ -16,21 +16,20 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
-from vibrosweep.kernels.cycles import (
-    CYCLE_FLIGHT,
-    CYCLE_IMPACTS,
-    CYCLE_PERIODS,
-    CYCLE_PHASE,
-    CYCLE_RESTS,
-    CYCLE_WHOLE,
-    FIRST_ANCHOR,
-    Cycles,
+from vibrosweep.kernels.bases import (
+    Scene,
+    after_rest,
+    contraction,
+    jacobian,
+    scene,
+    turns_back,
 )
-from vibrosweep.kernels.impact import Scene, impact, launch, rebound, scene
+from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
+from vibrosweep.kernels.impact import Batch, Instant, impact, launch
+from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.statistics import Statistics
-from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope, stretch
+from vibrosweep.kernels.tangent import carry, stretch
 from vibrosweep.kernels.trust import is_certain
-from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Regime
 
 __all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle"]
@@ -118,21 +117,8 @@ def empty_orbits(trajectories: int) -> Orbits:
 
 
 @jit
-def _sign(fixed: Scene, x: float, u: float, reflect: int | None) -> float:
-    """-1 where the `reflect` law turns a particle back that lands at phase x, else 1."""
-    if reflect is not None and rebound(x, u, fixed[0], fixed[1], None) < 0.0:
-        return -1.0
-    return 1.0
-
-
-@jit
 def _follow(
-    fixed: Scene,
-    launched: State,
-    window: tuple[float, float, float, float],
-    budget: int,
-    reflect: int | None,
-    g: Floats,
+    fixed: Scene, launched: State, begin: Instant, end: Instant, budget: int, g: Floats
 ) -> tuple[State, int, float, float]:
     """Follow a trajectory to its end.
 
@@ -140,50 +126,49 @@ def _follow(
     logarithms of areas, and the bound of its rounding error.
     """
     n, x, u = launched
-    n_begin, x_begin, n_end, x_end = window
     c, d = 1.0, 0.0
     rests, area, slack = 0, 0.0, 0.0
     growth.empty(g)
     for _ in range(budget):
-        landed, x_landed, n_off, x_off, u_off, leaves = impact(fixed, n, x, u, reflect)
-        if not landed - n_end <= x_end - x_landed:
+        hit = impact(fixed, n, x, u)
+        if not hit.n - end[0] <= end[1] - hit.x:
             break
-        if n_begin - landed <= x_landed - x_begin:
-            rests += 0 if leaves else 1
-            k, sign = kick_slope(x_landed, fixed[1]), _sign(fixed, x_landed, u, reflect)
-            c, d, along, across, error = stretch(c, d, fixed[0], k, sign)
+        if begin[0] - hit.n <= hit.x - begin[1]:
+            rests += 0 if hit.leaves else 1
+            c, d, along, across, error = stretch(c, d, jacobian(fixed, hit.x, hit.v))
             growth.add(g, growth.logarithm(along))
             area += growth.logarithm(along * across)
             slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
-        if n_off == np.inf:
-            return (landed, x_landed, 0.0), rests, area, slack
-        n, x, u = n_off, x_off, u_off
+        if hit.n_off == np.inf:
+            return (hit.n, hit.x, 0.0), rests, area, slack
+        n, x, u = hit.n_off, hit.x_off, hit.u
     return (n, x, u), rests, area, slack
 
 
 @jit
-def _periods_of(
-    fixed: Scene, x: float, u: float, reflect: int | None, impacts: int, shorter: int
-) -> int:
+def _next(fixed: Scene, state: State) -> State:
+    """State after the next impact."""
+    hit = impact(fixed, *state)
+    return hit.n_off, hit.x_off, hit.u
+
+
+@jit
+def _periods_of(fixed: Scene, x: float, u: float, impacts: int, shorter: int) -> int:
     """Periods of the shorter cycle that a cycle is up to rounding; 0 if it is none."""
-    n = ahead_n = 0.0
-    ahead_x, ahead_u = x, u
+    state = ahead = (0.0, x, u)
     for _ in range(shorter):
-        _, _, ahead_n, ahead_x, ahead_u, _ = impact(fixed, ahead_n, ahead_x, ahead_u, reflect)
-    periods = np.rint(ahead_n + (ahead_x - x))
+        ahead = _next(fixed, ahead)
+    periods = np.rint(ahead[0] + (ahead[1] - x))
     for _ in range(impacts):
-        apart = (ahead_n - n - periods) + (ahead_x - x)
-        if abs(apart) > SAME_ORBIT or abs(ahead_u - u) > SAME_ORBIT:
+        apart = (ahead[0] - state[0] - periods) + (ahead[1] - state[1])
+        if abs(apart) > SAME_ORBIT or abs(ahead[2] - state[2]) > SAME_ORBIT:
             return 0
-        _, _, n, x, u, _ = impact(fixed, n, x, u, reflect)
-        _, _, ahead_n, ahead_x, ahead_u, _ = impact(fixed, ahead_n, ahead_x, ahead_u, reflect)
+        state, ahead = _next(fixed, state), _next(fixed, ahead)
     return int(periods)
 
 
 @jit
-def _shortest(
-    fixed: Scene, x: float, u: float, reflect: int | None, impacts: int, periods: int
-) -> tuple[int, int]:
+def _shortest(fixed: Scene, x: float, u: float, impacts: int, periods: int) -> tuple[int, int]:
     """Impacts and periods of a cycle with states closer than `SAME_ORBIT` taken as one.
 
     Rounding lets an orbit alternate between neighbouring numbers; the cycle of its bits is then a
@@ -191,19 +176,19 @@ def _shortest(
     """
     for shorter in range(1, impacts // 2 + 1):
         if impacts % shorter == 0:
-            found = _periods_of(fixed, x, u, reflect, impacts, shorter)
+            found = _periods_of(fixed, x, u, impacts, shorter)
             if found > 0:
                 return shorter, found
     return impacts, periods
 
 
 @jit
-def _representative(fixed: Scene, state: State, impacts: int, reflect: int | None) -> State:
+def _representative(fixed: Scene, state: State, impacts: int) -> State:
     """Member of the cycle with the shortest flight; of equal ones that with the first phase."""
-    n, x, u = state
     n_best, x_best, u_best = state
     for _ in range(impacts):
-        _, _, n, x, u, _ = impact(fixed, n, x, u, reflect)
+        state = _next(fixed, state)
+        n, x, u = state
         tie = abs(u - u_best) <= SAME_ORBIT
         if u < u_best - SAME_ORBIT or (tie and x < x_best - SAME_ORBIT):
             n_best, x_best, u_best = n, x, u
@@ -233,34 +218,34 @@ def _eigenvalue_error(trace: float, determinant: float, rounding: float) -> floa
 
 @jit
 def _cycle_exponents(
-    fixed: Scene, state: State, impacts: int, reflect: int | None
+    fixed: Scene, state: State, impacts: int
 ) -> tuple[complex, float, float, float, float]:
     """Leading multiplier of a cycle without rests; both exponents with their errors."""
     n, x, u = state
-    e, a = fixed[0], fixed[1]
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
     scale, turned, longest = 0.0, 1.0, 0.0
     for _ in range(impacts):
-        _, x_landed, n, x_off, u_off, _ = impact(fixed, n, x, u, reflect)
-        k, sign = kick_slope(x_landed, a), _sign(fixed, x_landed, u, reflect)
-        x, u, longest = x_off, u_off, max(longest, u_off)
-        m00, m10 = carry(m00, m10, e, k, sign)
-        m01, m11 = carry(m01, m11, e, k, sign)
+        hit = impact(fixed, n, x, u)
+        derivative = jacobian(fixed, hit.x, hit.v)
+        turned *= turns_back(fixed, hit.x, hit.v)
+        n, x, u = hit.n_off, hit.x_off, hit.u
+        longest = max(longest, u)
+        m00, m10 = carry(m00, m10, derivative)
+        m01, m11 = carry(m01, m11, derivative)
         norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
         scale += growth.logarithm(norm)
         m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm
-        c, d, along, across, error = stretch(c, d, e, k, sign)
+        c, d, along, across, error = stretch(c, d, derivative)
         area += growth.logarithm(along * across)
         slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
-        turned *= sign
-    determinant = turned * math.exp(impacts * growth.logarithm(e) - 2.0 * scale)
+    determinant = turned * math.exp(impacts * growth.logarithm(contraction(fixed)) - 2.0 * scale)
     value = leading_eigenvalue(m00 + m11, determinant)
     modulus = abs(value)
     # the state itself is known to the rounding of an impact over 1 - |multiplier|
     gap = max(abs(1.0 - modulus * math.exp(scale)), HALF_ULP)
     wobble = 2.0 * HALF_ULP * (1.0 + longest) / gap
-    curvature = (2.0 * math.pi) ** 2 * a
+    curvature = (2.0 * math.pi) ** 2 * fixed.a
     rounding = impacts * (ROUNDING + curvature * wobble)
     error = _eigenvalue_error(m00 + m11, determinant, rounding)
     largest = (growth.logarithm(modulus) + scale) / impacts
@@ -270,33 +255,32 @@ def _cycle_exponents(
 
 @jit
 def _write_exponents(
-    t: int, e: float, largest: tuple[float, float], total: tuple[float, float], out: Orbits
+    t: int, fixed: Scene, largest: tuple[float, float], total: tuple[float, float], out: Orbits
 ) -> None:
     """Write both exponents of a trajectory, each with its error."""
     out.largest[t], out.largest_error[t] = largest
     out.total[t], out.total_error[t] = total
-    if e == 0.0:  # every impact loses one dimension
+    if contraction(fixed) == 0.0:  # every impact loses one dimension
         out.total[t], out.total_error[t] = -np.inf, 0.0
 
 
 @jit
-def _write_cycle(
-    fixed: Scene, t: int, state: State, impacts: int, reflect: int | None, out: Orbits
-) -> None:
+def _write_cycle(fixed: Scene, t: int, state: State, out: Orbits) -> None:
     """Write a cycle through a state: its representative, multiplier and exponents.
 
     Its impacts and rests stand in `out` already, and whether it is uncertain if it rests.
     """
-    state = _representative(fixed, state, impacts, reflect)
+    impacts = out.impacts[t]
+    state = _representative(fixed, state, impacts)
     out.whole[t], out.phase[t], out.flight[t] = state
     if out.rests[t] > 0:
         out.multiplier[t] = 0.0
-        _write_exponents(t, fixed[0], (-np.inf, 0.0), (-np.inf, 0.0), out)
+        _write_exponents(t, fixed, (-np.inf, 0.0), (-np.inf, 0.0), out)
     else:
-        found = _cycle_exponents(fixed, state, impacts, reflect)
+        found = _cycle_exponents(fixed, state, impacts)
         out.multiplier[t] = found[0]
-        _write_exponents(t, fixed[0], (found[1], found[2]), (found[3], found[4]), out)
-        certain = is_certain(fixed, state[1], state[2], impacts, abs(found[0]), reflect)
+        _write_exponents(t, fixed, (found[1], found[2]), (found[3], found[4]), out)
+        certain = is_certain(fixed, state[1], state[2], impacts, abs(found[0]))
         out.uncertain[t] = 0 if certain else 1
     if out.uncertain[t] == 1:
         out.largest_error[t] = out.total_error[t] = np.inf
@@ -304,31 +288,40 @@ def _write_cycle(
 
 @jit
 def _write_mean(
-    t: int, e: float, rests: int, area: float, slack: float, g: Floats, out: Orbits
+    t: int, fixed: Scene, rests: int, area: float, slack: float, g: Floats, out: Orbits
 ) -> None:
     """Write the exponents of an orbit that does not recur; some of its landings rested."""
     if rests > 0:
-        _write_exponents(t, e, (-np.inf, 0.0), (-np.inf, 0.0), out)
+        _write_exponents(t, fixed, (-np.inf, 0.0), (-np.inf, 0.0), out)
         return
     impacts = growth.count(g)
     total = (area / impacts, slack / impacts) if impacts > 0.0 else (np.nan, np.nan)
-    _write_exponents(t, e, (growth.mean(g), growth.error(g)), total, out)
+    _write_exponents(t, fixed, (growth.mean(g), growth.error(g)), total, out)
     positive = out.largest[t] > CERTAIN * out.largest_error[t]
     if impacts >= FIRST_ANCHOR and positive and out.regime[t] == UNSETTLED:
         out.regime[t] = APERIODIC
+
+
+@jit
+def _write_nothing(t: int, out: Orbits) -> None:
+    """Write an orbit of which nothing is known."""
+    out.regime[t] = UNSETTLED
+    out.impacts[t] = out.periods[t] = out.rests[t] = 0
+    out.uncertain[t], out.since[t] = -1, np.nan
+    out.whole[t] = out.phase[t] = out.flight[t] = np.nan
+    out.multiplier[t] = complex(np.nan, np.nan)
+    out.largest[t] = out.largest_error[t] = out.total[t] = out.total_error[t] = np.nan
 
 
 @kernel
 def settle(
     first: int,
     last: int,
-    problem: Dimensionless,
-    launches: Launches,
+    batch: Batch,
     each: Statistics,
     cycles: Cycles,
     budget: int,
     exponents: int,
-    reflect: int | None,
     out: Orbits,
 ) -> None:
     """Tell what trajectories first ... last - 1 of a batch settle on.
@@ -336,9 +329,8 @@ def settle(
     Parameters
     ----------
     first, last
-        Range of trajectories; trajectory t is particle t % N of realization t // N.
-    problem : vibrosweep.scene.Dimensionless
-    launches : vibrosweep.scene.Launches
+        Range of trajectories.
+    batch : vibrosweep.kernels.impact.Batch
     each : vibrosweep.kernels.statistics.Statistics
     cycles
         From `vibrosweep.kernels.cycles.empty_cycles`; both as `advance` left them.
@@ -347,50 +339,42 @@ def settle(
     exponents
         1 where the exponents of every orbit are wanted; with 0 those that do not recur are only
         followed again where that may show that they are aperiodic.
-    reflect
-        None, or 1 for the `reflect` law; chosen at compile time.
     out : Orbits
         Only the slots first ... last - 1 are written.
     """
+    base, problem, launches = batch
     particles = launches.whole.shape[1]
     g = np.empty(growth.ROOM)
     judged, doubtful = -1, 0  # realization whose orbit from rest to rest is known, and what of it
     for t in range(first, last):
         i = t // particles
-        fixed = scene(problem, i)
-        out.regime[t] = UNSETTLED
-        out.impacts[t] = out.periods[t] = out.rests[t] = 0
-        out.uncertain[t], out.since[t] = -1, np.nan
-        out.whole[t] = out.phase[t] = out.flight[t] = np.nan
-        out.multiplier[t] = complex(np.nan, np.nan)
-        out.largest[t] = out.largest_error[t] = out.total[t] = out.total_error[t] = np.nan
-        if each.at_rest[t] == 0 and cycles[CYCLE_IMPACTS, t] > 0.0:
-            x, u = cycles[CYCLE_PHASE, t], cycles[CYCLE_FLIGHT, t]
-            n = cycles[CYCLE_WHOLE, t] + problem.end_count[i]
-            impacts, periods = int(cycles[CYCLE_IMPACTS, t]), int(cycles[CYCLE_PERIODS, t])
-            out.rests[t] = int(cycles[CYCLE_RESTS, t])
+        fixed = scene(base, problem, i)
+        _write_nothing(t, out)
+        if each.at_rest[t] == 0 and cycles[CYCLE.IMPACTS, t] > 0.0:
+            x, u = cycles[CYCLE.PHASE, t], cycles[CYCLE.FLIGHT, t]
+            n = cycles[CYCLE.WHOLE, t] + problem.end_count[i]
+            impacts, periods = int(cycles[CYCLE.IMPACTS, t]), int(cycles[CYCLE.PERIODS, t])
+            out.rests[t] = int(cycles[CYCLE.RESTS, t])
             if out.rests[t] > 0:  # a rest sets the state exactly
                 if judged != i:
                     judged = i
-                    certain = is_certain(fixed, fixed[3], fixed[5], impacts, 0.0, reflect)
-                    doubtful = 0 if certain else 1
+                    x_lift, u_lift = after_rest(fixed)
+                    doubtful = 0 if is_certain(fixed, x_lift, u_lift, impacts, 0.0) else 1
                 out.uncertain[t] = doubtful
             else:
-                impacts, periods = _shortest(fixed, x, u, reflect, impacts, periods)
+                impacts, periods = _shortest(fixed, x, u, impacts, periods)
             out.regime[t] = RESTING if out.rests[t] > 0 else LOCKED
             out.impacts[t], out.periods[t] = impacts, periods
             out.since[t] = n + (x - problem.phase[i])
-            _write_cycle(fixed, t, (n, x, u), impacts, reflect, out)
+            _write_cycle(fixed, t, (n, x, u), out)
         else:
             out.regime[t] = AT_REST if each.at_rest[t] > 0 else UNSETTLED
             if exponents == 0 and (each.at_rest[t] > 0 or each.landings[t] < FIRST_ANCHOR):
                 continue
-            n, x = launch(problem, launches, i, t % particles)
+            n, x = launch(launches, i, t % particles, problem.phase[i])
             begin = problem.begin_count[i], problem.begin_phase[i]
-            window = (*begin, problem.end_count[i], problem.end_phase[i])
+            end = problem.end_count[i], problem.end_phase[i]
             launched = (n, x, problem.launch_flight[i])
-            state, rests, area, slack = _follow(fixed, launched, window, budget, reflect, g)
+            state, rests, area, slack = _follow(fixed, launched, begin, end, budget, g)
             out.whole[t], out.phase[t], out.flight[t] = state
-            if each.at_rest[t] > 0:
-                rests = 1
-            _write_mean(t, fixed[0], rests, area, slack, g, out)
+            _write_mean(t, fixed, 1 if each.at_rest[t] > 0 else rests, area, slack, g, out)

@@ -2,35 +2,54 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Floats, Integers, jit
-from vibrosweep.kernels.lanes import LANES, STRIDE, VECTOR
+from vibrosweep.kernels.lanes import LANES, STRIDE, aligned
 
 __all__ = ["Workspace", "closest", "put_in_order", "workspace"]
 
-# rows of a block of lanes: state after the last landing taken, then the landing in question
-X, N, U, WHO = 0 * STRIDE, 1 * STRIDE, 2 * STRIDE, 3 * STRIDE
-X_LAND, N_LAND, STAY, DUE = 4 * STRIDE, 5 * STRIDE, 6 * STRIDE, 7 * STRIDE
-N_REST = 8 * STRIDE  # whole periods of the lift-off from a rest, else infinite
-BLOCK = 9 * STRIDE
-
 FEW = 24  # a cell with more landings is sorted by itself
 PERIODS_REMEMBERED = 64
-NARROWEST = (
-    2.0**-40
-)  # gap, in periods; over more than FARTHEST periods it could be lost by rounding
+NARROWEST = 2.0**-40  # gap, in periods; over more than FARTHEST it could be lost by rounding
 FARTHEST = 2.0**10
 
 Places = NDArray[np.int32]
 
 
-# rows of a list of landings: whole periods, phase, stay on the base, and particle
-WHOLE, PHASE, LASTS, WHO_LANDS = 0, 1, 2, 3
-ORDERED = 4  # from a row to the same in the order of time
+class StateRows(NamedTuple):
+    """Where the rows of a block of lanes begin: the state, then the landing in question."""
+
+    X: int  # after the last landing taken: phase, whole periods, speed, and which particle
+    N: int
+    U: int
+    WHO: int
+    X_LAND: int
+    N_LAND: int
+    STAY: int
+    DUE: int
+    N_REST: int  # whole periods of the lift-off from a rest, else infinite
+
+
+STATE: Final = StateRows(*(row * STRIDE for row in range(len(StateRows._fields))))
+OF_STATE: Final = STATE.WHO + STRIDE  # numbers of a block that are state
+BLOCK: Final = len(STATE) * STRIDE
+
+
+class Rows(NamedTuple):
+    """Rows of a list of landings; those in the order of time follow from row ORDERED on."""
+
+    WHOLE: int = 0
+    PHASE: int = 1
+    STAY: int = 2  # periods on the base
+    WHO: int = 3  # particle p, or -1 - p for one that landed before the window
+
+
+LIST: Final = Rows()
+ORDERED: Final = len(LIST)
 # rows of the table of cells: that of each landing, or the next one in its cell; end, or head, of a
 # cell
 CELL, ENDS = 0, 1
@@ -54,11 +73,8 @@ def workspace(particles: int) -> Workspace:
     """Memory for realizations of that many particles, independent of the length of the run."""
     blocks = -(-particles // LANES)
     capacity = max(4096, 4 * particles)
-    memory = np.zeros(blocks * BLOCK + VECTOR)
-    offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
-
     return Workspace(
-        state=memory[offset : offset + blocks * BLOCK].reshape(blocks, BLOCK),
+        state=aligned(blocks * BLOCK).reshape(blocks, BLOCK),
         saved=np.zeros((blocks, BLOCK)),
         lanes=np.zeros(blocks, np.int64),
         listed=np.zeros((2 * ORDERED, capacity)),
@@ -73,8 +89,8 @@ def _sort(listed: Floats, start: int, stop: int, gap: int) -> None:
 
     Shell's method with shrinking gaps; a first gap of 1 makes it an insertion sort.
     """
-    whole, phase = ORDERED + WHOLE, ORDERED + PHASE
-    lasts, who = ORDERED + LASTS, ORDERED + WHO_LANDS
+    whole, phase = ORDERED + LIST.WHOLE, ORDERED + LIST.PHASE
+    lasts, who = ORDERED + LIST.STAY, ORDERED + LIST.WHO
     while gap > 0:
         for q in range(start + gap, stop):
             n, x, place = listed[whole, q], listed[phase, q], q
@@ -104,7 +120,7 @@ def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span
     scale = k / span if span > 1e-290 else 0.0
     last = k - 1.0
     for q in range(k):
-        place = ((listed[WHOLE, q] - n) + (listed[PHASE, q] - x)) * scale
+        place = ((listed[LIST.WHOLE, q] - n) + (listed[LIST.PHASE, q] - x)) * scale
         place = place if place > 0.0 else 0.0
         cells[CELL, q] = np.int32(place if place < last else last)
     cells[ENDS, : k + 1] = 0
@@ -142,12 +158,12 @@ def closest(listed: Floats, cells: Places, k: int, gap: float) -> float:
     while entries < 8 * k and 2 * entries < cells.shape[1]:
         entries *= 2
     cells[ENDS, :entries] = -1
-    n, x, scale = listed[WHOLE, 0], listed[PHASE, 0], 0.5 / gap
+    n, x, scale = listed[LIST.WHOLE, 0], listed[LIST.PHASE, 0], 0.5 / gap
     for q in range(k):
-        who = listed[WHO_LANDS, q]
+        who = listed[LIST.WHO, q]
         if who < 0.0:
             continue
-        whole, phase = listed[WHOLE, q], listed[PHASE, q]
+        whole, phase = listed[LIST.WHOLE, q], listed[LIST.PHASE, q]
         after = (whole - n) + (phase - x)
         if abs(after) > FARTHEST:
             return np.nan
@@ -156,8 +172,10 @@ def closest(listed: Floats, cells: Places, k: int, gap: float) -> float:
         for near in (cell, cell + 1 if half & 1 else cell - 1):
             other = cells[ENDS, near & (entries - 1)]
             while other >= 0:
-                apart = abs((whole - listed[WHOLE, other]) + (phase - listed[PHASE, other]))
-                gap = apart if who != listed[WHO_LANDS, other] and apart < gap else gap
+                apart = abs(
+                    (whole - listed[LIST.WHOLE, other]) + (phase - listed[LIST.PHASE, other])
+                )
+                gap = apart if who != listed[LIST.WHO, other] and apart < gap else gap
                 other = cells[CELL, other]
         cells[CELL, q] = cells[ENDS, cell & (entries - 1)]
         cells[ENDS, cell & (entries - 1)] = np.int32(q)

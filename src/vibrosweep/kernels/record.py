@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, kernel
-from vibrosweep.kernels.impact import impact, launch, scene
-from vibrosweep.scene import Dimensionless, Launches
+from vibrosweep.kernels.bases import scene
+from vibrosweep.kernels.impact import Batch, impact, launch
 
-__all__ = ["Record", "empty_record", "record"]
+__all__ = ["Record", "Units", "empty_record", "record"]
 
 
 class Record(NamedTuple):
@@ -39,47 +39,49 @@ def empty_record(trajectories: int, impacts: int) -> Record:
     return Record(landing, liftoff, velocity, np.zeros(shape, np.int8))
 
 
+class Units(NamedTuple):
+    """Physical units of a batch.
+
+    Attributes
+    ----------
+    frequency
+        Hz, shape (realization,).
+    velocity
+        Speed whose flight lasts one forcing period, g / (2 f) in m s-1, shape (realization,).
+    """
+
+    frequency: Floats
+    velocity: Floats
+
+
 @kernel
-def record(
-    first: int,
-    last: int,
-    problem: Dimensionless,
-    launches: Launches,
-    frequency: Floats,
-    velocity_unit: Floats,
-    reflect: int | None,
-    out: Record,
-) -> None:
+def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> None:
     """Write the landings of trajectories first ... last - 1 until the end of the window.
 
     Parameters
     ----------
     first, last
-        Range of trajectories; trajectory t is particle t % N of realization t // N.
-    problem : vibrosweep.scene.Dimensionless
-    launches : vibrosweep.scene.Launches
-    frequency
-        Hz, shape (realization,).
-    velocity_unit
-        Speed whose flight lasts one forcing period, g / (2 f) in m s-1, shape (realization,).
-    reflect
-        None, or 1 for the `reflect` law; chosen at compile time.
+        Range of trajectories.
+    batch : vibrosweep.kernels.impact.Batch
+    units : Units
     out : Record
         Its capacity ends a trajectory that is longer.
     """
+    base, problem, launches = batch
     particles = launches.whole.shape[1]
     for t in range(first, last):
         i, p = t // particles, t % particles
-        fixed = scene(problem, i)
-        n, x = launch(problem, launches, i, p)
+        fixed = scene(base, problem, i)
+        n, x = launch(launches, i, p, problem.phase[i])
         u = problem.launch_flight[i]
         for k in range(out.rested.shape[1]):
-            n_land, x_land, n, x, u, leaves = impact(fixed, n, x, u, reflect)
-            if not n_land - problem.end_count[i] <= problem.end_phase[i] - x_land:
+            hit = impact(fixed, n, x, u)
+            if not hit.n - problem.end_count[i] <= problem.end_phase[i] - hit.x:
                 break
-            out.landing_time[t, k] = (n_land + (x_land - problem.phase[i])) / frequency[i]
-            out.rested[t, k] = 0 if leaves else 1
-            if n == np.inf:
+            out.landing_time[t, k] = (hit.n + (hit.x - problem.phase[i])) / units.frequency[i]
+            out.rested[t, k] = 0 if hit.leaves else 1
+            if hit.n_off == np.inf:
                 break
-            out.liftoff_time[t, k] = (n + (x - problem.phase[i])) / frequency[i]
-            out.rebound_velocity[t, k] = u * velocity_unit[i]
+            n, x, u = hit.n_off, hit.x_off, hit.u
+            out.liftoff_time[t, k] = (n + (x - problem.phase[i])) / units.frequency[i]
+            out.rebound_velocity[t, k] = u * units.velocity[i]

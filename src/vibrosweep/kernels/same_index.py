@@ -4,24 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit
-from vibrosweep.kernels.impact import Scene, land
+from vibrosweep.kernels._jit import Floats, jit
+from vibrosweep.kernels.bases import Scene, after_rest, fly
+from vibrosweep.kernels.impact import Instant, land
 from vibrosweep.kernels.joint import Joint
 from vibrosweep.kernels.lanes import VECTOR
-from vibrosweep.kernels.listing import Instant, compare, due_first, next_landings
+from vibrosweep.kernels.listing import compare, due_first, next_landings
 from vibrosweep.kernels.ordering import (
-    DUE,
-    LASTS,
-    N_LAND,
-    N_REST,
+    LIST,
     ORDERED,
     PERIODS_REMEMBERED,
-    PHASE,
-    WHO,
-    WHO_LANDS,
-    WHOLE,
-    X_LAND,
-    N,
+    STATE,
     Workspace,
     closest,
     put_in_order,
@@ -41,14 +34,15 @@ def _append_all(
     n_begin, x_begin = begin
     early = 0
     for j in range(lanes):
-        listed[WHOLE, k], listed[PHASE, k], listed[LASTS, k] = s[N_LAND + j], s[X_LAND + j], 0.0
-        who = s[WHO + j]
+        listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = s[STATE.N_LAND + j], s[STATE.X_LAND + j]
+        listed[LIST.STAY, k] = 0.0
+        who = s[STATE.WHO + j]
         if window is not None:
-            before = (n_begin - s[N_LAND + j]) + (x_begin - s[X_LAND + j]) > 0.0
-            early += 1 if before and s[DUE + j] != 0.0 else 0
+            before = (n_begin - s[STATE.N_LAND + j]) + (x_begin - s[STATE.X_LAND + j]) > 0.0
+            early += 1 if before and s[STATE.DUE + j] != 0.0 else 0
             who = -1.0 - who if before else who
-        listed[WHO_LANDS, k] = who
-        k += int(s[DUE + j])
+        listed[LIST.WHO, k] = who
+        k += int(s[STATE.DUE + j])
     return k, early
 
 
@@ -61,8 +55,8 @@ def _lift_off_together(s: Floats, lanes: int, low: float, high: float, rests: Fl
     """
     together = False
     for j in range(lanes):
-        n = s[N_REST + j]
-        if n < np.inf and s[DUE + j] != 0.0:
+        n = s[STATE.N_REST + j]
+        if n < np.inf and s[STATE.DUE + j] != 0.0:
             place = int(n) & (PERIODS_REMEMBERED - 1)
             together |= rests[place] == n and low < n <= high
             rests[place] = n
@@ -75,38 +69,34 @@ def _next_numbers(
     window: int | None,
     begin: Instant,
     x_end: float,
-    reflect: int | None,
     lift_offs: Instant,
-    state: Floats,
-    lanes_of: Integers,
-    listed: Floats,
-    rests: Floats,
+    work: Workspace,
 ) -> tuple[int, int, bool]:
     """List the next landing of every particle.
 
     Returns their number, how many are before the window, and whether two lift off together.
     """
     k, early, together = 0, 0, False
-    for block in range(lanes_of.size):
-        s, lanes = state[block], lanes_of[block]
+    for block in range(work.lanes.size):
+        s, lanes = work.state[block], work.lanes[block]
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
-        next_landings(s, padded, fixed, 0.0, x_end, reflect)
+        next_landings(s, padded, fixed, (0.0, x_end))
         start = k
-        k, outside = _append_all(s, lanes, window, begin, listed, k)
+        k, outside = _append_all(s, lanes, window, begin, work.listed, k)
         early += outside
-        together |= _lift_off_together(s, lanes, lift_offs[0], lift_offs[1], rests)
+        together |= _lift_off_together(s, lanes, lift_offs[0], lift_offs[1], work.rests)
         if k - start < lanes:  # the others have passed the end
-            lanes_of[block] = due_first(s, lanes)
+            work.lanes[block] = due_first(s, lanes)
     return k, early, together
 
 
 @jit
 def _extent(listed: Floats, k: int) -> tuple[float, float, float]:
     """The first of k landings, whole periods and phase, and the periods from it to the last."""
-    n, x = listed[WHOLE, 0], listed[PHASE, 0]
+    n, x = listed[LIST.WHOLE, 0], listed[LIST.PHASE, 0]
     low, high = 0.0, 0.0
     for q in range(k):
-        after = (listed[WHOLE, q] - n) + (listed[PHASE, q] - x)
+        after = (listed[LIST.WHOLE, q] - n) + (listed[LIST.PHASE, q] - x)
         low, high = min(low, after), max(high, after)
     return n, x + low, high - low
 
@@ -116,7 +106,7 @@ def _drift_apart(listed: Floats, k: int, pace: Floats) -> bool:
     """Whether, of k ordered landings of equal number, later ones are never of faster particles."""
     slowest = -np.inf
     for q in range(k):
-        who = int(listed[ORDERED + WHO_LANDS, q])
+        who = int(listed[ORDERED + LIST.WHO, q])
         own = pace[who if who >= 0 else -1 - who]
         if own < slowest:
             return False
@@ -130,16 +120,16 @@ def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
     listed = work.listed
     times = np.inf
     for q in range(k):
-        who = int(listed[WHO_LANDS, q])
+        who = int(listed[LIST.WHO, q])
         if who < 0:
-            before = (begin[0] - listed[WHOLE, q]) + (begin[1] - listed[PHASE, q])
+            before = (begin[0] - listed[LIST.WHOLE, q]) + (begin[1] - listed[LIST.PHASE, q])
             cycle = joint.impacts * joint.pace[-1 - who]
             times = min(times, np.floor(before / cycle) - 1.0)
     if times > 0.0:
         for block in range(work.lanes.size):
             s = work.state[block]
             for j in range(work.lanes[block]):
-                s[N + j] += times * np.rint(joint.impacts * joint.pace[int(s[WHO + j])])
+                s[STATE.N + j] += times * np.rint(joint.impacts * joint.pace[int(s[STATE.WHO + j])])
 
 
 @jit
@@ -147,7 +137,9 @@ def _followed_by_landings(
     fixed: Scene, window: int | None, begin: Instant, x_end: float
 ) -> Instant:
     """Whole periods that bound the lift-offs from rest whose next landing is inside the window."""
-    x, passed = land(fixed[3], fixed[5])
+    x_lift, u_lift = after_rest(fixed)
+    flight, _ = fly(fixed, x_lift, u_lift)
+    x, passed = land(x_lift, flight)
     low = -np.inf
     if window is not None:
         low = begin[0] + np.ceil(begin[1] - x) - passed - 1.0
@@ -160,7 +152,6 @@ def same_index(
     window: int | None,
     begin: Instant,
     x_end: float,
-    reflect: int | None,
     work: Workspace,
     joint: Joint,
 ) -> tuple[float, bool]:
@@ -174,15 +165,12 @@ def same_index(
     gap, together = np.inf, False
     number, repeated, early = 0, 0, 0
     lift_offs = _followed_by_landings(fixed, window, begin, x_end)
-    state, listed, cells, rests = work.state, work.listed, work.cells, work.rests
-    lanes_of, pace = work.lanes, joint.pace
-    rests[:] = np.inf
+    listed, cells, pace = work.listed, work.cells, joint.pace
+    work.rests[:] = np.inf
     n, x, span, moved = -np.inf, 0.0, 0.0, 0.0
     while gap > 0.0:
         before = early
-        k, early, met = _next_numbers(
-            fixed, window, begin, x_end, reflect, lift_offs, state, lanes_of, listed, rests
-        )
+        k, early, met = _next_numbers(fixed, window, begin, x_end, lift_offs, work)
         together |= met
         if k < 2:
             break
@@ -198,10 +186,10 @@ def same_index(
         put_in_order(listed, cells, k, n, x + moved, span)
         _, gap, _ = compare(listed, k, (np.inf, 0.0, 0.0, 0.0), gap, 0)
         # the next ones are expected to move on as far as these did
-        whole, phase = listed[ORDERED + WHOLE, 0], listed[ORDERED + PHASE, 0]
+        whole, phase = listed[ORDERED + LIST.WHOLE, 0], listed[ORDERED + LIST.PHASE, 0]
         moved = (whole - n) + (phase - x)
         n, x = whole, phase
-        span = (listed[ORDERED + WHOLE, k - 1] - n) + (listed[ORDERED + PHASE, k - 1] - x)
+        span = (listed[ORDERED + LIST.WHOLE, k - 1] - n) + (listed[ORDERED + LIST.PHASE, k - 1] - x)
         if drifting:
             same = early == before and _drift_apart(listed, k, pace)
             repeated = repeated + 1 if same else 0

@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Flags, Floats, jit, kernel
+from vibrosweep.kernels.bases import scene
 from vibrosweep.kernels.cycles import Cycles
-from vibrosweep.kernels.impact import scene
+from vibrosweep.kernels.impact import Batch, Instant
 from vibrosweep.kernels.joint import Joint, affordable, joint_cycle, no_joint
-from vibrosweep.kernels.listing import Instant, start
+from vibrosweep.kernels.listing import start
 from vibrosweep.kernels.ordering import Workspace, workspace
 from vibrosweep.kernels.same_index import same_index
 from vibrosweep.kernels.slabs import UNKNOWN, all_landings, earliest
-from vibrosweep.scene import Dimensionless, Launches
+from vibrosweep.scene import Dimensionless
 
 __all__ = [
     "UNKNOWN",
@@ -94,26 +95,19 @@ def _window(
 
 @jit
 def _separate(
-    problem: Dimensionless,
-    launches: Launches,
-    i: int,
-    found: Window,
-    reflect: int | None,
-    window: int | None,
-    work: Workspace,
-    out: Separations,
+    batch: Batch, i: int, found: Window, window: int | None, work: Workspace, out: Separations
 ) -> None:
     """Measure realization i."""
     _, joint, opening, end = found
-    fixed = scene(problem, i)
+    problem = batch.problem
+    fixed = scene(batch.base, problem, i)
     begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
-    start(work, problem, launches, i)
-    same, together = same_index(fixed, window, begin, problem.end_phase[i], reflect, work, joint)
+    start(work, batch, i)
+    same, together = same_index(fixed, window, begin, problem.end_phase[i], work, joint)
     gap, shared = 0.0, 1
     if not together:
-        start(work, problem, launches, i)
-        first = earliest(work)
-        gap, shared = all_landings(fixed, window, opening, end, reflect, first, work)
+        start(work, batch, i)
+        gap, shared = all_landings(fixed, window, opening, end, earliest(fixed, work), work)
     out.shared[i] = shared
     if shared != UNKNOWN:
         out.gap[i] = gap if gap < np.inf else np.nan
@@ -122,34 +116,29 @@ def _separate(
 
 @kernel
 def separate(
-    first: int,
-    last: int,
-    problem: Dimensionless,
-    launches: Launches,
+    span: tuple[int, int],
+    batch: Batch,
     complete: NDArray[np.bool_],
     budget: int,
-    reflect: int | None,
     window: int | None,
     work: Workspace,
     cycles: Cycles,
     out: Separations,
 ) -> None:
-    """Measure the separations of realizations first ... last - 1.
+    """Measure the separations of realizations span[0] ... span[1] - 1.
 
     Parameters
     ----------
-    first, last
+    span
         Range of realizations.
-    problem : vibrosweep.scene.Dimensionless
-    launches : vibrosweep.scene.Launches
+    batch : vibrosweep.kernels.impact.Batch
     complete
         Shape (realization,): false where a trajectory ran out of its budget; such a realization
         is not measured, and what stands in `out` is left there.
     budget
         Landings of a particle up to which a realization is measured.
-    reflect, window
-        None, or 1 for the `reflect` law and for a window that begins after the launch; chosen at
-        compile time.
+    window
+        None, or 1 for a window that begins after the launch; chosen at compile time.
     work : Workspace
         Not shared between threads.
     cycles
@@ -159,10 +148,10 @@ def separate(
     out : Separations
         Only the slots of these realizations are written.
     """
-    particles = launches.whole.shape[1]
+    particles = batch.launches.whole.shape[1]
     pace = np.empty(particles)
-    for i in range(first, last):
+    for i in range(span[0], span[1]):
         if complete[i]:
-            found = _window(problem, i, particles, budget, window, cycles, pace)
+            found = _window(batch.problem, i, particles, budget, window, cycles, pace)
             if found[0]:
-                _separate(problem, launches, i, found, reflect, window, work, out)
+                _separate(batch, i, found, window, work, out)

@@ -10,23 +10,15 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit
-from vibrosweep.kernels.impact import Scene, land
-from vibrosweep.kernels.lanes import STRIDE, VECTOR
-from vibrosweep.kernels.listing import Instant, Latest, compare, due_first, next_landings
+from vibrosweep.kernels.bases import Scene, fly
+from vibrosweep.kernels.impact import Instant, land
+from vibrosweep.kernels.lanes import VECTOR
+from vibrosweep.kernels.listing import Latest, compare, due_first, next_landings
 from vibrosweep.kernels.ordering import (
-    DUE,
-    LASTS,
-    N_LAND,
-    PHASE,
-    STAY,
-    WHO,
-    WHO_LANDS,
-    WHOLE,
-    X_LAND,
-    N,
-    U,
+    LIST,
+    OF_STATE,
+    STATE,
     Workspace,
-    X,
     closest,
     put_in_order,
 )
@@ -54,22 +46,22 @@ def _append(
     n_begin, x_begin = begin
     start, due = k, 0
     for j in range(lanes):  # each lane is written, and overwritten unless it was due
-        listed[WHOLE, k], listed[PHASE, k] = s[N_LAND + j], s[X_LAND + j]
-        listed[LASTS, k], listed[WHO_LANDS, k] = s[STAY + j], s[WHO + j]
-        k += int(s[DUE + j])
+        listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = s[STATE.N_LAND + j], s[STATE.X_LAND + j]
+        listed[LIST.STAY, k], listed[LIST.WHO, k] = s[STATE.STAY + j], s[STATE.WHO + j]
+        k += int(s[STATE.DUE + j])
     due = k - start
     if window is not None:
         k = start
         for q in range(start, start + due):
-            n, x = listed[WHOLE, q], listed[PHASE, q]
-            stay, who = listed[LASTS, q], listed[WHO_LANDS, q]
+            n, x = listed[LIST.WHOLE, q], listed[LIST.PHASE, q]
+            stay, who = listed[LIST.STAY, q], listed[LIST.WHO, q]
             early = (n_begin - n) + (x_begin - x)
             if early > 0.0:
                 if stay < early:
                     continue
                 n, x, stay, who = n_begin - 1.0, x_begin, (stay - early) + 1.0, -1.0 - who
-            listed[WHOLE, k], listed[PHASE, k] = n, x
-            listed[LASTS, k], listed[WHO_LANDS, k] = stay, who
+            listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = n, x
+            listed[LIST.STAY, k], listed[LIST.WHO, k] = stay, who
             k += 1
     return k, due
 
@@ -80,13 +72,11 @@ def _collect(
     stop: Instant,
     window: int | None,
     begin: Instant,
-    reflect: int | None,
     state: Floats,
     lanes_of: Integers,
     listed: Floats,
 ) -> int:
     """List all landings up to the stop; return their number, or -1 where the list is too short."""
-    n_stop, x_stop = stop
     k = 0
     for block in range(lanes_of.size):
         s, lanes = state[block], lanes_of[block]
@@ -94,7 +84,7 @@ def _collect(
             if k + lanes >= listed.shape[1]:  # one place is for the slab before
                 return -1
             padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
-            next_landings(s, padded, fixed, n_stop, x_stop, reflect)
+            next_landings(s, padded, fixed, stop)
             k, due = _append(s, lanes, window, begin, listed, k)
             if 2 * due < lanes or due == 0:
                 lanes = due_first(s, lanes)
@@ -104,19 +94,20 @@ def _collect(
 @jit
 def _copy(source: Floats, target: Floats) -> None:
     for block in range(source.shape[0]):
-        for q in range(WHO + STRIDE):  # what follows is no state
+        for q in range(OF_STATE):
             target[block, q] = source[block, q]
 
 
 @jit
-def earliest(work: Workspace) -> float:
+def earliest(fixed: Scene, work: Workspace) -> float:
     """Whole periods of the earliest first landing."""
     first = np.inf
     for block in range(work.lanes.size):
         s = work.state[block]
         for j in range(work.lanes[block]):
-            _, passed = land(s[X + j], s[U + j])
-            first = min(first, s[N + j] + passed)
+            flight, _ = fly(fixed, s[STATE.X + j], s[STATE.U + j])
+            _, passed = land(s[STATE.X + j], flight)
+            first = min(first, s[STATE.N + j] + passed)
     return first
 
 
@@ -126,7 +117,7 @@ def _with_latest(listed: Floats, k: int, latest: Latest) -> int:
     n, x, _, who = latest
     if n == np.inf:
         return k
-    listed[WHOLE, k], listed[PHASE, k], listed[WHO_LANDS, k] = n, x, who
+    listed[LIST.WHOLE, k], listed[LIST.PHASE, k], listed[LIST.WHO, k] = n, x, who
     return k + 1
 
 
@@ -135,9 +126,9 @@ def _last(listed: Floats, k: int, latest: Latest) -> Latest:
     """The last of k landings, which are in no order; `latest` where there is none."""
     for q in range(k):
         n, x, _, _ = latest
-        if n == np.inf or (listed[WHOLE, q] - n) + (listed[PHASE, q] - x) > 0.0:
-            n, x = listed[WHOLE, q], listed[PHASE, q]
-            latest = n, x, listed[LASTS, q], listed[WHO_LANDS, q]
+        if n == np.inf or (listed[LIST.WHOLE, q] - n) + (listed[LIST.PHASE, q] - x) > 0.0:
+            n, x = listed[LIST.WHOLE, q], listed[LIST.PHASE, q]
+            latest = n, x, listed[LIST.STAY, q], listed[LIST.WHO, q]
     return latest
 
 
@@ -147,7 +138,6 @@ def all_landings(
     window: int | None,
     begin: Instant,
     end: Instant,
-    reflect: int | None,
     n_first: float,
     work: Workspace,
 ) -> tuple[float, int]:
@@ -170,7 +160,7 @@ def all_landings(
         x_next -= np.floor(x_next + 0.5)
         at_end = not n_next - n_end <= x_end - x_next
         stop = end if at_end else (n_next, x_next)
-        k = _collect(fixed, stop, window, begin, reflect, state, work.lanes, listed)
+        k = _collect(fixed, stop, window, begin, state, work.lanes, listed)
         if k < 0:
             if slab <= SHORTEST_SLAB:
                 return np.inf, UNKNOWN

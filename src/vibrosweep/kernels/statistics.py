@@ -7,21 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, prefetch
+from vibrosweep.kernels.bases import Base, fly, take
 from vibrosweep.kernels.impact import land
-from vibrosweep.kernels.lanes import (
-    DONE,
-    LANDINGS,
-    LANE,
-    LARGEST,
-    RESTS,
-    SPENT,
-    SQUARES,
-    SUM,
-    X_END,
-    N,
-    U,
-    X,
-)
+from vibrosweep.kernels.lanes import ROW, SPENT
 from vibrosweep.status import Status
 
 __all__ = ["Statistics", "empty_statistics", "expect", "write"]
@@ -81,24 +69,25 @@ def expect(out: Statistics, lane: int) -> None:
 
 
 @jit
-def write(s: Floats, j: int, window: int | None, out: Statistics) -> None:
+def write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -> None:
     """Write the statistics of the trajectory in place j to its own slot."""
-    lane = int(s[LANE + j]) if j >= 0 else -1
+    lane = int(s[ROW.LANE + j]) if j >= 0 else -1
     if lane < 0:  # never, which spares the compiler the look at it for each index below
         return
-    out.landings[lane] = int(s[LANDINGS + j])
-    out.rests[lane] = int(s[RESTS + j])
-    out.flight_sum[lane] = s[SUM + j]
-    out.flight_squares[lane] = s[SQUARES + j]
-    out.flight_max[lane] = s[LARGEST + j]
-    for_good = np.isnan(s[X + j])
+    out.landings[lane] = int(s[ROW.LANDINGS + j])
+    out.rests[lane] = int(s[ROW.RESTS + j])
+    out.flight_sum[lane] = s[ROW.SUM + j]
+    out.flight_squares[lane] = s[ROW.SQUARES + j]
+    out.flight_max[lane] = s[ROW.LARGEST + j]
+    for_good = np.isnan(s[ROW.X + j])
     if window is None:  # it may have come after the end, but not where it was counted
-        for_good = for_good and s[RESTS + j] > 0.0
+        for_good = for_good and s[ROW.RESTS + j] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
     out.status[lane] = COMPLETED
-    if s[DONE + j] == SPENT:
-        x, passed = land(s[X + j], s[U + j])
-        if s[N + j] + passed <= s[X_END + j] - x:
+    if s[ROW.DONE + j] == SPENT:
+        flight, _ = fly(take(base, s, j), s[ROW.X + j], s[ROW.U + j])
+        x, passed = land(s[ROW.X + j], flight)
+        if s[ROW.N + j] + passed <= s[ROW.X_END + j] - x:
             out.status[lane] = BUDGET_EXCEEDED
-    if not np.isfinite(s[SQUARES + j]):
+    if not np.isfinite(s[ROW.SQUARES + j]):
         out.status[lane] = NON_FINITE

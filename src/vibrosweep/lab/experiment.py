@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.camera import Camera, Motion, film, heights
 from vibrosweep.lab.tracks import make_tracks
@@ -175,14 +176,9 @@ def _landings(
         "amplitude": np.full(restitution.size, amplitude),
     }
     parameters = all_parameters(given)
-    return wandering_record(
-        dimensionless(parameters, end),
-        launches(experiment.launch, experiment.particles, parameters["frequency"][:1]),
-        walk,
-        frequency,
-        experiment.scene["gravity"],
-        1 if experiment.rebound == "reflect" else None,
-    )
+    launch = launches(experiment.launch, experiment.particles, parameters["frequency"][:1])
+    batch = Batch(base_of(experiment.rebound), dimensionless(parameters, end), launch)
+    return wandering_record(batch, walk, frequency, experiment.scene["gravity"])
 
 
 def _motion(experiment: Experiment, record: Record, particle: int, frequency: float) -> Motion:

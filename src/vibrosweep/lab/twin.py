@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.lab.camera import Camera, Motion, film, heights
 from vibrosweep.lab.comparison import QUANTITIES, comparable, errors
 from vibrosweep.lab.impacts import fit_tracks, impacts_of
@@ -119,14 +120,8 @@ def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list
     sets["launch_velocity"] = speed
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
     at_once = np.zeros((1, each.size))
-    record = wandering_record(
-        problem,
-        Launches(at_once, at_once),
-        np.zeros(2),
-        scene["frequency"],
-        scene["gravity"],
-        1 if rebound == "reflect" else None,
-    )
+    batch = Batch(base_of(rebound), problem, Launches(at_once, at_once))
+    record = wandering_record(batch, np.zeros(2), scene["frequency"], scene["gravity"])
     motions = [Motion.of(record, p, 0.0, speed[p], scene["gravity"]) for p in range(len(flight))]
     return [
         Motion(m.start + t, m.end + t, m.velocity, m.gravity)

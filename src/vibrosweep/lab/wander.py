@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit, kernel
-from vibrosweep.kernels.impact import land, launch, lift_off, rebound, scene
+from vibrosweep.kernels.bases import fly, lift_off, rebound, scene
+from vibrosweep.kernels.impact import Batch, land, launch
 from vibrosweep.kernels.record import Record, empty_record
-from vibrosweep.scene import Dimensionless, Launches
 
 __all__ = ["phase_walk", "wandering_record"]
 
@@ -71,31 +71,25 @@ def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
 
 
 @kernel
-def _fill(
-    problem: Dimensionless,
-    launches: Launches,
-    walk: Floats,
-    frequency: float,
-    velocity_unit: float,
-    reflect: int | None,
-    out: Record,
-) -> bool:
+def _fill(batch: Batch, walk: Floats, frequency: float, velocity_unit: float, out: Record) -> bool:
     """Write the landings of particle p with the parameters of realization p; tell if all fit."""
+    base, problem, launches = batch
     for p in range(launches.whole.shape[1]):
-        e, a, r, x_lift, wait, u_lift = scene(problem, p)
-        n, x = launch(problem, launches, p, p)
+        fixed = scene(base, problem, p)
+        n, x = launch(launches, p, p, problem.phase[p])
         u = problem.launch_flight[p]
         ended = False
         for k in range(out.rested.shape[1]):
-            x, passed = land(x, u)
+            flight, v = fly(fixed, x, u)
+            x, passed = land(x, flight)
             n += passed
             if not n - problem.end_count[p] <= problem.end_phase[p] - x:
                 ended = True
                 break
             out.landing_time[p, k] = (n + (x - problem.phase[p])) / frequency
             turns, phase = _phase(n, x, walk)
-            w = rebound(phase, u, e, a, reflect)
-            turns, phase, u, leaves = lift_off(turns, phase, w, r, x_lift, wait, u_lift)
+            w = rebound(fixed, phase, v)
+            turns, phase, u, leaves = lift_off(fixed, turns, phase, w)
             out.rested[p, k] = 0 if leaves else 1
             if turns == np.inf:
                 ended = True
@@ -109,28 +103,17 @@ def _fill(
     return True
 
 
-def wandering_record(
-    problem: Dimensionless,
-    launches: Launches,
-    walk: Floats,
-    frequency: float,
-    gravity: float,
-    reflect: int | None,
-) -> Record:
+def wandering_record(batch: Batch, walk: Floats, frequency: float, gravity: float) -> Record:
     """Every landing of particles that may differ in restitution, on one wandering forcing.
 
     Parameters
     ----------
-    problem
-        Arrays of shape (particle,).
-    launches
-        Arrays of shape (1, particle).
+    batch
+        Its problem holds arrays of shape (particle,), its launches of shape (1, particle).
     walk
         Result of `phase_walk`; beyond its ends the phase goes on as in the last period.
     frequency, gravity
         Hz and m s-2.
-    reflect
-        None, or 1 for the `reflect` law.
 
     Returns
     -------
@@ -139,8 +122,8 @@ def wandering_record(
     """
     capacity = 1024
     while True:
-        out = empty_record(launches.whole.shape[1], capacity)
-        if _fill(problem, launches, walk, frequency, gravity / (2.0 * frequency), reflect, out):
+        out = empty_record(batch.launches.whole.shape[1], capacity)
+        if _fill(batch, walk, frequency, gravity / (2.0 * frequency), out):
             used = int(np.isfinite(out.landing_time).sum(axis=1).max(initial=1))
             return Record._make(np.ascontiguousarray(values[:, :used]) for values in out)
         capacity *= 2

@@ -13,9 +13,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels.advance import advance
+from vibrosweep.kernels.advance import Options, advance
 from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.cycles import Cycles, empty_rests
+from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.lanes import scratch
 from vibrosweep.kernels.orbits import Orbits, empty_orbits, settle
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
@@ -143,6 +144,10 @@ def statistics(
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
     window = observation.window  # goes through all launches
+    batch = Batch(base_of(observation.rebound), problem, launch)
+    options = Options(
+        observation.budget, PERIODS_TO_RECUR, int(observation.regimes), int(observation.skip)
+    )
 
     def begin() -> Callable[[int, int], None]:
         room = scratch()
@@ -151,23 +156,8 @@ def statistics(
 
         def task(first: int, last: int) -> None:
             nonlocal lanes
-            lanes = advance(
-                first,
-                last,
-                lanes,
-                problem,
-                launch,
-                observation.budget,
-                observation.reflect,
-                window,
-                room,
-                each,
-                cycles,
-                rests,
-                PERIODS_TO_RECUR,
-                int(observation.regimes),
-                int(observation.skip),
-            )
+            span = (first, last, lanes)
+            lanes = advance(span, batch, options, window, room, each, cycles, rests)
 
         return task
 
@@ -197,19 +187,11 @@ def _orbits(
 ) -> Orbits:
     orbits = empty_orbits(each.status.size)
 
+    batch = Batch(base_of(observation.rebound), problem, launch)
+    exponents = int(observation.lyapunov)
+
     def task(first: int, last: int) -> None:
-        settle(
-            first,
-            last,
-            problem,
-            launch,
-            each,
-            cycles,
-            observation.budget,
-            int(observation.lyapunov),
-            observation.reflect,
-            orbits,
-        )
+        settle(first, last, batch, each, cycles, observation.budget, exponents, orbits)
 
     workers.each(task, each.status.size, TRAJECTORIES_PER_TASK // 64)
     return orbits
@@ -236,23 +218,12 @@ def _separations(
     complete = whole.status == Status.COMPLETED
     known = cycles if cycles is not None and observation.skip else workers.cycles(0)
     window = observation.window  # goes through all launches
+    batch = Batch(base_of(observation.rebound), problem, launch)
     rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to make
 
     def task(first: int, last: int) -> None:
         room = rooms.pop()
-        separate(
-            first,
-            last,
-            problem,
-            launch,
-            complete,
-            observation.budget,
-            observation.reflect,
-            window,
-            room,
-            known,
-            found,
-        )
+        separate((first, last), batch, complete, observation.budget, window, room, known, found)
         rooms.append(room)
 
     per_task = max(1, TRAJECTORIES_PER_TASK // (32 * particles))
@@ -269,17 +240,10 @@ def _error_bounds(
 ) -> Trust:
     bounds = empty_trust(tolerance.size * observation.particles)
 
+    batch = Batch(base_of(observation.rebound), problem, launch)
+
     def task(first: int, last: int) -> None:
-        trust(
-            first,
-            last,
-            problem,
-            launch,
-            tolerance,
-            observation.budget,
-            observation.reflect,
-            bounds,
-        )
+        trust(first, last, batch, tolerance, observation.budget, bounds)
 
     workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 64)
     return bounds

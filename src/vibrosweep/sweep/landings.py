@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.advance import CHECK
-from vibrosweep.kernels.record import empty_record, record
+from vibrosweep.kernels.advance import LOOK_AFTER
+from vibrosweep.kernels.impact import Batch, base_of
+from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.scene import PARAMETERS, Dimensionless, Launches, dimensionless, launches
 from vibrosweep.sweep.following import statistics
@@ -67,19 +68,11 @@ def record_landings(
     problem, launch, each = _counted(parameters, observation, workers)
     capacity = int(each.landings.max())
     out = empty_record(each.landings.size, capacity)
-    unit = parameters["gravity"] / (2.0 * parameters["frequency"])
+    batch = Batch(base_of(observation.rebound), problem, launch)
+    units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
 
     def task(first: int, last: int) -> None:
-        record(
-            first,
-            last,
-            problem,
-            launch,
-            parameters["frequency"],
-            unit,
-            observation.reflect,
-            out,
-        )
+        record(first, last, batch, units, out)
 
     workers.each(task, each.landings.size, max(1, TRAJECTORIES_PER_TASK // 128))
     shape = (problem.kick.size, observation.particles)
@@ -108,7 +101,7 @@ def _counted(
     available = physical_memory()
     most = available // (2 * BYTES_PER_LANDING * trajectories)
     # a trajectory with more than `most` is followed no further: the record is refused anyway
-    enough = replace(observation, impact_budget=min(observation.impact_budget, most + CHECK))
+    enough = replace(observation, impact_budget=min(observation.impact_budget, most + LOOK_AFTER))
     each = statistics(problem, launch, enough, workers)
     capacity = int(each.landings.max())
     if capacity > most:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vibrosweep.kernels.advance import CHECK
+from vibrosweep.kernels.advance import LOOK_AFTER
 
 __all__ = ["Observation"]
 
@@ -64,7 +64,7 @@ class Observation:
     @property
     def budget(self) -> int:
         """Impacts after which a particle is given up: the budget up to a whole number of looks."""
-        return -(-self.impact_budget // CHECK) * CHECK
+        return -(-self.impact_budget // LOOK_AFTER) * LOOK_AFTER
 
     @property
     def reflect(self) -> int | None:

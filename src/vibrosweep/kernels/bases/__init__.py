@@ -1,0 +1,142 @@
+"""What tells one base from another: the questions that kernels ask of it.
+
+A kernel is compiled for one base and one law.  Which it is stands in the *type* of a scene: the
+named tuple of the numbers that decide the impacts of one realization.  Each base is one file here,
+which holds its scene and its answers; no other kernel knows which base it is compiled for.
+
+All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
+duration of the flight that they begin on a base at rest.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vibrosweep.kernels._jit import Floats, question
+from vibrosweep.scene import Dimensionless
+
+__all__ = [
+    "Base",
+    "Jacobian",
+    "Scene",
+    "after_rest",
+    "contraction",
+    "fly",
+    "jacobian",
+    "landing_rounding",
+    "lift_off",
+    "liftoff_error",
+    "put",
+    "rebound",
+    "rebound_error",
+    "rest_is_doubtful",
+    "scene",
+    "take",
+    "turns_back",
+]
+
+Base = Any  # an empty named tuple: its type is what numba compiles for
+Scene = Any  # the named tuple of one base
+# the rows, then the sum of the moduli of the terms that the rows are sums of
+Jacobian = tuple[float, float, float, float, float]
+
+
+@question
+def scene(base: Base, problem: Dimensionless, i: int) -> Scene:
+    """Numbers that decide the impacts of realization i."""
+    raise NotImplementedError
+
+
+@question
+def put(fixed: Scene, s: Floats, j: int) -> None:
+    """Put a scene into lane j of the scratch memory, from row `lanes.SCENE` on."""
+    raise NotImplementedError
+
+
+@question
+def take(base: Base, s: Floats, j: int) -> Scene:
+    """Take the scene of lane j back.
+
+    A rest for good leaves no phase there (NaN), and what has none is before no end.
+    """
+    raise NotImplementedError
+
+
+@question
+def fly(fixed: Scene, x: float, u: float) -> tuple[float, float]:
+    """Time of flight and speed of arrival after leaving the base at phase x with speed u."""
+    raise NotImplementedError
+
+
+@question
+def rebound(fixed: Scene, x: float, v: float) -> float:
+    """Speed with which a particle that arrives at phase x with speed v would leave at once."""
+    raise NotImplementedError
+
+
+@question
+def lift_off(fixed: Scene, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
+    """Count, phase and speed with which a particle leaves that landed at (n, x), `w` its rebound.
+
+    The last value is whether it leaves at once; else it rests until then.  The count is infinite,
+    and the speed 0, where it rests for good.
+    """
+    raise NotImplementedError
+
+
+@question
+def after_rest(fixed: Scene) -> tuple[float, float]:
+    """Phase and speed with which a particle leaves after a rest."""
+    raise NotImplementedError
+
+
+@question
+def jacobian(fixed: Scene, x: float, v: float) -> Jacobian:
+    """Derivative of phase and speed after an impact by those before its flight.
+
+    `x` and `v` are phase and speed of arrival; the particle leaves at once.
+    """
+    raise NotImplementedError
+
+
+@question
+def turns_back(fixed: Scene, x: float, v: float) -> float:
+    """-1 where the Jacobian reverses orientation, else 1."""
+    raise NotImplementedError
+
+
+@question
+def contraction(fixed: Scene) -> float:
+    """Modulus of the determinant of the Jacobian of an impact, the geometric mean over a cycle."""
+    raise NotImplementedError
+
+
+@question
+def landing_rounding(fixed: Scene, x: float, u: float) -> float:
+    """Bound of the rounding error of the phase of a landing, of a flight from phase x."""
+    raise NotImplementedError
+
+
+@question
+def rebound_error(fixed: Scene, x: float, v: float, rounding: float, error: float) -> float:
+    """Bound of the error that an impact adds to the speed after it.
+
+    `rounding` and `error` are the rounding error of the phase of the landing, and all of its error:
+    what a linear map leaves out grows with the latter.
+    """
+    raise NotImplementedError
+
+
+@question
+def rest_is_doubtful(fixed: Scene, w: float, w_error: float) -> bool:
+    """Whether a rebound w is so near to the threshold of rest that its error decides."""
+    raise NotImplementedError
+
+
+@question
+def liftoff_error(fixed: Scene) -> tuple[float, float]:
+    """Bounds of the errors of phase and speed of the lift-off from a rest.
+
+    The first is infinite where it is in doubt whether a resting particle is ever lifted.
+    """
+    raise NotImplementedError

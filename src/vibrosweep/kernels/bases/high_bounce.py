@@ -1,0 +1,167 @@
+"""The high-bounce approximation: the base stays at height 0 and gives impulses.
+
+A flight that begins with speed u lasts u and arrives with speed u; the kick at phase x is
+a sin(2 pi x).  A resting particle is lifted when the kick rises through the threshold of rest.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels import bases
+from vibrosweep.kernels._jit import Floats, answer, jit
+from vibrosweep.kernels.bases import Jacobian
+from vibrosweep.kernels.lanes import ROW, STRIDE
+from vibrosweep.kernels.laws import Law, slopes, speed_after
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
+from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
+from vibrosweep.scene import Dimensionless
+
+__all__ = ["HighBounce", "Scene"]
+
+# A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
+LANDING_ERROR = 0.5 * HALF_ULP
+# x_lift = asin(r / a) / 2 pi: four roundings of the ratio, then the function, of which libraries
+# promise 4 ulp, then 2 pi and the quotient.
+RATIO_ERROR = 4.0 * HALF_ULP
+ARCSINE_ERROR = 10.0 * HALF_ULP
+CURVATURE = 2.0 * math.pi * math.pi  # half the second derivative of sin(2 pi x)
+
+
+class HighBounce(NamedTuple):
+    """The base, with its law of rebound."""
+
+    law: Law
+
+
+class Scene(NamedTuple):
+    """What decides the impacts of one realization.
+
+    Attributes
+    ----------
+    base
+        The base and its law.
+    e, a, r
+        Restitution, kick and threshold of rest.
+    x_lift, wait, u_lift
+        Of a rest: phase of the lift-off, 0 or infinite where there is none, and next flight.
+    """
+
+    base: HighBounce
+    e: float
+    a: float
+    r: float
+    x_lift: float
+    wait: float
+    u_lift: float
+
+
+@answer(bases.scene, HighBounce)
+def _(base: HighBounce, problem: Dimensionless, i: int) -> Scene:
+    a, r = problem.kick[i], problem.rest_flight[i]
+    wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
+    return Scene(base, problem.restitution[i], a, r, problem.liftoff_phase[i], wait, u_lift)
+
+
+@answer(bases.put, Scene)
+def _(fixed: Scene, s: Floats, j: int) -> None:
+    row = ROW.SCENE + j
+    s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.a, fixed.r
+    s[row + 3 * STRIDE] = fixed.x_lift if fixed.wait == 0.0 else np.nan
+    s[row + 4 * STRIDE] = fixed.u_lift
+
+
+@answer(bases.take, HighBounce)
+def _(base: HighBounce, s: Floats, j: int) -> Scene:
+    row = ROW.SCENE + j
+    e, a, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
+    return Scene(base, e, a, r, s[row + 3 * STRIDE], 0.0, s[row + 4 * STRIDE])
+
+
+@answer(bases.fly, Scene)
+def _(fixed: Scene, x: float, u: float) -> tuple[float, float]:
+    return u, u
+
+
+@answer(bases.rebound, Scene)
+def _(fixed: Scene, x: float, v: float) -> float:
+    return speed_after(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
+
+
+@answer(bases.lift_off, Scene)
+def _(fixed: Scene, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
+    leaves = w > fixed.r
+    later = n + (fixed.wait + (1.0 if x > fixed.x_lift else 0.0))
+    return (
+        n if leaves else later,
+        x if leaves else fixed.x_lift,
+        w if leaves else fixed.u_lift,
+        leaves,
+    )
+
+
+@answer(bases.after_rest, Scene)
+def _(fixed: Scene) -> tuple[float, float]:
+    return fixed.x_lift, fixed.u_lift
+
+
+@jit
+def _kick_slope(fixed: Scene, x: float) -> float:
+    """Derivative of the kick by the phase of the landing."""
+    return 2.0 * math.pi * fixed.a * cos_turns(x)
+
+
+@answer(bases.jacobian, Scene)
+def _(fixed: Scene, x: float, v: float) -> Jacobian:
+    by_speed, by_kick = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
+    k = by_kick * _kick_slope(fixed, x)
+    return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
+
+
+@answer(bases.turns_back, Scene)
+def _(fixed: Scene, x: float, v: float) -> float:
+    by_speed, _ = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
+    return -1.0 if by_speed < 0.0 else 1.0
+
+
+@answer(bases.contraction, Scene)
+def _(fixed: Scene) -> float:
+    return fixed.e
+
+
+@answer(bases.landing_rounding, Scene)
+def _(fixed: Scene, x: float, u: float) -> float:
+    moved: float = x + (u - np.rint(u))
+    return min(LANDING_ERROR, HALF_ULP * abs(moved))
+
+
+@answer(bases.rebound_error, Scene)
+def _(fixed: Scene, x: float, v: float, rounding: float, error: float) -> float:
+    a, sine = fixed.a, sin_turns(x)
+    w = speed_after(fixed.base.law, fixed.e, v, a * sine)
+    kicked = abs(_kick_slope(fixed, x)) * rounding + HALF_ULP * abs(w) + SMALLEST
+    kicked += a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(sine)
+    return kicked + a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
+
+
+@answer(bases.rest_is_doubtful, Scene)
+def _(fixed: Scene, w: float, w_error: float) -> bool:
+    return abs(w - fixed.r) <= w_error + REST_ERROR * fixed.r
+
+
+@answer(bases.liftoff_error, Scene)
+def _(fixed: Scene) -> tuple[float, float]:
+    a, r = fixed.a, fixed.r
+    if abs(a - r) <= KICK_ERROR * a + REST_ERROR * r:
+        return np.inf, np.inf
+    if a < r:  # it is never lifted
+        return 0.0, 0.0
+    ratio = r / a
+    slope = math.sqrt(max(0.0, (1.0 - ratio) * (1.0 + ratio)))
+    change = RATIO_ERROR * ratio
+    if slope * slope <= 8.0 * change:  # the kick barely reaches the threshold
+        return np.inf, np.inf
+    return 2.0 * change / (2.0 * math.pi * slope) + ARCSINE_ERROR * fixed.x_lift, REST_ERROR * r
