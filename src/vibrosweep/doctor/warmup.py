@@ -85,10 +85,10 @@ def warm_up() -> Compiled:
             endless = record_observation(2, "staggered", 2.0, rebound, 1000)
             record_landings(scene, endless, workers)
             asked = replace(endless, transient=transient, regimes=regimes, lyapunov=regimes)
-            asked = replace(asked, separation=True, trust=True, tolerance=1e-9, skip=True)
+            asked = replace(asked, separation=True, trust=True, tolerance=1e-9)
             measure(scene, asked, workers)
             # long enough for orbits to recur, and two particles that are on one
-            together = replace(endless, launch=(0.0, 0.0), transient=transient, skip=True)
+            together = replace(endless, launch=(0.0, 0.0), transient=transient)
             measure(scene, replace(together, duration=2.0 * PERIODS_TO_SHARE), workers)
         for rebound in LAWS:
             point = np.array([0.9]), np.array([1.2])
