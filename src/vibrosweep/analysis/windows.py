@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.analysis import evaluate
 from vibrosweep.analysis.bisection import find_edges, windows_of_row
 from vibrosweep.analysis.conditions import NAMES, Condition, Locked, named
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.kernels.fixed import END_ERROR
 from vibrosweep.scene import PARAMETERS
@@ -39,6 +39,8 @@ TOLERANCE: Final = 1e-9
 FRESH: Final = ("launch",)
 DIRECTIONS: Final = ("up", "down")
 FINEST: Final = 1e-14
+BYTES_PER_POINT: Final = 200
+BYTES_PER_STATE: Final = 16  # that a continued particle has at a point
 NO_WINDOW: Final = -1
 OPEN_BELOW, OPEN_ABOVE = 1, 2
 ENDS: Final = Variable(
@@ -102,7 +104,8 @@ def find_windows(
     Raises
     ------
     ParameterError
-        A value is outside its range, or a condition cannot be continued.
+        A value is outside its range, a condition cannot be continued, or the points of the scan do
+        not fit into memory.
     """
     e, a = axis("restitution", restitution), axis("amplitude", amplitude)
     if a.size < 2 or not np.all(np.diff(a) > 0.0):
@@ -113,6 +116,8 @@ def find_windows(
         raise ParameterError("conditions: must name at least one condition")
     chosen = [named(c) if isinstance(c, str) else c for c in conditions]
     directions = DIRECTIONS if continuation else FRESH
+    states = BYTES_PER_STATE * scene.particles if continuation else 0
+    require_memory("points of the scan", e.size * a.size, BYTES_PER_POINT + states)
     with Workers(thread_count(threads)) as workers:
         found = [
             _windows(scene, condition, e, a, direction, tolerance, workers)

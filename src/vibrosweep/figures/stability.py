@@ -32,9 +32,9 @@ def stability_windows(windows: xr.Dataset) -> Figure:
 
     All locked orbits share the first panel, every other condition has its own.  Where orbits were
     continued along the amplitude, both directions are drawn over each other: where only one of
-    them is seen, the window is hysteretic.  A bar that fills the panel up to the end of the scan may
-    go on beyond it.  Curves are the closed forms of locked orbits: solid
-    from where they exist, dashed up to where they are stable.
+    them is seen, the window is hysteretic.  A bar that reaches the end of the scan may go on beyond
+    it.  Curves are the closed forms of locked orbits that are not turned back: solid from where
+    they exist, dashed up to where they are stable.
 
     Parameters
     ----------
