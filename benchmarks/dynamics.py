@@ -77,7 +77,7 @@ def worst_end(frequency):
 
 def main() -> None:
     with Workers(2) as workers:
-        few = Scene(particles=2, duration=20.0)
+        few = Scene(particles=2, duration=1000.0)
         for condition in ("ordered", "regular"):  # compile
             find_windows(few, [0.9], [1.0, 3.0], [condition], threads=2)
             find_windows(few, [0.9], [1.0, 3.0], [condition], continuation=True, threads=2)

@@ -314,12 +314,20 @@ def test_figures_that_cannot_be_written(refused, result, tmp_path):
 # accidents
 
 
-def test_memory_that_runs_out(refused, monkeypatch):
-    def measure(*arguments):
+def test_memory_that_runs_out(refused, monkeypatch, spec, tmp_path):
+    """What is advised can be done with the command that was given."""
+
+    def measure(*arguments, **options):
         raise MemoryError("Unable to allocate 1 TiB")
 
     monkeypatch.setattr("vibrosweep.sweep.inspect.describe", measure)
-    assert "not enough memory: Unable to allocate 1 TiB" in refused("info", "x.h5")
+    monkeypatch.setattr("vibrosweep.sweep.spec.read_spec", measure)
+    output = tmp_path / "out.h5"
+    for command, chunked in (("run", True), ("windows", False), ("basins", False)):
+        message = refused(command, spec, "-o", output)
+        assert "not enough memory: Unable to allocate 1 TiB" in message
+        assert ("--chunk" in message) == chunked
+    assert "--chunk" not in refused("info", "x.h5")
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

@@ -56,6 +56,22 @@ def test_an_existing_output_is_kept_unless_forced(spec, tmp_path, capsys):
     assert main(["windows", str(spec()), "-o", str(output), "--force"]) == 0
 
 
+def test_launches_of_basins_may_be_listed_in_any_order(spec, tmp_path):
+    text = SPEC.replace("amplitude = {", "launch_velocity = {").replace("restitution = [", "# [")
+    text = text[: text.index("[windows]")]
+    times = [0.7, 0.1, 0.4, 0.1]
+    sketch = "particles = 4\nlaunch = {}"
+    pictures = []
+    for launch in (times, sorted(times)):
+        output = tmp_path / f"{len(pictures)}.h5"
+        listed = text.replace("particles = 2", sketch.format(launch))
+        assert main(["basins", str(spec(listed)), "-o", str(output)]) == 0
+        with xr.open_dataset(output, engine="h5netcdf") as found:
+            assert found["launch_time"].values.tolist() == [0.1, 0.4, 0.7]
+        pictures.append(output.with_suffix(".png").read_bytes())
+    assert pictures[0] == pictures[1]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -59,7 +59,8 @@ def _perform(arguments: Sequence[str]) -> int:
         _complain(str(error))
         return MISTAKE
     except MemoryError as error:
-        _complain(f"not enough memory: {error}; lower --chunk, or close other programs")
+        remedy = "lower --chunk" if "chunk" in options else "take fewer points or particles"
+        _complain(f"not enough memory: {error}; {remedy}, or close other programs")
         return MISTAKE
     except KeyboardInterrupt as error:
         _complain(str(error) or "interrupted; an unfinished result is not kept")

@@ -48,6 +48,19 @@ def test_a_launch_one_period_later_is_one_slot_further():
     assert np.array_equal(later["slot"].values[recurs], shifted[recurs])
 
 
+def test_the_order_of_the_launches_does_not_matter():
+    speeds = np.linspace(0.0, 9.0, 10)
+    shuffled = np.random.default_rng(2).permutation
+    mixed = basins(SCENE, shuffled(np.repeat(TIMES, 2)), shuffled(speeds))
+    assert mixed.identical(basins(SCENE, TIMES, speeds))
+
+
+def test_more_launches_than_fit_into_memory_are_refused_with_a_remedy_that_exists():
+    with pytest.raises(ParameterError, match=r"launches need .* GiB.*fewer of them") as caught:
+        basins(SCENE, np.linspace(0.0, 1.0, 10**6), np.linspace(0.0, 9.0, 10**6))
+    assert "--chunk" not in str(caught.value)
+
+
 def test_without_excitation_every_launch_comes_to_rest():
     found = basins(Scene(amplitude=0.0), [0.0, 0.3], [0.0, 2.0])
     assert found.sizes["attractor"] == 1

@@ -71,3 +71,8 @@ def test_a_function_is_an_observable_and_a_particle_at_rest_has_none():
 def test_mistakes_are_named(arguments, words):
     with pytest.raises(ParameterError, match=words):
         bifurcation(Scene(), **arguments)
+
+
+def test_more_samples_than_fit_into_memory_are_refused_with_a_remedy_that_exists():
+    with pytest.raises(ParameterError, match=r"samples each need .* GiB.*fewer of them"):
+        bifurcation(Scene(), np.linspace(0.1, 4.0, 1000), samples=10**12)

@@ -28,20 +28,23 @@ def test_every_edge_between_points_of_different_code_is_bracketed(ends, upward):
     for low, high in zip(edges.low, edges.high, strict=True):
         assert 0.0 < high - low <= 1e-10 * high
         assert sum(low < end <= high for end in ends) % 2 == 1
-    windows = windows_of_row(codes, AXIS, edges, 0, 1)
+    windows = windows_of_row(codes, edges, 0, {1})
     assert len(windows) == np.count_nonzero(np.diff(np.concatenate([[0], codes[0]])) > 0)
 
 
 def test_all_windows_of_a_row_are_kept_and_an_end_of_the_scan_is_no_edge():
     codes, edges = find_edges(between(0.21, 0.43, 0.77), 1, AXIS, 1e-12)
-    first, second = windows_of_row(codes, AXIS, edges, 0, 1)
+    first, second = windows_of_row(codes, edges, 0, {1})
     assert first[:2] == pytest.approx((0.21, 0.43), rel=1e-11)
     assert max(first[2:]) < 1e-12
-    assert second[:2] == pytest.approx((0.77, 1.0), rel=1e-11)
+    assert second[0] == pytest.approx(0.77, rel=1e-11)
+    assert np.isnan(second[1])
     assert np.isnan(second[3])
-    outside = windows_of_row(codes, AXIS, edges, 0, 0)
-    assert [w[0] for w in outside] == pytest.approx([0.0, 0.43], rel=1e-11)
+    outside = windows_of_row(codes, edges, 0, {0})
+    assert [w[0] for w in outside] == pytest.approx([np.nan, 0.43], rel=1e-11, nan_ok=True)
     assert np.isnan(outside[0][2])
+    ((begin, end, *brackets),) = windows_of_row(codes, edges, 0, {0, 1})
+    assert np.isnan([begin, end, *brackets]).all()
 
 
 def test_a_middle_code_narrower_than_the_scan_is_found():
@@ -50,7 +53,7 @@ def test_a_middle_code_narrower_than_the_scan_is_found():
 
     codes, edges = find_edges(evaluate, 1, AXIS, 1e-9)
     assert 2 not in codes
-    (window,) = windows_of_row(codes, AXIS, edges, 0, 2)
+    (window,) = windows_of_row(codes, edges, 0, {2})
     assert window[:2] == pytest.approx((0.5123, 0.5124), rel=1e-9)
 
 
@@ -77,6 +80,6 @@ def test_a_scan_that_goes_on_from_its_states_sees_hysteresis(upward, end):
 
     start = np.array([[0.0 if upward else 1.0]])
     codes, edges = find_edges(evaluate, 1, AXIS, 1e-9, start=start, upward=upward)
-    (window,) = windows_of_row(codes, AXIS, edges, 0, 1)
+    (window,) = windows_of_row(codes, edges, 0, {1})
     assert window[0] == pytest.approx(end, rel=1e-8)
     assert edges.code_low.tolist() == [0]

@@ -1,16 +1,28 @@
 """Stability windows against closed forms, and against the engine on both sides of every edge."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from vibrosweep import theory
 from vibrosweep.analysis.conditions import NAMED, Condition, named
 from vibrosweep.analysis.scene import Scene
-from vibrosweep.analysis.windows import find_windows
+from vibrosweep.analysis.windows import (
+    ENDS,
+    NO_WINDOW,
+    OPEN_ABOVE,
+    OPEN_BELOW,
+    find_windows,
+    summary,
+)
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.sweep.engine import measure
 
 MODES = (1, 2, 3, 4)
+PI = Fraction("3.14159265358979323846264338327950288419716939937510582097494459")
 
 
 @pytest.mark.parametrize("frequency", [1.0, 17.0])
@@ -35,6 +47,114 @@ def test_gravity_and_the_reflect_law_give_the_same_locked_windows_of_positive_ki
     lower, upper = (end(1, 0.8, 1.0, 1.62) for end in (theory.amplitude_min, theory.amplitude_max))
     assert found["A_min"].item() == pytest.approx(lower, rel=1e-8)
     assert found["A_max"].item() == pytest.approx(upper, rel=1e-8)
+
+
+def exact_window(k, e, frequency, gravity, sign=1):
+    """Exact lower end of a locked window in m s-1, and the square of the upper one."""
+    e, unit = Fraction(e), Fraction(gravity) / (2 * Fraction(frequency))
+    need = abs(sign - e) * k * unit
+    return need, need**2 + ((1 + sign * e) / PI * unit) ** 2
+
+
+def holds_inside(end, bracket, square):
+    """Whether a bracket around an end holds the exact one, given by its square."""
+    middle, half = Fraction(float(end)), Fraction(float(bracket)) / 2
+    return (middle - half) ** 2 <= square <= (middle + half) ** 2
+
+
+@given(
+    off=st.floats(0.0, 8.0).map(lambda power: 10.0**-power),
+    k=st.integers(1, 40),
+    frequency=st.floats(0.1, 100.0),
+    gravity=st.floats(1.0, 25.0),
+    tolerance=st.floats(2.0, 14.0).map(lambda power: max(10.0**-power, 1e-14)),
+    points=st.integers(2, 9),
+    reflect=st.booleans(),
+)
+def test_the_brackets_of_every_locked_window_hold_its_exact_ends(
+    off, k, frequency, gravity, tolerance, points, reflect
+):
+    e = 1.0 - off
+    assume(not reflect or e > 0.05)  # below, the windows of both orbits overlap
+    signs = (1, -1) if reflect else (1,)
+    exact = [exact_window(k, e, frequency, gravity, sign) for sign in signs]
+    scan = np.linspace(0.7 * float(exact[0][0]), 1.3 * float(exact[-1][1]) ** 0.5, points)
+    scene = Scene(
+        frequency=frequency,
+        gravity=gravity,
+        contact_time=1e-6,
+        rebound="reflect" if reflect else "rest",
+    )
+    found = find_windows(scene, e, scan, [f"locked({k})"], tolerance=tolerance, threads=1)
+    row = found.isel(condition=0, direction=0, restitution=0)
+    count = int(row["window_count"])
+    held = []
+    for window in range(count):
+        one = row.isel(window=window)
+        for end in ("A_min", "A_max"):
+            assert one[f"{end}_bracket"] <= tolerance * one[end] * (1.0 + 1e-2)
+        held += [
+            (lower, square)
+            for lower, square in exact
+            if holds_inside(one["A_min"], one["A_min_bracket"], lower**2)
+            and holds_inside(one["A_max"], one["A_max_bracket"], square)
+        ]
+    assert len(held) == count
+    for lower, square in exact:  # what is wider than the tolerance is found
+        if float(1 - lower**2 / square) > 2.1 * tolerance:
+            assert (lower, square) in held
+
+
+def test_a_second_window_under_the_reflect_law_is_found_whatever_the_scan():
+    for scan in (np.arange(0.05, 12.0, 0.05), np.array([0.1, 50.0])):
+        row = find_windows(Scene(rebound="reflect"), 0.9, scan, ["locked(1)"]).squeeze()
+        assert row["window_count"] == 2
+        assert row["A_min"].values == pytest.approx([0.4905, 9.3195], rel=1e-8)
+        assert row["A_max"].values == pytest.approx([3.0067668922, 9.3208084], rel=1e-7)
+
+
+@pytest.mark.parametrize("points", [50, 400, 3000])
+@pytest.mark.parametrize("rebound", ["rest", "reflect"])
+def test_no_locked_orbit_attracts_without_loss_of_energy(points, rebound):
+    scan = np.linspace(0.01, 14.5, points)
+    found = find_windows(Scene(rebound=rebound), 1.0, scan, ["locked(1)", "locked(2)"])
+    assert (found["window_count"] == 0).all()
+    assert (found[ENDS.name] == NO_WINDOW).all()
+
+
+@pytest.mark.parametrize(
+    ("scan", "ends"),
+    [
+        ([0.1, 2.0, 4.0], 0),
+        ([1.0, 2.0, 4.0], OPEN_BELOW),
+        ([0.1, 2.0], OPEN_ABOVE),
+        ([1.0, 2.0], OPEN_BELOW + OPEN_ABOVE),
+        ([4.0, 5.0], NO_WINDOW),
+    ],
+)
+def test_an_end_of_the_scan_is_no_end_of_a_window(scan, ends):
+    found = find_windows(Scene(), [0.85, 0.9], scan, ["locked(1)"])
+    one = found.isel(condition=0, direction=0, window=0)
+    assert (one[ENDS.name] == ends).all()
+    for name, is_open in (
+        ("A_min", ends in (NO_WINDOW, OPEN_BELOW, OPEN_BELOW + OPEN_ABOVE)),
+        ("A_max", ends in (NO_WINDOW, OPEN_ABOVE, OPEN_BELOW + OPEN_ABOVE)),
+    ):
+        assert (np.isnan(one[name]) == is_open).all()
+        assert (np.isnan(one[f"{name}_bracket"]) == is_open).all()
+    (line,) = summary(found)
+    assert ("no window was found" in line) == (ends == NO_WINDOW)
+    assert ("2 of 2 reach the end of the scan" in line) == (ends > 0)
+    assert (found["widest"] == (-1 if ends == NO_WINDOW else 0)).all()
+    meanings = found[ENDS.name].attrs["flag_meanings"].split()
+    assert len(meanings) == len(found[ENDS.name].attrs["flag_values"]) == 5
+
+
+def test_more_than_fits_into_memory_is_refused_with_a_remedy_that_exists():
+    scan = np.linspace(0.1, 5.0, 10**6)
+    with pytest.raises(ParameterError, match=r"points of the scan need .* GiB.*fewer") as caught:
+        find_windows(Scene(), np.linspace(0.0, 1.0, 10**6), scan, ["locked(1)"])
+    assert "--chunk" not in str(caught.value)
 
 
 def sides_of(found, condition, scene, workers):
@@ -70,7 +190,9 @@ def test_a_condition_holds_inside_every_edge_and_fails_outside(name, changes, wo
     for side, measured in sides_of(found, condition, scene, workers):
         holds = {
             "ordered": lambda m: m["locked_count"] == scene.particles,
-            "periodic": lambda m: m["irregular_count"] + m["at_rest_count"] == 0,
+            "periodic": lambda m: (
+                m["unsettled_count"] + m["aperiodic_count"] + m["at_rest_count"] == 0
+            ),
             "separated": lambda m: m["dt_min"] > scene.contact_time,
             "collision_free": lambda m: m["collision_free"] == 1,
             "regular": lambda m: (m["lyapunov_largest"] < 0.0).all(axis=1),
@@ -82,9 +204,10 @@ def test_a_condition_holds_inside_every_edge_and_fails_outside(name, changes, wo
         tested, asked = tested + np.count_nonzero(sure), asked + sure.size
     assert tested >= max(4, 0.5 * asked)
     widest = found["widest"].values.ravel()
-    width = (found["A_max"] - found["A_min"]).values[0, 0]
+    width = (found["A_max"].fillna(3.6) - found["A_min"].fillna(0.3)).values[0, 0]
+    there = found["window_ends"].values[0, 0] >= 0
     for row in range(e.size):
-        assert widest[row] == (np.nanargmax(width[row]) if np.isfinite(width[row]).any() else -1)
+        assert widest[row] == (np.argmax(width[row] * there[row]) if there[row].any() else -1)
 
 
 def test_continuation_sees_the_hysteresis_of_the_locked_orbit():
@@ -98,7 +221,9 @@ def test_continuation_sees_the_hysteresis_of_the_locked_orbit():
     )
     lower = float(theory.amplitude_min(1, 0.9))
     assert down["A_min"].values[0] == pytest.approx(lower, rel=2e-6)
+    assert np.isnan(down["A_max"].values[0])
     assert np.isnan(down["A_max_bracket"].values[0])
+    assert down["window_ends"].values[0] == OPEN_ABOVE
     assert up["A_min"].values[up["widest"].item()] > 2.0
 
 

@@ -1,5 +1,7 @@
 """Figures of windows, bifurcation diagrams, basins and edges: what they show is what is given."""
 
+import io
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -48,6 +50,32 @@ def test_every_window_is_a_bar_between_its_ends(windows):
 def test_a_dataset_without_windows_is_refused(windows):
     with pytest.raises(DataError, match="figure stability_windows needs the variable A_min"):
         stability_windows(windows.drop_vars("A_min"))
+
+
+def heights_of(axes):
+    return [(bar.get_y(), bar.get_y() + bar.get_height()) for bar in axes.patches]
+
+
+def test_windows_that_reach_the_end_of_the_scan_are_drawn_to_it_and_missing_ones_are_named():
+    found = find_windows(SCENE, [0.9], [1.0, 2.0, 2.5], ["locked(1)", "locked(60)", "separated"])
+    locked, _ = stability_windows(found).axes
+    assert labels(locked) == ["locked(1)", "locked(60): no window found"]
+    assert (1.0, 2.5) in heights_of(locked)
+    assert locked.get_ylim() == (1.0, 2.5)
+
+
+@pytest.mark.parametrize(
+    "modes", [range(1, 9), range(1, 25), [999_999_999], [1, 30, 999_999_999]], ids=str
+)
+def test_any_number_of_conditions_and_any_mode_can_be_drawn(modes):
+    names = [f"locked({k})" for k in modes]
+    found = find_windows(SCENE, [0.5, 0.7, 0.95], np.linspace(0.05, 6.0, 12), names)
+    figure = stability_windows(found)
+    figure.savefig(io.BytesIO())
+    (axes,) = figure.axes
+    assert len(labels(axes)) == len(names)
+    handles = axes.get_legend().get_patches()
+    assert len({patch.get_facecolor() for patch in handles}) == len(names)
 
 
 def test_a_bifurcation_diagram_shows_every_impact_and_exponent():

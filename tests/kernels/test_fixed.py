@@ -14,10 +14,10 @@ from vibrosweep.kernels.fixed import ABSENT, ATTRACTS, REPELS, empty_fixed, find
 UNITS = {"frequency": 1.0, "gravity": 2.0}  # an amplitude is then its kick
 
 
-def solved(e, a, k, r=1e-4, reflect=None):
+def solved(e, a, k, r=1e-4, sign=1.0):
     e, a, k, r = (np.array(v) for v in np.broadcast_arrays(e, a, k, r))
     found = empty_fixed(e.size)
-    find_fixed(0, e.size, e.astype(float), a.astype(float), r.astype(float), k, reflect, found)
+    find_fixed(0, e.size, e.astype(float), a.astype(float), r.astype(float), k, sign, found)
     return found
 
 
@@ -32,18 +32,39 @@ def test_both_edges_divide_what_the_closed_forms_divide(k, e):
 
 
 @pytest.mark.parametrize("k", [1, 3])
-def test_phase_and_multiplier_are_the_closed_forms(k):
+def test_the_phase_is_the_closed_form(k):
     e = np.linspace(0.3, 0.99, 40)
     low, high = theory.amplitude_min(k, e, **UNITS), theory.amplitude_max(k, e, **UNITS)
     a = low + 0.4 * (high - low)
-    found = solved(e, a, k)
-    assert found.phase == pytest.approx(theory.locked_phase(k, e, a, **UNITS), abs=1e-12)
-    exact = theory.multipliers(k, e, a, **UNITS)
-    assert np.abs(found.multiplier) == pytest.approx(np.abs(exact).max(axis=1), rel=1e-10)
+    assert solved(e, a, k).phase == pytest.approx(theory.locked_phase(k, e, a, **UNITS), abs=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_orbit_attracts_where_its_jacobian_contracts(sign):
+    random = np.random.default_rng(4)
+    e, a, k = random.uniform(0.0, 1.0, 400), random.uniform(0.0, 3.0, 400), 1
+    found = solved(e, a, k, sign=sign)
+    assert np.array_equal(found.state == ABSENT, a < (1.0 - sign * e) * k)
+    slope = 2.0 * np.pi * a * np.cos(2.0 * np.pi * found.phase)
+    for state, s, one in zip(found.state, slope, e, strict=True):
+        if state != ABSENT:
+            jacobian = np.array([[1.0, 1.0], [sign * s, sign * (one + s)]])
+            assert (np.abs(np.linalg.eigvals(jacobian)).max() < 1.0) == (state == ATTRACTS)
+    assert set(found.state.tolist()) == {ABSENT, ATTRACTS, REPELS}
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_nothing_attracts_where_no_energy_is_lost(sign):
+    a = np.linspace(0.0, 5.0, 20_001)
+    assert ATTRACTS not in solved(1.0, a, 1, sign=sign).state
 
 
 def test_an_orbit_of_flights_no_longer_than_a_contact_is_none():
-    assert solved(0.9, 0.3, 1, r=np.array([0.9, 1.0, 2.0])).state.tolist() == [2, 0, 0]
+    assert solved(0.9, 0.3, 1, r=np.array([0.9, 1.0, 2.0])).state.tolist() == [
+        ATTRACTS,
+        ABSENT,
+        ABSENT,
+    ]
 
 
 def test_plain_python_gives_the_bits_of_the_machine_code():
@@ -52,7 +73,7 @@ import json, numpy as np
 from vibrosweep.kernels.fixed import empty_fixed, find_fixed
 found = empty_fixed(3)
 e, a, r = np.array([0.9, 0.5, 0.3]), np.array([0.3, 0.2, 0.75]), np.full(3, 1e-4)
-find_fixed(0, 3, e, a, r, np.ones(3, int), None, found)
+find_fixed(0, 3, e, a, r, np.ones(3, int), 1.0, found)
 print(json.dumps([found.state.tolist(), found.phase.tolist()]))
 """
     outputs = [

@@ -197,7 +197,7 @@ from vibrosweep.sweep.landings import all_parameters
 from vibrosweep.sweep.run import record_observation
 from dataclasses import replace
 observation = record_observation(3, "staggered", 12.0, "rest", 10**6)
-observation = replace(observation, transient=0.0, separation=True, skip=True)
+observation = replace(observation, transient=0.0, separation=True)
 with Workers(1) as workers:
     measure(all_parameters({}), observation, workers)
 for kernel in (advance, combine, separate):

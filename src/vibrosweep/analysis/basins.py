@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.orbits import Orbits
 from vibrosweep.scene import PARAMETERS, Launches, dimensionless, reduced_turns
@@ -29,6 +29,7 @@ __all__ = ["basins", "basins_of_spec", "name_of", "summary"]
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
+BYTES_PER_LAUNCH: Final = 300
 PLANE: Final = ("launch_velocity", "launch_time")
 OF_ATTRACTOR: Final = ("regime", "cycle_impacts", "cycle_periods", "cycle_rests")
 
@@ -47,9 +48,9 @@ def basins(
     scene
         All other parameters; its particles and launches play no part.
     launch_time
-        In s, shape (launch_time,).
+        In s, in any order; the result holds each once, ascending.
     launch_velocity
-        In m s-1, shape (launch_velocity,).
+        In m s-1, in any order; the result holds each once, ascending.
     threads
         Number of threads, by default all processors; the result does not depend on it.
 
@@ -67,12 +68,13 @@ def basins(
     Raises
     ------
     ParameterError
-        A value is outside its range.
+        A value is outside its range, or the launches do not fit into memory.
     """
     times = np.atleast_1d(np.asarray(launch_time, dtype=np.float64))
     if times.ndim != 1 or not times.size or not np.all(np.isfinite(times)):
         raise ParameterError("launch_time: must be one or more finite times in s")
-    speeds = axis("launch_velocity", launch_velocity)
+    times, speeds = np.unique(times), np.unique(axis("launch_velocity", launch_velocity))
+    require_memory("launches", speeds.size * times.size, BYTES_PER_LAUNCH)
     shape = (speeds.size, times.size)
     parameters = scene.parameters(launch_velocity=np.repeat(speeds, times.size))
     problem = dimensionless(parameters, scene.duration, scene.transient)

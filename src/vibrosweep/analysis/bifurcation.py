@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Final
 
@@ -10,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.evaluate import launch_states, settle_from
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.orbits import Orbits
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 Observable = Callable[[Array, Array, float], Array]
 
 DIRECTIONS: Final = ("up", "down")
+BYTES_PER_IMPACT, BYTES_PER_ORBIT = 18, 130
 OBSERVABLES: Final[dict[str, tuple[Observable, str, str]]] = {
     "rebound_velocity": (lambda phase, speed, g: speed, "m s-1", "speed at lift-off"),
     "rebound_height": (lambda phase, speed, g: speed**2 / (2.0 * g), "m", "rebound height"),
@@ -86,7 +88,8 @@ def bifurcation(
     Raises
     ------
     ParameterError
-        A value is outside its range, or the observable is not known.
+        A value is outside its range, the observable is not known, or the impacts do not fit into
+        memory.
     """
     a = axis("amplitude", amplitude)
     if not np.all(np.diff(a) > 0.0):
@@ -96,6 +99,8 @@ def bifurcation(
     name, (function, units, words) = _observable(observable)
     order = np.stack([a, a[::-1]])
     shape = (len(DIRECTIONS), a.size, scene.particles)
+    each = BYTES_PER_ORBIT + BYTES_PER_IMPACT * samples
+    require_memory(f"orbits with {samples} samples each", math.prod(shape), each)
     values = np.empty((*shape, samples))
     measured: dict[str, NDArray[Any]] = {}
     states = launch_states(scene, len(DIRECTIONS))

@@ -6,7 +6,7 @@ hide between two others that a coarse scan sees.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -148,26 +148,26 @@ def _bisect(evaluate: Evaluate, brackets: _Brackets, tolerance: float) -> _Brack
 
 
 def windows_of_row(
-    codes: Codes, axis: Array, edges: Edges, row: int, wanted: int
+    codes: Codes, edges: Edges, row: int, wanted: Collection[int]
 ) -> list[tuple[float, float, float, float]]:
-    """Return the windows of one row in which the code is the wanted one.
+    """Return the windows of one row in which the code is one of those wanted.
 
     Returns
     -------
     list of tuple
         Lower end, upper end and the widths of their brackets; the middle of a bracket is its end.
-        NaN is the width at an end of the scan that the window reaches.
+        Both are NaN where the window reaches an end of the scan.
     """
     windows = []
-    begin, width = (axis[0], np.nan) if codes[row, 0] == wanted else (np.nan, np.nan)
-    inside = codes[row, 0] == wanted
+    begin = width = np.nan
+    inside = codes[row, 0] in wanted
     for i in np.flatnonzero(edges.row == row):
         middle, gap = 0.5 * (edges.low[i] + edges.high[i]), edges.high[i] - edges.low[i]
-        if inside and edges.code_high[i] != wanted:
+        if inside and edges.code_high[i] not in wanted:
             windows.append((begin, middle, width, gap))
             inside = False
-        elif not inside and edges.code_high[i] == wanted:
+        elif not inside and edges.code_high[i] in wanted:
             begin, width, inside = middle, gap, True
     if inside:
-        windows.append((begin, axis[-1], width, np.nan))
+        windows.append((begin, np.nan, width, np.nan))
     return [tuple(float(v) for v in window) for window in windows]  # type: ignore[misc]

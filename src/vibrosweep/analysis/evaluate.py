@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.conditions import Condition, Locked
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.fixed import ATTRACTS, empty_fixed, find_fixed
+from vibrosweep.kernels.fixed import ABSENT, ATTRACTS, REPELS, empty_fixed, find_fixed
 from vibrosweep.kernels.orbits import Orbits
 from vibrosweep.scene import Launches, dimensionless, launches
 from vibrosweep.sweep.engine import measure
@@ -20,14 +20,21 @@ from vibrosweep.sweep.orbits import find_orbits, orbit_variables
 from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, REGIMES, SWEEP
 
-__all__ = ["HOLDS", "continued", "launch_states", "launched", "locked", "settle_from"]
+__all__ = ["HOLDING", "continued", "launch_states", "launched", "locked", "settle_from"]
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 States = NDArray[np.float64]
 
-HOLDS: Final = ATTRACTS  # the code of a point at which a condition holds
-FAILS: Final = 0
+FAILS, HOLDS = 0, 1  # codes of points
+STATES: Final = 3  # of a fixed orbit
+# The codes of `locked` at which an orbit attracts; HOLDS, of the other conditions, is one of them
+HOLDING: Final = frozenset(
+    straight + STATES * turned
+    for straight in (ABSENT, ATTRACTS, REPELS)
+    for turned in (ABSENT, ATTRACTS, REPELS)
+    if ATTRACTS in (straight, turned)
+)
 TRAJECTORIES_AT_A_TIME: Final = 1 << 18
 FIXED_PER_TASK: Final = 256
 VARIABLES: Final = {**SWEEP, **REGIMES, **LYAPUNOV}
@@ -49,19 +56,28 @@ def _dataset(scene: Scene, parameters: dict[str, Array], measured: dict[str, Any
 def locked(
     scene: Scene, condition: Locked, restitution: Array, amplitude: Array, workers: Workers
 ) -> Codes:
-    """Whether the fixed orbit is absent, repels or attracts at each point; shape (point,)."""
+    """Tell whether the fixed orbits are absent, attract or repel at each point; shape (point,).
+
+    The `reflect` law may have two, one of which is turned back at every impact.  The code is that
+    of the pair of their states.  Along the amplitude each of them is absent, attracts and repels in
+    this order, so that no code occurs twice: where two points have the same one, nothing hides
+    between them.
+    """
     parameters = scene.parameters(restitution=restitution, amplitude=amplitude)
     problem = dimensionless(parameters, scene.duration)
-    found = empty_fixed(problem.kick.size)
     k = np.full(problem.kick.size, condition.k)
-    reflect = scene.observation().reflect
     terms = (problem.restitution, problem.kick, problem.rest_flight, k)
-    workers.each(
-        lambda first, last: find_fixed(first, last, *terms, reflect, found),
-        problem.kick.size,
-        FIXED_PER_TASK,
-    )
-    return found.state.astype(np.int64)
+
+    def state(sign: float) -> Codes:
+        found = empty_fixed(k.size)
+        workers.each(
+            lambda first, last: find_fixed(first, last, *terms, sign, found), k.size, FIXED_PER_TASK
+        )
+        return found.state.astype(np.int64)
+
+    if scene.observation().reflect is None:
+        return state(1.0)
+    return state(1.0) + STATES * state(-1.0)
 
 
 def launched(

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
 from vibrosweep.sweep.asked import record_observation
+from vibrosweep.sweep.landings import physical_memory
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.result import coordinate_attributes
 from vibrosweep.sweep.run import available_threads
@@ -21,7 +22,7 @@ from vibrosweep.sweep.spec_rules import Axis
 if TYPE_CHECKING:
     from vibrosweep.sweep.spec import SweepSpec
 
-__all__ = ["Scene", "axis", "grid_axes", "thread_count"]
+__all__ = ["Scene", "axis", "grid_axes", "require_memory", "thread_count"]
 
 Array = NDArray[np.float64]
 
@@ -187,6 +188,22 @@ def grid_axes(
             f'{spec.source}: {wrong}: {purpose} need design = "grid" with an axis of {needed}{also}'
         )
     return axes
+
+
+def require_memory(what: str, count: int, bytes_each: int) -> None:
+    """Refuse an analysis of so many points that it does not fit into this machine's memory.
+
+    Raises
+    ------
+    ParameterError
+        Naming what there are too many of.
+    """
+    available = physical_memory()
+    if count * bytes_each > available:
+        raise ParameterError(
+            f"{count} {what} need {count * bytes_each / 2**30:.3g} GiB of memory, but this machine "
+            f"has {available / 2**30:.3g} GiB: take fewer of them"
+        )
 
 
 def thread_count(threads: int | None) -> int:

@@ -4,7 +4,7 @@ A coarse scan over the amplitude finds between which of its points a condition b
 hold; all these edges, of all restitutions, are then bisected together.  What hides between two
 neighbouring points of the scan, a window narrower than its step, is not seen: the scan is the
 resolution.  Locked orbits are the exception, for a scan also sees where they exist without being
-stable.
+stable: every window of theirs that is wider than the tolerance is found.
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.analysis import evaluate
 from vibrosweep.analysis.bisection import find_edges, windows_of_row
 from vibrosweep.analysis.conditions import NAMES, Condition, Locked, named
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, thread_count
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
 from vibrosweep.errors import ParameterError, SpecError
+from vibrosweep.kernels.fixed import END_ERROR
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.sweep.result import coordinate_attributes
 from vibrosweep.sweep.workers import Workers
+from vibrosweep.variables import Variable
 
 if TYPE_CHECKING:
     from vibrosweep.analysis.bisection import Codes
@@ -37,6 +39,24 @@ TOLERANCE: Final = 1e-9
 FRESH: Final = ("launch",)
 DIRECTIONS: Final = ("up", "down")
 FINEST: Final = 1e-14
+BYTES_PER_POINT: Final = 200
+BYTES_PER_STATE: Final = 16  # that a continued particle has at a point
+NO_WINDOW: Final = -1
+OPEN_BELOW, OPEN_ABOVE = 1, 2
+ENDS: Final = Variable(
+    "window_ends",
+    ("condition", "direction", "restitution", "window"),
+    "int8",
+    "1",
+    "ends of the scan that the window reaches",
+    flags=(
+        (NO_WINDOW, "no_window"),
+        (0, "closed"),
+        (OPEN_BELOW, "open_below"),
+        (OPEN_ABOVE, "open_above"),
+        (OPEN_BELOW + OPEN_ABOVE, "open_both"),
+    ),
+)
 
 
 def find_windows(
@@ -66,7 +86,8 @@ def find_windows(
         of being launched anew at every point: coexisting and hysteretic windows then show as
         differences between the directions.
     tolerance
-        Width of a bracket around an edge, relative to the edge.
+        Largest width of a bracket around an edge, relative to the edge.  That of a locked orbit
+        holds the exact edge.
     threads
         Number of threads, by default all processors; the result does not depend on it.
 
@@ -74,15 +95,17 @@ def find_windows(
     -------
     xarray.Dataset
         Dims (condition, direction, restitution, window): ``A_min`` and ``A_max`` (m s-1), the
-        middles of brackets of width ``A_min_bracket`` and ``A_max_bracket`` (NaN where a window
-        reaches the end of the scan, which is then no edge), all NaN past the last window; dims
-        (condition, direction, restitution): ``window_count`` and ``widest``, the index of the
-        widest window, -1 without any.
+        middles of brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window
+        reaches the end of the scan, which is no edge of it, and past the last window;
+        ``window_ends``, which of its ends are so open, -1 past the last window.  Dims (condition,
+        direction, restitution): ``window_count`` and ``widest``, the index of the window that
+        covers most of the scan, -1 without any.
 
     Raises
     ------
     ParameterError
-        A value is outside its range, or a condition cannot be continued.
+        A value is outside its range, a condition cannot be continued, or the points of the scan do
+        not fit into memory.
     """
     e, a = axis("restitution", restitution), axis("amplitude", amplitude)
     if a.size < 2 or not np.all(np.diff(a) > 0.0):
@@ -93,6 +116,8 @@ def find_windows(
         raise ParameterError("conditions: must name at least one condition")
     chosen = [named(c) if isinstance(c, str) else c for c in conditions]
     directions = DIRECTIONS if continuation else FRESH
+    states = BYTES_PER_STATE * scene.particles if continuation else 0
+    require_memory("points of the scan", e.size * a.size, BYTES_PER_POINT + states)
     with Workers(thread_count(threads)) as workers:
         found = [
             _windows(scene, condition, e, a, direction, tolerance, workers)
@@ -134,14 +159,21 @@ def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
 
 
 def summary(windows: xr.Dataset) -> Iterator[str]:
-    """Say in a line for each condition and direction how many restitutions have a window."""
+    """Say in a line for each condition and direction where there are windows, if anywhere."""
+    first, last = windows["scan"].values[[0, -1]]
     for condition in windows["condition"].values:
         for direction in windows["direction"].values:
-            count = windows["window_count"].sel(condition=condition, direction=direction).values
+            one = windows.sel(condition=condition, direction=direction)
+            count, ends = one["window_count"].values, one[ENDS.name].values
             name = condition if direction in FRESH else f"{condition} {direction}"
+            if not count.any():
+                yield f"{name:24}no window was found from {first:g} to {last:g} m s-1"
+                continue
+            number = np.count_nonzero(ends > 0)
+            reach = f"; {number} of {count.sum()} reach the end of the scan" if number else ""
             yield (
                 f"{name:24}holds at {np.count_nonzero(count)} of {count.size} restitutions, in up "
-                f"to {count.max()} windows"
+                f"to {count.max()} windows{reach}"
             )
 
 
@@ -169,19 +201,28 @@ def _windows(
     fresh = isinstance(condition, Locked) or direction in FRESH
     start = None if fresh else evaluate.launch_states(scene, e.size)
     upward = direction != DIRECTIONS[1]
-    codes, edges = find_edges(judge, e.size, a, tolerance, start=start, upward=upward)
-    return [windows_of_row(codes, a, edges, row, evaluate.HOLDS) for row in range(e.size)]
+    error = END_ERROR if isinstance(condition, Locked) else 0.0
+    width = tolerance - 2.0 * error  # so that the brackets keep to the tolerance with the error
+    codes, edges = find_edges(judge, e.size, a, width, start=start, upward=upward)
+    edges = edges._replace(low=edges.low * (1.0 - error), high=edges.high * (1.0 + error))
+    return [windows_of_row(codes, edges, row, evaluate.HOLDING) for row in range(e.size)]
 
 
 def _table(found: list[list[Row]], shape: tuple[int, int, int]) -> Array:
-    """Ends and bracket widths, shape (4, *shape, window), NaN past the last window."""
+    """Ends, bracket widths and codes of ends, shape (5, *shape, window).
+
+    Past the last window they are NaN, and the code is `NO_WINDOW`.
+    """
     rows = [row for rows in found for row in rows]
     most = max(1, max(len(row) for row in rows))
-    table = np.full((4, len(rows), most), np.nan)
+    table = np.full((5, len(rows), most), np.nan)
+    table[4] = NO_WINDOW
     for i, row in enumerate(rows):
         if row:
-            table[:, i, : len(row)] = np.array(row).T
-    return table.reshape(4, *shape, most)
+            table[:4, i, : len(row)] = np.array(row).T
+            below, above = np.isnan(table[:2, i, : len(row)])
+            table[4, i, : len(row)] = OPEN_BELOW * below + OPEN_ABOVE * above
+    return table.reshape(5, *shape, most)
 
 
 def _dataset(
@@ -193,22 +234,24 @@ def _dataset(
     tolerance: float,
     table: Array,
 ) -> xr.Dataset:
-    dims = ("condition", "direction", "restitution", "window")
-    lower, upper, lower_bracket, upper_bracket = table
-    width = upper - lower
-    count = np.count_nonzero(np.isfinite(width), axis=-1)
-    widest = np.where(count > 0, np.argmax(np.nan_to_num(width, nan=-1.0), axis=-1), -1)
-    open_end = "NaN where the window reaches the end of the scan, which is then no edge of it"
+    dims = ENDS.dims
+    lower, upper, lower_bracket, upper_bracket, ends = table
+    count = np.count_nonzero(ends != NO_WINDOW, axis=-1)
+    top, bottom = np.where(np.isnan(upper), a[-1], upper), np.where(np.isnan(lower), a[0], lower)
+    covered = np.where(ends == NO_WINDOW, -1.0, top - bottom)
+    widest = np.where(count > 0, np.argmax(covered, axis=-1), -1)
+    comment = "-1 without any; an open end counts as the end of the scan"
     data: dict[str, Any] = {
         "A_min": (dims, lower, _attributes("lower end of the window")),
         "A_max": (dims, upper, _attributes("upper end of the window")),
-        "A_min_bracket": (dims, lower_bracket, _attributes("width of the lower bracket", open_end)),
-        "A_max_bracket": (dims, upper_bracket, _attributes("width of the upper bracket", open_end)),
+        "A_min_bracket": (dims, lower_bracket, _attributes("width of the lower bracket")),
+        "A_max_bracket": (dims, upper_bracket, _attributes("width of the upper bracket")),
+        ENDS.name: (dims, ends.astype(np.int8), ENDS.attributes),
         "window_count": (dims[:-1], count, {"units": "1", "long_name": "number of windows"}),
         "widest": (
             dims[:-1],
             widest,
-            {"units": "1", "long_name": "index of the widest window", "comment": "-1 without any"},
+            {"units": "1", "long_name": "index of the widest window", "comment": comment},
         ),
     }
     scan = {
@@ -229,5 +272,6 @@ def _dataset(
     )
 
 
-def _attributes(long_name: str, comment: str = "") -> dict[str, str]:
-    return {"units": "m s-1", "long_name": long_name} | ({"comment": comment} if comment else {})
+def _attributes(long_name: str) -> dict[str, str]:
+    comment = "NaN where the window reaches the end of the scan, which is no edge of it"
+    return {"units": "m s-1", "long_name": long_name, "comment": comment}

@@ -78,7 +78,7 @@ def warm_up() -> Compiled:
             endless = record_observation(2, "staggered", 2.0, rebound, 1000)
             record_landings(scene, endless, workers)
             asked = replace(endless, transient=transient, regimes=regimes, lyapunov=regimes)
-            asked = replace(asked, separation=True, trust=True, tolerance=1e-9, skip=True)
+            asked = replace(asked, separation=True, trust=True, tolerance=1e-9)
             measure(scene, asked, workers)
             # long enough for orbits to recur
             longer = replace(endless, transient=transient, duration=2.0 * PERIODS_TO_RECUR)

@@ -79,7 +79,7 @@ def paint_codes(
     axes: Axes, points: Points, values: Array, codes: Array, meanings: Sequence[str]
 ) -> None:
     """Paint codes in colours of their own, with a legend entry for each that occurs."""
-    colours = _code_colours(len(codes))
+    colours = style.colours(len(codes))
     if points.cells is None:
         position = np.full(values.shape, np.nan)
         for i, code in enumerate(codes):
@@ -88,12 +88,6 @@ def paint_codes(
         position = gathering.commonest(points.cells, values, codes)
     for i, meaning in enumerate(meanings):
         _paint_one_colour(axes, points, position == i, colours[i], meaning.replace("_", " "))
-
-
-def _code_colours(count: int) -> list[ColorType]:
-    if count <= len(style.OKABE_ITO):
-        return list(style.OKABE_ITO[:count])
-    return [colormaps[style.SEQUENTIAL_MAP](i / (count - 1)) for i in range(count)]
 
 
 def _norm(known: Array, *, logarithmic: bool) -> Normalize:

@@ -27,7 +27,7 @@ def errors_in_time(errors: Sequence[xr.DataArray], names: Sequence[str]) -> Figu
         Of the steps.
     """
     figure, axes = style.new_figure(style.MEDIUM, 3.0)
-    for one, name, colour in zip(errors, names, style.OKABE_ITO, strict=False):
+    for one, name, colour in zip(errors, names, style.colours(len(names)), strict=True):
         axes.plot(
             one["landing_time"].values.T.ravel(),
             one.values.T.ravel(),

@@ -35,7 +35,7 @@ def distributions(found: Sequence[xr.Dataset], names: Sequence[str], contact_tim
         Marked by a line, s.
     """
     figure, axes = style.new_figure(style.MEDIUM, 2.9)
-    for one, name, colour in zip(found, names, style.OKABE_ITO, strict=False):
+    for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
         at = np.maximum(one["separation"].values, EDGE)
         fraction = one["cumulative_fraction"].values
         axes.step(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.typing import ColorType
 
 from vibrosweep.figures import data, style
 from vibrosweep.figures.data import Array
@@ -18,8 +19,10 @@ if TYPE_CHECKING:
 
 __all__ = ["NEEDS", "stability_windows"]
 
-NEEDS: Final = data.Needs(("A_min", "A_max", "restitution", "frequency", "gravity"))
+NEEDS: Final = data.Needs(("A_min", "A_max", "window_ends", "restitution", "frequency", "gravity"))
 PANEL_HEIGHT: Final = 3.2
+LEGEND_LINE: Final = 0.18
+NONE_FOUND: Final = ": no window found"
 BAND: Final[Mapping[str, Any]] = {"linewidth": 0.0, "alpha": 0.45, "zorder": 1.0}
 
 
@@ -29,8 +32,9 @@ def stability_windows(windows: xr.Dataset) -> Figure:
 
     All locked orbits share the first panel, every other condition has its own.  Where orbits were
     continued along the amplitude, both directions are drawn over each other: where only one of
-    them is seen, the window is hysteretic.  Curves are the closed forms of locked orbits: solid
-    from where they exist, dashed up to where they are stable.
+    them is seen, the window is hysteretic.  A bar that reaches the end of the scan may go on beyond
+    it.  Curves are the closed forms of locked orbits that are not turned back: solid from where
+    they exist, dashed up to where they are stable.
 
     Parameters
     ----------
@@ -43,10 +47,12 @@ def stability_windows(windows: xr.Dataset) -> Figure:
         The dataset lacks a variable.
     """
     NEEDS.check("stability_windows", windows)
+    windows = windows.sortby("restitution")
     names = [str(name) for name in windows["condition"].values]
     locked = [name for name in names if name.startswith("locked(")]
     panels = ([locked] if locked else []) + [[name] for name in names if name not in locked]
-    figure = Figure(figsize=(style.MEDIUM, PANEL_HEIGHT * len(panels)), layout="constrained")
+    height = PANEL_HEIGHT * len(panels) + LEGEND_LINE * max(0, len(locked) - 4)
+    figure = Figure(figsize=(style.MEDIUM, height), layout="constrained")
     all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, panel in zip(all_axes, panels, strict=True):
         _panel(axes, windows, panel, is_locked=panel is locked)
@@ -58,29 +64,37 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     e = windows["restitution"].values
     scan = windows["scan"].values
     axes.set_xlim(*_edges(e)[[0, -1]])
-    colour = iter(style.OKABE_ITO)
-    top = float(scan[0])
-    for name in names:
-        # whether a locked orbit exists and attracts does not depend on the direction
-        directions = windows["direction"].values[: 1 if is_locked else None]
-        for direction in directions:
-            chosen = windows.sel(condition=name, direction=direction)
-            label = name.replace("_", " ") + ("" if len(directions) == 1 else f", {direction}")
-            _bands(axes, chosen, next(colour), label)
-            top = float(np.nanmax([top, *chosen["A_max"].values.ravel()]))
-    axes.set_ylim(float(scan[0]), min(float(scan[-1]), 1.05 * top) if is_locked else scan[-1])
+    # whether a locked orbit exists and attracts does not depend on the direction
+    directions = windows["direction"].values[: 1 if is_locked else None]
+    shown = [(name, direction) for name in names for direction in directions]
+    top = 0.0
+    for (name, direction), colour in zip(shown, style.colours(len(shown)), strict=True):
+        chosen = windows.sel(condition=name, direction=direction)
+        label = name.replace("_", " ") + ("" if len(directions) == 1 else f", {direction}")
+        top = max(top, _bands(axes, chosen, scan, colour, label))
+    axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
     axes.set_ylabel("amplitude of the kick $A$ (m s$^{-1}$)")
     modes = [int(name[len("locked(") : -1]) for name in names] if is_locked else MODES
     forcing = float(windows["frequency"]), float(windows["gravity"])
     draw_windows(axes, *forcing, "A", over=True, modes=modes)
-    style.head(axes, _conditions(windows))
+    # with their remark only two entries fit beside each other
+    lack = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
+    style.head(axes, _conditions(windows), columns=2 if lack else 4)
 
 
-def _bands(axes: Axes, chosen: xr.Dataset, colour: str, label: str) -> None:
-    """Bars from end to end of each window, as wide as the restitutions are apart."""
+def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label: str) -> float:
+    """Bars from end to end of each window, as wide as the restitutions are apart.
+
+    A window that reaches an end of the scan is drawn up to it.  Returns the highest end, 0 without.
+    """
     edges = _edges(chosen["restitution"].values)
-    for window in range(chosen.sizes["window"]):
-        low, high = (chosen[name].isel(window=window).values for name in ("A_min", "A_max"))
+    there = chosen["window_ends"].values >= 0
+    lower, upper = chosen["A_min"].values, chosen["A_max"].values
+    lower = np.where(there & np.isnan(lower), scan[0], lower)
+    upper = np.where(there & np.isnan(upper), scan[-1], upper)
+    if not there.any():
+        label += NONE_FOUND
+    for window, (low, high) in enumerate(zip(lower.T, upper.T, strict=True)):
         axes.bar(
             edges[:-1],
             high - low,
@@ -91,6 +105,7 @@ def _bands(axes: Axes, chosen: xr.Dataset, colour: str, label: str) -> None:
             label=label if window == 0 else None,
             **BAND,
         )
+    return float(np.max(upper, initial=0.0, where=there))
 
 
 def _edges(e: Array) -> Array:

@@ -10,6 +10,7 @@ import matplotlib as mpl
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.typing import ColorType
 
 __all__ = [
     "COLUMN",
@@ -21,6 +22,7 @@ __all__ = [
     "PAGE",
     "RC",
     "SEQUENTIAL_MAP",
+    "colours",
     "halo",
     "head",
     "new_figure",
@@ -106,6 +108,13 @@ def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
     """Return an empty figure with one pair of axes; no window, no pyplot registry."""
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.add_subplot()
+
+
+def colours(count: int) -> list[ColorType]:
+    """As many colours that differ: of the palette, or of the sequential map where it runs out."""
+    if count <= len(OKABE_ITO):
+        return list(OKABE_ITO[:count])
+    return [mpl.colormaps[SEQUENTIAL_MAP](i / (count - 1)) for i in range(count)]
 
 
 def halo(width: float = 2.2) -> list[patheffects.AbstractPathEffect]:

@@ -93,6 +93,8 @@ def draw_windows(
             zorder=3.0 if over else 0.9,
         )
     for curve, at in zip(curves, _label_places(axes, curves), strict=True):
+        if at is None:
+            continue
         end = r"\mathrm{max}" if curve.is_upper else r"\mathrm{min}"
         axes.text(
             curve.restitution[at],
@@ -116,8 +118,11 @@ def _slope(curve: Curve, at: int) -> float:
     return float(np.degrees(np.arctan2(curve.amplitude[at + 1] - curve.amplitude[at - 1], run)))
 
 
-def _label_places(axes: Axes, curves: list[Curve]) -> list[int]:
-    """Place each label, one after the other, where it is farthest from curves and labels."""
+def _label_places(axes: Axes, curves: list[Curve]) -> list[int | None]:
+    """Place each label, one after the other, where it is farthest from curves and labels.
+
+    None for a curve that has no room in the view: one of a high mode crosses it steeply at its rim.
+    """
     to_view = axes.transAxes.inverted()
     points = [
         to_view.transform(axes.transData.transform(np.column_stack([c.restitution, c.amplitude])))
@@ -125,12 +130,14 @@ def _label_places(axes: Axes, curves: list[Curve]) -> list[int]:
     ]
     candidates = np.linspace(0.1, 0.9, 33) * (SAMPLES - 1)
     placed: list[Array] = []
-    places = []
+    places: list[int | None] = []
     for i, own in enumerate(points):
         others = [p for j, p in enumerate(points) if j != i] + placed
-        best = max((int(c) for c in candidates), key=lambda c: _room(own[c], others, len(placed)))
-        placed.append(own[best][np.newaxis])
-        places.append(best)
+        room = {int(c): _room(own[int(c)], others, len(placed)) for c in candidates}
+        best = max(room, key=lambda c: room[c])
+        inside = room[best] > 0.0
+        placed += [own[best][np.newaxis]] if inside else []
+        places.append(best if inside else None)
     return places
 
 

@@ -1,30 +1,48 @@
 """Fixed orbits of the map, one impact every k forcing periods, solved for instead of waited for.
 
 Near the ends of its window an orbit attracts ever more slowly, and outside it does not attract at
-all.  Newton's method on the map itself, with the Jacobian of an impact, finds it in either case in
-a few steps, and the eigenvalues of that Jacobian say whether it attracts.
+all.  Newton's method on the map finds it in either case in a few steps, and the Jacobian of its
+impact says whether it attracts.
+
+An orbit that leaves with the flight k lands with it, so that k = sign (e k + a sin 2 pi x), where
+the sign is -1 for an orbit that the `reflect` law turns back at every impact.  Its Jacobian
+
+    [[1, 1], [sign s, sign (e + s)]],      s = 2 pi a cos(2 pi x),
+
+has the determinant sign e and the trace 1 + sign (e + s); both its eigenvalues are inside the unit
+circle if and only if e < 1 and 0 < -sign s < 2 (1 + sign e).
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel
-from vibrosweep.kernels.impact import land
-from vibrosweep.kernels.orbits import leading_eigenvalue
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
+from vibrosweep.kernels.bases.high_bounce import kick_slope
 from vibrosweep.kernels.rounding import HALF_ULP
-from vibrosweep.kernels.sine import cos_turns, sin_turns
+from vibrosweep.kernels.sine import sin_turns
 
-__all__ = ["ABSENT", "ATTRACTS", "REPELS", "FixedOrbits", "empty_fixed", "find_fixed"]
+__all__ = [
+    "ABSENT",
+    "ATTRACTS",
+    "END_ERROR",
+    "REPELS",
+    "FixedOrbits",
+    "empty_fixed",
+    "find_fixed",
+]
 
-ABSENT, REPELS, ATTRACTS = 0, 1, 2
+ABSENT, ATTRACTS, REPELS = 0, 1, 2  # in this order along the kick, see `find_fixed`
 SEEDS = 32  # phases from which the search starts, evenly over a period
 STEPS = 80  # towards a double root the distance only halves in each
-RESIDUAL = 16.0 * HALF_ULP  # of a solution, relative to the terms of the equation
+RESIDUAL = 16.0 * HALF_ULP  # of a solution, relative to the kick
+# Relative error of the kick at which the state is seen to change.  The phase that is found is exact
+# for a need that is off by the residual and its rounding, 16 + 5 half ulps of the kick, and neither
+# |need| nor sqrt(need^2 + ((1 + sign e) / pi)^2), where the state changes, is off by more.  The
+# slope adds 4, and the kick that is made of an amplitude 2.
+END_ERROR = 32.0 * HALF_ULP
 
 
 class FixedOrbits(NamedTuple):
@@ -33,49 +51,35 @@ class FixedOrbits(NamedTuple):
     Attributes
     ----------
     state
-        `ABSENT`, `REPELS` or `ATTRACTS`.
+        `ABSENT`, `ATTRACTS` or `REPELS`; repels where it does not attract.
     phase
         Phase of impact in turns; NaN where absent.
-    multiplier
-        Its leading multiplier; NaN where absent.
     """
 
     state: Flags
     phase: Floats
-    multiplier: NDArray[np.complex128]
 
 
 def empty_fixed(problems: int) -> FixedOrbits:
     """Room for fixed orbits."""
-    return FixedOrbits(
-        np.empty(problems, np.int8), np.empty(problems), np.empty(problems, np.complex128)
-    )
+    return FixedOrbits(np.empty(problems, np.int8), np.empty(problems))
 
 
 @jit
-def _solve(
-    x: float, k: float, e: float, a: float, reflect: int | None
-) -> tuple[bool, float, complex]:
-    """Newton's method from phase x: whether it converges, the phase and the leading multiplier."""
-    u = k
+def _solve(x: float, need: float, a: float) -> tuple[bool, float]:
+    """Newton's method from phase x for a kick of `need`: whether it converges, and to where."""
     for _ in range(STEPS):
-        landed, passed = land(x, u)
-        w = fma(e, u, a * sin_turns(landed))
-        sign = -1.0 if reflect is not None and w < 0.0 else 1.0
-        slope = sign * (2.0 * math.pi * a * cos_turns(landed))
-        off_x, off_u = (passed - k) + (landed - x), sign * w - u
-        if abs(off_x) <= RESIDUAL * k and abs(off_u) <= RESIDUAL * (k + a):
-            return True, x, leading_eigenvalue(1.0 + sign * e + slope, sign * e)
+        off = a * sin_turns(x) - need
+        if abs(off) <= RESIDUAL * a:
+            return True, x
+        slope = kick_slope(x, a)
         if slope == 0.0:
             break
-        # the Jacobian of the residual is [[0, 1], [slope, sign e + slope - 1]]
-        step = (off_u - (sign * e + slope - 1.0) * off_x) / slope
-        x -= step
-        u -= off_x
+        x -= off / slope
         x -= np.rint(x)
         if not abs(x) <= 0.5:
             break
-    return False, np.nan, complex(np.nan, np.nan)
+    return False, np.nan
 
 
 @kernel
@@ -86,10 +90,12 @@ def find_fixed(
     kick: Floats,
     rest_flight: Floats,
     k: Integers,
-    reflect: int | None,
+    sign: float,
     out: FixedOrbits,
 ) -> None:
-    """Find the fixed orbit of k periods that attracts most, or repels least.
+    """Find the fixed orbit of k periods that attracts, or else one that does not.
+
+    With e below 1 and a growing kick it is absent, then attracts, then repels.
 
     Parameters
     ----------
@@ -97,21 +103,22 @@ def find_fixed(
         Range of problems.
     restitution, kick, rest_flight, k
         e, a, r and the number of periods, each of shape (problem,).
-    reflect
-        None, or 1 for the `reflect` law; chosen at compile time.
+    sign
+        1, or -1 for the orbit that the `reflect` law turns back.
     out : FixedOrbits
         Only the slots first ... last - 1 are written.
     """
     for t in range(first, last):
+        e, a = restitution[t], kick[t]
         out.state[t], out.phase[t] = ABSENT, np.nan
-        out.multiplier[t] = complex(np.nan, np.nan)
-        least = np.inf
         if not k[t] > rest_flight[t]:
             continue
+        # not as the difference of the flights, of which 1 - e would be lost in rounding near 1
+        need = (sign - e) * k[t]
         for seed in range(SEEDS):
-            x = (seed + 0.5) / SEEDS - 0.5
-            found, phase, multiplier = _solve(x, float(k[t]), restitution[t], kick[t], reflect)
-            if found and abs(multiplier) < least:
-                least = abs(multiplier)
-                out.state[t] = ATTRACTS if least < 1.0 else REPELS
-                out.phase[t], out.multiplier[t] = phase, multiplier
+            found, x = _solve((seed + 0.5) / SEEDS - 0.5, need, a)
+            if found:
+                out.state[t], out.phase[t] = REPELS, x
+                if e < 1.0 and 0.0 < -sign * kick_slope(x, a) < 2.0 * (1.0 + sign * e):
+                    out.state[t] = ATTRACTS
+                    break

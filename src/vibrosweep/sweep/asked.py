@@ -31,7 +31,7 @@ def record_observation(
     rebound: str,
     impact_budget: int,
 ) -> Observation:
-    """The observation of a scene whose every landing is kept."""
+    """Observe a scene with no measures but those that are always there, over every landing."""
     return Observation(
         particles=particles,
         launch=launch,
@@ -44,7 +44,6 @@ def record_observation(
         trust=False,
         tolerance=math.inf,
         impact_budget=impact_budget,
-        skip=False,  # every landing is wanted
     )
 
 

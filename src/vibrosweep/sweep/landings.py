@@ -101,7 +101,9 @@ def _counted(
     available = physical_memory()
     most = available // (2 * BYTES_PER_LANDING * trajectories)
     # a trajectory with more than `most` is followed no further: the record is refused anyway
-    enough = replace(observation, impact_budget=min(observation.impact_budget, most + LOOK_AFTER))
+    budget = min(observation.impact_budget, most + LOOK_AFTER)
+    # counted as they will be kept: one by one
+    enough = replace(observation, impact_budget=budget, skip=False)
     each = statistics(problem, launch, enough, workers)
     capacity = int(each.landings.max())
     if capacity > most:

@@ -40,7 +40,8 @@ class Observation:
     lyapunov
         Whether Lyapunov exponents, distinct orbits and slots are found; regimes then are, too.
     skip
-        Whether what is known already is counted instead of followed; off only to compare.
+        Whether what is known already is counted instead of followed; off where every landing is
+        kept, and to compare.
     """
 
     particles: int

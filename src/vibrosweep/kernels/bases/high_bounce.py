@@ -20,7 +20,7 @@ from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLE
 from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
 from vibrosweep.scene import Dimensionless
 
-__all__ = ["HighBounce", "Scene"]
+__all__ = ["HighBounce", "Scene", "kick_slope"]
 
 # A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
 LANDING_ERROR = 0.5 * HALF_ULP
@@ -109,15 +109,15 @@ def _(fixed: Scene) -> tuple[float, float]:
 
 
 @jit
-def _kick_slope(fixed: Scene, x: float) -> float:
-    """Derivative of the kick by the phase of the landing."""
-    return 2.0 * math.pi * fixed.a * cos_turns(x)
+def kick_slope(x: float, a: float) -> float:
+    """Derivative of the kick a sin(2 pi x) by the phase."""
+    return 2.0 * math.pi * a * cos_turns(x)
 
 
 @answer(bases.jacobian, Scene)
 def _(fixed: Scene, x: float, v: float) -> Jacobian:
     by_speed, by_kick = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
-    k = by_kick * _kick_slope(fixed, x)
+    k = by_kick * kick_slope(x, fixed.a)
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
 
 
@@ -142,7 +142,7 @@ def _(fixed: Scene, x: float, u: float) -> float:
 def _(fixed: Scene, x: float, v: float, rounding: float, error: float) -> float:
     a, sine = fixed.a, sin_turns(x)
     w = speed_after(fixed.base.law, fixed.e, v, a * sine)
-    kicked = abs(_kick_slope(fixed, x)) * rounding + HALF_ULP * abs(w) + SMALLEST
+    kicked = abs(kick_slope(x, fixed.a)) * rounding + HALF_ULP * abs(w) + SMALLEST
     kicked += a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(sine)
     return kicked + a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
 

@@ -1,0 +1,94 @@
+"""Analyses that keep no landing follow nothing that is known already, and find the same."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep.analysis.conditions import NAMED
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.analysis.windows import find_windows
+from vibrosweep.claims import heights
+from vibrosweep.claims.batches import swept
+from vibrosweep.lab.prediction import predict
+from vibrosweep.sweep import engine, landings
+from vibrosweep.sweep.asked import record_observation
+from vibrosweep.sweep.landings import all_parameters, record_landings
+
+SCAN = np.linspace(0.3, 3.5, 9)
+IMPACTS = xr.Dataset(
+    {
+        "flight_time": (("particle", "impact"), np.ones((3, 2))),
+        "liftoff_time": (("particle", "impact"), np.arange(3.0)[:, np.newaxis] / [3.0, 3.0]),
+        "impact_speed": (("particle", "impact"), np.full((3, 2), 5.0)),
+    },
+    attrs={"end": 60.0},
+)
+ANALYSES = {
+    **{
+        f"windows of {name}": lambda workers, name=name: find_windows(
+            Scene(particles=3, duration=300.0), [0.85, 0.9], SCAN, [name], tolerance=1e-3
+        )
+        for name in NAMED
+    },
+    "claims": lambda workers: swept(workers, separation=True, amplitude=SCAN, duration=300.0),
+    "sensitivity": heights.sensitivity,
+    "lab compare": lambda workers: predict(IMPACTS, all_parameters({"amplitude": SCAN}), workers),
+}
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Observations with which the engine and a record are asked."""
+    seen = []
+    for module, name in ((engine, "follow"), (landings, "statistics")):
+        function = getattr(module, name)
+
+        def watched(*arguments, function=function):
+            seen.extend(a for a in arguments if hasattr(a, "skip"))
+            return function(*arguments)
+
+        monkeypatch.setattr(module, name, watched)
+    return seen
+
+
+@pytest.mark.parametrize("name", ANALYSES)
+def test_an_analysis_that_keeps_no_landing_skips_what_is_known(name, asked, workers):
+    ANALYSES[name](workers)
+    assert asked
+    assert all(one.skip for one in asked)
+
+
+def test_a_record_follows_every_landing(asked, workers):
+    observation = record_observation(2, "staggered", 12.0, "rest", 1000)
+    record_landings(all_parameters({}), observation, workers)
+    assert [one.skip for one in asked] == [False]
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_skips_do_not_change_a_window(name, monkeypatch):
+    arguments = Scene(particles=3, duration=300.0), [0.85, 0.9], SCAN, [name]
+    skipped = find_windows(*arguments)
+    observation = Scene.observation
+
+    def followed(scene, **measured):
+        return dataclasses.replace(observation(scene, **measured), skip=False)
+
+    monkeypatch.setattr(Scene, "observation", followed)
+    assert find_windows(*arguments).identical(skipped)
+
+
+def test_skips_do_not_change_a_count(workers):
+    random = np.random.default_rng(3)
+    ranges = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5)}
+    parameters = all_parameters({n: random.uniform(*ends, 24) for n, ends in ranges.items()})
+    observation = record_observation(6, "staggered", 3000.0, "rest", 10_000_000)
+    assert observation.transient == -math.inf
+    skipped, followed = (
+        engine.measure(parameters, dataclasses.replace(observation, skip=skip), workers)
+        for skip in (True, False)
+    )
+    assert np.array_equal(skipped["impact_count"], followed["impact_count"])
+    assert np.array_equal(skipped["rebound_height_max"], followed["rebound_height_max"])
