@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, jit
+from vibrosweep.kernels._jit import Floats, Integers, jit
 from vibrosweep.kernels.bases import Scene, after_rest, fly
 from vibrosweep.kernels.impact import Instant, land
 from vibrosweep.kernels.joint import Joint
@@ -68,25 +68,31 @@ def _next_numbers(
     fixed: Scene,
     window: int | None,
     begin: Instant,
-    x_end: float,
-    lift_offs: Instant,
-    work: Workspace,
+    ends: tuple[float, float, float],
+    state: Floats,
+    lanes_of: Integers,
+    listed: Floats,
+    rests: Floats,
 ) -> tuple[int, int, bool]:
     """List the next landing of every particle.
 
+    `ends` are the phase of the end and the bounds of lift-offs.  The arrays are those of a
+    workspace, one by one: numba would count references to all that a named tuple holds.
+
     Returns their number, how many are before the window, and whether two lift off together.
     """
+    x_end, low, high = ends
     k, early, together = 0, 0, False
-    for block in range(work.lanes.size):
-        s, lanes = work.state[block], work.lanes[block]
+    for block in range(lanes_of.size):
+        s, lanes = state[block], lanes_of[block]
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         next_landings(s, padded, fixed, (0.0, x_end))
         start = k
-        k, outside = _append_all(s, lanes, window, begin, work.listed, k)
+        k, outside = _append_all(s, lanes, window, begin, listed, k)
         early += outside
-        together |= _lift_off_together(s, lanes, lift_offs[0], lift_offs[1], work.rests)
+        together |= _lift_off_together(s, lanes, low, high, rests)
         if k - start < lanes:  # the others have passed the end
-            work.lanes[block] = due_first(s, lanes)
+            lanes_of[block] = due_first(s, lanes)
     return k, early, together
 
 
@@ -165,12 +171,15 @@ def same_index(
     gap, together = np.inf, False
     number, repeated, early = 0, 0, 0
     lift_offs = _followed_by_landings(fixed, window, begin, x_end)
-    listed, cells, pace = work.listed, work.cells, joint.pace
-    work.rests[:] = np.inf
+    state, listed, cells, rests = work.state, work.listed, work.cells, work.rests
+    lanes_of, pace = work.lanes, joint.pace
+    rests[:] = np.inf
     n, x, span, moved = -np.inf, 0.0, 0.0, 0.0
     while gap > 0.0:
         before = early
-        k, early, met = _next_numbers(fixed, window, begin, x_end, lift_offs, work)
+        k, early, met = _next_numbers(
+            fixed, window, begin, (x_end, *lift_offs), state, lanes_of, listed, rests
+        )
         together |= met
         if k < 2:
             break
