@@ -11,38 +11,36 @@ from pathlib import Path
 import numpy as np
 from numba import njit
 
-from vibrosweep.kernels.impact import land, launch, lift_off, rebound
+from vibrosweep.kernels import bases
+from vibrosweep.kernels.impact import Batch, base_of, impact, launch
 from vibrosweep.scene import PARAMETERS, Dimensionless, Launches, dimensionless, launches
 
 REPORT = Path(__file__).parents[1] / "docs" / "accuracy.md"
-LAWS = {"rest": None, "reflect": 1}
 ULP = 2.0**-53  # spacing of doubles in [1/2, 1): one ulp of a turn
 
 
 @njit(error_model="numpy", nogil=True)
-def orbit(problem, start, i, reflect, capacity):
+def orbit(batch, i, capacity):
     """Landings of realization i: count from the end, phase, flight that follows, rested.
 
     The flight is infinite where none follows.  The last entry is the landing after the end unless
     the capacity or a rest for good came first: the second value counts the landings inside.
     """
-    e, a, r = problem.restitution[i], problem.kick[i], problem.rest_flight[i]
-    wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
+    problem = batch.problem
+    fixed = bases.scene(batch.base, problem, i)
     found = np.empty((capacity, 4))
-    n, x = launch(problem, start, i, 0)
+    n, x = launch(batch.launches, i, 0, problem.phase[i])
     n -= problem.end_count[i]
     u = problem.launch_flight[i]
     for k in range(capacity):
-        x, passed = land(x, u)
-        n += passed
-        w = rebound(x, u, e, a, reflect)
-        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = n, x, np.inf, 1.0
-        if not n <= problem.end_phase[i] - x:
+        hit = impact(fixed, n, x, u)
+        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = hit.n, hit.x, np.inf, 1.0
+        if not hit.n <= problem.end_phase[i] - hit.x:
             return found[: k + 1], k
-        n, x, u, leaves = lift_off(n, x, w, r, problem.liftoff_phase[i], wait, u_lift)
+        n, x, u = hit.n_off, hit.x_off, hit.u
         if n == np.inf:
             return found[: k + 1], k + 1
-        found[k, 2], found[k, 3] = u, 0.0 if leaves else 1.0
+        found[k, 2], found[k, 3] = u, 0.0 if hit.leaves else 1.0
     return found, capacity
 
 
@@ -51,7 +49,7 @@ def arrays_of(scene: Mapping[str, float]) -> dict[str, np.ndarray]:
     return {name: np.array([float(scene[name])]) for name in PARAMETERS}
 
 
-def problem_of(scenes: Sequence[Mapping[str, float]]) -> tuple[Dimensionless, Launches]:
+def batch_of(scenes: Sequence[Mapping[str, float]], law: str) -> Batch:
     """Scenes, each with its own launch_time and duration, as one batch of single particles."""
     parts, starts = [], []
     for scene in scenes:
@@ -59,7 +57,16 @@ def problem_of(scenes: Sequence[Mapping[str, float]]) -> tuple[Dimensionless, La
         parts.append(dimensionless(given, scene["duration"], scene.get("transient", -np.inf)))
         starts.append(launches((scene["launch_time"],), 1, given["frequency"]))
     problem = Dimensionless(*(np.concatenate(field) for field in zip(*parts, strict=True)))
-    return problem, Launches(*(np.concatenate(field) for field in zip(*starts, strict=True)))
+    start = Launches(*(np.concatenate(field) for field in zip(*starts, strict=True)))
+    return Batch(base_of(law), problem, start)
+
+
+def bare_problem(e: np.ndarray, a: np.ndarray) -> Dimensionless:
+    """Realizations of these restitutions and kicks; all else is of no interest."""
+    given = {name: np.full(e.shape, p.default) for name, p in PARAMETERS.items()}
+    # gravity 2 and frequency 1: an amplitude is its kick
+    given |= {"restitution": e, "amplitude": a, "gravity": np.full(e.shape, 2.0)}
+    return dimensionless(given, 0.0)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -7,9 +7,12 @@ import math
 import numpy as np
 from numba import njit
 
-from vibrosweep.kernels.impact import land, rebound
+from vibrosweep.kernels.bases import fly, rebound
+from vibrosweep.kernels.bases.high_bounce import Scene
+from vibrosweep.kernels.impact import base_of, land
 from vibrosweep.kernels.sine import sin_turns
 
+BASE = base_of("rest")
 LANES = 256
 STRIDE = LANES + 24
 X, U, E, A = 0, STRIDE, 2 * STRIDE, 3 * STRIDE
@@ -58,8 +61,10 @@ def bare_map(s, repetitions):
     """The map without rests, windows and statistics."""
     for _ in range(repetitions):
         for j in range(LANES):
-            x, _ = land(s[X + j], s[U + j])
-            s[U + j] = rebound(x, s[U + j], s[E + j], s[A + j], None)
+            fixed = Scene(BASE, s[E + j], s[A + j], 0.0, 0.0, 0.0, 0.0)
+            flight, v = fly(fixed, s[X + j], s[U + j])
+            x, _ = land(s[X + j], flight)
+            s[U + j] = rebound(fixed, x, v)
             s[X + j] = x
 
 

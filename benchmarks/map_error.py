@@ -23,9 +23,11 @@ import numpy as np
 from flint import arb, ctx
 from numba import njit
 
-from accuracy import provenance, table, write_section
-from vibrosweep.kernels.impact import land, rebound
+from accuracy import bare_problem, provenance, table, write_section
+from vibrosweep.kernels.bases import fly, rebound, scene
+from vibrosweep.kernels.impact import base_of, land
 
+BASE = base_of("rest")
 BITS = 192
 BESIDE = 1e-4  # turns
 TURN_HALF_ULP = 2.0**-54  # largest rounding of a landing phase
@@ -33,25 +35,36 @@ SINE_ERROR = 3.5 * 2.0**-53
 
 
 @njit(error_model="numpy")
-def step_all(x, u, e, a):
-    """Phase, whole periods and w after one impact of each state."""
-    found = np.empty((x.size, 3))
-    for i in range(x.size):
-        found[i, 0], found[i, 1] = land(x[i], u[i])
-        found[i, 2] = rebound(found[i, 0], u[i], e[i], a[i], None)
-    return found
+def step(fixed, x, u):
+    """Phase, whole periods and w after one impact."""
+    flight, v = fly(fixed, x, u)
+    phase, passed = land(x, flight)
+    return phase, passed, rebound(fixed, phase, v)
 
 
 @njit(error_model="numpy")
-def visited(x, e, a, impacts):
+def _step_all(base, problem, x, u):
+    found = np.empty((x.size, 3))
+    for i in range(x.size):
+        found[i, 0], found[i, 1], found[i, 2] = step(scene(base, problem, i), x[i], u[i])
+    return found
+
+
+def step_all(x, u, e, a):
+    """Phase, whole periods and w after one impact of each state."""
+    return _step_all(BASE, bare_problem(e, a), x, u)
+
+
+@njit(error_model="numpy")
+def visited(base, problem, x, impacts):
     """States before each impact of orbits that start with flight 1; a rest ends as a bounce."""
     found = np.empty((x.size, impacts, 2))
     for i in range(x.size):
         phase, flight = x[i], 1.0
         for k in range(impacts):
             found[i, k, 0], found[i, k, 1] = phase, flight
-            phase, _ = land(phase, flight)
-            flight = abs(rebound(phase, flight, e[i], a[i], None))
+            phase, _, flight = step(scene(base, problem, i), phase, flight)
+            flight = abs(flight)
     return found
 
 
@@ -60,7 +73,8 @@ def orbit_states(states: int, rng: np.random.Generator) -> list[np.ndarray]:
     impacts = 50
     size = -(-states // impacts)
     e, a = rng.uniform(0.80, 0.98, size), rng.uniform(0.2, 3.5, size) * 2.0 / 9.81
-    found = visited(rng.uniform(-0.5, 0.5, size), e, a, impacts).reshape(-1, 2)[:states]
+    found = visited(BASE, bare_problem(e, a), rng.uniform(-0.5, 0.5, size), impacts)
+    found = found.reshape(-1, 2)[:states]
     parameters = [np.repeat(v, impacts)[:states] for v in (e, a)]
     return [np.ascontiguousarray(found[:, 0]), np.ascontiguousarray(found[:, 1]), *parameters]
 
@@ -132,11 +146,11 @@ def step_rows(given: list[np.ndarray]) -> list[list[str]]:
 
 
 @njit(error_model="numpy")
-def iterate(x, u, e, a, impacts):
+def iterate(base, problem, x, u, impacts):
     """The kernel's map; returns phase and flight after so many impacts."""
+    fixed = scene(base, problem, 0)
     for _ in range(impacts):
-        x, _ = land(x, u)
-        u = rebound(x, u, e, a, None)
+        x, _, u = step(fixed, x, u)
     return x, u
 
 
@@ -207,9 +221,10 @@ def locked_row(k: int, e: float, a: float, impacts: int) -> tuple[list[str], flo
     with ctx.workprec(BITS):
         orbit = locked(k, e, a)
         start, flight = float(orbit.x), float(k)
+        problem = bare_problem(np.array([e]), np.array([a]))
         ends = (
-            iterate(start, flight, e, a, impacts)[0],
-            iterate(start + BESIDE, flight, e, a, impacts)[0],
+            iterate(BASE, problem, start, flight, impacts)[0],
+            iterate(BASE, problem, start + BESIDE, flight, impacts)[0],
             iterate_naive(start, flight, e, a, impacts)[0],
         )
         error, beside, naive = (distance(end, orbit) for end in ends)

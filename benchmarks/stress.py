@@ -18,9 +18,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from accuracy import LAWS, provenance, table, write_section
+from accuracy import provenance, table, write_section
 from stress_checks import Case, Findings, examine
 from stress_exact import EXACT
+from vibrosweep.scene import LAWS
 from vibrosweep.sweep.workers import Workers
 
 RESTITUTION = (0.0, 1e-12, 0.5, 1.0 - 1e-12, 1.0)

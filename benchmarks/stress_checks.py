@@ -9,10 +9,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from flint import arb, ctx
 
-from accuracy import LAWS, ULP, arrays_of, orbit, problem_of
+from accuracy import ULP, arrays_of, batch_of, orbit
 from trust_check import compare, kernel_jobs
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.impact import launch as launch_state
+from vibrosweep.kernels.advance import LOOK_AFTER
+from vibrosweep.kernels.impact import launch
 from vibrosweep.status import Status
 from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.landings import record_landings
@@ -22,7 +23,6 @@ from vibrosweep.sweep.workers import Workers
 BITS = 256
 CAPACITY = 24  # landings of the first particle that are compared with the proved reference
 TINY = 1e-300  # below, doubles lose digits
-CHECK = 8  # impacts between two looks at the budget
 
 
 @dataclass
@@ -97,7 +97,7 @@ def rounding(case: Case) -> float:
 def check_record(case: Case, record: dict[str, np.ndarray]) -> Iterator[str]:
     """Faults of the landings of one particle."""
     count, status = int(record["impact_count"]), int(record["status"])
-    if count > case.budget + CHECK:
+    if count > case.budget + LOOK_AFTER:
         yield f"{count} landings exceed the budget of {case.budget}"
     if status == Status.NON_FINITE:
         return
@@ -164,15 +164,16 @@ def check_measures(
 
 
 def lifts_never(case: Case) -> bool:
-    problem, _ = problem_of([case.single])
+    problem = batch_of([case.single], case.law).problem
     return bool(problem.kick[0] <= problem.rest_flight[0])
 
 
 def check_steps(case: Case, found: Findings) -> None:
     """Error of each single step of the first particle, from the kernel's own state before it."""
-    problem, start = problem_of([case.single])
-    landings, inside = orbit(problem, start, 0, LAWS[case.law], CAPACITY)
-    n, x = launch_state(problem, start, 0, 0)
+    batch = batch_of([case.single], case.law)
+    problem = batch.problem
+    landings, inside = orbit(batch, 0, CAPACITY)
+    n, x = launch(batch.launches, 0, 0, problem.phase[0])
     n -= problem.end_count[0]
     u, e, a = problem.launch_flight[0], problem.restitution[0], problem.kick[0]
     with ctx.workprec(BITS):

@@ -14,8 +14,10 @@ from fractions import Fraction
 import numpy as np
 from flint import arb, ctx
 
-from accuracy import LAWS, ULP, orbit, problem_of
-from vibrosweep.kernels.impact import land, rebound
+from accuracy import ULP, bare_problem, batch_of, orbit
+from vibrosweep.kernels.bases import rebound
+from vibrosweep.kernels.bases import scene as scene_of
+from vibrosweep.kernels.impact import base_of, land
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.status import Status
@@ -45,8 +47,7 @@ def dyadic_scene(rng: np.random.Generator) -> dict[str, float]:
 
 
 def orbit_of(scene: dict[str, float], law: str) -> tuple[np.ndarray, int]:
-    problem, start = problem_of([scene])
-    found, inside = orbit(problem, start, 0, LAWS[law], CAPACITY)
+    found, inside = orbit(batch_of([scene], law), 0, CAPACITY)
     return found, inside
 
 
@@ -100,9 +101,8 @@ def scaled(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
 
 
 def bound_of(scene: dict[str, float], law: str) -> float:
-    problem, start = problem_of([scene])
     out = empty_trust(1)
-    trust(0, 1, problem, start, np.array([np.inf]), 100_000, LAWS[law], out)
+    trust(0, 1, batch_of([scene], law), np.array([np.inf]), 100_000, out)
     return float(out.landing_error[0])
 
 
@@ -156,7 +156,8 @@ def fold_points(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
             for _ in range(max(1, cases // len(phases))):
                 e, a, whole = rng.uniform(), 10.0 ** rng.uniform(-3.0, 3.0), float(rng.integers(4))
                 x, passed = land(phase, whole)
-                w = rebound(x, whole, e, a, LAWS[law])
+                problem = bare_problem(np.array([e]), np.array([a]))
+                w = rebound(scene_of(base_of(law), problem, 0), x, whole)
                 tried += 1
                 if (x, passed) != (phase, whole):
                     faults.append(f"phase {phase!r} becomes {x!r}")

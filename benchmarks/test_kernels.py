@@ -11,7 +11,8 @@ from numba import njit
 
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
 from methods.sweeps import paper_parameters
-from vibrosweep.kernels.advance import advance
+from vibrosweep.kernels.advance import Options, advance
+from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.lanes import scratch
 from vibrosweep.kernels.statistics import empty_statistics
 from vibrosweep.scene import dimensionless, launches
@@ -73,7 +74,8 @@ def test_speed_does_not_depend_on_the_place_in_memory():
     """Rows that meet in the cache would make the kernel slow at some places of its memory."""
     trajectories, places, page = 10_000, 200, 4096 // 8
     problem, launch, observation = scene(trajectories // 20, 20, 12.0)
-    options = problem, launch, observation.impact_budget, None, None
+    batch = Batch(base_of(observation.rebound), problem, launch)
+    options = Options(observation.budget)
     out = empty_statistics(trajectories)
     size = scratch().size
     memory = np.zeros(size + (places + 1) * page)
@@ -83,8 +85,8 @@ def test_speed_does_not_depend_on_the_place_in_memory():
         room = memory[start + place * page :][:size]
         room[:] = 0.0
         begin = time.perf_counter()
-        left = advance(0, trajectories, 0, *options, room, out, None, None, 0.0, 0, 1, None)
-        advance(0, 0, left, *options, room, out, None, None, 0.0, 0, 1, None)
+        left = advance((0, trajectories, 0), batch, options, None, room, out, None, None)
+        advance((0, 0, left), batch, options, None, room, out, None, None)
         fastest[place] = min(fastest[place], time.perf_counter() - begin)
     slow = np.mean(fastest > 1.2 * fastest.min())
     mean = fastest.mean() / fastest.min()
@@ -107,9 +109,10 @@ def test_bare_map_against_the_sine_alone(race):
 
 def test_hot_loop_uses_whole_vector_registers():
     """The inner loop holds fused multiply-adds on the widest registers and calls nothing."""
-    problem, launch, _ = scene(1, 8, 12.0)
+    problem, launch, observation = scene(1, 8, 12.0)
+    batch = Batch(base_of(observation.rebound), problem, launch)
     fresh = njit(nogil=True, error_model="numpy")(advance.py_func)
-    fresh(0, 8, 0, problem, launch, 100, None, None, scratch(), empty_statistics(8))
+    fresh((0, 8, 0), batch, Options(102), None, scratch(), empty_statistics(8), None, None)
     (assembly,) = fresh.inspect_asm().values()
     blocks = re.split(r"^\.LBB\w+:", assembly, flags=re.MULTILINE)
     hot = max(blocks, key=lambda block: len(re.findall(r"vfn?m(?:add|sub)\w+pd", block)))

@@ -16,9 +16,10 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from accuracy import LAWS, orbit, problem_of, provenance, table, write_section
+from accuracy import batch_of, orbit, provenance, table, write_section
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.reference import ball
+from vibrosweep.scene import LAWS
 from vibrosweep.status import Status
 
 CAPACITY = 2000  # landings of one trajectory that are compared
@@ -88,16 +89,19 @@ def kernel_jobs(
     scenes: list[dict[str, float]], law: str, capacity: int = CAPACITY, budget: int = BUDGET
 ) -> list[Job]:
     """Orbits of all scenes, up to a capacity, and their bounds."""
-    problem, start = problem_of(scenes)
+    batch = batch_of(scenes, law)
+    problem, start = batch.problem, batch.launches
     size, asked = len(scenes), TOLERANCES.size
-    repeated = type(problem)(*(np.repeat(values, asked) for values in problem))
-    starts = type(start)(*(np.repeat(values, asked, axis=0) for values in start))
+    repeated = batch._replace(
+        problem=problem._make(np.repeat(values, asked) for values in problem),
+        launches=start._make(np.repeat(values, asked, axis=0) for values in start),
+    )
     out = empty_trust(size * asked)
-    trust(0, size * asked, repeated, starts, np.tile(TOLERANCES, size), budget, LAWS[law], out)
+    trust(0, size * asked, repeated, np.tile(TOLERANCES, size), budget, out)
     until = out.until.reshape(size, asked)
     jobs = []
     for i, scene in enumerate(scenes):
-        found, inside = orbit(problem, start, i, LAWS[law], capacity)
+        found, inside = orbit(batch, i, capacity)
         found = found[:inside]
         times = (found[:, 0] + problem.end_count[i]) + (found[:, 1] - problem.phase[i])
         prefixes = [

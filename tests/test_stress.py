@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 pytest.importorskip("flint")
 
-from accuracy import LAWS
 from map_error import LOCKED, box_states, locked_row, orbit_states, step_all, step_errors
 from sine_error import check_scheme, families, prove, sample, worst_of
 from stress import FAMILIES
@@ -15,12 +14,14 @@ from stress_checks import Case, examine
 from stress_exact import EXACT
 from trust_check import compare, draw, kernel_jobs
 from vibrosweep import theory
-from vibrosweep.kernels import trust
+from vibrosweep.kernels.rounding import HALF_ULP
+from vibrosweep.kernels.sine import SINE_ERROR
+from vibrosweep.scene import LAWS
 from vibrosweep.status import Status
 from vibrosweep.sweep.engine import measure
 from vibrosweep.sweep.workers import Workers
 
-LAW = st.sampled_from(list(LAWS))
+LAW = st.sampled_from(LAWS)
 
 
 def exactly(*values, low, high):
@@ -124,7 +125,7 @@ def test_error_bounds_over_the_whole_range(law):
 def test_the_bound_of_the_sine_is_proved_and_holds():
     check_scheme()
     proved = prove(parts=16)
-    assert proved.relative * trust.HALF_ULP <= trust.SINE_ERROR
+    assert proved.relative * HALF_ULP <= SINE_ERROR
     found = worst_of([sample(phases) for phases in families(20_000, 7).values()])
     assert found.absolute <= proved.absolute
     assert found.ulp <= proved.ulp

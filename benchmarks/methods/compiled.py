@@ -13,7 +13,8 @@ from methods.scenes import Point, Scene, table
 from methods.sweeps import Sweep
 from methods.timing import BUDGET, timed
 from methods.truth import Orbit, worst
-from vibrosweep.kernels.impact import land, launch, lift_off, rebound
+from vibrosweep.kernels import bases
+from vibrosweep.kernels.impact import Batch, base_of, impact, launch
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
 from vibrosweep.reference.rk4 import rk4
 from vibrosweep.scene import dimensionless, launches
@@ -66,27 +67,24 @@ def every_landing(scene: Scene, launch_times: np.ndarray, workers: Workers) -> d
 
 
 @njit(nogil=True, error_model="numpy")
-def _phases(problem, lanes, reflect, counts, phases):
+def _phases(batch, counts, phases):
     """The orbit of `kernels.record` before it is rounded to one time: whole periods and phase."""
-    e, a, r = problem.restitution[0], problem.kick[0], problem.rest_flight[0]
-    x_lift = problem.liftoff_phase[0]
-    wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
+    problem = batch.problem
+    fixed = bases.scene(batch.base, problem, 0)
     for p in range(counts.shape[0]):
-        n, x = launch(problem, lanes, 0, p)
+        n, x = launch(batch.launches, 0, p, problem.phase[0])
         u = problem.launch_flight[0]
         for k in range(counts.shape[1]):
-            x, passed = land(x, u)
-            n += passed
-            counts[p, k], phases[p, k] = n, x
-            w = rebound(x, u, e, a, reflect)
-            n, x, u, _ = lift_off(n, x, w, r, x_lift, wait, u_lift)
+            hit = impact(fixed, n, x, u)
+            counts[p, k], phases[p, k] = hit.n, hit.x
+            n, x, u = hit.n_off, hit.x_off, hit.u
 
 
 def kernel_phases(scene: Scene, impacts: int) -> tuple[np.ndarray, np.ndarray]:
     """Whole periods and phases of the sample's landings; shape (trajectory, impact)."""
-    problem, lanes = _problem(scene, scene.sample)
+    batch = Batch(base_of(scene.rebound), *_problem(scene, scene.sample))
     counts, phases = np.empty((2, scene.proved, impacts))
-    _phases(problem, lanes, scene.reflect, counts, phases)
+    _phases(batch, counts, phases)
     return counts, phases
 
 

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from vibrosweep.kernels.impact import land, lift_off, rebound
+from vibrosweep.kernels.bases import after_rest, lift_off, rebound
+from vibrosweep.kernels.impact import impact, land
 from vibrosweep.reference.ball import step
 
 STATES = 12_000
@@ -14,7 +15,7 @@ SINE_ERROR = 2.4e-16  # see test_sine.py
 
 
 @pytest.fixture(scope="module")
-def impacts():
+def impacts(scene_of):
     """Random states, what the kernel makes of them, and proved balls."""
     rng = np.random.default_rng(11)
     e = rng.choice([0.0, 1.0, 0.9], STATES)
@@ -26,9 +27,10 @@ def impacts():
     u[::7] = rng.integers(0, 9, u[::7].size) / 4.0
     rows = []
     for state in np.stack([e, a, x, u], axis=1).tolist():
-        phase, count = land(state[2], state[3])
-        w = rebound(phase, state[3], state[0], state[1], None)
-        rows.append((state, (phase, count, w), step(*state, bits=128)))
+        fixed = scene_of("rest", *state[:2])
+        hit = impact(fixed, 0.0, *state[2:])
+        w = rebound(fixed, hit.x, hit.v)
+        rows.append((state, (hit.x, hit.n, w), step(*state, bits=128)))
     return rows
 
 
@@ -50,21 +52,22 @@ def test_a_rebound_is_rounded_as_its_terms_are(impacts):
         assert abs(w - e * u) <= a * (1.0 + 2.0**-50) + HALF_ULP * (abs(w) + e * u) * 2.0
 
 
-def test_reflect_turns_a_particle_back(impacts):
+def test_reflect_turns_a_particle_back(impacts, scene_of):
     for (e, a, _, u), (phase, _, w), _ in impacts[:2000]:
-        assert rebound(phase, u, e, a, 1) == abs(w)
+        assert rebound(scene_of("reflect", e, a), phase, u) == abs(w)
 
 
-def test_the_determinant_of_an_impact_is_the_restitution(impacts):
+def test_the_determinant_of_an_impact_is_the_restitution(impacts, scene_of):
     h = 2.0**-18
     for (e, a, x, u), _, _ in impacts:
         if u > 100.0 or a > 10.0:
             continue
+        fixed = scene_of("rest", e, a)
 
-        def image(dx, du, e=e, a=a, x=x, u=u):
+        def image(dx, du, fixed=fixed, x=x, u=u):
             # the phase may leave the reduced interval by h: the map does not mind
-            phase, count = land(x + dx, u + du)
-            return phase + count, rebound(phase, u + du, e, a, None)
+            hit = impact(fixed, 0.0, x + dx, u + du)
+            return hit.x + hit.n, rebound(fixed, hit.x, hit.v)
 
         right, left, up, down = image(h, 0.0), image(-h, 0.0), image(0.0, h), image(0.0, -h)
         by_x = [(p - q) / (2 * h) for p, q in zip(right, left, strict=True)]
@@ -75,23 +78,31 @@ def test_the_determinant_of_an_impact_is_the_restitution(impacts):
         assert determinant == pytest.approx(e, rel=0, abs=1e-15 * (u + 10 * a + 1) / h)
 
 
+@pytest.fixture
+def resting(scene_of):
+    """A scene with a threshold of rest of 0.1, which the kick passes at a phase of 0.05."""
+    fixed = scene_of("rest", 0.9, 0.1 / math.sin(0.1 * math.pi), 0.1)
+    assert after_rest(fixed) == (pytest.approx(0.05), 0.1)
+    return fixed
+
+
 @pytest.mark.parametrize("x", [-0.5, -0.2, 0.0, 0.1])
-def test_a_particle_above_the_threshold_leaves_at_once(x):
-    w, r = 0.1, np.nextafter(0.1, 0.0)
-    assert lift_off(7.0, x, w, r, 0.05, 0.0, r) == (7.0, x, w, True)
+def test_a_particle_above_the_threshold_leaves_at_once(x, resting):
+    w = float(np.nextafter(0.1, 1.0))
+    assert lift_off(resting, 7.0, x, w) == (7.0, x, w, True)
 
 
-@pytest.mark.parametrize(
-    ("x", "later"), [(-0.5, 0), (-0.2, 0), (0.05, 0), (np.nextafter(0.05, 1.0), 1), (0.5, 1)]
-)
-def test_a_rest_ends_at_the_next_rise_of_the_kick(x, later):
-    # w = r rests
-    assert lift_off(7.0, x, 0.1, 0.1, 0.05, 0.0, 0.1) == (7.0 + later, 0.05, 0.1, False)
-    assert lift_off(7.0, x, -3.0, 0.1, 0.05, 0.0, 0.1) == (7.0 + later, 0.05, 0.1, False)
+def test_a_rest_ends_at_the_next_rise_of_the_kick(resting):
+    rise, _ = after_rest(resting)
+    behind = float(np.nextafter(rise, 1.0))
+    for x, later in ((-0.5, 0), (-0.2, 0), (rise, 0), (behind, 1), (0.5, 1)):
+        for w in (0.1, -3.0):  # w = r rests
+            assert lift_off(resting, 7.0, x, w) == (7.0 + later, rise, 0.1, False)
 
 
-def test_without_excitation_a_rest_never_ends():
-    assert lift_off(7.0, -0.2, 0.0, 0.1, 0.0, math.inf, 0.0) == (math.inf, 0.0, 0.0, False)
+def test_without_excitation_a_rest_never_ends(scene_of):
+    still = scene_of("rest", 0.9, 0.0, 0.1)
+    assert lift_off(still, 7.0, -0.2, 0.0) == (math.inf, 0.0, 0.0, False)
 
 
 def test_whole_periods_do_not_change_a_landing():

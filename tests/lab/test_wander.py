@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.sine import sin_turns
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.wander import phase_walk, wandering_record
@@ -18,9 +19,9 @@ def landings(parameters, walk, particles=4, duration=5.0, **scene):
     values = {**LABORATORY, **scene}
     given = {name: np.broadcast_to(value, particles) for name, value in values.items()}
     sets = parameters(**given)
-    problem = dimensionless(sets, duration)
     start = launches("staggered", particles, sets["frequency"][:1])
-    return wandering_record(problem, start, walk, values["frequency"], values["gravity"], None)
+    batch = Batch(base_of("rest"), dimensionless(sets, duration), start)
+    return wandering_record(batch, walk, values["frequency"], values["gravity"])
 
 
 @pytest.mark.parametrize("amplitude", [0.02, 0.06, 0.12])
@@ -79,13 +80,15 @@ def test_plain_python_gives_the_same_bits(parameters, tmp_path):
     plain = """
 import sys
 import numpy as np
+from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.lab.wander import wandering_record
 from vibrosweep.scene import dimensionless, launches
 given = dict(np.load(sys.argv[1] + "/given.npz"))
 walk = given.pop("walk")
 start = launches("staggered", 2, given["frequency"][:1])
 frequency, gravity = float(given["frequency"][0]), float(given["gravity"][0])
-record = wandering_record(dimensionless(given, 0.5), start, walk, frequency, gravity, None)
+batch = Batch(base_of("rest"), dimensionless(given, 0.5), start)
+record = wandering_record(batch, walk, frequency, gravity)
 for name, values in np.load(sys.argv[1] + "/found.npz").items():
     np.testing.assert_array_equal(getattr(record, name), values)
 """

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vibrosweep.kernels._jit import _fma_exact
-from vibrosweep.kernels.advance import CHECK
+from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.status import Status
 from vibrosweep.sweep import following
 from vibrosweep.sweep.engine import measure
@@ -97,9 +97,9 @@ def test_statistics_are_those_of_the_record_bit_for_bit(
                 assert np.isnan(measured["particle_flight_time_mean"][i, p])
                 continue
             total = squares = 0.0
-            for first in range(0, speed.size, CHECK):  # sums of sums
+            for first in range(0, speed.size, LOOK_AFTER):  # sums of sums
                 new = new_squares = 0.0
-                for u in speed[first : first + CHECK].tolist():
+                for u in speed[first : first + LOOK_AFTER].tolist():
                     new += u
                     new_squares = _fma_exact(u, u, new_squares)
                 total, squares = total + new, squares + new_squares
@@ -166,7 +166,7 @@ def test_a_spent_budget_is_reported_and_separations_are_not(parameters, observe,
     )
     measured = measure(scene, observe((0.0, 0.1), impact_budget=1000), workers)
     assert measured["status"].tolist() == [Status.BUDGET_EXCEEDED, Status.COMPLETED]
-    assert measured["impact_count"][0] == 2 * -(-1000 // CHECK) * CHECK
+    assert measured["impact_count"][0] == 2 * -(-1000 // LOOK_AFTER) * LOOK_AFTER
     assert measured["base_shared"].tolist() == [-1, 1]
     assert measured["collision_free"].tolist() == [-1, 0]
     assert np.isnan(measured["dt_min"]).tolist() == [True, False]

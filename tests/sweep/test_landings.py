@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from vibrosweep import simulate, theory
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.advance import CHECK
+from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.status import Status
 from vibrosweep.sweep import landings
 
@@ -293,14 +293,14 @@ def test_a_budget_ends_what_would_not_end(budget):
         launch_time=[0.0, 100.0],
         impact_budget=budget,
     )
-    given_up = -(-budget // CHECK) * CHECK
+    given_up = -(-budget // LOOK_AFTER) * LOOK_AFTER
     assert found.status.values.tolist() == [[Status.BUDGET_EXCEEDED, Status.COMPLETED]]
     assert found.impact_count.values.tolist() == [[given_up, 0]]
     assert found.sizes["impact"] == given_up
 
 
 def test_a_spent_budget_is_no_fault_where_nothing_else_lands():
-    budget = 2 * CHECK  # impacts, one each second
+    budget = 2 * LOOK_AFTER  # impacts, one each second
     scene = {"restitution": 1.0, "amplitude": 0.0, "launch_velocity": 1.0, "impact_budget": budget}
     for late, status in ((0.5, Status.COMPLETED), (1.0, Status.BUDGET_EXCEEDED)):
         found = simulate(duration=budget + late, **scene, **DYADIC)

@@ -120,13 +120,19 @@ def question(declared: F) -> F:
     compiled, others when they call.
     """
 
+    def answer_of(kind: type) -> Any:
+        try:
+            return _answers[ask][kind]
+        except KeyError:
+            raise TypeError(f"{declared.__name__} has no answer for {kind.__name__}") from None
+
     @functools.wraps(declared)
     def ask(first: Any, *others: Any) -> Any:
-        return _answers[ask][type(first)](first, *others)
+        return answer_of(type(first))(first, *others)
 
     @overload(ask)
     def choose(first: Any, *others: Any) -> Any:
-        code = _answers[ask][first.instance_class]
+        code = answer_of(getattr(first, "instance_class", type(first)))
 
         def compiled(first: Any, *others: Any) -> Any:
             return code(first, *others)

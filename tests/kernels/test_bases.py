@@ -1,0 +1,175 @@
+"""What each base and law answers, against exact arithmetic and its own declarations."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from flint import arb, ctx
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from vibrosweep.kernels import bases
+from vibrosweep.kernels._jit import jit
+from vibrosweep.kernels.impact import base_of, impact
+from vibrosweep.kernels.lanes import LANES, ROW, STRIDE, scratch
+from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
+from vibrosweep.kernels.sine import COSINE_ERROR
+from vibrosweep.reference.ball import step
+from vibrosweep.scene import LAWS
+
+BITS = 400
+TURN = 2.0 * math.pi
+
+laws = st.sampled_from(LAWS)
+restitutions = st.sampled_from([0.0, 1.0]) | st.floats(0.0, 1.0)
+kicks = st.just(0.0) | st.floats(1e-6, 10.0)
+phases = st.sampled_from([-0.5, -0.25, 0.0, 0.25, 0.5]) | st.floats(-0.5, 0.5)
+flights = st.floats(1e-6, 100.0)
+
+
+def exact_image(law, e, a, x, u):
+    """Instant and speed after an impact, as balls; arguments may be balls."""
+    phase, count, w = step(e, a, x, u, bits=BITS)
+    return phase + count, abs(w) if law == "reflect" else w
+
+
+@given(laws, restitutions, kicks, phases, flights)
+def test_the_jacobian_is_the_derivative_of_the_exact_map(scene_of, law, e, a, x, u):
+    fixed = scene_of(law, e, a)
+    hit = impact(fixed, 0.0, x, u)
+    w = float(step(e, a, x, u, bits=BITS)[2].mid())
+    assume(abs(w) > 1e-9)  # |w| has no derivative where w = 0
+    xx, xu, ux, uu, terms = bases.jacobian(fixed, hit.x, hit.v)
+    sign = -1.0 if law == "reflect" and w < 0.0 else 1.0
+    # the cosine's error, and its change by the rounding of the phase of the landing
+    allowed = ROUNDING * terms + TURN * a * (COSINE_ERROR + TURN * HALF_ULP)
+    with ctx.workprec(BITS):
+        h, x, u = arb(2) ** -100, arb(x), arb(u)  # h^2 is no error any more
+        by_phase = exact_image(law, e, a, x + h, u), exact_image(law, e, a, x - h, u)
+        by_speed = exact_image(law, e, a, x, u + h), exact_image(law, e, a, x, u - h)
+        for entries, (ahead, behind) in (((xx, ux), by_phase), ((xu, uu), by_speed)):
+            for entry, one, other in zip(entries, ahead, behind, strict=True):
+                assert float(abs((one - other) / (2 * h) - entry).abs_upper()) <= allowed
+    assert terms >= abs(xx) + abs(xu)
+    assert terms >= abs(ux) + abs(uu) - ROUNDING * terms
+    # uu - ux, of which the larger is rounded
+    assert abs(xx * uu - xu * ux - sign * e) <= 2.0 * HALF_ULP * terms
+    assert bases.contraction(fixed) == e
+    if e > 0.0:  # else nothing is left to be reversed
+        assert bases.turns_back(fixed, hit.x, hit.v) == sign
+
+
+@given(
+    laws,
+    st.lists(
+        st.tuples(restitutions, kicks, st.floats(1e-9, 1.0), phases, flights),
+        min_size=1,
+        max_size=LANES,
+    ),
+)
+def test_scenes_in_scratch_memory_are_taken_back(scene_of, law, given_scenes):
+    memory = scratch()
+    scenes = [scene_of(law, e, a, r) for e, a, r, _, _ in given_scenes]
+    for j, fixed in enumerate(scenes):
+        bases.put(fixed, memory, j)
+    for j, (fixed, (_, a, r, x, u)) in enumerate(zip(scenes, given_scenes, strict=True)):
+        taken = bases.take(base_of(law), memory, j)
+        w = bases.rebound(fixed, x, u)
+        assert bases.rebound(taken, x, u) == w
+        left, then = (bases.lift_off(one, 7.0, x, w) for one in (fixed, taken))
+        if left[0] < np.inf:
+            assert then == left
+        else:  # a rest for good leaves no phase
+            assert math.isnan(then[1])
+            assert then[2:] == left[2:]
+        if a > r:
+            assert taken == fixed
+    assert not memory[ROW.X_END :].any()
+    rows = memory[: ROW.X_END].reshape(-1, STRIDE)
+    assert not rows[:, len(scenes) :].any()
+
+
+SAME_BITS = """
+import json
+import numpy as np
+from vibrosweep.kernels import bases
+from vibrosweep.kernels._jit import jit
+from vibrosweep.kernels.impact import base_of
+from vibrosweep.kernels.lanes import scratch
+from vibrosweep.scene import LAWS, PARAMETERS, dimensionless
+
+@jit
+def ask_all(base, problem, i, x, u, s):
+    fixed = bases.scene(base, problem, i)
+    bases.put(fixed, s, i)
+    taken = bases.take(base, s, i)
+    flight, v = bases.fly(fixed, x, u)
+    w = bases.rebound(fixed, x, v)
+    return (
+        (flight, v, w, bases.turns_back(fixed, x, v), bases.contraction(fixed)),
+        bases.lift_off(fixed, 7.0, x, w),
+        bases.lift_off(taken, 7.0, x, w),
+        bases.lift_off(fixed, 7.0, x, -1.0),
+        bases.after_rest(fixed),
+        bases.jacobian(fixed, x, v),
+        bases.landing_rounding(fixed, x, u),
+        bases.rebound_error(fixed, x, v, 1e-16, 1e-9),
+        bases.rest_is_doubtful(fixed, w, 0.1),
+        bases.liftoff_error(fixed),
+    )
+
+rng = np.random.default_rng(5)
+size = 40
+given = {name: np.full(size, p.default) for name, p in PARAMETERS.items()}
+given["restitution"] = rng.choice([0.0, 1.0, 0.3, 0.9], size)
+given["amplitude"] = rng.choice([0.0, 1e-3, 1.2, 4.0], size) * rng.uniform(0.5, 1.0, size)
+given["contact_time"] = 10.0 ** rng.uniform(-9.0, -0.5, size)
+problem, states = dimensionless(given, 1.0), rng.uniform((-0.5, 0.0), (0.5, 3.0), (size, 2))
+ways = {getattr(ask_all, "py_func", ask_all), ask_all}  # asked one by one, and inlined
+for law in LAWS:
+    for ask in ways:
+        room = scratch()
+        found = [ask(base_of(law), problem, i, *states[i].tolist(), room) for i in range(size)]
+        numbers = [np.concatenate([np.ravel(part) for part in row]).tolist() for row in found]
+        print(json.dumps([law, numbers, room.tolist()]))
+"""
+
+
+def test_every_question_has_the_same_bits_compiled_and_as_plain_python():
+    compiled, plain = (
+        subprocess.run(
+            [sys.executable, "-c", SAME_BITS],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_DISABLE_JIT": off},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.splitlines()
+        for off in ("0", "1")
+    )
+    assert [json.loads(line)[0] for line in plain] == list(LAWS)
+    asked = {name for name in bases.__all__ if name.islower()}
+    assert all(f"bases.{name}(" in SAME_BITS for name in asked)
+    assert sorted(compiled) == sorted(2 * plain)
+
+
+class Unknown(NamedTuple):
+    """A scene of a base that there is not."""
+
+    e: float
+
+
+@jit
+def fly_compiled(fixed, x, u):
+    return bases.fly(fixed, x, u)
+
+
+@pytest.mark.parametrize("ask", [bases.fly, fly_compiled])
+@pytest.mark.parametrize("wrong", [Unknown(0.9), 0.9])
+def test_a_base_that_is_unknown_is_named(ask, wrong):
+    with pytest.raises(TypeError, match=r"fly has no answer for (Unknown|[Ff]loat)"):
+        ask(wrong, 0.1, 1.0)
