@@ -124,7 +124,7 @@ def test_what_is_not_the_same_sweep(sweep, output, tmp_path):
     run_sweep(sweep(32), output, threads=1)
     with pytest.raises(RunError, match=r"another sweep or version:\n  sample.design: was uniform"):
         retry_failed(sweep(64, "sobol"), output, threads=1)
-    with pytest.raises(RunError, match="raise it with --impact-budget"):
+    with pytest.raises(RunError, match="raise it with impact_budget="):
         retry_failed(sweep(8), output, threads=1)
     with xr.load_dataset(output) as result:
         del result.attrs["identity"]
