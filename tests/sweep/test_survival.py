@@ -5,6 +5,7 @@ import os
 import resource
 import shutil
 from contextlib import contextmanager
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.rundir import holding, run_directory
 from vibrosweep.sweep import chunks, identity, measuring, result
 from vibrosweep.sweep.run import run_sweep
+from vibrosweep.sweep.schema import MeasureTable
 from vibrosweep.sweep.spec import read_spec
 
 SWEEP = """title = "A sweep of a test"
@@ -435,3 +437,45 @@ def test_killed_while_the_parts_are_removed(sweep, expected, computed, tmp_path)
     assert computed == list(range(CHUNKS))  # parts without a manifest are nobody's
     assert read_manifest(run_directory(tmp_path / "out.h5")) is None
     assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+# columns
+
+
+def another(value):
+    """Another value of the type of a measure."""
+    return str(not value).lower() if isinstance(value, bool) else repr(type(value)(value + 1))
+
+
+@pytest.mark.parametrize("field", fields(MeasureTable), ids=lambda field: field.name)
+def test_a_resume_with_any_other_measure_is_refused(sweep, expected, tmp_path, field):
+    text = f"{field.name} = {another(field.default)}\n"
+    text = SWEEP.replace("separation = true\n", text if field.name != "separation" else "")
+    with unfinished(sweep):
+        before = parts(tmp_path)
+    with pytest.raises(RunError, match=f"\n  measure.{field.name}: was ") as caught:
+        sweep(text)
+    assert "programs" not in str(caught.value)
+    assert parts(tmp_path) == before
+    sweep()
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+@pytest.mark.parametrize("lost", ["dt_min", "restitution", "status"])
+@pytest.mark.parametrize("chunk", [2, None])
+def test_a_column_that_is_not_computed_is_never_filled(sweep, tmp_path, monkeypatch, lost, chunk):
+    """As a fault in the engine, or of the sweep that made some of the parts, would lose it."""
+
+    def batch(*arguments):
+        columns = original(*arguments)
+        calls.append(columns)
+        if len(calls) > 2:
+            del columns[lost]
+        return columns
+
+    calls, original = [], chunks._batch
+    monkeypatch.setattr(chunks, "_batch", batch)
+    monkeypatch.setattr(chunks, "TRAJECTORIES_PER_BATCH", 3)
+    with pytest.raises(RunError, match=r"other columns|failed twice|is not what the result"):
+        sweep(chunk=chunk)
+    assert not (tmp_path / "out.h5").exists()
