@@ -192,3 +192,24 @@ def test_a_picture_that_fails_after_its_dataset(command, spec, output, refused, 
     message = refused(command, spec(PICTURED[command]), "-o", output)
     assert f"{output}: is written and complete, but its picture failed: OverflowErr" in message
     assert xr.load_dataset(output).attrs["result"] == command
+
+
+def test_an_interrupted_picture(spec, output, capsys, monkeypatch):
+    def interrupt(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("vibrosweep.figures.registry.save", interrupt)
+    words = ["basins", str(spec(PICTURED["basins"])), "-o", str(output)]
+    assert main(words) == 130
+    assert f"{output} is written and complete" in capsys.readouterr().err
+    assert output.exists()
+
+
+@pytest.mark.parametrize("command", ["figures", "claims"])
+def test_a_directory_that_is_a_circle_of_links(command, spec, output, tmp_path, refused):
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    if command == "figures":
+        assert main(["run", str(spec()), "-o", str(output)]) == 0
+    words = [command, output] if command == "figures" else [command]
+    assert str(loop) in refused(*words, "-o", loop)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from vibrosweep.commands.arguments import positive, some
 from vibrosweep.commands.start import leave_linear_algebra_out
-from vibrosweep.errors import ExistingOutputError, OutputError, VibrosweepError
+from vibrosweep.errors import ExistingOutputError, Interruption, OutputError, VibrosweepError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,11 +95,17 @@ def drawing(written: Path | None) -> Iterator[None]:
 
     Raises
     ------
-    OutputError
-        The picture failed; the dataset did not.
+    OutputError, Interruption
+        The picture failed, or was interrupted; the dataset did not.
     """
     try:
         yield
+    except KeyboardInterrupt as error:
+        if written is None:
+            raise
+        raise Interruption(
+            f"interrupted; {written} is written and complete, but not its picture"
+        ) from error
     except Exception as error:  # drawing may fail in any way
         if written is None:
             raise
