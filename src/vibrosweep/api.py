@@ -13,12 +13,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.errors import DataError, ExistingOutputError, ParameterError
 from vibrosweep.scene import LAWS, PARAMETERS
 from vibrosweep.store.disk import check_output
+from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import replaces
 from vibrosweep.sweep.asked import record_observation
+from vibrosweep.sweep.finished import is_of, origin
 from vibrosweep.sweep.landings import record_landings
 from vibrosweep.sweep.result import DURATION, LAUNCH_TIME, coordinate_attributes
 from vibrosweep.sweep.run import available_threads, run_sweep
@@ -123,7 +125,8 @@ def run(
     spec
         Path of the sweep file (TOML).
     output
-        Path of the result; kept if it exists, unless `force`.
+        Path of the result.  One that exists is opened if it is that of this very sweep, and
+        otherwise kept, unless `force`.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     chunk
@@ -141,7 +144,14 @@ def run(
     """
     path = Path(output)
     checked = read_spec(spec)
-    check_output(path, force=force or replaces(path), inputs=(checked.source, checked.table))
+    if chunk is not None:
+        _require_whole("chunk", chunk)
+    try:
+        check_output(path, force=force or replaces(path), inputs=(checked.source, checked.table))
+    except ExistingOutputError as error:
+        if is_of(checked, path):
+            return open_sweep(path)
+        raise ExistingOutputError(path, origin(checked, path)) from error
     run_sweep(checked, path, threads=_threads(threads), chunk=chunk, force=force)
     return open_sweep(path)
 
@@ -189,9 +199,14 @@ def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
     with reading(path):
         # without phony_dims a foreign file makes h5netcdf warn
         dataset = xr.open_dataset(path, engine="h5netcdf", group=group, phony_dims="access")
+        kind = kind_of(path, dataset.attrs) if group is None else SWEEP
     needed = {*PARAMETERS, "landing_time" if group else "impact_count"}
     if not needed <= dataset.variables.keys():
         dataset.close()
+        if kind is not SWEEP:
+            raise DataError(
+                f"{path}: is a result of {kind.command}; open it with xarray.open_dataset"
+            )
         raise DataError(f"{path}: is not a result of vibrosweep run; check the path")
     return dataset
 

@@ -74,6 +74,7 @@ _SENTENCES = {
     ),
     Status.REFUSED: (
         "The parameters cannot be computed with: 2 f A / g or 2 f v0 / g overflows, or a time is "
-        "more than 2^51 forcing periods; nothing was measured: correct the realization."
+        "more than 2^51 forcing periods; nothing was measured, and counts are -1: correct the "
+        "realization."
     ),
 }

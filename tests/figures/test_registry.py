@@ -101,7 +101,7 @@ def test_a_directory_that_cannot_be_made_is_named(sweep, tmp_path):
 
 def test_a_file_that_cannot_be_written_is_named(sweep, tmp_path):
     (tmp_path / "parameter_plane.png").mkdir()
-    with pytest.raises(OutputError, match=r"parameter_plane\.png .*another directory"):
+    with pytest.raises(OutputError, match=r"parameter_plane\.png: .*another place"):
         save_all(sweep, None, tmp_path)
 
 

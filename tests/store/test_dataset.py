@@ -11,6 +11,7 @@ import xarray as xr
 
 from vibrosweep._version import __version__
 from vibrosweep.api import open_record, open_sweep
+from vibrosweep.errors import RunError
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.store.dataset import CHUNK_VALUES, creating
 from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
@@ -183,3 +184,22 @@ def test_pieces_of_any_length_fill_a_variable(tmp_path):
             file.write("impact_count", start, values[start : start + 4999])
     with h5py.File(tmp_path / "out.h5") as plain:
         np.testing.assert_array_equal(plain["impact_count"][...], values)
+
+
+@pytest.mark.parametrize("rows", [0, 3])
+def test_a_file_in_which_values_are_missing_never_appears(tmp_path, rows):
+    """HDF5 would give zeros for them."""
+
+    def write(group):
+        with creating(tmp_path / "out.h5") as file:
+            inner = file.group("record") if group else file
+            inner.dimensions({"realization": 4})
+            for name in ("impact_count", "dt_min"):
+                inner.variable(SWEEP[name])
+            inner.write("impact_count", 0, np.arange(4))
+            inner.write("dt_min", 0, np.ones(rows))
+
+    for group in (False, True):
+        with pytest.raises(RunError, match=r"out\.h5: dt_min: not written to the end"):
+            write(group)
+    assert list(tmp_path.iterdir()) == []

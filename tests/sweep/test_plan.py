@@ -160,7 +160,7 @@ def test_memory_is_foreseen(tmp_path, measures):
 def test_what_does_not_fit_is_refused(tmp_path):
     with pytest.raises(OutputError, match=r"needs 9.31e\+05 GiB of disk.*lower sample.realiz"):
         require_disk(tmp_path / "out.h5", 1e15)
-    with pytest.raises(ParameterError, match=r"needs 9.31e\+05 GiB of memory.*lower --chunk"):
+    with pytest.raises(ParameterError, match=r"needs 9.31e\+05 GiB of memory.*lower chunk="):
         require_memory(1e15)
 
 

@@ -208,7 +208,7 @@ def test_progress_ends_with_all(tmp_path, chunk, steps):
 def test_a_chunk_beyond_memory_is_refused(compute, tmp_path):
     with pytest.raises(ParameterError, match=r"1 realizations of 1000000000 particles.*GiB"):
         compute("[scene]\nparticles = 1_000_000_000\n")
-    with pytest.raises(ParameterError, match="lower --chunk"):
+    with pytest.raises(ParameterError, match="lower chunk="):
         compute(DRAWN.replace("= 40", "= 1_000_000_000_000"), chunk=10**12)
     assert [p.suffix for p in tmp_path.iterdir()] == [".toml", ".toml"]
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.commands.arguments import positive, some, whole
+from vibrosweep.commands.picture import drawing
 from vibrosweep.errors import TrackError
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.lab.impacts import fit_tracks, impacts_of
     from vibrosweep.lab.report import agreement_lines, impact_lines
     from vibrosweep.lab.statistics import agreement, quantities
+    from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.saving import save_dataset
 
     recordings = _recordings(options)
@@ -134,16 +136,16 @@ def _impacts(options: argparse.Namespace) -> None:
         each.append(quantities(found, frequency=options.frequency, phase=options.phase))
     print("\n".join(agreement_lines(agreement(each))))
     if options.output is not None:
-        save_dataset(found, options.output)
+        save_dataset(found, options.output, KINDS["impacts"], force=options.force)
         print(f"written to {options.output}")
     if options.figures is not None:
         from vibrosweep.figures.laboratory import fitted_track
         from vibrosweep.figures.registry import save_formats
         from vibrosweep.lab.report import flights_of
 
-        _announce(
-            save_formats(fitted_track(flights_of(tracks, fitted)), options.figures, "lab_track")
-        )
+        with drawing(options.output):
+            figure = fitted_track(flights_of(tracks, fitted))
+            _announce(save_formats(figure, options.figures, "lab_track"))
 
 
 def _compare(options: argparse.Namespace) -> None:
@@ -152,6 +154,7 @@ def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.lab.report import table_lines
     from vibrosweep.lab.twin import Comparison
     from vibrosweep.scene import PARAMETERS
+    from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.saving import save_dataset
     from vibrosweep.sweep.run import available_threads
     from vibrosweep.sweep.workers import Workers
@@ -178,13 +181,14 @@ def _compare(options: argparse.Namespace) -> None:
         table = compare(recordings, how, workers)
     print("\n".join(table_lines(table)))
     if options.output is not None:
-        save_dataset(table, options.output)
+        save_dataset(table, options.output, KINDS["comparison"], force=options.force)
         print(f"written to {options.output}")
     if options.figures is not None:
         from vibrosweep.figures.laboratory import errors_by_case
         from vibrosweep.figures.registry import save_formats
 
-        _announce(save_formats(errors_by_case(table), options.figures, "lab_table4"))
+        with drawing(options.output):
+            _announce(save_formats(errors_by_case(table), options.figures, "lab_table4"))
 
 
 def _announce(paths: Sequence[Path]) -> None:

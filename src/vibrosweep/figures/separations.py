@@ -40,7 +40,7 @@ def distributions(found: Sequence[xr.Dataset], names: Sequence[str], contact_tim
         fraction = one["cumulative_fraction"].values
         axes.step(
             np.concatenate([[EDGE], at, [1.0]]),
-            np.concatenate([[0.0], fraction, fraction[-1:]]),
+            np.concatenate([[0.0], fraction, fraction[-1:] if fraction.size else [0.0]]),
             where="post",
             color=colour,
             linewidth=1.2,

@@ -57,9 +57,11 @@ class Trust(NamedTuple):
         Time in forcing periods of the last landing that is known to the tolerance, all before it
         included; infinite where all landings are, NaN where none is.
     landing_error
-        Largest error of any landing in forcing periods; infinite where a decision is uncertain.
+        Largest error of any landing in forcing periods; infinite where a decision is uncertain,
+        NaN where the impact budget ended before all landings were followed.
     flight_error
-        Largest error of any flight time after a landing, in forcing periods.
+        Largest error of any flight time after a landing, in forcing periods; infinite and NaN as
+        that of the landings.
     """
 
     until: Floats
@@ -244,6 +246,8 @@ def _follow(
             break
         flight_error = max(flight_error, REST_ERROR * r)
         frame, box = (1.0, 0.0), (x_error, REST_ERROR * r)
+    else:
+        return until, np.nan, np.nan
     return until, np.inf, np.inf
 
 

@@ -12,6 +12,7 @@ import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.errors import RunError
 from vibrosweep.store.disk import Disk, replacing, undisturbed
 from vibrosweep.store.seal import append_seal
 from vibrosweep.variables import Variable
@@ -34,6 +35,8 @@ class Group:
     _group: Any
     _sizes: dict[str, int] = field(default_factory=dict)
     _auxiliary: list[str] = field(default_factory=list)
+    _missing: dict[str, int] = field(default_factory=dict)
+    _groups: list[Group] = field(default_factory=list)
 
     @undisturbed()
     def dimensions(self, sizes: Mapping[str, int]) -> None:
@@ -60,6 +63,8 @@ class Group:
         variable.attrs.update(attributes)
         if values is not None:
             variable[...] = values
+        else:
+            self._missing[name] = self._sizes[dims[0]]
         self._auxiliary.append(name)
 
     @undisturbed()
@@ -73,6 +78,7 @@ class Group:
             variable.name, variable.dims, dtype=variable.dtype, **options
         )
         created.attrs.update(variable.attributes)
+        self._missing[variable.name] = shape[0]
         if self._auxiliary:
             created.attrs["coordinates"] = " ".join(self._auxiliary)
 
@@ -80,6 +86,7 @@ class Group:
     def write(self, name: str, start: int, values: NDArray[Any]) -> None:
         """Write a piece that begins at index `start` of the first dimension."""
         self._group.variables[name][start : start + values.shape[0]] = values
+        self._missing[name] -= values.shape[0]
         self._disk.check()
 
     @undisturbed()
@@ -95,7 +102,25 @@ class Group:
     @undisturbed()
     def group(self, name: str) -> Group:
         """Create a group inside this one."""
-        return Group(self._disk, self._group.create_group(name))
+        self._groups.append(Group(self._disk, self._group.create_group(name)))
+        return self._groups[-1]
+
+    def require_complete(self) -> None:
+        """Refuse a file in which HDF5 would fill values that nobody wrote with zeros.
+
+        Raises
+        ------
+        RunError
+            Variables were declared and not written to their end.
+        """
+        missing = [name for name, rows in self._missing.items() if rows]
+        if missing:
+            raise RunError(
+                f"{self._disk.path}: {', '.join(missing)}: not written to the end; this is a fault "
+                f"of vibrosweep: please report it"
+            )
+        for group in self._groups:
+            group.require_complete()
 
 
 def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -105,7 +130,7 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 @contextmanager
-def creating(path: Path, room: Path | None = None) -> Iterator[Group]:
+def creating(path: Path, room: Path | None = None, *, force: bool = True) -> Iterator[Group]:
     """Create a file; it takes its name when the block ends well, and is removed otherwise.
 
     Parameters
@@ -114,17 +139,23 @@ def creating(path: Path, room: Path | None = None) -> Iterator[Group]:
         The name it takes.
     room
         Directory of the unfinished file, on the same file system; by default that of `path`.
+    force
+        Whether it replaces a file that has the name by then.
 
     Raises
     ------
     OutputError
         The file cannot be written.
+    RunError
+        Not all that was declared was written.
     """
-    with replacing(path, room) as disk:
+    with replacing(path, room, force=force) as disk:
         with undisturbed():
             file = h5netcdf.File(disk, "w")
         try:
-            yield Group(disk, file)
+            root = Group(disk, file)
+            yield root
+            root.require_complete()
             with undisturbed():
                 file.close()
                 disk.check()

@@ -13,6 +13,8 @@ import numpy as np
 
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.store.dataset import creating
+from vibrosweep.store.disk import target_of
+from vibrosweep.store.parts import kinds
 from vibrosweep.sweep.chunks import batch_size
 from vibrosweep.sweep.landings import BYTES_PER_LANDING, physical_memory, record_capacity
 from vibrosweep.sweep.pilot import memory_per_realization
@@ -104,7 +106,7 @@ def record_bytes(spec: SweepSpec, workers: Workers) -> int:
 
 def has_room(output: Path, needed: float) -> bool:
     """Whether the disk of an output has so many bytes free."""
-    return needed <= shutil.disk_usage(output.resolve().parent).free
+    return needed <= shutil.disk_usage(target_of(output).parent).free
 
 
 def require_disk(output: Path, needed: float) -> None:
@@ -116,11 +118,11 @@ def require_disk(output: Path, needed: float) -> None:
         Naming what to change.
     """
     if not has_room(output, needed):
-        free = shutil.disk_usage(output.resolve().parent).free
+        free = shutil.disk_usage(target_of(output).parent).free
         raise OutputError(
             f"{output}: the sweep needs {needed / 2**30:.3g} GiB of disk, but "
-            f"{output.resolve().parent} has {free / 2**30:.3g} GiB free: make room, choose another "
-            f"place with -o, or lower sample.realizations or what [measure] asks for"
+            f"{target_of(output).parent} has {free / 2**30:.3g} GiB free: make room, choose "
+            f"another place with output=, or lower sample.realizations or what [measure] asks for"
         )
 
 
@@ -146,7 +148,7 @@ def _sample_file(spec: SweepSpec, plan: Plan, rows: int, threads: int) -> tuple[
         began = time.perf_counter()
         with creating(path) as file:
             declare(file, spec, replace(plan.design, realizations=rows), threads)
-            writer = Rows(file, batch_size(spec))
+            writer = Rows(file, kinds(columns), batch_size(spec))
             writer.add({name: values[drawn] for name, values in columns.items()})
             writer.flush()
         return path.stat().st_size, time.perf_counter() - began
@@ -182,6 +184,6 @@ def require_memory(needed: float) -> None:
     if needed > available:
         raise ParameterError(
             f"the sweep needs {needed / 2**30:.3g} GiB of memory, but this machine has "
-            f"{available / 2**30:.3g} GiB: lower --chunk where it was given, take fewer particles, "
+            f"{available / 2**30:.3g} GiB: lower chunk= where it was given, take fewer particles, "
             f"or shorten the record"
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from vibrosweep.status import Status
 from vibrosweep.variables import OF_REALIZATIONS, UNDETERMINED, Variable
 
-__all__ = ["Summary", "unsettled"]
+__all__ = ["SETTLING", "Summary", "unsettled"]
+
+# What tells whether a larger impact budget would give more, as far as a result holds it.
+SETTLING: Final = ("status", "base_shared", "landing_time_error")
 
 
 @dataclass
@@ -26,6 +29,8 @@ class _Spread:
 
     def add(self, values: NDArray[Any]) -> None:
         finite = values[np.isfinite(values)]
+        if values.dtype.kind == "i":
+            finite = values[values != UNDETERMINED]
         if finite.size:
             self.count += finite.size
             self.total += float(finite.sum())
@@ -49,7 +54,8 @@ class Summary:
     def add(self, measured: Mapping[str, NDArray[Any]]) -> None:
         """Add the measured variables of a chunk, each of shape (realization, ...)."""
         self.realizations += measured["impact_count"].size
-        self.landings += int(measured["impact_count"].sum())
+        counts = measured["impact_count"]
+        self.landings += int(counts[counts != UNDETERMINED].sum())
         for name, variable in OF_REALIZATIONS.items():
             if name not in measured:
                 continue
@@ -99,4 +105,7 @@ def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
     if "base_shared" in columns:
         # cycles are counted to the end for nothing, but separations must follow every landing
         failed = failed | (columns["base_shared"] == UNDETERMINED)
+    if "landing_time_error" in columns:
+        # so must error bounds; infinite ones are final
+        failed = failed | np.isnan(columns["landing_time_error"])
     return np.asarray(failed)

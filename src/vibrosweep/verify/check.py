@@ -11,9 +11,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.reference.ball import Trajectory, UndecidableError, trajectory
 from vibrosweep.status import Status
+from vibrosweep.store.kinds import read_kind
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import UNDETERMINED
@@ -65,12 +66,18 @@ def verify(
     ParameterError
         A number is out of its range.
     DataError
-        There is no such file, or it is not a result that can be read.
+        There is no such file, it is not a result that can be read, or of a kind that no
+        reference judges.
     MissingFlintError
         python-flint is not installed.
     """
     if max_landings < 1:
         raise ParameterError(f"max_landings = {max_landings!r}: must be at least 1")
+    kind = read_kind(Path(path))
+    if kind.unverified:
+        raise DataError(
+            f"{path}: is a result of {kind.command}, which cannot be verified: {kind.unverified}"
+        )
     drawn, record = read_sample(Path(path), sample, seed)
     claimed = {*BOUNDS, "trusted_until"} <= drawn.stored.keys()
     outcomes = []
