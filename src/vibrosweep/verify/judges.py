@@ -253,8 +253,8 @@ def _rounding_bound(case: Case, name: str, particle: int) -> Judgement:
     stored = float(case.stored[name][particle])
     error = _true_error(case, name.removesuffix("_error"), particle)
     if name in case.again:
-        complaint = _changed(case, name, particle)
-        return Judgement(name, particle, math.nan, stored, None, complaint)
+        known = math.nan if error is None else error
+        return Judgement(name, particle, known, stored, None, _changed(case, name, particle))
     if error is None:
         return Judgement(name, particle, math.nan, None)
     complaint = f"is {stored!r}, proved error {error:.3g}" if not error <= stored else ""
