@@ -351,3 +351,25 @@ def test_command_without_flint(claimed):
     assert ended.returncode == 2
     assert 'pip install "vibrosweep[verify]"' in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+def test_exponent_of_a_cycle_that_stretches_on_its_way(computed):
+    text = """
+title = "A cycle of 32 impacts that amplifies its own rounding"
+[scene]
+restitution = 0.516493550487592
+amplitude = 1.612882656497882
+phase = -1.8396508706849062
+launch = [0.25]
+duration = 160.0
+rebound = "reflect"
+[measure]
+lyapunov = true
+regimes = true
+"""
+    path = computed(text)
+    with h5py.File(path) as file:
+        assert file["cycle_impacts"][0, 0] == 32
+    report = everything(path)
+    assert not list(report.complaints())
+    assert report.variables()["lyapunov_largest"].compared
