@@ -29,18 +29,22 @@ from vibrosweep.kernels.cycles import (
 from vibrosweep.kernels.impact import Scene, impact, launch, rebound, scene
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope, stretch
-from vibrosweep.kernels.trust import is_certain
+from vibrosweep.kernels.trust import is_certain, turn_box
 from vibrosweep.scene import Dimensionless, Launches
 from vibrosweep.status import Regime
 
 __all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle"]
 
 State = tuple[float, float, float]  # whole periods, phase, and the flight that follows
+Pair = tuple[float, float]
 
 # Periods.  Two particles on one orbit differ by the rounding of an impact over
 # 1 - |leading multiplier|, and so do the rounds of an orbit whose bits return after several only;
 # distinct points of one cycle are never this close, unless it has just split.
 SAME_ORBIT = 2.0**-30
+# of a kick: the sine, its coefficient, and their product; of e u, and of the sum
+KICK_ROUNDING = 8.0 * HALF_ULP
+TINY = 2.0**-500
 CERTAIN = 3.0  # standard errors by which the exponent of an aperiodic orbit exceeds zero
 
 AT_REST = int(Regime.AT_REST)
@@ -223,12 +227,64 @@ def leading_eigenvalue(trace: float, determinant: float) -> complex:
 
 
 @jit
-def _eigenvalue_error(trace: float, determinant: float, rounding: float) -> float:
-    """Error of the leading eigenvalue from that of the entries, which are at most 1."""
-    root = math.sqrt(abs(trace * trace - 4.0 * determinant))
-    error = rounding * (abs(trace) + 1.0)
+def _eigenvalue_error(
+    trace: float, determinant: float, trace_error: float, determinant_error: float
+) -> float:
+    """Error of the modulus of the leading eigenvalue."""
+    discriminant = trace * trace - 4.0 * determinant
+    change = 2.0 * abs(trace) * trace_error + trace_error * trace_error + 4.0 * determinant_error
+    if discriminant < -change:  # the modulus is the root of the determinant
+        return determinant_error / math.sqrt(determinant)
+    root = math.sqrt(abs(discriminant))
     # at a double eigenvalue an error enters by its square root
-    return error / root if root > math.sqrt(error) else math.sqrt(error)
+    return 0.5 * (trace_error + min(change / max(root, TINY), math.sqrt(change)))
+
+
+@jit
+def _landed(frame: Pair, box: Pair) -> float:
+    """Largest change of the landing phase, the sum of both components."""
+    return abs(frame[0] + frame[1]) * box[0] + abs(frame[0] - frame[1]) * box[1]
+
+
+@jit
+def _spread(frame: Pair, box: Pair) -> Pair:
+    """Largest components of the changes in a box, whose sides lie along a frame."""
+    c, s = abs(frame[0]), abs(frame[1])
+    return c * box[0] + s * box[1], s * box[0] + c * box[1]
+
+
+@jit
+def _state_error(fixed: Scene, state: State, impacts: int, reflect: int | None) -> Pair:
+    """Distance of a state of a cycle of rounded impacts from the exact cycle, to first order.
+
+    What rounding adds in one round, each part carried on to its end, is b; a distance d returns as
+    M d + b, and it is its own image: d = (1 - M)^-1 b.
+    """
+    n, x, u = state
+    e, a = fixed[0], fixed[1]
+    frame, box = (1.0, 0.0), (0.0, 0.0)
+    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0
+    for _ in range(impacts):
+        _, x_landed, n, x_off, u_off, _ = impact(fixed, n, x, u, reflect)
+        k, sign = kick_slope(x_landed, a), _sign(fixed, x_landed, u, reflect)
+        m00, m10 = carry(m00, m10, e, k, sign)
+        m01, m11 = carry(m01, m11, e, k, sign)
+        frame, box = turn_box(frame, box, e, k, sign)
+        # of the landing phase, carried on to the kick, and of the kick with its parameters
+        rounding = HALF_ULP * (1.0 + abs(k)) + KICK_ROUNDING * (a + e * u)
+        box = box[0] + rounding, box[1] + rounding
+        x, u = x_off, u_off
+    dx, du = _spread(frame, box)
+    determinant = abs((1.0 - m00) * (1.0 - m11) - m01 * m10)
+    # entries are rounded themselves
+    slack = impacts * ROUNDING * (1.0 + abs(m00) + abs(m11) + abs(m01 * m10))
+    if not determinant > slack:
+        return np.inf, np.inf
+    determinant -= slack
+    return (
+        (abs(1.0 - m11) * dx + abs(m01) * du) / determinant,
+        (abs(m10) * dx + abs(1.0 - m00) * du) / determinant,
+    )
 
 
 @jit
@@ -240,31 +296,47 @@ def _cycle_exponents(
     e, a = fixed[0], fixed[1]
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
-    scale, turned, longest = 0.0, 1.0, 0.0
+    scale, turned = 0.0, 1.0
+    # errors of the state and of both columns, each in a frame of its own
+    frame, box = (1.0, 0.0), _state_error(fixed, state, impacts, reflect)
+    frame_0, box_0, frame_1, box_1 = (1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 0.0)
+    curvature = (2.0 * math.pi) ** 2 * a
     for _ in range(impacts):
         _, x_landed, n, x_off, u_off, _ = impact(fixed, n, x, u, reflect)
         k, sign = kick_slope(x_landed, a), _sign(fixed, x_landed, u, reflect)
-        x, u, longest = x_off, u_off, max(longest, u_off)
+        x, u = x_off, u_off
+        k_error = curvature * (_landed(frame, box) + HALF_ULP)
+        frame, box = turn_box(frame, box, e, k, sign)
+        frame_0, box_0 = turn_box(frame_0, box_0, e, k, sign)
+        frame_1, box_1 = turn_box(frame_1, box_1, e, k, sign)
+        rounding = ROUNDING * (2.0 + e + 2.0 * abs(k))
+        added_0 = k_error * abs(m00 + m10) + rounding * (abs(m00) + abs(m10))
+        added_1 = k_error * abs(m01 + m11) + rounding * (abs(m01) + abs(m11))
         m00, m10 = carry(m00, m10, e, k, sign)
         m01, m11 = carry(m01, m11, e, k, sign)
         norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
         scale += growth.logarithm(norm)
         m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm
+        box_0 = (box_0[0] + added_0) / norm, (box_0[1] + added_0) / norm
+        box_1 = (box_1[0] + added_1) / norm, (box_1[1] + added_1) / norm
         c, d, along, across, error = stretch(c, d, e, k, sign)
         area += growth.logarithm(along * across)
         slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
         turned *= sign
-    determinant = turned * math.exp(impacts * growth.logarithm(e) - 2.0 * scale)
+    exponent = impacts * growth.logarithm(e) - 2.0 * scale
+    determinant = turned * math.exp(exponent)
     value = leading_eigenvalue(m00 + m11, determinant)
     modulus = abs(value)
-    # the state itself is known to the rounding of an impact over 1 - |multiplier|
-    gap = max(abs(1.0 - modulus * math.exp(scale)), HALF_ULP)
-    wobble = 2.0 * HALF_ULP * (1.0 + longest) / gap
-    curvature = (2.0 * math.pi) ** 2 * a
-    rounding = impacts * (ROUNDING + curvature * wobble)
-    error = _eigenvalue_error(m00 + m11, determinant, rounding)
+    trace_error = _spread(frame_0, box_0)[0] + _spread(frame_1, box_1)[1]
+    determinant_error = 0.0
+    if determinant != 0.0:
+        determinant_error = (impacts * ROUNDING + 4.0 * HALF_ULP * abs(exponent)) * abs(determinant)
+    error = _eigenvalue_error(m00 + m11, determinant, trace_error, determinant_error)
     largest = (growth.logarithm(modulus) + scale) / impacts
     relative = error / modulus if modulus > 0.0 else 0.0
+    relative += HALF_ULP * impacts * (abs(scale) + 2.0)  # of the sum of logarithms
+    if not relative < np.inf:  # a state that is lost at a multiplier of 1
+        relative = np.inf
     return value * math.exp(scale), largest, relative / impacts, area / impacts, slack / impacts
 
 

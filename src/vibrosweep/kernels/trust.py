@@ -24,7 +24,7 @@ from vibrosweep.kernels.sine import sin_turns
 from vibrosweep.kernels.tangent import HALF_ULP, ROUNDING, carry, kick_slope
 from vibrosweep.scene import Dimensionless, Launches
 
-__all__ = ["Trust", "empty_trust", "is_certain", "trust"]
+__all__ = ["Trust", "empty_trust", "is_certain", "trust", "turn_box"]
 
 # Relative error of `sin_turns`, proved: benchmarks/sine_error.py finds 3.42 half ulps at most.
 SINE_ERROR = 3.5 * HALF_ULP
@@ -76,7 +76,7 @@ def empty_trust(trajectories: int) -> Trust:
 
 
 @jit
-def _turn(
+def turn_box(
     frame: tuple[float, float], box: tuple[float, float], e: float, k: float, sign: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Carry frame and box through the Jacobian [[1, 1], [k, e + k]], second row times sign."""
@@ -147,7 +147,7 @@ def _rebound(
     kicked += a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(sin_turns(x))
     kicked += a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
     sign = -1.0 if (reflect is not None and w < 0.0) else 1.0
-    frame, box = _turn(frame, box, e, k, sign)
+    frame, box = turn_box(frame, box, e, k, sign)
     c, s = frame
     box = (
         box[0] + (abs(c) * rounding + abs(s) * kicked) * INFLATION,
