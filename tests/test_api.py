@@ -144,7 +144,9 @@ def test_arrays_of_different_lengths_are_refused_by_name():
     [
         ({"duration": 1e20}, r"duration = 1e\+20 s is 1e\+20 forcing periods: at most"),
         ({"launch_time": -1e20}, r"launch time = 1e\+20 s is 1e\+20 forcing periods: at most"),
-        ({"amplitude": 1e308, "frequency": 9.0}, "2 frequency amplitude / gravity is not finite"),
+        ({"duration": 1e302, "frequency": 1e-30}, r"duration = 1e\+302 s is 1e\+272 forcing per"),
+        ({"frequency": 1e-157}, r"frequency = 1e-157: must be at least 1e-30 and at most 1e\+09 Hz"),
+        ({"amplitude": 1e308}, r"amplitude = 1e\+308: must be at least 0 and at most 1e\+30 m s-1"),
     ],
 )
 def test_numbers_beyond_double_precision_are_refused(changes, message):

@@ -81,7 +81,7 @@ BAD_CSV = {
     "lacking": (
         "restitution\n0.9\n",
         "",
-        ['column "amplitude" is missing', "sweep.toml", "restitution", "at least 0 m s-1"],
+        ['column "amplitude" is missing', "sweep.toml", "restitution", "at least 0 and at most 1e+30"],
     ),
     "lacking chosen": (
         GOOD + "0.9,1\n",
@@ -100,7 +100,7 @@ BAD_CSV = {
         ['column "amplitude", row 2', "nothing is not allowed"],
     ),
     "nan": (GOOD + "nan,1\n", "", ['column "restitution", row 1', "nan", "at most 1"]),
-    "inf": (GOOD + "0.9,inf\n", "", ['column "amplitude", row 1', "inf", "finite"]),
+    "inf": (GOOD + "0.9,inf\n", "", ['column "amplitude", row 1', "inf", "at most 1e+30"]),
     "text": (GOOD + "0.9,1\nhigh,1\n", "", ['column "restitution", row 2', "high is not allowed"]),
     "bool": (GOOD + "0.9,True\n", "", ['column "amplitude", row 1', "True is not allowed"]),
     "range": (
