@@ -134,6 +134,17 @@ def test_a_mistake_is_named_with_its_value_and_what_is_allowed(name, value, show
     assert str(caught.value) == f"{name} = {shown}: must be {allowed}"
 
 
+@pytest.mark.parametrize("name", ["restitution", "launch_time"])
+def test_masked_values_are_not_taken_for_data(name):
+    masked = np.ma.array([0.5, 0.7], mask=[False, True])
+    with pytest.raises(ParameterError, match=f"^{name} = .*: must be without masked values"):
+        simulate(**{name: masked})
+    with pytest.raises(ParameterError, match=f"^{name} = .*: must be without masked values"):
+        simulate(**{name: [0.5, np.ma.masked]})
+    whole = simulate(**{name: np.ma.array([0.5, 0.7])})
+    xr.testing.assert_identical(whole, simulate(**{name: [0.5, 0.7]}))
+
+
 def test_arrays_of_different_lengths_are_refused_by_name():
     with pytest.raises(ParameterError, match=r"one length.*'restitution': 2, 'amplitude': 3"):
         simulate(restitution=[0.8, 0.9], amplitude=[1.0, 2.0, 3.0], gravity=[9.81])

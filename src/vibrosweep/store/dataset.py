@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,13 +32,14 @@ class Group:
 
     _disk: Disk
     _group: Any
+    _prefix: str = ""
     _sizes: dict[str, int] = field(default_factory=dict)
     _auxiliary: list[str] = field(default_factory=list)
 
     @undisturbed()
     def dimensions(self, sizes: Mapping[str, int]) -> None:
         """Declare dimensions by name and length."""
-        self._group.dimensions.update(sizes)
+        self._group.dimensions.update(zip(self._named(sizes), sizes.values(), strict=True))
         self._sizes.update(sizes)
 
     @undisturbed()
@@ -56,7 +57,7 @@ class Group:
         values
             Written at once where given, else piece by piece with `write`.
         """
-        variable = self._group.create_variable(name, dims, dtype="float64")
+        variable = self._group.create_variable(name, self._named(dims), dtype="float64")
         variable.attrs.update(attributes)
         if values is not None:
             variable[...] = values
@@ -70,7 +71,7 @@ class Group:
         if np.issubdtype(np.dtype(variable.dtype), np.integer) and all(shape):
             options = dict(COMPRESSION, chunks=_chunks(shape))
         created = self._group.create_variable(
-            variable.name, variable.dims, dtype=variable.dtype, **options
+            variable.name, self._named(variable.dims), dtype=variable.dtype, **options
         )
         created.attrs.update(variable.attributes)
         if self._auxiliary:
@@ -94,8 +95,14 @@ class Group:
 
     @undisturbed()
     def group(self, name: str) -> Group:
-        """Create a group inside this one."""
-        return Group(self._disk, self._group.create_group(name))
+        """Create a group inside this one, whose dimensions in the file begin with its name.
+
+        What xarray opens as a tree may not have dimensions of one name and different lengths.
+        """
+        return Group(self._disk, self._group.create_group(name), f"{name}_")
+
+    def _named(self, dims: Iterable[str]) -> tuple[str, ...]:
+        return tuple(f"{self._prefix}{name}" for name in dims)
 
 
 def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:

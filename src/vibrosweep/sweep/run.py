@@ -129,7 +129,7 @@ def _planned(
 ) -> Plan:
     """Cut the sweep, and refuse it before it starts if its files or its record cannot fit."""
     plan = make_plan(spec, workers, chunk, at_least=at_least)
-    record = record_bytes(spec, workers)
+    record, _ = record_bytes(spec, workers)
     # without compression, and with every part beside the result
     most = record + 2 * bytes_per_realization(spec, plan.design) * plan.design.realizations
     if not has_room(output, most):
