@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.scene import LAWS, PARAMETERS
+from vibrosweep.scene import LAWS, PARAMETERS, refuse_masked
 from vibrosweep.store.disk import check_output
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import replaces
@@ -209,9 +209,7 @@ def _require_whole(name: str, value: object) -> None:
 
 def _numbers(name: str, value: object, units: str) -> NDArray[np.float64]:
     """A number or 1-D array of such."""
-    listed = value if isinstance(value, list | tuple) else ()
-    masked = np.ma.is_masked(value) or any(v is np.ma.masked for v in listed)
-    _require(not masked, name, value, "without masked values: leave them out")
+    refuse_masked(name, value)
     try:
         array = np.asarray(value)
     except ValueError:

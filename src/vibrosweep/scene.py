@@ -28,6 +28,7 @@ __all__ = [
     "dimensionless",
     "launches",
     "reduced_turns",
+    "refuse_masked",
     "representable",
 ]
 
@@ -91,6 +92,19 @@ PARAMETERS: Final[Mapping[str, Parameter]] = {
         ),
     )
 }
+
+
+def refuse_masked(name: str, values: object) -> None:
+    """Refuse masked values, whose numbers numpy's conversions would take for data.
+
+    Raises
+    ------
+    ParameterError
+        Naming the parameter.
+    """
+    listed = values if isinstance(values, list | tuple) else ()
+    if np.ma.is_masked(values) or any(value is np.ma.masked for value in listed):
+        raise ParameterError(f"{name}: holds masked values, which are no data; leave them out")
 
 
 class Dimensionless(NamedTuple):

@@ -81,7 +81,7 @@ BAD_CSV = {
     "lacking": (
         "restitution\n0.9\n",
         "",
-        ['column "amplitude" is missing', "sweep.toml", "restitution", "at least 0 and at most 1e+30"],
+        ['column "amplitude" is missing', "sweep.toml", "restitution", "at most 1e+30"],
     ),
     "lacking chosen": (
         GOOD + "0.9,1\n",

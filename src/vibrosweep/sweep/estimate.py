@@ -13,8 +13,8 @@ import numpy as np
 
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.store.dataset import creating
-from vibrosweep.sweep.chunks import batch_size
 from vibrosweep.sweep import landings
+from vibrosweep.sweep.chunks import batch_size
 from vibrosweep.sweep.landings import BYTES_PER_LANDING, physical_memory
 from vibrosweep.sweep.pilot import memory_per_realization
 from vibrosweep.sweep.plan import Plan, bytes_per_realization

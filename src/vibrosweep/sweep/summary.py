@@ -17,14 +17,18 @@ __all__ = ["Summary", "unsettled"]
 
 @dataclass
 class _Spread:
-    """Smallest, mean and largest of the finite values seen."""
+    """Smallest, mean and largest of the finite values seen, and how many were infinite."""
 
     count: int = 0
     total: float = 0.0
     low: float = np.inf
     high: float = -np.inf
+    infinite: dict[float, int] = field(default_factory=dict)
 
     def add(self, values: NDArray[Any]) -> None:
+        for sign in (-np.inf, np.inf):
+            if some := int(np.count_nonzero(values == sign)):
+                self.infinite[sign] = self.infinite.get(sign, 0) + some
         finite = values[np.isfinite(values)]
         if finite.size:
             self.count += finite.size
@@ -70,17 +74,26 @@ class Summary:
                 if OF_REALIZATIONS[name].units != "1"
                 else name
             )
-            if not spread.count:
-                yield f"{label:32}{'undefined in every realization':>36}"
-                continue
-            mean = spread.total / spread.count
-            known = "" if spread.count == self.realizations else f"   of {spread.count} known"
-            yield f"{label:32}{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}{known}"
+            yield f"{label:32}{self._spread(spread)}"
         for name, counts in self.codes.items():
             yield f"{name:32}{_counted(OF_REALIZATIONS[name], counts)}"
         for code in sorted(self.codes.get("status", {})):
             if code != Status.COMPLETED:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"
+
+    def _spread(self, spread: _Spread) -> str:
+        """Ends and mean of what is finite, and how many realizations hold something else."""
+        undefined = self.realizations - spread.count - sum(spread.infinite.values())
+        others = {f"{value:g}": count for value, count in sorted(spread.infinite.items())}
+        words = ", ".join(
+            f"{what} in {'every realization' if count == self.realizations else count}"
+            for what, count in {**others, "undefined": undefined}.items()
+            if count
+        )
+        if not spread.count:
+            return f"{words:>36}"
+        mean = spread.total / spread.count
+        return f"{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}{words and '   '}{words}"
 
 
 def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
