@@ -55,7 +55,10 @@ def test_chunks_add_up():
 
 def test_columns_stand_below_their_heads():
     head, *rows = lines(0, 3)[1]
-    assert len({len(re.split("   (undefined|inf) in", row)[0]) for row in (head, rows[0], rows[1])}) == 1
+    assert (
+        len({len(re.split("   (undefined|inf) in", row)[0]) for row in (head, rows[0], rows[1])})
+        == 1
+    )
 
 
 @pytest.mark.parametrize(

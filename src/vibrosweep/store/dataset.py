@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import h5netcdf
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,16 +49,19 @@ class Group:
         name: str,
         dims: tuple[str, ...],
         attributes: Mapping[str, Any],
-        values: NDArray[np.float64] | None = None,
+        values: NDArray[Any] | None = None,
     ) -> None:
         """Declare an auxiliary coordinate of all variables declared after it.
 
         Parameters
         ----------
         values
-            Written at once where given, else piece by piece with `write`.
+            Written at once where given, else piece by piece with `write`: numbers, or texts as
+            objects.
         """
-        variable = self._group.create_variable(name, self._named(dims), dtype="float64")
+        texts = values is not None and values.dtype == object
+        kind = h5py.string_dtype() if texts else "float64"
+        variable = self._group.create_variable(name, self._named(dims), dtype=kind)
         variable.attrs.update(attributes)
         if values is not None:
             variable[...] = values

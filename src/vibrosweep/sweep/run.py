@@ -10,7 +10,12 @@ from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, reporting
 from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.rundir import abandon, empty, holding
-from vibrosweep.sweep.asked import observation_of, parameters_of, record_observation
+from vibrosweep.sweep.asked import (
+    observation_of,
+    parameters_of,
+    record_observation,
+    stated_defaults,
+)
 from vibrosweep.sweep.chunks import Job, Runner, batch_size, compute_rows, in_process
 from vibrosweep.sweep.design import Design, open_design
 from vibrosweep.sweep.estimate import estimate, has_room, record_bytes, require_disk
@@ -107,7 +112,8 @@ def run_sweep(
 
 def _consolidated(run: KeptRun) -> Summary:
     """Write all parts into one file, in their order."""
-    spec, summary = run.job.spec, Summary()
+    spec = run.job.spec
+    summary = Summary(defaults=stated_defaults(spec, run.design.sampled))
     with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
         declare(file, spec, run.design, run.threads)
         rows = Rows(file, batch_size(spec))
@@ -147,7 +153,7 @@ def _run_at_once(
     advance: Advance,
 ) -> Summary:
     """Compute a sweep of one chunk straight into its file: there would be nothing to continue."""
-    summary = Summary()
+    summary = Summary(defaults=stated_defaults(spec, design.sampled))
     with creating(output, directory) as file:
         declare(file, spec, design, workers.threads)
         rows = Rows(file, batch_size(spec))

@@ -41,12 +41,14 @@ class _Spread:
 class Summary:
     """What the realizations of a sweep have in common; add chunks in their order.
 
-    `repaired` counts parts that were found damaged and computed again.
+    `repaired` counts parts that were found damaged and computed again, `defaults` names the
+    parameters that the sweep leaves at their defaults.
     """
 
     realizations: int = 0
     landings: int = 0
     repaired: int = 0
+    defaults: str = ""
     spreads: dict[str, _Spread] = field(default_factory=dict)
     codes: dict[str, dict[int, int]] = field(default_factory=dict)
 
@@ -77,6 +79,8 @@ class Summary:
             yield f"{label:32}{self._spread(spread)}"
         for name, counts in self.codes.items():
             yield f"{name:32}{_counted(OF_REALIZATIONS[name], counts)}"
+        if self.defaults:
+            yield f"{'left at the default':32}{self.defaults}"
         for code in sorted(self.codes.get("status", {})):
             if code != Status.COMPLETED:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"
