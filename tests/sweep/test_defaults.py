@@ -1,4 +1,4 @@
-"""A parameter that a sweep file does not state is told to be at its default wherever it is shown."""
+"""A parameter that a sweep file does not state is said to be at its default."""
 
 import pytest
 import xarray as xr

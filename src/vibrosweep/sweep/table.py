@@ -152,7 +152,7 @@ def _judge_header(names: list[str], mistakes: _Mistakes) -> None:
 
 
 def _rows(lines: Any, width: int, mistakes: _Mistakes) -> Iterator[list[str | None]]:
-    """Give the cells of each row that is not empty; None for all where there are too many or few."""
+    """Give the cells of each row that is not empty; only None where there are too many or few."""
     for row in lines:
         if row and len(row) != width:
             mistakes.add(

@@ -1,4 +1,4 @@
-"""Units of the columns of a table, as netCDF attributes spell them: ``mm s-1``, ``m/s``, ``deg``."""
+"""Units of a table's columns, as netCDF attributes spell them: ``mm s-1``, ``m/s``, ``deg``."""
 
 from __future__ import annotations
 
