@@ -14,14 +14,14 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import DataError, ExistingOutputError, ParameterError
-from vibrosweep.scene import LAWS, PARAMETERS
+from vibrosweep.scene import LAWS, PARAMETERS, refuse_masked
 from vibrosweep.store.disk import check_output
 from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import replaces
 from vibrosweep.sweep.asked import record_observation
 from vibrosweep.sweep.finished import is_of, origin
-from vibrosweep.sweep.landings import record_landings
+from vibrosweep.sweep.landings import record_landings, require_room
 from vibrosweep.sweep.result import DURATION, LAUNCH_TIME, coordinate_attributes
 from vibrosweep.sweep.run import available_threads, run_sweep
 from vibrosweep.sweep.spec import read_spec
@@ -97,6 +97,7 @@ def simulate(
     positive = length.ndim == 0 and 0 < length < np.inf
     _require(positive, "duration", duration, "a finite number greater than 0 s")
     _require_whole("impact_budget", impact_budget)
+    require_room(max(v.size for v in values.values()), launch.size)
     parameters = _broadcast(values)
     observation = record_observation(
         launch.size, tuple(launch.ravel().tolist()), float(length), rebound, impact_budget
@@ -208,7 +209,7 @@ def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
                 f"{path}: is a result of {kind.command}; open it with xarray.open_dataset"
             )
         raise DataError(f"{path}: is not a result of vibrosweep run; check the path")
-    return dataset
+    return dataset.rename({d: str(d).removeprefix(f"{group}_") for d in dataset.dims})
 
 
 def _require(condition: object, name: str, value: object, allowed: str) -> None:
@@ -224,6 +225,7 @@ def _require_whole(name: str, value: object) -> None:
 
 def _numbers(name: str, value: object, units: str) -> NDArray[np.float64]:
     """A number or 1-D array of such."""
+    refuse_masked(name, value)
     try:
         array = np.asarray(value)
     except ValueError:

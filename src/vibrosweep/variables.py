@@ -16,6 +16,7 @@ __all__ = [
     "PER_PARTICLE",
     "RECORD",
     "REGIMES",
+    "RESERVED",
     "RESOLUTION",
     "SWEEP",
     "TRUST",
@@ -434,3 +435,9 @@ RECORD: Final = _registry(
 OF_REALIZATIONS: Final[Mapping[str, Variable]] = {
     name: variable for name, variable in {**SWEEP, **LYAPUNOV}.items() if variable.dims == _R
 }
+
+# Names of a result that no label of a table may take
+RESERVED: Final = frozenset(
+    {*SWEEP, *PER_PARTICLE, *REGIMES, *TRUST, *LYAPUNOV}
+    | {"realization", "particle", "impact", "launch_time", "duration", "transient", "record"}
+)

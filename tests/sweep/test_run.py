@@ -73,7 +73,7 @@ def test_measures_are_those_of_the_landings(compute):
         one = sweep.isel(realization=i)
         scene = "".join(f"{name} = {float(one[name])!r}\n" for name in PARAMETERS)
         alone = compute(f"[scene]\nparticles = 5\nduration = 8.0\n{scene}[record]\n")
-        found = xr.load_dataset(alone, group="record").isel(realization=0)
+        found = open_record(alone).load().isel(realization=0)
         seen = found["landing_time"] >= 2.0
         speed = found["rebound_velocity"].where(seen)
         height, flight = speed**2 / (2 * 9.81), 2 * speed / 9.81

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import h5netcdf
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +34,7 @@ class Group:
 
     _disk: Disk
     _group: Any
+    _prefix: str = ""
     _sizes: dict[str, int] = field(default_factory=dict)
     _auxiliary: list[str] = field(default_factory=list)
     _missing: dict[str, int] = field(default_factory=dict)
@@ -41,7 +43,7 @@ class Group:
     @undisturbed()
     def dimensions(self, sizes: Mapping[str, int]) -> None:
         """Declare dimensions by name and length."""
-        self._group.dimensions.update(sizes)
+        self._group.dimensions.update(zip(self._named(sizes), sizes.values(), strict=True))
         self._sizes.update(sizes)
 
     @undisturbed()
@@ -50,16 +52,19 @@ class Group:
         name: str,
         dims: tuple[str, ...],
         attributes: Mapping[str, Any],
-        values: NDArray[np.float64] | None = None,
+        values: NDArray[Any] | None = None,
     ) -> None:
         """Declare an auxiliary coordinate of all variables declared after it.
 
         Parameters
         ----------
         values
-            Written at once where given, else piece by piece with `write`.
+            Written at once where given, else piece by piece with `write`: numbers, or texts as
+            objects.
         """
-        variable = self._group.create_variable(name, dims, dtype="float64")
+        texts = values is not None and values.dtype == object
+        kind = h5py.string_dtype() if texts else "float64"
+        variable = self._group.create_variable(name, self._named(dims), dtype=kind)
         variable.attrs.update(attributes)
         if values is not None:
             variable[...] = values
@@ -75,7 +80,7 @@ class Group:
         if np.issubdtype(np.dtype(variable.dtype), np.integer) and all(shape):
             options = dict(COMPRESSION, chunks=_chunks(shape))
         created = self._group.create_variable(
-            variable.name, variable.dims, dtype=variable.dtype, **options
+            variable.name, self._named(variable.dims), dtype=variable.dtype, **options
         )
         created.attrs.update(variable.attributes)
         self._missing[variable.name] = shape[0]
@@ -101,9 +106,15 @@ class Group:
 
     @undisturbed()
     def group(self, name: str) -> Group:
-        """Create a group inside this one."""
-        self._groups.append(Group(self._disk, self._group.create_group(name)))
+        """Create a group inside this one, whose dimensions in the file begin with its name.
+
+        What xarray opens as a tree may not have dimensions of one name and different lengths.
+        """
+        self._groups.append(Group(self._disk, self._group.create_group(name), f"{name}_"))
         return self._groups[-1]
+
+    def _named(self, dims: Iterable[str]) -> tuple[str, ...]:
+        return tuple(f"{self._prefix}{name}" for name in dims)
 
     def require_complete(self) -> None:
         """Refuse a file in which HDF5 would fill values that nobody wrote with zeros.

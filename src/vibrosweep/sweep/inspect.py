@@ -82,6 +82,7 @@ def _head(file: Any) -> Iterator[str]:
     yield str(file.attrs["title"])
     sizes = ", ".join(f"{name} {d.size}" for name, d in file.dimensions.items())
     yield f"dimensions: {sizes}"
+    defaults = str(file.attrs.get("defaults", "")).split()
     for name in PARAMETERS:
         variable = file.variables[name]
         units = variable.attrs["units"]
@@ -90,7 +91,8 @@ def _head(file: Any) -> Iterator[str]:
             spread = f"{low:g} ... {high:g}"
         else:
             spread = f"{variable[()]:g}"
-        yield f"{name:32}{spread} {'' if units == '1' else units}".rstrip()
+        remark = " (default)" if name in defaults else ""
+        yield f"{name:32}{spread}{'' if units == '1' else f' {units}'}{remark}"
     yield f"{'rebound':32}{file.attrs['rebound']}"
     for name in ("transient", "duration"):
         yield f"{name:32}{file.variables[name][()]:g} s"

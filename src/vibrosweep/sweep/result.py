@@ -16,7 +16,7 @@ from vibrosweep.store.dataset import Group
 from vibrosweep.store.kinds import KIND, SWEEP
 from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
-from vibrosweep.sweep.asked import measured_variables, record_observation
+from vibrosweep.sweep.asked import measured_variables, record_observation, silent_defaults
 from vibrosweep.sweep.design import Design
 from vibrosweep.sweep.identity import identity
 from vibrosweep.sweep.landings import launch_times, record_landings
@@ -124,6 +124,10 @@ def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
             file.coordinate(name, ("realization",), attributes)
         else:
             file.coordinate(name, (), attributes, np.array(spec.fixed[name]))
+    for name, label in design.labels.items():
+        file.coordinate(
+            name, ("realization",), label.attributes, label.values[: design.realizations]
+        )
     _declare_times(file, spec.launch, spec.particles, spec.fixed.get("frequency"), spec.duration)
     file.coordinate("transient", (), TRANSIENT, np.array(spec.transient))
     for variable in measured_variables(spec):
@@ -132,6 +136,8 @@ def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
         {
             "title": spec.title,
             KIND: SWEEP.name,
+            # parameters that the sweep file does not state
+            "defaults": " ".join(silent_defaults(spec, design.sampled)),
             "rebound": spec.rebound,
             "particles": spec.particles,
             "design": spec.design,

@@ -18,7 +18,7 @@ from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import abandon, empty, holding
-from vibrosweep.sweep.asked import measured_variables
+from vibrosweep.sweep.asked import measured_variables, stated_defaults
 from vibrosweep.sweep.chunks import Columns, Job, Runner, batch_size, column_kinds, in_process
 from vibrosweep.sweep.design import Design, open_design
 from vibrosweep.sweep.identity import differences, identity
@@ -141,7 +141,8 @@ def _digest(rows: tuple[int, ...]) -> str:
 
 def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Summary:
     """Write the old result anew, with the realizations that were computed again."""
-    spec, summary = run.job.spec, Summary()
+    spec = run.job.spec
+    summary = Summary(defaults=stated_defaults(spec, run.design.sampled))
     with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
         declare(file, spec, run.design, run.threads)
         block = batch_size(spec)

@@ -10,7 +10,12 @@ from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, reporting
 from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.rundir import abandon, empty, holding
-from vibrosweep.sweep.asked import observation_of, parameters_of, record_observation
+from vibrosweep.sweep.asked import (
+    observation_of,
+    parameters_of,
+    record_observation,
+    stated_defaults,
+)
 from vibrosweep.sweep.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
 from vibrosweep.sweep.design import Design, open_design
 from vibrosweep.sweep.estimate import estimate, has_room, record_bytes, require_disk
@@ -112,8 +117,8 @@ def run_sweep(
 
 def _consolidated(run: KeptRun) -> Summary:
     """Write all parts into one file, in their order."""
-    spec, summary = run.job.spec, Summary()
-    force = run.job.manifest.replaces
+    spec, force = run.job.spec, run.job.manifest.replaces
+    summary = Summary(defaults=stated_defaults(spec, run.design.sampled))
     with (
         Workers(run.threads) as workers,
         creating(run.output, run.directory, force=force) as file,
@@ -138,7 +143,7 @@ def _planned(
 ) -> Plan:
     """Cut the sweep, and refuse it before it starts if its files or its record cannot fit."""
     plan = make_plan(spec, workers, chunk, at_least=at_least)
-    record = record_bytes(spec, workers)
+    record, _ = record_bytes(spec, workers)
     # without compression, and with every part beside the result
     most = record + 2 * bytes_per_realization(spec, plan.design) * plan.design.realizations
     if not has_room(output, most):
@@ -158,7 +163,7 @@ def _run_at_once(
     force: bool,
 ) -> Summary:
     """Compute a sweep of one chunk straight into its file: there would be nothing to continue."""
-    summary = Summary()
+    summary = Summary(defaults=stated_defaults(spec, design.sampled))
     with creating(output, directory, force=force) as file:
         declare(file, spec, design, workers.threads)
         rows = Rows(file, column_kinds(spec, design), batch_size(spec))

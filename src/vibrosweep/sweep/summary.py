@@ -20,14 +20,18 @@ SETTLING: Final = ("status", "base_shared", "landing_time_error")
 
 @dataclass
 class _Spread:
-    """Smallest, mean and largest of the finite values seen."""
+    """Smallest, mean and largest of the finite values seen, and how many were infinite."""
 
     count: int = 0
     total: float = 0.0
     low: float = np.inf
     high: float = -np.inf
+    infinite: dict[float, int] = field(default_factory=dict)
 
     def add(self, values: NDArray[Any]) -> None:
+        for sign in (-np.inf, np.inf):
+            if some := int(np.count_nonzero(values == sign)):
+                self.infinite[sign] = self.infinite.get(sign, 0) + some
         finite = values[np.isfinite(values)]
         if values.dtype.kind == "i":
             finite = values[values != UNDETERMINED]
@@ -42,12 +46,14 @@ class _Spread:
 class Summary:
     """What the realizations of a sweep have in common; add chunks in their order.
 
-    `repaired` counts parts that were found damaged and computed again.
+    `repaired` counts parts that were found damaged and computed again, `defaults` names the
+    parameters that the sweep leaves at their defaults.
     """
 
     realizations: int = 0
     landings: int = 0
     repaired: int = 0
+    defaults: str = ""
     spreads: dict[str, _Spread] = field(default_factory=dict)
     codes: dict[str, dict[int, int]] = field(default_factory=dict)
 
@@ -76,17 +82,28 @@ class Summary:
                 if OF_REALIZATIONS[name].units != "1"
                 else name
             )
-            if not spread.count:
-                yield f"{label:32}{'undefined in every realization':>36}"
-                continue
-            mean = spread.total / spread.count
-            known = "" if spread.count == self.realizations else f"   of {spread.count} known"
-            yield f"{label:32}{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}{known}"
+            yield f"{label:32}{self._spread(spread)}"
         for name, counts in self.codes.items():
             yield f"{name:32}{_counted(OF_REALIZATIONS[name], counts)}"
+        if self.defaults:
+            yield f"{'left at the default':32}{self.defaults}"
         for code in sorted(self.codes.get("status", {})):
             if code != Status.COMPLETED:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"
+
+    def _spread(self, spread: _Spread) -> str:
+        """Ends and mean of what is finite, and how many realizations hold something else."""
+        undefined = self.realizations - spread.count - sum(spread.infinite.values())
+        others = {f"{value:g}": count for value, count in sorted(spread.infinite.items())}
+        words = ", ".join(
+            f"{what} in {'every realization' if count == self.realizations else count}"
+            for what, count in {**others, "undefined": undefined}.items()
+            if count
+        )
+        if not spread.count:
+            return f"{words:>36}"
+        mean = spread.total / spread.count
+        return f"{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}{words and '   '}{words}"
 
 
 def _counted(variable: Variable, counts: Mapping[int, int]) -> str:

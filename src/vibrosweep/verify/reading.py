@@ -111,7 +111,7 @@ def _record(file: Any, sample: Sample) -> Sample:
     """Return the recorded scene, of which every landing counts."""
     group, rows = file.groups["record"], np.zeros(1, np.int64)
     shared = {
-        "particles": group.dimensions["particle"].size,
+        "particles": group.variables["impact_count"].shape[1],
         "impact_budget": sample.observation.impact_budget,
     }
     observation = _observation(group, {**group.attrs, **shared})
