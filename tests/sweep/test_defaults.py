@@ -1,5 +1,7 @@
 """A parameter that a sweep file does not state is said to be at its default."""
 
+import math
+
 import pytest
 import xarray as xr
 
@@ -21,7 +23,7 @@ def test_defaults_are_told(compute, tmp_path, capsys, text, chunk):
     told = [line.split()[0] for line in describe(path) if line.endswith(" (default)")]
     assert told == expected
     words = [str(path.with_suffix(".toml")), "-o", str(tmp_path / "new.h5")]
-    for command, head in (("plan", "defaults"), ("run", "left at the default")):
+    for command, head in (("plan", "defaults"), ("run", "defaults")):
         assert main([command, *words]) == 0
         said = next(x for x in capsys.readouterr().out.splitlines() if x.startswith(head))
         values = said.removeprefix(head).split(", ")
@@ -33,3 +35,27 @@ def test_nothing_is_said_of_table_1_as_it_stands(compute):
     path = compute("")
     assert xr.load_dataset(path).attrs["defaults"] == ""
     assert not any("default" in line for line in describe(path))
+
+
+def test_an_observation_too_short_to_recognise_locked_orbits_is_told(compute, tmp_path, capsys):
+    text = """
+[scene]
+restitution = 0.9
+amplitude = 1.2
+duration = {duration}
+[measure]
+regimes = {regimes}
+"""
+    needed = 150.0 / abs(math.log(0.9))
+    for duration, regimes, told in (
+        (0.99 * needed, "true", True),
+        (1.01 * needed, "true", False),
+        (12.0, "false", False),
+    ):
+        path = compute(text.format(duration=duration, regimes=regimes))
+        assert ("unsettled" in xr.load_dataset(path).attrs["notes"]) == told
+        for command in ("plan", "run", "info"):
+            options = ["-o", str(tmp_path / "again.h5"), "--force"] if command == "run" else []
+            file = path if command == "info" else path.with_suffix(".toml")
+            assert main([command, str(file), *options]) == 0
+            assert ("may be called unsettled" in capsys.readouterr().out) == told

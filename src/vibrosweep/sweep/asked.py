@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,6 @@ __all__ = [
     "observation_of",
     "parameters_of",
     "record_observation",
-    "silent_defaults",
-    "stated_defaults",
 ]
 
 Array = NDArray[np.float64]
@@ -60,20 +58,6 @@ def parameters_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> d
         name: sampled[name] if name in sampled else np.full(size, spec.fixed[name])
         for name in PARAMETERS
     }
-
-
-def silent_defaults(spec: SweepSpec, sampled: Collection[str]) -> dict[str, float]:
-    """Parameters that a sweep leaves at their defaults although it states others."""
-    stated = {*spec.given, *sampled}
-    return {n: p.default for n, p in PARAMETERS.items() if stated and n not in stated}
-
-
-def stated_defaults(spec: SweepSpec, sampled: Collection[str]) -> str:
-    """`silent_defaults` with their values in words; empty without any."""
-    return ", ".join(
-        f"{name} {value:g} {PARAMETERS[name].units}".removesuffix(" 1")
-        for name, value in silent_defaults(spec, sampled).items()
-    )
 
 
 def measured_variables(asked: SweepSpec | Observation) -> Iterator[Variable]:

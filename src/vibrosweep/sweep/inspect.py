@@ -99,6 +99,8 @@ def _head(file: Any) -> Iterator[str]:
     if "record" in file.groups:
         landings = file.groups["record"].variables["impact_count"][...].sum()
         yield f"{'record of every landing':32}{landings} landings, in the group 'record'"
+    if file.attrs.get("notes"):
+        yield f"{'notes':32}{file.attrs['notes']}"
     yield from _provenance(file.attrs)
 
 

@@ -16,10 +16,11 @@ from vibrosweep.store.dataset import Group
 from vibrosweep.store.kinds import KIND, SWEEP
 from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
-from vibrosweep.sweep.asked import measured_variables, record_observation, silent_defaults
+from vibrosweep.sweep.asked import measured_variables, record_observation
 from vibrosweep.sweep.design import Design
 from vibrosweep.sweep.identity import identity
 from vibrosweep.sweep.landings import launch_times, record_landings
+from vibrosweep.sweep.notes import notes, silent_defaults
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.spec import RecordSpec, SweepSpec
 from vibrosweep.sweep.workers import Workers
@@ -137,7 +138,8 @@ def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
             "title": spec.title,
             KIND: SWEEP.name,
             # parameters that the sweep file does not state
-            "defaults": " ".join(silent_defaults(spec, design.sampled)),
+            "defaults": " ".join(silent_defaults(spec, design)),
+            "notes": "; ".join(f"{about}: {text}" for about, text in notes(spec, design).items()),
             "rebound": spec.rebound,
             "particles": spec.particles,
             "design": spec.design,

@@ -18,12 +18,13 @@ from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import abandon, empty, holding
-from vibrosweep.sweep.asked import measured_variables, stated_defaults
+from vibrosweep.sweep.asked import measured_variables
 from vibrosweep.sweep.chunks import Columns, Job, Runner, batch_size, column_kinds, in_process
 from vibrosweep.sweep.design import Design, open_design
 from vibrosweep.sweep.identity import differences, identity
 from vibrosweep.sweep.inspect import summary_of
 from vibrosweep.sweep.kept import KeptRun, continued
+from vibrosweep.sweep.notes import notes
 from vibrosweep.sweep.plan import make_plan
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.result import IDENTITY, Rows, declare, write_record
@@ -142,7 +143,7 @@ def _digest(rows: tuple[int, ...]) -> str:
 def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Summary:
     """Write the old result anew, with the realizations that were computed again."""
     spec = run.job.spec
-    summary = Summary(defaults=stated_defaults(spec, run.design.sampled))
+    summary = Summary(notes=notes(spec, run.design))
     with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
         declare(file, spec, run.design, run.threads)
         block = batch_size(spec)

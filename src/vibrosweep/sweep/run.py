@@ -14,13 +14,13 @@ from vibrosweep.sweep.asked import (
     observation_of,
     parameters_of,
     record_observation,
-    stated_defaults,
 )
 from vibrosweep.sweep.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
 from vibrosweep.sweep.design import Design, open_design
 from vibrosweep.sweep.estimate import estimate, has_room, record_bytes, require_disk
 from vibrosweep.sweep.identity import identity
 from vibrosweep.sweep.kept import KeptRun, continued
+from vibrosweep.sweep.notes import notes
 from vibrosweep.sweep.plan import Plan, bytes_per_realization, make_plan
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.result import Rows, declare, write_record
@@ -118,7 +118,7 @@ def run_sweep(
 def _consolidated(run: KeptRun) -> Summary:
     """Write all parts into one file, in their order."""
     spec, force = run.job.spec, run.job.manifest.replaces
-    summary = Summary(defaults=stated_defaults(spec, run.design.sampled))
+    summary = Summary(notes=notes(spec, run.design))
     with (
         Workers(run.threads) as workers,
         creating(run.output, run.directory, force=force) as file,
@@ -163,7 +163,7 @@ def _run_at_once(
     force: bool,
 ) -> Summary:
     """Compute a sweep of one chunk straight into its file: there would be nothing to continue."""
-    summary = Summary(defaults=stated_defaults(spec, design.sampled))
+    summary = Summary(notes=notes(spec, design))
     with creating(output, directory, force=force) as file:
         declare(file, spec, design, workers.threads)
         rows = Rows(file, column_kinds(spec, design), batch_size(spec))

@@ -46,14 +46,14 @@ class _Spread:
 class Summary:
     """What the realizations of a sweep have in common; add chunks in their order.
 
-    `repaired` counts parts that were found damaged and computed again, `defaults` names the
-    parameters that the sweep leaves at their defaults.
+    `repaired` counts parts that were found damaged and computed again, `notes` are remarks on how
+    the sweep was asked for, by their subject.
     """
 
     realizations: int = 0
     landings: int = 0
     repaired: int = 0
-    defaults: str = ""
+    notes: Mapping[str, str] = field(default_factory=dict)
     spreads: dict[str, _Spread] = field(default_factory=dict)
     codes: dict[str, dict[int, int]] = field(default_factory=dict)
 
@@ -85,8 +85,8 @@ class Summary:
             yield f"{label:32}{self._spread(spread)}"
         for name, counts in self.codes.items():
             yield f"{name:32}{_counted(OF_REALIZATIONS[name], counts)}"
-        if self.defaults:
-            yield f"{'left at the default':32}{self.defaults}"
+        for subject, text in self.notes.items():
+            yield f"{subject:32}{text}"
         for code in sorted(self.codes.get("status", {})):
             if code != Status.COMPLETED:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"
