@@ -86,7 +86,7 @@ def finished(directory: Path, output: Path) -> tuple[dict[int, Path], int]:
     manifest = read_manifest(directory) if directory.exists() else None
     if manifest is None:
         return {}, 0
-    parts = Parts(directory, manifest.key)
+    parts = Parts(directory, manifest)
     found = parts.finished()
     # a kill while the parts are removed, when the result stands, may leave any of them
     torn = sum(parts.read(index, path) is None for index, path in found.items())

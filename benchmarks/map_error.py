@@ -69,7 +69,7 @@ def visited(base, problem, x, impacts):
 
 
 def orbit_states(states: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """States of orbits of the study's sweep: e 0.80-0.98, A 0.2-3.5 m/s, 1 Hz, 9.81 m/s2."""
+    """States of orbits of sweeps/paper.toml: e 0.80-0.98, A 0.2-3.5 m/s, 1 Hz, 9.81 m/s2."""
     impacts = 50
     size = -(-states // impacts)
     e, a = rng.uniform(0.80, 0.98, size), rng.uniform(0.2, 3.5, size) * 2.0 / 9.81
@@ -251,7 +251,7 @@ def main() -> None:
     began, rng = time.perf_counter(), np.random.default_rng(options.seed)
     texts = []
     for title, draw in (
-        ("States visited by orbits of the study's sweep", orbit_states),
+        ("States visited by orbits of sweeps/paper.toml", orbit_states),
         ("States with random digits from wide ranges", box_states),
     ):
         rows = step_rows(draw(options.states, rng))

@@ -102,8 +102,8 @@ def corners(rng: np.random.Generator, law: str) -> Case:
 
 
 def doubles(rng: np.random.Generator, law: str) -> Case:
-    """Any doubles up to 10^100, the range of their exponents drawn first."""
-    most = float(rng.choice([3.0, 10.0, 30.0, 100.0]))
+    """Any doubles from 10^-30 to 10^30, the range of their exponents drawn first."""
+    most = float(rng.choice([3.0, 10.0, 30.0]))
 
     def any_double() -> float:
         return float(10.0 ** rng.uniform(-most, most))
@@ -169,7 +169,7 @@ FAMILIES: dict[str, Family] = {
     "phase 0 ... 1e9 rad": one("phase", (0.0, 5e-324, np.pi, -1e9, 1e9)),
     "launch times negative, equal, huge": starts,
     "all of these at once": corners,
-    "doubles 1e-100 ... 1e100": doubles,
+    "doubles 1e-30 ... 1e30": doubles,
     "window after 1e9 periods": late,
     "1e9 periods": long,
     "endless chatter, 2 to 200 particles": crowded,

@@ -190,3 +190,12 @@ def test_unforced_rest_time_is_the_sum_of_the_flights(e):
 def test_unforced_rest_time_tends_to_the_sum_of_all_flights():
     all_flights = 10.0 / 9.81 / (1.0 - 0.9)
     assert theory.unforced_rest_time(5.0, 0.9, 1e-300) == pytest.approx(all_flights, rel=1e-15)
+
+
+def test_recognition_takes_longer_the_less_energy_is_lost():
+    periods = theory.recognition_periods([0.0, 0.5, 0.9, 1.0])
+    assert periods[0] == 0.0
+    assert periods[1] == pytest.approx(216.4, abs=0.1)
+    assert periods[2] == pytest.approx(1423.7, abs=0.1)
+    assert periods[3] == math.inf
+    assert theory.recognition_periods(0.9, 2) == 2.0 * periods[2]

@@ -13,13 +13,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.scene import LAWS, PARAMETERS
+from vibrosweep.errors import DataError, ExistingOutputError, ParameterError
+from vibrosweep.scene import LAWS, PARAMETERS, refuse_masked
 from vibrosweep.store.disk import check_output
+from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import replaces
 from vibrosweep.sweep.asked import record_observation
-from vibrosweep.sweep.landings import record_landings
+from vibrosweep.sweep.finished import is_of, origin
+from vibrosweep.sweep.landings import record_landings, require_room
 from vibrosweep.sweep.result import DURATION, LAUNCH_TIME, coordinate_attributes
 from vibrosweep.sweep.run import available_threads, run_sweep
 from vibrosweep.sweep.spec import read_spec
@@ -95,6 +97,7 @@ def simulate(
     positive = length.ndim == 0 and 0 < length < np.inf
     _require(positive, "duration", duration, "a finite number greater than 0 s")
     _require_whole("impact_budget", impact_budget)
+    require_room(max(v.size for v in values.values()), launch.size)
     parameters = _broadcast(values)
     observation = record_observation(
         launch.size, tuple(launch.ravel().tolist()), float(length), rebound, impact_budget
@@ -123,7 +126,8 @@ def run(
     spec
         Path of the sweep file (TOML).
     output
-        Path of the result; kept if it exists, unless `force`.
+        Path of the result.  One that exists is opened if it is that of this very sweep, and
+        otherwise kept, unless `force`.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     chunk
@@ -141,7 +145,14 @@ def run(
     """
     path = Path(output)
     checked = read_spec(spec)
-    check_output(path, force=force or replaces(path), inputs=(checked.source, checked.table))
+    if chunk is not None:
+        _require_whole("chunk", chunk)
+    try:
+        check_output(path, force=force or replaces(path), inputs=(checked.source, checked.table))
+    except ExistingOutputError as error:
+        if is_of(checked, path):
+            return open_sweep(path)
+        raise ExistingOutputError(path, origin(checked, path)) from error
     run_sweep(checked, path, threads=_threads(threads), chunk=chunk, force=force)
     return open_sweep(path)
 
@@ -189,11 +200,16 @@ def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
     with reading(path):
         # without phony_dims a foreign file makes h5netcdf warn
         dataset = xr.open_dataset(path, engine="h5netcdf", group=group, phony_dims="access")
+        kind = kind_of(path, dataset.attrs) if group is None else SWEEP
     needed = {*PARAMETERS, "landing_time" if group else "impact_count"}
     if not needed <= dataset.variables.keys():
         dataset.close()
+        if kind is not SWEEP:
+            raise DataError(
+                f"{path}: is a result of {kind.command}; open it with xarray.open_dataset"
+            )
         raise DataError(f"{path}: is not a result of vibrosweep run; check the path")
-    return dataset
+    return dataset.rename({d: str(d).removeprefix(f"{group}_") for d in dataset.dims})
 
 
 def _require(condition: object, name: str, value: object, allowed: str) -> None:
@@ -209,6 +225,7 @@ def _require_whole(name: str, value: object) -> None:
 
 def _numbers(name: str, value: object, units: str) -> NDArray[np.float64]:
     """A number or 1-D array of such."""
+    refuse_masked(name, value)
     try:
         array = np.asarray(value)
     except ValueError:

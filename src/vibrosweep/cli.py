@@ -22,7 +22,7 @@ from typing import Final
 
 from vibrosweep._version import __version__
 from vibrosweep.commands import COMMANDS
-from vibrosweep.errors import VibrosweepError
+from vibrosweep.errors import OPTIONS, VibrosweepError
 
 __all__ = ["main"]
 
@@ -59,7 +59,7 @@ def _perform(arguments: Sequence[str]) -> int:
         _complain(str(error))
         return MISTAKE
     except MemoryError as error:
-        remedy = "lower --chunk" if "chunk" in options else "take fewer points or particles"
+        remedy = "lower chunk=" if "chunk" in options else "take fewer points or particles"
         _complain(f"not enough memory: {error}; {remedy}, or close other programs")
         return MISTAKE
     except KeyboardInterrupt as error:
@@ -76,6 +76,8 @@ def _perform(arguments: Sequence[str]) -> int:
 
 
 def _complain(message: str) -> None:
+    for argument, option in OPTIONS.items():
+        message = message.replace(argument, option)
     with suppress(OSError):
         print(f"vibrosweep: {message}", file=sys.stderr, flush=True)
 

@@ -1,22 +1,39 @@
 """Every mistake a user can make, as one family of exceptions.
 
 Each message is one clear text that names the file, the key, the value, what is allowed and what
-to do.  The command line prints it and exits with code 2; no traceback is shown.
+to do.  The command line prints it, with its own options, and exits with code 2; no traceback is
+shown.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
 __all__ = [
+    "OPTIONS",
     "DataError",
+    "ExistingOutputError",
     "Interruption",
     "OutputError",
     "ParameterError",
     "RunError",
     "SpecError",
     "TableError",
+    "TakenOutputError",
     "TrackError",
     "VibrosweepError",
 ]
+
+
+# Messages advise arguments as Python spells them; the command line prints its own options instead.
+OPTIONS: Final[Mapping[str, str]] = {
+    "output=": "-o",
+    "force=True": "--force",
+    "chunk=": "--chunk",
+    "impact_budget=": "--impact-budget",
+}
 
 
 class VibrosweepError(Exception):
@@ -37,6 +54,35 @@ class TableError(VibrosweepError, ValueError):
 
 class OutputError(VibrosweepError, OSError):
     """The output cannot be written, or exists already."""
+
+
+class ExistingOutputError(OutputError):
+    """The output exists already.
+
+    Parameters
+    ----------
+    path
+        The output.
+    what
+        What it is, in words, where that is known.
+    """
+
+    def __init__(self, path: Path, what: str = "") -> None:
+        super().__init__(
+            f"{path}: exists and is kept{what and ': '}{what}; write to another file with output=, "
+            f"or replace it with force=True"
+        )
+        self.path = path
+
+
+class TakenOutputError(OutputError):
+    """Another program wrote the output while it was computed; what was computed is beside it."""
+
+    def __init__(self, path: Path, beside: Path) -> None:
+        super().__init__(
+            f"{path}: appeared while the result was computed, and is kept; the result is complete "
+            f"in {beside}"
+        )
 
 
 class DataError(VibrosweepError, ValueError):

@@ -20,6 +20,7 @@ __all__ = [
     "LAWS",
     "MAX_PERIODS",
     "PARAMETERS",
+    "SMALLEST",
     "STAGGERED",
     "Dimensionless",
     "Launches",
@@ -27,6 +28,7 @@ __all__ = [
     "dimensionless",
     "launches",
     "reduced_turns",
+    "refuse_masked",
     "representable",
 ]
 
@@ -37,6 +39,11 @@ STAGGERED: Final = "staggered"
 
 # Whole periods are counted in float64, exactly up to 2**53; this leaves room for the flights.
 MAX_PERIODS: Final = 2.0**51
+
+# Within these, in SI units, no product that is formed of parameters, nor the square of any flight
+# in forcing periods or in seconds, leaves the range of normal doubles.
+SMALLEST: Final = 1e-30
+LARGEST: Final = 1e30
 
 
 @dataclass(frozen=True)
@@ -49,45 +56,55 @@ class Parameter:
     long_name: str
     default: float
     low: float
-    high: float = math.inf
-    low_open: bool = False
+    high: float
 
     @property
     def allowed(self) -> str:
         """The allowed range in words, for error messages."""
         unit = "" if self.units == "1" else f" {self.units}"
-        relation = "greater than" if self.low_open else "at least"
-        if self.high == math.inf:
-            return f"finite and {relation} {self.low:g}{unit}"
-        return f"{relation} {self.low:g} and at most {self.high:g}{unit}"
+        return f"at least {self.low:g} and at most {self.high:g}{unit}"
 
     def accepts(self, values: ArrayLike) -> NDArray[np.bool_]:
         """Tell, element by element, which values lie in the allowed range (NaN never does)."""
         array = np.asarray(values, dtype=np.float64)
-        above = array > self.low if self.low_open else array >= self.low
-        return np.asarray(np.isfinite(array) & above & (array <= self.high))
+        return np.asarray((array >= self.low) & (array <= self.high))
 
 
 PARAMETERS: Final[Mapping[str, Parameter]] = {
     p.name: p
     for p in (
         Parameter("restitution", "e", "1", "coefficient of restitution", 0.90, 0.0, 1.0),
-        Parameter("amplitude", "A", "m s-1", "amplitude of the kick, a velocity", 1.20, 0.0),
-        Parameter("frequency", "f", "Hz", "forcing frequency", 1.0, 0.0, 1e9, low_open=True),
+        Parameter(
+            "amplitude", "A", "m s-1", "amplitude of the kick, a velocity", 1.20, 0.0, LARGEST
+        ),
+        Parameter("frequency", "f", "Hz", "forcing frequency", 1.0, SMALLEST, 1e9),
         Parameter("phase", "phi", "rad", "phase of the forcing at t = 0", 0.0, -1e9, 1e9),
-        Parameter("gravity", "g", "m s-2", "gravitational acceleration", 9.81, 0.0, low_open=True),
-        Parameter("launch_velocity", "v0", "m s-1", "speed at launch", 5.0, 0.0),
+        Parameter("gravity", "g", "m s-2", "gravitational acceleration", 9.81, SMALLEST, LARGEST),
+        Parameter("launch_velocity", "v0", "m s-1", "speed at launch", 5.0, 0.0, LARGEST),
         Parameter(
             "contact_time",
             "tau_c",
             "s",
             "shortest time between two impacts of a particle",
             1e-4,
-            0.0,
-            low_open=True,
+            SMALLEST,
+            LARGEST,
         ),
     )
 }
+
+
+def refuse_masked(name: str, values: object) -> None:
+    """Refuse masked values, whose numbers numpy's conversions would take for data.
+
+    Raises
+    ------
+    ParameterError
+        Naming the parameter.
+    """
+    listed = values if isinstance(values, list | tuple) else ()
+    if np.ma.is_masked(values) or any(value is np.ma.masked for value in listed):
+        raise ParameterError(f"{name}: holds masked values, which are no data; leave them out")
 
 
 class Dimensionless(NamedTuple):
@@ -207,16 +224,14 @@ def dimensionless(
     Raises
     ------
     ParameterError
-        A combination of parameters leaves the range in which periods can be counted exactly.
+        A time is more forcing periods than can be counted exactly.
     """
     frequency = parameters["frequency"]
-    kick, launch_flight = _kick_and_flight(parameters)
-    with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
-        rest_flight = frequency * parameters["contact_time"]
-        lifts = kick > rest_flight
-        ratio = np.divide(rest_flight, kick, out=np.zeros_like(kick), where=lifts)
-    _require_finite("2 frequency amplitude / gravity", kick)
-    _require_finite("2 frequency launch_velocity / gravity", launch_flight)
+    per_velocity = 2.0 * frequency / parameters["gravity"]
+    kick = per_velocity * parameters["amplitude"]
+    rest_flight = frequency * parameters["contact_time"]
+    lifts = kick > rest_flight
+    ratio = np.divide(rest_flight, kick, out=np.zeros_like(kick), where=lifts)
     _require_countable("duration", frequency, duration)
     if math.isfinite(transient):
         _require_countable("transient", frequency, transient)
@@ -229,7 +244,7 @@ def dimensionless(
     return Dimensionless(
         restitution=parameters["restitution"],
         kick=kick,
-        launch_flight=launch_flight,
+        launch_flight=per_velocity * parameters["launch_velocity"],
         rest_flight=rest_flight,
         liftoff_phase=np.arcsin(ratio) / (2.0 * math.pi),
         phase=turns,
@@ -275,27 +290,18 @@ def representable(parameters: Mapping[str, Array], times: Iterable[float]) -> ND
         Launch times, transient and duration, in s; infinite ones are left out.
     """
     longest = max(abs(time) for time in times if math.isfinite(time))
-    kick, launch_flight = _kick_and_flight(parameters)
-    countable = parameters["frequency"] * longest <= MAX_PERIODS
-    return np.asarray(countable & np.isfinite(kick) & np.isfinite(launch_flight))
+    return _countable(parameters["frequency"], longest)
 
 
-def _kick_and_flight(parameters: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Kick and first flight in forcing periods; what overflows is not finite."""
-    with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
-        per_velocity = 2.0 * parameters["frequency"] / parameters["gravity"]
-        return per_velocity * parameters["amplitude"], per_velocity * parameters["launch_velocity"]
-
-
-def _require_finite(what: str, values: Array) -> None:
-    if not np.all(np.isfinite(values)):
-        raise ParameterError(f"{what} is not finite in double precision: choose smaller values")
+def _countable(frequency: Array, time: float) -> NDArray[np.bool_]:
+    # not the product, which may overflow
+    return np.asarray(abs(time) <= MAX_PERIODS / frequency)
 
 
 def _require_countable(what: str, frequency: Array, time: float) -> None:
-    periods = float(np.max(frequency)) * abs(time)
-    if not periods <= MAX_PERIODS:
+    if not _countable(frequency, time).all():
+        fastest = float(np.max(frequency))
         raise ParameterError(
-            f"{what} = {time:g} s is {periods:.3g} forcing periods: at most {MAX_PERIODS:.3g} can "
-            f"be counted exactly; lower it or the frequency"
+            f"{what} = {time:g} s is {fastest * abs(time):.3g} forcing periods: at most "
+            f"{MAX_PERIODS:.3g} can be counted exactly; lower it or the frequency"
         )

@@ -73,7 +73,8 @@ _SENTENCES = {
         "A value became infinite or undefined: the parameters are too extreme for double precision."
     ),
     Status.REFUSED: (
-        "The parameters cannot be computed with: 2 f A / g or 2 f v0 / g overflows, or a time is "
-        "more than 2^51 forcing periods; nothing was measured: correct the realization."
+        "A time is more than 2^51 forcing periods of this realization, which cannot be counted "
+        "exactly; nothing was measured, and counts are -1: lower its frequency, or shorten "
+        "scene.duration."
     ),
 }

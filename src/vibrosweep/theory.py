@@ -19,6 +19,7 @@ __all__ = [
     "locked_phase",
     "locked_velocity",
     "multipliers",
+    "recognition_periods",
     "unforced_rest_impact",
     "unforced_rest_time",
 ]
@@ -29,6 +30,17 @@ TWO_PI = 2.0 * np.pi
 
 def _kick(amplitude: ArrayLike, frequency: ArrayLike, gravity: ArrayLike) -> Array:
     return np.asarray(2.0 * np.asarray(frequency) * np.asarray(amplitude) / np.asarray(gravity))
+
+
+def recognition_periods(restitution: ArrayLike, k: ArrayLike = 1) -> Array:
+    """Forcing periods in which an orbit locked to k periods returns bit for bit, 150 k / |ln e|.
+
+    Both multipliers have the modulus sqrt(e) over most of the window.  From a distance of 1 to one
+    rounding, 2^-53, it takes 2 * 53 ln 2 / |ln e| impacts, and up to twice that until the anchors
+    of the recogniser, whose ages double, have seen it.  Infinite for e = 1, 0 for e = 0.
+    """
+    with np.errstate(divide="ignore"):
+        return np.asarray(150.0 * np.asarray(k) / np.abs(np.log(np.asarray(restitution))))
 
 
 def locked_velocity(k: ArrayLike, frequency: ArrayLike = 1.0, gravity: ArrayLike = 9.81) -> Array:

@@ -16,6 +16,7 @@ __all__ = [
     "PER_PARTICLE",
     "RECORD",
     "REGIMES",
+    "RESERVED",
     "RESOLUTION",
     "SWEEP",
     "TRUST",
@@ -80,8 +81,9 @@ _RPI = ("realization", "particle", "impact")
 _SEPARATION = "measure.separation"
 _TRUST = "measure.trust"
 _BOUND = (
-    "against the exact model; infinite where rounding may have changed a decision; on which side "
-    "of the beginning of the window a landing falls is not judged"
+    "against the exact model; infinite where rounding may have changed a decision, NaN where the "
+    "impact budget does not reach the end; on which side of the beginning of the window a landing "
+    "falls is not judged"
 )
 _REGIMES = "measure.regimes"
 _LYAPUNOV = "measure.lyapunov"
@@ -265,7 +267,8 @@ TRUST: Final = _registry(
         "s",
         "time up to which every landing is known to measure.tolerance",
         key=_TRUST,
-        comment="the duration where all are; NaN where none is",
+        comment="the duration where all are; NaN where none is; no further than the impact budget "
+        "reaches",
     ),
 )
 
@@ -432,3 +435,9 @@ RECORD: Final = _registry(
 OF_REALIZATIONS: Final[Mapping[str, Variable]] = {
     name: variable for name, variable in {**SWEEP, **LYAPUNOV}.items() if variable.dims == _R
 }
+
+# Names of a result that no label of a table may take
+RESERVED: Final = frozenset(
+    {*SWEEP, *PER_PARTICLE, *REGIMES, *TRUST, *LYAPUNOV}
+    | {"realization", "particle", "impact", "launch_time", "duration", "transient", "record"}
+)

@@ -62,8 +62,8 @@ def test_a_single_particle_is_ordered_and_alone(monkeypatch):
 
 
 def test_heights_hardly_depend_on_a_narrow_range(monkeypatch):
-    ranges = heights.STUDY_RANGES | {"restitution": (0.9, 0.905)}
-    monkeypatch.setattr(heights, "STUDY_RANGES", ranges)
+    ranges = heights.SAMPLE_RANGES | {"restitution": (0.9, 0.905)}
+    monkeypatch.setattr(heights, "SAMPLE_RANGES", ranges)
     assert heights.plateau(1).verdict is Verdict.HOLDS
 
 

@@ -2,7 +2,9 @@
 
 import json
 import re
+import tomllib
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
@@ -135,3 +137,15 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(OutputError, match=r"taken.*choose another directory with -o"):
         report.prepare(tmp_path / "taken")
+
+
+def test_what_is_drawn_at_random_names_its_ranges_and_whose_they_are():
+    """The study states none: no share over random realizations may read as if it did."""
+    texts = tomllib.loads((Path(report.__file__).with_name("texts.toml")).read_text("utf-8"))
+    methods = [c["method"] for c in texts["claim"].values() if " random re" in c["method"]]
+    assert len(methods) == 5
+    for method in methods:
+        words = " ".join(method.split())
+        assert "0.80 to 0.98" in words
+        assert "this package's range" in words
+        assert "the study states none" in words

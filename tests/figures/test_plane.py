@@ -110,13 +110,13 @@ def test_codes_have_colours_of_their_own(as_grid, small_grid, make_sweep):
         codes,
         {
             "flag_values": np.array([0, 1, 2, 3], np.int8),
-            "flag_meanings": "at_rest resting locked irregular",
+            "flag_meanings": "at_rest resting locked unsettled",
             "long_name": "regime of the orbit",
         },
     )
     figure = parameter_plane(sweep, "regime")
     names = [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
-    assert names == ["resting", "irregular"]
+    assert names == ["resting", "unsettled"]
     heading = figure.axes[0].get_legend().get_title().get_text()
     assert heading == "regime of the orbit, $f$ = 1 Hz"
     assert len(figure.axes) == 1

@@ -7,6 +7,7 @@ import matplotlib as mpl
 import pytest
 from PIL import Image
 
+from vibrosweep.cli import main
 from vibrosweep.errors import OutputError
 from vibrosweep.figures import FIGURES, available, missing, save_all
 
@@ -101,7 +102,7 @@ def test_a_directory_that_cannot_be_made_is_named(sweep, tmp_path):
 
 def test_a_file_that_cannot_be_written_is_named(sweep, tmp_path):
     (tmp_path / "parameter_plane.png").mkdir()
-    with pytest.raises(OutputError, match=r"parameter_plane\.png .*another directory"):
+    with pytest.raises(OutputError, match=r"parameter_plane\.png: .*another place"):
         save_all(sweep, None, tmp_path)
 
 
@@ -118,3 +119,10 @@ def test_importing_is_cheap():
     code = f"import sys, vibrosweep.figures; print([m for m in {heavy} if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("scene", ["duration = 0.1", "launch_velocity = 1e30"])
+def test_a_result_without_separations_or_with_huge_heights_has_figures(compute, tmp_path, scene):
+    sample = '[sample]\ndesign = "grid"\nrestitution = [0.5, 0.9]\n[measure]\nseparation = true\n'
+    path = compute(f"[scene]\nparticles = 3\n{scene}\n{sample}[record]\nrestitution = 0.9\n")
+    assert main(["figures", str(path), "-o", str(tmp_path / "figures")]) == 0

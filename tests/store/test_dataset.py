@@ -11,6 +11,7 @@ import xarray as xr
 
 from vibrosweep._version import __version__
 from vibrosweep.api import open_record, open_sweep
+from vibrosweep.errors import RunError
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.store.dataset import CHUNK_VALUES, creating
 from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
@@ -51,11 +52,21 @@ def test_both_engines_read_the_same(full, group):
 def test_the_public_functions_open_the_same(full):
     with open_sweep(full) as sweep, open_record(full) as record:
         assert sweep.identical(xr.load_dataset(full))
-        assert record.identical(xr.load_dataset(full, group="record"))
+        names = {"record_realization": "realization", "record_particle": "particle"}
+        raw = xr.load_dataset(full, group="record").rename(names | {"record_impact": "impact"})
+        assert record.identical(raw)
+
+
+def test_a_result_opens_as_a_tree(full):
+    """The sweep and its record do not have as many realizations."""
+    with xr.open_datatree(full) as tree:
+        assert tree.sizes["realization"] == 10
+        assert tree["record"].sizes["record_realization"] == 1
+        assert tree["record"].sizes["record_particle"] == 3
 
 
 def test_every_variable_is_as_registered(full):
-    sweep, record = xr.load_dataset(full), xr.load_dataset(full, group="record")
+    sweep, record = xr.load_dataset(full), open_record(full).load()
     assert set(sweep.data_vars) == {*MEASURED}
     assert set(record.data_vars) == set(RECORD)
     for dataset, registry in ((sweep, MEASURED), (record, RECORD)):
@@ -95,17 +106,17 @@ def test_every_axis_has_its_dimension_scale(full):
     def check(name, item):
         if not isinstance(item, h5py.Dataset) or item.is_scale:
             return
-        wanted = RECORD if "record/" in name else MEASURED
+        wanted, prefix = (RECORD, "record_") if "record/" in name else (MEASURED, "")
         for axis, dimension in enumerate(item.dims):
             assert len(dimension) == 1, name
             if name.split("/")[-1] in wanted:
                 dims = wanted[name.split("/")[-1]].dims
-                assert dimension[0].name.split("/")[-1] == dims[axis]
+                assert dimension[0].name.split("/")[-1] == prefix + dims[axis]
 
     with h5py.File(full) as file:
         file.visititems(check)
         assert file["restitution"].dims[0][0] == file["realization"]
-        assert file["record/landing_time"].dims[2][0] == file["record/impact"]
+        assert file["record/landing_time"].dims[2][0] == file["record/record_impact"]
 
 
 def test_plain_readers_read_what_is_compressed(full):
@@ -170,7 +181,7 @@ def test_a_record_without_landings(compute):
     path = compute("[scene]\nparticles = 2\nduration = 0.1\n[record]")
     for engine in ("h5netcdf", "netcdf4"):
         record = xr.load_dataset(path, group="record", engine=engine)
-        assert record.sizes == {"realization": 1, "particle": 2, "impact": 0}
+        assert list(record.sizes.values()) == [1, 2, 0]
         assert (record["impact_count"] == 0).all()
 
 
@@ -183,3 +194,22 @@ def test_pieces_of_any_length_fill_a_variable(tmp_path):
             file.write("impact_count", start, values[start : start + 4999])
     with h5py.File(tmp_path / "out.h5") as plain:
         np.testing.assert_array_equal(plain["impact_count"][...], values)
+
+
+@pytest.mark.parametrize("rows", [0, 3])
+def test_a_file_in_which_values_are_missing_never_appears(tmp_path, rows):
+    """HDF5 would give zeros for them."""
+
+    def write(group):
+        with creating(tmp_path / "out.h5") as file:
+            inner = file.group("record") if group else file
+            inner.dimensions({"realization": 4})
+            for name in ("impact_count", "dt_min"):
+                inner.variable(SWEEP[name])
+            inner.write("impact_count", 0, np.arange(4))
+            inner.write("dt_min", 0, np.ones(rows))
+
+    for group in (False, True):
+        with pytest.raises(RunError, match=r"out\.h5: dt_min: not written to the end"):
+            write(group)
+    assert list(tmp_path.iterdir()) == []

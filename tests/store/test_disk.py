@@ -154,7 +154,7 @@ def test_check_output(tmp_path):
     pipe = tmp_path / "pipe.h5"
     os.mkfifo(pipe)
     for path, force, words in [
-        (old, False, r"exists and is kept.*-o.*--force"),
+        (old, False, r"exists and is kept.*output=.*force=True"),
         (tmp_path, False, "is a directory"),
         (tmp_path, True, "is a directory"),
         (pipe, True, "no ordinary file"),
@@ -177,5 +177,5 @@ def test_a_directory_that_takes_no_file(tmp_path, monkeypatch):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
     monkeypatch.setattr("tempfile.TemporaryFile", refuse)
-    with pytest.raises(OutputError, match=r"cannot write in .*Permission denied.*-o"):
+    with pytest.raises(OutputError, match=r"cannot write in .*Permission denied.*output="):
         check_output(tmp_path / "out.h5", force=False)

@@ -8,25 +8,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.errors import OutputError, RunError
-from vibrosweep.store.parts import MANIFEST, Manifest, Parts, read_manifest, write_manifest
+from vibrosweep.store.parts import MANIFEST, Manifest, Parts, kinds, read_manifest, write_manifest
 
-COLUMNS = {"a": np.arange(7.0), "b": np.array([[1, -2], [3, 4]], np.int8), "c": np.zeros((0, 3))}
+COLUMNS = {"a": np.arange(4.0), "b": np.arange(8, dtype=np.int8).reshape(4, 2)}
 
 
 def manifest(**changes):
-    return Manifest(**({"identity": {"k": "1"}, "realizations": 10, "chunk": 4} | changes))
+    plain = {"identity": {"k": "1"}, "realizations": 10, "chunk": 4, "columns": kinds(COLUMNS)}
+    return Manifest(**(plain | changes))
 
 
 @pytest.fixture
 def parts(tmp_path):
-    return Parts(tmp_path, "key")
+    return Parts(tmp_path, manifest())
 
 
 def test_a_part_is_read_as_it_was_written(parts):
-    parts.write(3, COLUMNS)
+    parts.write(1, COLUMNS)
     ((index, path),) = parts.finished().items()
-    assert index == 3
-    found = parts.read(3, path)
+    assert index == 1
+    found = parts.read(1, path)
     assert found.keys() == COLUMNS.keys()
     for name, values in COLUMNS.items():
         assert found[name].dtype == values.dtype
@@ -44,7 +45,7 @@ def test_the_same_columns_make_the_same_file(parts):
 
 
 def test_every_flipped_bit_is_noticed(parts):
-    parts.write(0, {"a": np.arange(3.0)})
+    parts.write(0, COLUMNS)
     path = parts.finished()[0]
     data = path.read_bytes()
     for place in range(len(data)):
@@ -60,9 +61,30 @@ def test_every_flipped_bit_is_noticed(parts):
 def test_a_part_of_another_run_or_chunk_is_not_taken(parts):
     parts.write(0, COLUMNS)
     path = parts.finished()[0]
-    assert Parts(parts.directory, "other").read(0, path) is None
+    assert Parts(parts.directory, manifest(identity={})).read(0, path) is None
     moved = path.rename(path.with_name(path.name.replace("chunk-0000000000", "chunk-0000000001")))
     assert parts.read(1, moved) is None
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"a": COLUMNS["a"]},
+        COLUMNS | {"c": COLUMNS["a"]},
+        COLUMNS | {"a": COLUMNS["a"].astype(np.float32)},
+        COLUMNS | {"b": COLUMNS["b"][:, :1]},
+        {name: values[:3] for name, values in COLUMNS.items()},
+    ],
+    ids=["missing", "more", "type", "shape", "rows"],
+)
+def test_other_columns_than_those_declared_are_neither_written_nor_taken(parts, columns):
+    with pytest.raises(RunError, match="chunk 0 was computed with other columns"):
+        parts.write(0, columns)
+    assert parts.finished() == {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Parts, "_fits", lambda *arguments: True)
+        parts.write(0, columns)
+    assert parts.read(0, parts.finished()[0]) is None
 
 
 def test_what_is_no_part_is_not_counted(parts):
@@ -73,7 +95,7 @@ def test_what_is_no_part_is_not_counted(parts):
 
 def test_a_part_that_cannot_be_written(tmp_path):
     with pytest.raises(OutputError, match=r"gone has gone; make the directory again"):
-        Parts(tmp_path / "gone", "key").write(0, COLUMNS)
+        Parts(tmp_path / "gone", manifest()).write(0, COLUMNS)
 
 
 def test_the_manifest_comes_back(tmp_path):
@@ -103,7 +125,7 @@ def test_a_damaged_manifest_is_said(tmp_path):
         json.dumps({"run": data["run"]}).encode(),
     ):
         path.write_bytes(damage)
-        with pytest.raises(RunError, match=r"manifest\.json: is damaged.*--force"):
+        with pytest.raises(RunError, match=r"manifest\.json: is damaged.*force=True"):
             read_manifest(tmp_path)
 
 

@@ -31,7 +31,7 @@ def test_the_second_is_refused(output):
     with holding(output) as directory:
         assert directory == run_directory(output) == output.with_name("out.h5.parts")
         with (
-            pytest.raises(RunError, match=rf"another run \(process {os.getpid()} on .*-o"),
+            pytest.raises(RunError, match=rf"another run \(process {os.getpid()} on .*output="),
             holding(output),
         ):
             pass
@@ -55,7 +55,7 @@ def test_a_dead_process_holds_nothing(output):
 def test_a_directory_with_a_manifest_is_kept(output):
     assert not replaces(output)
     with holding(output) as directory:
-        write_manifest(directory, Manifest({}, 1, 1, replaces=True))
+        write_manifest(directory, Manifest({}, 1, 1, {}, replaces=True))
         (directory / ".chunk.1234.partial").touch()
     assert replaces(output)
     with holding(output):  # what a killed write left is removed
@@ -87,7 +87,7 @@ def test_a_file_system_without_locks(output, monkeypatch):
 
     monkeypatch.setattr("fcntl.flock", refuse)
     with (
-        pytest.raises(RunError, match=r"has no locks \(Function not implemented\).*-o"),
+        pytest.raises(RunError, match=r"has no locks \(Function not implemented\).*output="),
         holding(output),
     ):
         pass

@@ -16,6 +16,7 @@ import xarray as xr
 from vibrosweep.cli import main
 from vibrosweep.errors import OutputError, RunError
 from vibrosweep.sweep import cluster
+from vibrosweep.sweep.chunks import compute_chunk
 from vibrosweep.sweep.run import run_sweep
 from vibrosweep.sweep.spec import parse_spec, read_spec
 
@@ -147,7 +148,7 @@ def test_a_chunk_that_kills_every_worker_is_reported(two, tmp_path, monkeypatch)
     def deadly(job, index):
         if index == 3:
             os.kill(os.getpid(), signal.SIGKILL)
-        job.parts.write(index, {"x": np.zeros(1)})
+        compute_chunk(job, index, threads=1)
 
     monkeypatch.setattr(cluster, "_compute", deadly)
     with pytest.raises(RunError, match=r"1 of 6 chunks failed twice \(numbers 3; .* died"):

@@ -13,8 +13,8 @@ def test_what_a_result_holds(paper):
     lines = {line.split()[0]: line for line in text.splitlines()}
     assert text.startswith("Table 1 with 200 random realizations")
     assert "dimensions: realization 200, particle 20" in text
-    assert lines["gravity"].split() == ["gravity", "9.81", "m", "s-2"]
-    assert lines["contact_time"].split() == ["contact_time", "0.0001", "s"]
+    assert lines["gravity"].split() == ["gravity", "9.81", "m", "s-2", "(default)"]
+    assert lines["contact_time"].split() == ["contact_time", "0.0001", "s", "(default)"]
     assert lines["restitution"].split()[2] == "..."
     assert lines["duration"].split() == ["duration", "12", "s"]
     assert lines["rebound"].split() == ["rebound", "rest"]

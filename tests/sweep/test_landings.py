@@ -1,6 +1,7 @@
 """Laws that every recorded landing obeys, and the scenes at the edge of what can be launched."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -308,10 +309,13 @@ def test_a_spent_budget_is_no_fault_where_nothing_else_lands():
         assert found.impact_count.item() == budget
 
 
-def test_a_flight_whose_square_overflows_gets_a_status():
-    found = simulate(launch_velocity=0.0, launch_time=0.25, amplitude=1e200, **DYADIC)
-    assert found.rebound_velocity.item() == 1e200
-    assert found.status.item() == Status.NON_FINITE
+def test_a_flight_whose_square_overflows_gets_a_status(parameters, observe, record):
+    """No parameters within their ranges have one."""
+    found = record(
+        parameters(launch_velocity=0.0, amplitude=1e200, **DYADIC), observe(launch=[0.25])
+    )
+    assert found["rebound_velocity"].item() == 1e200
+    assert found["status"].item() == Status.NON_FINITE
 
 
 def test_a_hundred_thousand_particles():
@@ -326,3 +330,19 @@ def test_a_record_that_would_not_fit_into_memory_is_refused(monkeypatch):
     monkeypatch.setattr(landings, "BYTES_PER_LANDING", 1 << 40)
     with pytest.raises(ParameterError, match=r"1 trajectories with \d+ or more .* shorten"):
         simulate()
+
+
+def test_a_record_is_refused_before_room_for_it_is_taken(monkeypatch):
+    """However few its landings are."""
+    monkeypatch.setattr(landings, "physical_memory", lambda: 1 << 26)
+    tracemalloc.start()
+    try:
+        for given in ({"launch_time": np.zeros(1000)}, {}):
+            amplitude = np.linspace(0.1, 1.0, 1000 if given else 1_000_000)
+            before = tracemalloc.get_traced_memory()[0]
+            tracemalloc.reset_peak()
+            with pytest.raises(ParameterError, match=r"000 trajectories with 0 or more landings"):
+                simulate(amplitude=amplitude, duration=1e-9, **given)
+            assert tracemalloc.get_traced_memory()[1] - before < 1 << 25
+    finally:
+        tracemalloc.stop()

@@ -12,6 +12,7 @@ import pytest
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.store.parts import Parts
 from vibrosweep.sweep import chunks, pilot, plan
+from vibrosweep.sweep import estimate as estimate_module
 from vibrosweep.sweep.estimate import estimate, require_disk, require_memory
 from vibrosweep.sweep.pilot import UNKNOWN, explore
 from vibrosweep.sweep.plan import make_plan
@@ -157,10 +158,40 @@ def test_memory_is_foreseen(tmp_path, measures):
     assert told("plan") == pytest.approx(told("run"), rel=0.2)
 
 
+RECORDS = {
+    "many particles": "particles = 400_000\nduration = 1.5",
+    "a spent budget": "duration = 1e12",
+    "early landings": "particles = 20\namplitude = 0.0\nrestitution = 0.9999\nduration = 1e9",
+}
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the peak of a process")
+@pytest.mark.parametrize("scene", RECORDS.values(), ids=RECORDS)
+def test_the_memory_of_a_record_is_foreseen(tmp_path, scene):
+    text = f'title = "x"\n[measure]\nimpact_budget = 2_000_000\n[record]\n{scene}\n'
+
+    def told(what, output="out.h5"):
+        words = [sys.executable, "-c", MEMORY, text, what, tmp_path / output]
+        return float(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+
+    told("run", "first.h5")
+    assert told("plan") == pytest.approx(told("run"), rel=0.2)
+
+
+@pytest.mark.parametrize("scene", RECORDS.values(), ids=RECORDS)
+def test_the_disk_for_a_record_is_foreseen(workers, tmp_path, monkeypatch, scene):
+    monkeypatch.setattr(estimate_module, "SAMPLE_BYTES", 1 << 20)
+    text = f'title = "x"\n[measure]\nimpact_budget = 200_000\n[record]\n{scene}\n'
+    spec = parse_spec(text)
+    needs = estimate(spec, make_plan(spec, workers), workers)
+    run_sweep(spec, tmp_path / "out.h5", threads=2)
+    assert needs.result == pytest.approx((tmp_path / "out.h5").stat().st_size, rel=0.2)
+
+
 def test_what_does_not_fit_is_refused(tmp_path):
     with pytest.raises(OutputError, match=r"needs 9.31e\+05 GiB of disk.*lower sample.realiz"):
         require_disk(tmp_path / "out.h5", 1e15)
-    with pytest.raises(ParameterError, match=r"needs 9.31e\+05 GiB of memory.*lower --chunk"):
+    with pytest.raises(ParameterError, match=r"needs 9.31e\+05 GiB of memory.*lower chunk="):
         require_memory(1e15)
 
 

@@ -1,5 +1,7 @@
 """What a result could not settle is computed again, as a run with the larger budget would."""
 
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -8,9 +10,11 @@ from vibrosweep.errors import DataError, Interruption, RunError
 from vibrosweep.store.parts import Parts
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.sweep import measuring
+from vibrosweep.sweep.inspect import describe
 from vibrosweep.sweep.retry import retry_failed
 from vibrosweep.sweep.run import run_sweep
-from vibrosweep.sweep.spec import read_spec
+from vibrosweep.sweep.schema import MeasureTable
+from vibrosweep.sweep.spec import parse_spec, read_spec
 
 SWEEP = """title = "Some particles bounce on small kicks for long"
 [scene]
@@ -124,7 +128,7 @@ def test_what_is_not_the_same_sweep(sweep, output, tmp_path):
     run_sweep(sweep(32), output, threads=1)
     with pytest.raises(RunError, match=r"another sweep or version:\n  sample.design: was uniform"):
         retry_failed(sweep(64, "sobol"), output, threads=1)
-    with pytest.raises(RunError, match="raise it with --impact-budget"):
+    with pytest.raises(RunError, match="raise it with impact_budget="):
         retry_failed(sweep(8), output, threads=1)
     with xr.load_dataset(output) as result:
         del result.attrs["identity"]
@@ -132,3 +136,50 @@ def test_what_is_not_the_same_sweep(sweep, output, tmp_path):
     with pytest.raises(DataError, match="is not a result"):
         retry_failed(sweep(32), tmp_path / "foreign.h5", threads=1)
     assert not run_directory(output).exists()
+
+
+LONG = """title = "Bounds that a small budget does not carry to the end"
+[scene]
+duration = 1000.0
+[sample]
+realizations = 12
+amplitude = [1.19, 1.21]
+restitution = [0.8, 0.95]
+[measure]
+trust = true
+{other}
+impact_budget = {budget}
+"""
+
+
+@pytest.mark.parametrize("other", ["", "regimes = true\nlyapunov = true\nper_particle = true"])
+def test_bounds_that_the_budget_cut_off_are_said_and_computed_again(tmp_path, output, other):
+    """Where a cycle lets the status complete, its error bounds still follow every landing."""
+    small, large = (parse_spec(LONG.format(budget=budget, other=other)) for budget in (300, 10**6))
+    run_sweep(small, output, threads=1)
+    before = xr.load_dataset(output)
+    cut = np.isnan(before["landing_time_error"]).values
+    completed = (before["status"] == 0).values
+    assert (cut & completed).sum() > 3
+    assert (before["trusted_until"].values[cut] < 1000.0).all()
+    listed = [line for line in describe(output) if "error bounds undetermined" in line]
+    assert len(listed) == (cut & completed).sum()
+    run_sweep(large, tmp_path / "large.h5", threads=1)
+    _, again = retry_failed(small, output, threads=1, impact_budget=10**6)
+    assert again == (cut | ~completed).sum()
+    assert not np.isnan(xr.load_dataset(output)["landing_time_error"]).any()
+    xr.testing.assert_identical(
+        xr.load_dataset(output).drop_attrs(), xr.load_dataset(tmp_path / "large.h5").drop_attrs()
+    )
+
+
+def test_a_retry_with_any_other_measure_is_refused(tmp_path, output):
+    run_sweep(parse_spec(LONG.format(budget=300, other="")), output, threads=1)
+    for field in fields(MeasureTable):
+        if field.name == "impact_budget":
+            continue
+        spec = parse_spec(LONG.format(budget=300, other=""))
+        value = getattr(spec, field.name)
+        spec = replace(spec, **{field.name: not value if isinstance(value, bool) else value + 1})
+        with pytest.raises(RunError, match=rf"another sweep or version:\n  measure.{field.name}: "):
+            retry_failed(spec, output, threads=1, impact_budget=1000)

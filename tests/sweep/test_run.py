@@ -73,7 +73,7 @@ def test_measures_are_those_of_the_landings(compute):
         one = sweep.isel(realization=i)
         scene = "".join(f"{name} = {float(one[name])!r}\n" for name in PARAMETERS)
         alone = compute(f"[scene]\nparticles = 5\nduration = 8.0\n{scene}[record]\n")
-        found = xr.load_dataset(alone, group="record").isel(realization=0)
+        found = open_record(alone).load().isel(realization=0)
         seen = found["landing_time"] >= 2.0
         speed = found["rebound_velocity"].where(seen)
         height, flight = speed**2 / (2 * 9.81), 2 * speed / 9.81
@@ -208,7 +208,7 @@ def test_progress_ends_with_all(tmp_path, chunk, steps):
 def test_a_chunk_beyond_memory_is_refused(compute, tmp_path):
     with pytest.raises(ParameterError, match=r"1 realizations of 1000000000 particles.*GiB"):
         compute("[scene]\nparticles = 1_000_000_000\n")
-    with pytest.raises(ParameterError, match="lower --chunk"):
+    with pytest.raises(ParameterError, match="lower chunk="):
         compute(DRAWN.replace("= 40", "= 1_000_000_000_000"), chunk=10**12)
     assert [p.suffix for p in tmp_path.iterdir()] == [".toml", ".toml"]
 

@@ -1,6 +1,8 @@
+import re
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
 from vibrosweep.status import Status
 from vibrosweep.sweep.summary import Summary
@@ -35,9 +37,9 @@ def test_a_table_of_what_is_known():
     assert [line.split() for line in text[:5]] == [
         ["min", "mean", "max"],
         ["impact_count", "3", "4", "5"],
-        ["rebound_height_max", "(m)", "1", "1.75", "2.5", "of", "2", "known"],
+        ["rebound_height_max", "(m)", "1", "1.75", "2.5", "undefined", "in", "1"],
         ["dt_min", "(s)", "undefined", "in", "every", "realization"],
-        ["landing_time_error", "(s)", "1e-09", "5.5e-09", "1e-08", "of", "2", "known"],
+        ["landing_time_error", "(s)", "1e-09", "5.5e-09", "1e-08", "inf", "in", "1"],
     ]
     assert text[5].split(maxsplit=1) == [
         "status",
@@ -53,7 +55,32 @@ def test_chunks_add_up():
 
 def test_columns_stand_below_their_heads():
     head, *rows = lines(0, 3)[1]
-    assert len({len(row.partition("   of")[0]) for row in (head, rows[0], rows[1])}) == 1
+    assert (
+        len({len(re.split("   (undefined|inf) in", row)[0]) for row in (head, rows[0], rows[1])})
+        == 1
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ([-np.inf, -np.inf], "-inf in every realization"),
+        ([np.nan, np.nan], "undefined in every realization"),
+        ([-np.inf, np.nan], "-inf in 1, undefined in 1"),
+        ([-np.inf, np.inf], "-inf in 1, inf in 1"),
+        ([-np.inf, 2.0], "2 2 2 -inf in 1"),
+        ([np.nan, 2.0], "2 2 2 undefined in 1"),
+        ([2.0, 2.0], "2 2 2"),
+    ],
+)
+def test_what_is_stored_is_what_is_said(values, said):
+    """An infinite number is not undefined; how chunks are cut plays no part."""
+    summary = Summary()
+    for value in values:
+        one = {"impact_count": np.ones(1, np.int64), "lyapunov_max": np.array([value])}
+        summary.add(one)
+    line = next(text for text in summary.lines() if text.startswith("lyapunov_max"))
+    assert line.split() == ["lyapunov_max", *said.split()]
 
 
 def test_nothing_is_not_an_error():

@@ -5,6 +5,7 @@ import os
 import resource
 import shutil
 from contextlib import contextmanager
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.rundir import holding, run_directory
 from vibrosweep.sweep import chunks, identity, measuring, result
 from vibrosweep.sweep.run import run_sweep
+from vibrosweep.sweep.schema import MeasureTable
 from vibrosweep.sweep.spec import read_spec
 
 SWEEP = """title = "A sweep of a test"
@@ -132,7 +134,7 @@ def test_an_interruption_says_what_is_kept(sweep, tmp_path, monkeypatch):
     ending(monkeypatch, "write", 2, KeyboardInterrupt())
     with pytest.raises(Interruption, match=r"2 of 6 chunks are finished.*same command again"):
         sweep()
-    with pytest.raises(Interruption, match=r"same command without --force again"):
+    with pytest.raises(Interruption, match=r"same command without force=True again"):
         sweep(force=True)
 
 
@@ -184,7 +186,7 @@ def test_a_disk_that_changes_what_it_holds_is_said(sweep, tmp_path, monkeypatch)
     ("old", "new", "words"),
     [
         ("particles = 3", "particles = 4", ["scene.particles: was 3, is 4"]),
-        ("[0.8, 0.98]", "[0.8, 0.99]", ["restitution: was [0.8, 0.98], is [0.8, 0.99]"]),
+        ("[0.8, 0.98]", "[0.8, 0.99]", ["restitution.high: was 0.98, is 0.99"]),
         ("seed = 3\n", "", ["sample.seed: was 3, is 0"]),
         ("[record]\nrestitution = 0.9", "[record]\nrestitution = 0.91", ["record.restitution"]),
         (SWEEP[SWEEP.index("[record]") :], "", ["record.restitution: was 0.9, is not given"]),
@@ -204,7 +206,7 @@ def test_a_changed_sweep_does_not_continue(sweep, tmp_path, old, new, words):
     lines = [line.strip() for line in str(caught.value).splitlines()]
     assert all(any(line.startswith(word) for line in lines) for word in words)
     assert "kernels" not in str(caught.value)
-    assert "--force" in lines[-1]
+    assert "force=True" in lines[-1]
     assert parts(tmp_path) == before
     sweep(SWEEP.replace(old, new), force=True)
     assert (tmp_path / "out.h5").exists()
@@ -218,7 +220,7 @@ def test_what_changes_no_number_is_no_change(sweep, computed, tmp_path):
     assert xr.load_dataset(tmp_path / "out.h5").attrs["sweep_file"].startswith("# a comment")
 
 
-@pytest.mark.parametrize("name", ["sources_digest", "_sources", "version"])
+@pytest.mark.parametrize("name", ["programs", "version"])
 def test_another_version_does_not_continue(sweep, tmp_path, monkeypatch, name):
     with unfinished(sweep):
         monkeypatch.setattr(identity, name, lambda *arguments: "another")
@@ -268,7 +270,7 @@ def test_two_runs_on_one_output(sweep, expected, tmp_path):
 def test_a_damaged_manifest_needs_force(sweep, expected, tmp_path):
     with unfinished(sweep):
         (run_directory(tmp_path / "out.h5") / "manifest.json").write_bytes(b"{}")
-    with pytest.raises(RunError, match=r"manifest.json: is damaged.*--force"):
+    with pytest.raises(RunError, match=r"manifest.json: is damaged.*force=True"):
         sweep()
     sweep(force=True)
     assert (tmp_path / "out.h5").read_bytes() == expected
@@ -435,3 +437,45 @@ def test_killed_while_the_parts_are_removed(sweep, expected, computed, tmp_path)
     assert computed == list(range(CHUNKS))  # parts without a manifest are nobody's
     assert read_manifest(run_directory(tmp_path / "out.h5")) is None
     assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+# columns
+
+
+def another(value):
+    """Another value of the type of a measure."""
+    return str(not value).lower() if isinstance(value, bool) else repr(type(value)(value + 1))
+
+
+@pytest.mark.parametrize("field", fields(MeasureTable), ids=lambda field: field.name)
+def test_a_resume_with_any_other_measure_is_refused(sweep, expected, tmp_path, field):
+    text = f"{field.name} = {another(field.default)}\n"
+    text = SWEEP.replace("separation = true\n", text if field.name != "separation" else "")
+    with unfinished(sweep):
+        before = parts(tmp_path)
+    with pytest.raises(RunError, match=f"\n  measure.{field.name}: was ") as caught:
+        sweep(text)
+    assert "programs" not in str(caught.value)
+    assert parts(tmp_path) == before
+    sweep()
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+@pytest.mark.parametrize("lost", ["dt_min", "restitution", "status"])
+@pytest.mark.parametrize("chunk", [2, None])
+def test_a_column_that_is_not_computed_is_never_filled(sweep, tmp_path, monkeypatch, lost, chunk):
+    """As a fault in the engine, or of the sweep that made some of the parts, would lose it."""
+
+    def batch(*arguments):
+        columns = original(*arguments)
+        calls.append(columns)
+        if len(calls) > 2:
+            del columns[lost]
+        return columns
+
+    calls, original = [], chunks._batch
+    monkeypatch.setattr(chunks, "_batch", batch)
+    monkeypatch.setattr(chunks, "TRAJECTORIES_PER_BATCH", 3)
+    with pytest.raises(RunError, match=r"other columns|failed twice|is not what the result"):
+        sweep(chunk=chunk)
+    assert not (tmp_path / "out.h5").exists()

@@ -25,11 +25,28 @@ transient = 3.0
 separation = true
 per_particle = true
 regimes = true
+lyapunov = true
 trust = true
 [record]
 restitution = 0.9
 amplitude = 1.2
 duration = 8.0
+"""
+LOCKED = """
+title = "Orbits that lock, two of them on one cycle and one after another"
+[scene]
+particles = 3
+launch = [0.3, 0.31, 1.3]
+launch_velocity = 9.81
+duration = 400.0
+restitution = 0.5
+[sample]
+design = "grid"
+amplitude = [5.1, 5.2]
+[measure]
+regimes = true
+lyapunov = true
+trust = true
 """
 BARE = """
 title = "No bounds of errors, the other law, listed launches, several frequencies"
@@ -64,6 +81,11 @@ def computed(tmp_path_factory):
 @pytest.fixture(scope="session")
 def claimed(computed):
     return computed(CLAIMED)
+
+
+@pytest.fixture(scope="session")
+def locked(computed):
+    return computed(LOCKED)
 
 
 @pytest.fixture(scope="session")

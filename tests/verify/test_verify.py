@@ -4,18 +4,23 @@ import math
 import shutil
 import subprocess
 import sys
+from importlib.metadata import version
 
 import h5py
 import numpy as np
 import pytest
 
+from honest import random_spec
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.status import Regime
+from vibrosweep.sweep.run import run_sweep
+from vibrosweep.sweep.spec import parse_spec
 from vibrosweep.variables import RECORD
 from vibrosweep.verify import verify
 from vibrosweep.verify.reading import VARIABLES, read_sample
 from vibrosweep.verify.report import State
+from vibrosweep.verify.setting import RECORD_COORDINATES, SWEEP_COORDINATES
 
 
 def everything(path, **options):
@@ -27,7 +32,9 @@ def test_sound_dataset(claimed):
     assert report.passed
     assert report.count(State.COMPARED) == report.total == 3
     found = report.variables()
-    assert set(found) == {*VARIABLES, *(f"record/{name}" for name in RECORD)}
+    recorded = (f"record/{name}" for name in (*RECORD, *RECORD_COORDINATES))
+    assert set(found) == {*VARIABLES, *SWEEP_COORDINATES, *recorded} == set(report.names)
+    assert not report.not_compared()
     for name, variable in found.items():
         assert variable.errors, name
         assert not variable.outside
@@ -36,6 +43,7 @@ def test_sound_dataset(claimed):
         assert not variable.digits or max(variable.digits) > 8.0
     lines = list(report.lines())
     assert lines[-1].startswith("passed")
+    assert lines[-1].endswith(f" {len(found)} of {len(found)} variables")
     assert {line.split()[0] for line in lines} >= set(found)
 
 
@@ -77,6 +85,7 @@ amplitude = 4.0
 duration = 1000.0
 [measure]
 trust = true
+lyapunov = true
 impact_budget = {budget}
 """
 
@@ -86,7 +95,108 @@ def test_no_claim(computed, budget, state):
     report = everything(computed(CHAOS.format(budget=budget)))
     assert report.passed
     assert [outcome.state for outcome in report.outcomes] == [state]
-    assert list(report.lines())[-1] == "nothing was compared"
+    lines = list(report.lines())
+    assert lines[-1].startswith("nothing was proved")
+    left_out = report.not_compared()
+    assert left_out.keys() >= {"rebound_height_mean", "lyapunov_largest", "slot"}
+    assert set(left_out.values()) == {state.value}
+    assert f"not compared: orbit: {state.value}" in lines
+
+
+def test_what_follows_is_compared_without_a_proof(computed, tmp_path):
+    path = tmp_path / "changed.h5"
+    shutil.copy(computed(CHAOS.format(budget=10**6)), path)
+    with h5py.File(path, "r+") as file:
+        file["orbit_count"][0] += 1
+    assert list(everything(path).lines())[-1].endswith("orbit_count")
+
+
+def test_variable_that_no_registry_has(claimed, tmp_path):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        file["label"] = np.zeros(3)
+        file["record/label"] = np.zeros(3)
+    report = everything(path)
+    assert report.passed
+    assert set(report.not_compared()) == {"label", "record/label"}
+    assert "no such variable" in report.not_compared()["label"]
+    known = len(report.names) - 2
+    assert list(report.lines())[-1].endswith(f"{known} of {known + 2} variables")
+
+
+TABLE = """
+title = "Realizations from a table"
+[scene]
+particles = 1
+duration = 2.0
+[sample]
+design = "table.csv"
+"""
+
+
+def test_table(tmp_path):
+    table, path = tmp_path / "table.csv", tmp_path / "sweep.h5"
+    table.write_text("restitution,amplitude\n0.9,1.2\n0.8,1.0\n")
+    run_sweep(parse_spec(TABLE, tmp_path / "sweep.toml"), path, threads=1)
+    report = everything(path)
+    assert report.passed
+    assert not report.not_compared()
+    table.write_text("restitution,amplitude\n0.9,1.2\n0.8,1.1\n")
+    assert "is not the one that was used" in everything(path).not_compared()["amplitude"]
+    table.unlink()
+    report = everything(path)
+    assert report.passed
+    assert "there is no table" in report.not_compared()["amplitude"]
+
+
+@pytest.mark.parametrize("design", ["sobol", "latin"])
+def test_draws_of_another_scipy_are_not_compared(computed, tmp_path, design):
+    text = f"""
+title = "Drawn by scipy"
+[scene]
+particles = 1
+duration = 2.0
+[sample]
+design = "{design}"
+realizations = 4
+amplitude = [0.5, 1.5]
+"""
+    path = computed(text)
+    assert not everything(path).not_compared()
+    with h5py.File(path, "r+") as file:
+        before = file.attrs["identity"]
+        file.attrs["identity"] = before.replace(version("scipy"), "0.1")
+    assert list(everything(path).not_compared()) == ["amplitude"]
+
+
+def test_recurrence_within_a_cycle_of_the_end(computed):
+    text = """
+title = "Observed for hardly longer than it takes to recur"
+[scene]
+restitution = 0.6
+launch = [0.0]
+duration = 12.0
+[sample]
+design = "grid"
+amplitude = { start = 0.5, stop = 2.5, num = 41 }
+[measure]
+regimes = true
+trust = true
+"""
+    path = computed(text)
+    with h5py.File(path) as file:
+        assert np.any(file["recurrent_from"][...] > 11.0)
+    report = everything(path)
+    assert report.passed
+    assert len(report.variables()["recurrent_from"].compared) == 41
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_honest_file_never_fails(computed, number):
+    text = random_spec(np.random.default_rng([0, number]), longest=60.0)
+    report = everything(computed(text))
+    assert not list(report.complaints()), text
 
 
 def test_tie_is_undecided(computed):
@@ -242,3 +352,25 @@ def test_command_without_flint(claimed):
     assert ended.returncode == 2
     assert 'pip install "vibrosweep[verify]"' in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+def test_exponent_of_a_cycle_that_stretches_on_its_way(computed):
+    text = """
+title = "A cycle of 32 impacts that amplifies its own rounding"
+[scene]
+restitution = 0.516493550487592
+amplitude = 1.612882656497882
+phase = -1.8396508706849062
+launch = [0.25]
+duration = 160.0
+rebound = "reflect"
+[measure]
+lyapunov = true
+regimes = true
+"""
+    path = computed(text)
+    with h5py.File(path) as file:
+        assert file["cycle_impacts"][0, 0] == 32
+    report = everything(path)
+    assert not list(report.complaints())
+    assert report.variables()["lyapunov_largest"].compared

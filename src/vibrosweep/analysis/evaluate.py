@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.conditions import Condition, Locked
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.fixed import ABSENT, ATTRACTS, REPELS, empty_fixed, find_fixed
+from vibrosweep.kernels.fixed import ABSENT, ATTRACTS, REPELS, empty_fixed, find_fixed, turns_back
 from vibrosweep.kernels.orbits import Orbits
 from vibrosweep.scene import Launches, dimensionless, launches
 from vibrosweep.sweep.engine import measure
@@ -75,9 +75,8 @@ def locked(
         )
         return found.state.astype(np.int64)
 
-    if scene.observation().reflect is None:
-        return state(1.0)
-    return state(1.0) + STATES * state(-1.0)
+    straight = state(1.0)
+    return straight + STATES * state(-1.0) if turns_back(scene.rebound) else straight
 
 
 def launched(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import ParameterError, SpecError
-from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
+from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED, refuse_masked
 from vibrosweep.sweep.asked import record_observation
 from vibrosweep.sweep.landings import physical_memory
 from vibrosweep.sweep.observation import Observation
@@ -151,6 +151,7 @@ def axis(name: str, values: ArrayLike) -> Array:
         They are no numbers, or one is outside its range.
     """
     parameter = PARAMETERS[name]
+    refuse_masked(name, values)
     try:
         array = np.atleast_1d(np.asarray(values, dtype=np.float64))
     except (TypeError, ValueError) as error:

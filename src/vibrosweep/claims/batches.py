@@ -17,20 +17,20 @@ from vibrosweep.sweep.result import coordinate_attributes
 from vibrosweep.sweep.workers import Workers
 from vibrosweep.variables import LYAPUNOV, PER_PARTICLE, REGIMES, SWEEP
 
-__all__ = ["IMPACT_BUDGET", "STUDY_RANGES", "STUDY_SEED", "study_sample", "swept"]
+__all__ = ["IMPACT_BUDGET", "SAMPLE_RANGES", "SAMPLE_SEED", "random_sample", "swept"]
 
 IMPACT_BUDGET: Final = 1_000_000
-# The ranges of the study's random realizations
-STUDY_RANGES: Final = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
-STUDY_SEED: Final = 1
+# A choice of this package: the study states no ranges for its random realizations
+SAMPLE_RANGES: Final = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
+SAMPLE_SEED: Final = 1
 
 _REGISTRY: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **LYAPUNOV}
 
 
-def study_sample(realizations: int = 200) -> dict[str, Any]:
-    """Random restitutions and amplitudes in the study's ranges, always the same ones."""
-    random = np.random.default_rng(STUDY_SEED)
-    return {name: random.uniform(*ends, realizations) for name, ends in STUDY_RANGES.items()}
+def random_sample(realizations: int = 200) -> dict[str, Any]:
+    """Random restitutions and amplitudes in this package's ranges, always the same ones."""
+    random = np.random.default_rng(SAMPLE_SEED)
+    return {name: random.uniform(*ends, realizations) for name, ends in SAMPLE_RANGES.items()}
 
 
 def swept(

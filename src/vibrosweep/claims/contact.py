@@ -12,7 +12,7 @@ from vibrosweep.analysis.crossings import crossings
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.separations import compare_separations, separation_distribution
 from vibrosweep.api import simulate
-from vibrosweep.claims.batches import study_sample, swept
+from vibrosweep.claims.batches import random_sample, swept
 from vibrosweep.claims.slots import POPULATIONS, own_slots, smallest_separation
 from vibrosweep.claims.verdict import Check, Number, Outcome, Picture
 from vibrosweep.figures.crossings import heights_and_crossings
@@ -28,7 +28,7 @@ DURATIONS: Final = (12.0, 120.0, 1200.0)
 
 def separation_stays_positive(threads: int) -> Outcome:
     """The smallest separation stays positive for all stable conditions, and above tau_c."""
-    sample = study_sample()
+    sample = random_sample()
     with Workers(threads) as workers:
         settled = swept(workers, **sample, duration=2000.0, regimes=True)
         stable = (settled["unsettled_count"] + settled["aperiodic_count"]).values == 0

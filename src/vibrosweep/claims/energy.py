@@ -12,7 +12,7 @@ from vibrosweep import theory
 from vibrosweep.analysis.energy import energy_balance
 from vibrosweep.analysis.returns import return_map
 from vibrosweep.api import simulate
-from vibrosweep.claims.batches import study_sample
+from vibrosweep.claims.batches import random_sample
 from vibrosweep.claims.verdict import Check, Number, Outcome, Picture
 from vibrosweep.figures.balance import balance_against_rests, energy_decay
 
@@ -90,7 +90,7 @@ def decay(threads: int) -> Outcome:
 
 def balance(threads: int) -> Outcome:
     """Balance of energy, Eq. 26."""
-    sample = study_sample(60)
+    sample = random_sample(60)
     launch = np.arange(10) / 10
     record = simulate(**sample, launch_time=launch, duration=60.0, threads=threads)
     whole = energy_balance(record, since=30.0)

@@ -10,7 +10,7 @@ import xarray as xr
 
 from vibrosweep.analysis.heights import heights_against_restitution
 from vibrosweep.analysis.sensitivity import sobol_indices
-from vibrosweep.claims.batches import IMPACT_BUDGET, STUDY_RANGES, swept
+from vibrosweep.claims.batches import IMPACT_BUDGET, SAMPLE_RANGES, swept
 from vibrosweep.claims.verdict import Check, Number, Outcome, Picture
 from vibrosweep.figures.restitution import height_against_restitution
 from vibrosweep.figures.sensitivity import sobol_bars
@@ -23,9 +23,9 @@ __all__ = ["plateau", "sensitivity"]
 SAMPLES: Final = 200
 SEED: Final = 3
 FLAT: Final = 0.1
-# All seven parameters, the study's ranges of e and A and a tenth or so around Table 1
+# All seven parameters, this package's ranges of e and A and a tenth or so around Table 1
 RANGES: Final = {
-    **STUDY_RANGES,
+    **SAMPLE_RANGES,
     "frequency": (0.9, 1.1),
     "phase": (-np.pi, np.pi),
     "gravity": (9.7, 9.9),
@@ -36,7 +36,7 @@ RANGES: Final = {
 
 def plateau(threads: int) -> Outcome:
     """The maximum rebound height hardly depends on the restitution, Fig. 3."""
-    e = np.random.default_rng(SEED).uniform(*STUDY_RANGES["restitution"], SAMPLES)
+    e = np.random.default_rng(SEED).uniform(*SAMPLE_RANGES["restitution"], SAMPLES)
     with Workers(threads) as workers:
         launched = swept(workers, restitution=e)
         steady = swept(workers, restitution=e, duration=1000.0, transient=900.0)

@@ -15,7 +15,7 @@ from vibrosweep.analysis.order import order_of_landings
 from vibrosweep.analysis.preservation import separation_changes
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.api import simulate
-from vibrosweep.claims.batches import study_sample, swept
+from vibrosweep.claims.batches import random_sample, swept
 from vibrosweep.claims.slots import POPULATIONS, own_slots, smallest_separation
 from vibrosweep.claims.verdict import Check, Number, Outcome, Picture
 from vibrosweep.figures.pairs import fates, separations_in_time
@@ -34,7 +34,7 @@ SETTLED: Final = 1400
 def preserved(threads: int) -> Outcome:
     """Separation is preserved from impact to impact, Eqs. 23 and 24."""
     record = simulate(
-        **study_sample(), launch_time=np.arange(20) / 20, duration=12.0, threads=threads
+        **random_sample(), launch_time=np.arange(20) / 20, duration=12.0, threads=threads
     )
     changes = separation_changes(record)
     steps = changes["steps"].values
@@ -70,7 +70,7 @@ def preserved(threads: int) -> Outcome:
 
 def staggering(threads: int) -> Outcome:
     """Staggered motion attracts and synchronous impacts are unstable."""
-    sample = study_sample()
+    sample = random_sample()
     end: dict[str, Any] = {
         "duration": 600.0,
         "transient": 590.0,

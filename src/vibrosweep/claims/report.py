@@ -110,7 +110,7 @@ def _writing(directory: Path) -> Iterator[None]:
     except OSError as error:
         raise OutputError(
             f"cannot write the claims into {directory} ({error.strerror}): choose another "
-            f"directory with -o, or free this path"
+            f"directory with output=, or free this path"
         ) from error
 
 

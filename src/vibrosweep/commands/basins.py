@@ -20,7 +20,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
-    from vibrosweep.analysis.basins import basins_of_spec, summary
-    from vibrosweep.figures.basins import basins_of_attraction
+    from vibrosweep.analysis.basins import basins_of_spec
 
-    produce(options, basins_of_spec, basins_of_attraction, summary)
+    produce(options, NAME, basins_of_spec)

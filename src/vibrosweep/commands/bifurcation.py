@@ -27,14 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
-    from vibrosweep.analysis.bifurcation import bifurcation_of_spec, summary
-    from vibrosweep.figures.bifurcation import bifurcation_diagram
+    from vibrosweep.analysis.bifurcation import bifurcation_of_spec
 
     produce(
         options,
+        NAME,
         lambda spec, threads: bifurcation_of_spec(
             spec, options.observable, options.samples, threads
         ),
-        bifurcation_diagram,
-        summary,
     )

@@ -30,7 +30,16 @@ def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
     from vibrosweep.api import has_record, open_record, open_sweep
     from vibrosweep.figures import missing, save_all
+    from vibrosweep.figures.registry import save_formats
+    from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 
+    kind = read_kind(options.result)
+    if kind is not SWEEP:
+        if not kind.drawing:
+            raise DataError(f"{options.result}: {kind.undrawn}")
+        figure = kind.draw(load_dataset(options.result))
+        print("\n".join(map(str, save_formats(figure, options.output, kind.stem))))
+        return
     # no figure of a sweep shows single particles, which may be many
     sweep = _loaded(options.result, open_sweep, "particle")
     record = _loaded(options.result, open_record) if has_record(options.result) else None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.commands.arguments import positive, some, whole
-from vibrosweep.errors import TrackError
+from vibrosweep.commands.picture import drawing
+from vibrosweep.errors import ParameterError, TrackError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,6 +19,9 @@ __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
 NAME: Final = "lab"
 HELP: Final = "measure camera tracks and compare them with prediction"
+
+# Options that are physical parameters of a scene
+PHYSICAL: Final = ("gravity", "frequency", "restitution", "amplitude", "phase", "contact_time")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,8 +99,13 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     from vibrosweep.scene import PARAMETERS
     from vibrosweep.store.disk import check_output
 
-    if not PARAMETERS["gravity"].accepts(options.gravity):
-        raise TrackError(f"--gravity {options.gravity:g}: must be {PARAMETERS['gravity'].allowed}")
+    for name in PHYSICAL:
+        value = getattr(options, name, None)
+        if value is not None and not PARAMETERS[name].accepts(value):
+            key = name.replace("_", "-")
+            raise ParameterError(f"--{key} {value:g}: must be {PARAMETERS[name].allowed}")
+    if options.base is not None and not math.isfinite(options.base):
+        raise TrackError(f"--base {options.base:g}: must be a finite number")
     if not 0.0 <= options.exposure <= 1.0:
         raise TrackError(f"--exposure {options.exposure:g}: must be at least 0 and at most 1 s")
     if options.output is not None:
@@ -117,6 +127,7 @@ def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.lab.impacts import fit_tracks, impacts_of
     from vibrosweep.lab.report import agreement_lines, impact_lines
     from vibrosweep.lab.statistics import agreement, quantities
+    from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.saving import save_dataset
 
     recordings = _recordings(options)
@@ -134,37 +145,29 @@ def _impacts(options: argparse.Namespace) -> None:
         each.append(quantities(found, frequency=options.frequency, phase=options.phase))
     print("\n".join(agreement_lines(agreement(each))))
     if options.output is not None:
-        save_dataset(found, options.output)
+        save_dataset(found, options.output, KINDS["impacts"], force=options.force)
         print(f"written to {options.output}")
     if options.figures is not None:
         from vibrosweep.figures.laboratory import fitted_track
         from vibrosweep.figures.registry import save_formats
         from vibrosweep.lab.report import flights_of
 
-        _announce(
-            save_formats(fitted_track(flights_of(tracks, fitted)), options.figures, "lab_track")
-        )
+        with drawing(options.output):
+            figure = fitted_track(flights_of(tracks, fitted))
+            _announce(save_formats(figure, options.figures, "lab_track"))
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from vibrosweep.errors import ParameterError
     from vibrosweep.lab.compare import compare
     from vibrosweep.lab.report import table_lines
     from vibrosweep.lab.twin import Comparison
-    from vibrosweep.scene import PARAMETERS
+    from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.saving import save_dataset
     from vibrosweep.sweep.run import available_threads
     from vibrosweep.sweep.workers import Workers
 
-    known = {"gravity": options.gravity}
-    for name in ("frequency", "restitution", "amplitude", "phase", "contact_time"):
-        value = getattr(options, name)
-        if value is None:
-            continue
-        if not PARAMETERS[name].accepts(value):
-            key = name.replace("_", "-")
-            raise ParameterError(f"--{key} {value:g}: must be {PARAMETERS[name].allowed}")
-        known[name] = value
+    recordings = _recordings(options)
+    known = {n: getattr(options, n) for n in PHYSICAL if getattr(options, n) is not None}
     how = Comparison(
         known=known,
         method=options.method,
@@ -173,18 +176,18 @@ def _compare(options: argparse.Namespace) -> None:
         draws=options.draws,
         seed=options.seed,
     )
-    recordings = _recordings(options)
     with Workers(available_threads()) as workers:
         table = compare(recordings, how, workers)
     print("\n".join(table_lines(table)))
     if options.output is not None:
-        save_dataset(table, options.output)
+        save_dataset(table, options.output, KINDS["comparison"], force=options.force)
         print(f"written to {options.output}")
     if options.figures is not None:
         from vibrosweep.figures.laboratory import errors_by_case
         from vibrosweep.figures.registry import save_formats
 
-        _announce(save_formats(errors_by_case(table), options.figures, "lab_table4"))
+        with drawing(options.output):
+            _announce(save_formats(errors_by_case(table), options.figures, "lab_table4"))
 
 
 def _announce(paths: Sequence[Path]) -> None:

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vibrosweep.commands.arguments import positive, some
 from vibrosweep.commands.start import leave_linear_algebra_out
+from vibrosweep.errors import ExistingOutputError, Interruption, OutputError, VibrosweepError
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
 
     from vibrosweep.sweep.spec import SweepSpec
 
-__all__ = ["add_common", "produce"]
+__all__ = ["add_common", "drawing", "produce"]
 
 
 def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
@@ -31,10 +32,7 @@ def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
 
 
 def produce(
-    options: argparse.Namespace,
-    compute: Callable[[SweepSpec, int], xr.Dataset],
-    draw: Callable[[xr.Dataset], Figure],
-    summary: Callable[[xr.Dataset], Iterable[str]],
+    options: argparse.Namespace, kind: str, compute: Callable[[SweepSpec, int], xr.Dataset]
 ) -> None:
     """Compute a dataset, print its summary, and write it and its picture side by side.
 
@@ -42,23 +40,20 @@ def produce(
     ----------
     options
         Parsed arguments of `add_common`.
+    kind
+        Name of the kind of result.
     compute
         Function from a sweep and a number of threads to a dataset.
-    draw
-        Function from the dataset to a figure.
-    summary
-        Function from the dataset to lines of text.
     """
-    from vibrosweep.store.disk import check_output
     from vibrosweep.sweep.spec import read_spec
 
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
     picture = output.with_suffix(".png")
-    for path in (output, picture):
-        check_output(path, force=options.force, inputs=(options.spec,))
+    _check(options, spec, output, picture)
     leave_linear_algebra_out()
     from vibrosweep.figures.registry import save
+    from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.provenance import provenance
     from vibrosweep.store.saving import save_dataset
     from vibrosweep.sweep.run import available_threads
@@ -68,7 +63,53 @@ def produce(
     began = time.perf_counter()
     found = compute(spec, threads)
     print(f"{time.perf_counter() - began:.3g} s on {some(threads, 'thread')}")
-    print("\n".join(summary(found)))
-    save_dataset(found.assign_attrs(provenance(threads)), output)
-    save(draw(found), picture)
+    print("\n".join(KINDS[kind].lines(found)))
+    save_dataset(found.assign_attrs(provenance(threads)), output, KINDS[kind], force=options.force)
+    with drawing(output):
+        save(KINDS[kind].draw(found), picture, force=options.force)
     print(f"written to {output} and {picture}")
+
+
+def _check(options: argparse.Namespace, spec: SweepSpec, output: Path, picture: Path) -> None:
+    """Refuse outputs that cannot be written before anything is computed."""
+    from vibrosweep.store.disk import check_output, target_of
+
+    # a file system may not tell capitals from small letters, and a link may lead to the other
+    if str(target_of(output)).casefold() == str(target_of(picture)).casefold():
+        raise OutputError(
+            f"{output}: is the name of the picture, which is written beside the dataset; give the "
+            f"dataset a name as {output.with_suffix('.h5').name} with output="
+        )
+    try:
+        check_output(output, force=options.force, inputs=(options.spec,))
+    except ExistingOutputError as error:
+        from vibrosweep.sweep.finished import origin
+
+        raise ExistingOutputError(output, origin(spec, output)) from error
+    check_output(picture, force=options.force, inputs=(options.spec,))
+
+
+@contextmanager
+def drawing(written: Path | None) -> Iterator[None]:
+    """Say of whatever keeps a picture from being drawn that its dataset is written.
+
+    Raises
+    ------
+    OutputError, Interruption
+        The picture failed, or was interrupted; the dataset did not.
+    """
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        if written is None:
+            raise
+        raise Interruption(
+            f"interrupted; {written} is written and complete, but not its picture"
+        ) from error
+    except Exception as error:  # drawing may fail in any way
+        if written is None:
+            raise
+        reason = str(error) if isinstance(error, VibrosweepError) else repr(error)
+        raise OutputError(
+            f"{written}: is written and complete, but its picture failed: {reason}"
+        ) from error

@@ -40,6 +40,7 @@ def perform(options: argparse.Namespace) -> None:
     spec = read_spec(options.spec)
     leave_linear_algebra_out()
     from vibrosweep.sweep.estimate import estimate, require_disk, require_memory
+    from vibrosweep.sweep.notes import notes
     from vibrosweep.sweep.plan import make_plan
     from vibrosweep.sweep.run import available_threads
     from vibrosweep.sweep.workers import Workers
@@ -50,6 +51,8 @@ def perform(options: argparse.Namespace) -> None:
         needs = estimate(spec, plan, workers)
         print(spec.title)
         print("\n".join(_lines(plan, needs, spec.particles, workers.threads)))
+        for subject, text in notes(spec, plan.design).items():
+            print(f"{subject:16}{text}")
     require_memory(needs.memory)
     require_disk(output, needs.result + needs.parts)
 

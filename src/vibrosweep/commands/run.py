@@ -6,13 +6,15 @@ import argparse
 import gc
 import sys
 import time
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from vibrosweep.commands.arguments import positive, some
 from vibrosweep.commands.place import add_place, opened_place
 from vibrosweep.commands.start import leave_linear_algebra_out
+
+if TYPE_CHECKING:
+    from vibrosweep.sweep.spec import SweepSpec
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
@@ -54,7 +56,7 @@ def perform(options: argparse.Namespace) -> None:
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
     gc.disable()  # importing makes many objects and hardly any garbage
-    _check(options, output, (options.spec, spec.table))
+    _check(options, spec, output)
     leave_linear_algebra_out()
     from vibrosweep.sweep.progress import reporting
     from vibrosweep.sweep.run import run_sweep
@@ -91,9 +93,9 @@ def perform(options: argparse.Namespace) -> None:
     print(f"written to {output}")
 
 
-def _check(options: argparse.Namespace, output: Path, inputs: Iterable[Path | None]) -> None:
+def _check(options: argparse.Namespace, spec: SweepSpec, output: Path) -> None:
     """Refuse what cannot be done before anything is loaded that takes time."""
-    from vibrosweep.errors import ParameterError
+    from vibrosweep.errors import ExistingOutputError, ParameterError
     from vibrosweep.store.disk import check_output
     from vibrosweep.store.rundir import replaces
 
@@ -103,4 +105,9 @@ def _check(options: argparse.Namespace, output: Path, inputs: Iterable[Path | No
             "in its file"
         )
     replace = options.force or options.retry_failed
-    check_output(output, force=replace or replaces(output), inputs=inputs)
+    try:
+        check_output(output, force=replace or replaces(output), inputs=(spec.source, spec.table))
+    except ExistingOutputError as error:
+        from vibrosweep.sweep.finished import origin
+
+        raise ExistingOutputError(output, origin(spec, output)) from error

@@ -20,7 +20,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
-    from vibrosweep.analysis.windows import summary, windows_of_spec
-    from vibrosweep.figures.stability import stability_windows
+    from vibrosweep.analysis.windows import windows_of_spec
 
-    produce(options, windows_of_spec, stability_windows, summary)
+    produce(options, NAME, windows_of_spec)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from vibrosweep.errors import OutputError
 from vibrosweep.figures import data, heights, plane, restitution, returns, separations, style
 from vibrosweep.figures.data import Needs
+from vibrosweep.store.disk import replacing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -218,20 +219,24 @@ def save_formats(figure: Figure, directory: str | Path, stem: str) -> list[Path]
     return [save(figure, target / f"{stem}.{kind}") for kind in FORMATS]
 
 
-def save(figure: Figure, path: Path) -> Path:
+def save(figure: Figure, path: Path, *, force: bool = True) -> Path:
     """Write a figure in the format of the path's ending, one of `FORMATS`; return the path.
+
+    Parameters
+    ----------
+    figure
+        What is written.
+    path
+        The name of the file, which appears when it is complete.
+    force
+        Whether a file of this name is replaced.
 
     Raises
     ------
     OutputError
-        The file cannot be written.
+        The file cannot be written, or exists.
     """
-    try:
-        with mpl.rc_context(style.RC):
-            figure.savefig(path, dpi=DOTS_PER_INCH, metadata=dict(FORMATS[path.suffix[1:]]))
-    except OSError as error:
-        raise OutputError(
-            f"cannot write the figure {path} ({error.strerror}): check the permissions and the "
-            f"free space, or choose another directory"
-        ) from error
+    kind = path.suffix[1:]
+    with replacing(path, force=force) as disk, mpl.rc_context(style.RC):
+        figure.savefig(disk, format=kind, dpi=DOTS_PER_INCH, metadata=dict(FORMATS[kind]))
     return path

@@ -86,7 +86,7 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
 
 def plateaus(one_height: float, top: float) -> tuple[Array, Array]:
     """Return modes k and heights of the plateaus below ``top`` that can be told apart."""
-    modes = np.arange(1, int(np.sqrt(top / one_height)) + 1, dtype=np.float64)[:1000]
+    modes = np.arange(1, min(int(np.sqrt(top / one_height)), 1000) + 1, dtype=np.float64)
     heights = one_height * modes**2
     kept: list[int] = []
     for i, height in enumerate(heights):

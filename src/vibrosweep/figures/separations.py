@@ -37,10 +37,10 @@ def distributions(found: Sequence[xr.Dataset], names: Sequence[str], contact_tim
     figure, axes = style.new_figure(style.MEDIUM, 2.9)
     for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
         at = np.maximum(one["separation"].values, EDGE)
-        fraction = one["cumulative_fraction"].values
+        fraction = np.append(0.0, one["cumulative_fraction"].values)  # alone where none is known
         axes.step(
             np.concatenate([[EDGE], at, [1.0]]),
-            np.concatenate([[0.0], fraction, fraction[-1:]]),
+            np.append(fraction, fraction[-1]),
             where="post",
             color=colour,
             linewidth=1.2,

@@ -21,6 +21,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
 from vibrosweep.kernels.bases.high_bounce import kick_slope
+from vibrosweep.kernels.laws import LAW_OF, speed_after
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.sine import sin_turns
 
@@ -32,6 +33,7 @@ __all__ = [
     "FixedOrbits",
     "empty_fixed",
     "find_fixed",
+    "turns_back",
 ]
 
 ABSENT, ATTRACTS, REPELS = 0, 1, 2  # in this order along the kick, see `find_fixed`
@@ -63,6 +65,11 @@ class FixedOrbits(NamedTuple):
 def empty_fixed(problems: int) -> FixedOrbits:
     """Room for fixed orbits."""
     return FixedOrbits(np.empty(problems, np.int8), np.empty(problems))
+
+
+def turns_back(rebound: str) -> bool:
+    """Whether a law of rebound turns a particle back that is pushed into the base."""
+    return speed_after(LAW_OF[rebound], 0.0, 0.0, -1.0) > 0.0
 
 
 @jit

@@ -21,6 +21,9 @@ from vibrosweep.kernels.bases import (
     after_rest,
     contraction,
     jacobian,
+    jacobian_error,
+    landing_rounding,
+    rebound_error,
     scene,
     turns_back,
 )
@@ -29,17 +32,19 @@ from vibrosweep.kernels.impact import Batch, Instant, impact, launch
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.tangent import carry, stretch
-from vibrosweep.kernels.trust import is_certain
+from vibrosweep.kernels.trust import is_certain, landing_error, turn_box
 from vibrosweep.status import Regime
 
 __all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle"]
 
 State = tuple[float, float, float]  # whole periods, phase, and the flight that follows
+Pair = tuple[float, float]
 
 # Periods.  Two particles on one orbit differ by the rounding of an impact over
 # 1 - |leading multiplier|, and so do the rounds of an orbit whose bits return after several only;
 # distinct points of one cycle are never this close, unless it has just split.
 SAME_ORBIT = 2.0**-30
+TINY = 2.0**-500
 CERTAIN = 3.0  # standard errors by which the exponent of an aperiodic orbit exceeds zero
 
 AT_REST = int(Regime.AT_REST)
@@ -208,12 +213,57 @@ def leading_eigenvalue(trace: float, determinant: float) -> complex:
 
 
 @jit
-def _eigenvalue_error(trace: float, determinant: float, rounding: float) -> float:
-    """Error of the leading eigenvalue from that of the entries, which are at most 1."""
-    root = math.sqrt(abs(trace * trace - 4.0 * determinant))
-    error = rounding * (abs(trace) + 1.0)
+def _eigenvalue_error(
+    trace: float, determinant: float, trace_error: float, determinant_error: float
+) -> float:
+    """Error of the modulus of the leading eigenvalue."""
+    discriminant = trace * trace - 4.0 * determinant
+    change = 2.0 * abs(trace) * trace_error + trace_error * trace_error + 4.0 * determinant_error
+    if discriminant < -change:  # the modulus is the root of the determinant
+        return determinant_error / math.sqrt(determinant)
+    root = math.sqrt(abs(discriminant))
     # at a double eigenvalue an error enters by its square root
-    return error / root if root > math.sqrt(error) else math.sqrt(error)
+    return 0.5 * (trace_error + min(change / max(root, TINY), math.sqrt(change)))
+
+
+@jit
+def _spread(frame: Pair, box: Pair) -> Pair:
+    """Largest components of the changes in a box, whose sides lie along a frame."""
+    c, s = abs(frame[0]), abs(frame[1])
+    return c * box[0] + s * box[1], s * box[0] + c * box[1]
+
+
+@jit
+def _state_error(fixed: Scene, state: State, impacts: int) -> Pair:
+    """Distance of a state of a cycle of rounded impacts from the exact cycle, to first order.
+
+    What rounding adds in one round, each part carried on to its end, is b; a distance d returns as
+    M d + b, and it is its own image: d = (1 - M)^-1 b.
+    """
+    n, x, u = state
+    frame, box = (1.0, 0.0), (0.0, 0.0)
+    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0
+    for _ in range(impacts):
+        hit = impact(fixed, n, x, u)
+        derivative = jacobian(fixed, hit.x, hit.v)
+        m00, m10 = carry(m00, m10, derivative)
+        m01, m11 = carry(m01, m11, derivative)
+        frame, box = turn_box(frame, box, derivative)
+        rounding = landing_rounding(fixed, x, u)
+        rounding += rebound_error(fixed, hit.x, hit.v, rounding, rounding)
+        box = box[0] + rounding, box[1] + rounding
+        n, x, u = hit.n_off, hit.x_off, hit.u
+    dx, du = _spread(frame, box)
+    determinant = abs((1.0 - m00) * (1.0 - m11) - m01 * m10)
+    # entries are rounded themselves
+    slack = impacts * ROUNDING * (1.0 + abs(m00) + abs(m11) + abs(m01 * m10))
+    if not determinant > slack:
+        return np.inf, np.inf
+    determinant -= slack
+    return (
+        (abs(1.0 - m11) * dx + abs(m01) * du) / determinant,
+        (abs(m10) * dx + abs(1.0 - m00) * du) / determinant,
+    )
 
 
 @jit
@@ -224,32 +274,46 @@ def _cycle_exponents(
     n, x, u = state
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
-    scale, turned, longest = 0.0, 1.0, 0.0
+    scale, turned = 0.0, 1.0
+    # errors of the state and of both columns, each in a frame of its own
+    frame, box = (1.0, 0.0), _state_error(fixed, state, impacts)
+    frame_0, box_0, frame_1, box_1 = (1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 0.0)
     for _ in range(impacts):
         hit = impact(fixed, n, x, u)
         derivative = jacobian(fixed, hit.x, hit.v)
         turned *= turns_back(fixed, hit.x, hit.v)
         n, x, u = hit.n_off, hit.x_off, hit.u
-        longest = max(longest, u)
+        bent = jacobian_error(fixed, landing_error(frame, box, derivative))
+        frame, box = turn_box(frame, box, derivative)
+        frame_0, box_0 = turn_box(frame_0, box_0, derivative)
+        frame_1, box_1 = turn_box(frame_1, box_1, derivative)
+        rounding = ROUNDING * derivative[4]
+        added_0, added_1 = rounding * (abs(m00) + abs(m10)), rounding * (abs(m01) + abs(m11))
         m00, m10 = carry(m00, m10, derivative)
         m01, m11 = carry(m01, m11, derivative)
+        added_0, added_1 = added_0 + bent * abs(m00), added_1 + bent * abs(m01)
         norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
         scale += growth.logarithm(norm)
         m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm
+        box_0 = (box_0[0] + added_0) / norm, (box_0[1] + added_0) / norm
+        box_1 = (box_1[0] + added_1) / norm, (box_1[1] + added_1) / norm
         c, d, along, across, error = stretch(c, d, derivative)
         area += growth.logarithm(along * across)
         slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
-    determinant = turned * math.exp(impacts * growth.logarithm(contraction(fixed)) - 2.0 * scale)
+    exponent = impacts * growth.logarithm(contraction(fixed)) - 2.0 * scale
+    determinant = turned * math.exp(exponent)
     value = leading_eigenvalue(m00 + m11, determinant)
     modulus = abs(value)
-    # the state itself is known to the rounding of an impact over 1 - |multiplier|
-    gap = max(abs(1.0 - modulus * math.exp(scale)), HALF_ULP)
-    wobble = 2.0 * HALF_ULP * (1.0 + longest) / gap
-    curvature = (2.0 * math.pi) ** 2 * fixed.a
-    rounding = impacts * (ROUNDING + curvature * wobble)
-    error = _eigenvalue_error(m00 + m11, determinant, rounding)
+    trace_error = _spread(frame_0, box_0)[0] + _spread(frame_1, box_1)[1]
+    determinant_error = 0.0
+    if determinant != 0.0:
+        determinant_error = (impacts * ROUNDING + 4.0 * HALF_ULP * abs(exponent)) * abs(determinant)
+    error = _eigenvalue_error(m00 + m11, determinant, trace_error, determinant_error)
     largest = (growth.logarithm(modulus) + scale) / impacts
     relative = error / modulus if modulus > 0.0 else 0.0
+    relative += HALF_ULP * impacts * (abs(scale) + 2.0)  # of the sum of logarithms
+    if not relative < np.inf:  # a state that is lost at a multiplier of 1
+        relative = np.inf
     return value * math.exp(scale), largest, relative / impacts, area / impacts, slack / impacts
 
 

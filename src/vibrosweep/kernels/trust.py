@@ -36,7 +36,7 @@ from vibrosweep.kernels.impact import Batch, land, launch
 from vibrosweep.kernels.rounding import KICK_ERROR, LAUNCH_ERROR, ROUNDING, SMALLEST
 from vibrosweep.kernels.tangent import carry
 
-__all__ = ["Trust", "empty_trust", "is_certain", "trust"]
+__all__ = ["Trust", "empty_trust", "is_certain", "landing_error", "trust", "turn_box"]
 
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40
@@ -52,9 +52,11 @@ class Trust(NamedTuple):
         Time in forcing periods of the last landing that is known to the tolerance, all before it
         included; infinite where all landings are, NaN where none is.
     landing_error
-        Largest error of any landing in forcing periods; infinite where a decision is uncertain.
+        Largest error of any landing in forcing periods; infinite where a decision is uncertain,
+        NaN where the impact budget ended before all landings were followed.
     flight_error
-        Largest error of any flight time after a landing, in forcing periods.
+        Largest error of any flight time after a landing, in forcing periods; infinite and NaN as
+        that of the landings.
     """
 
     until: Floats
@@ -75,7 +77,16 @@ Box = tuple[float, float]
 
 
 @jit
-def _turn(frame: Frame, box: Box, derivative: Jacobian) -> tuple[Frame, Box]:
+def landing_error(frame: Frame, box: Box, derivative: Jacobian) -> float:
+    """Largest change of the phase of the landing by a change of the state before it."""
+    c, s = frame
+    by_phase, by_speed = derivative[0], derivative[1]
+    along, across = by_phase * c + by_speed * s, by_speed * c - by_phase * s
+    return abs(along) * box[0] + abs(across) * box[1]
+
+
+@jit
+def turn_box(frame: Frame, box: Box, derivative: Jacobian) -> tuple[Frame, Box]:
     """Carry frame and box through a Jacobian."""
     c, s = frame
     first, second = box
@@ -130,12 +141,9 @@ def _impact(fixed: Scene, x: float, u: float, frame: Frame, box: Box) -> Bounded
     flight, v = fly(fixed, x, u)
     x, passed = land(x, flight)
     derivative = jacobian(fixed, x, v)
-    c, s = frame
-    by_phase, by_speed = derivative[0], derivative[1]
-    error = abs(by_phase * c + by_speed * s) * box[0] + abs(by_speed * c - by_phase * s) * box[1]
-    error = (error + rounding) * INFLATION
+    error = (landing_error(frame, box, derivative) + rounding) * INFLATION
     kicked = rebound_error(fixed, x, v, rounding, error)
-    frame, box = _turn(frame, box, derivative)
+    frame, box = turn_box(frame, box, derivative)
     c, s = frame
     box = (
         box[0] + (abs(c) * rounding + abs(s) * kicked) * INFLATION,
@@ -193,17 +201,17 @@ def _follow(
     n -= problem.end_count[i]
     u = problem.launch_flight[i]
     frame, box = (1.0, 0.0), (LAUNCH_ERROR, KICK_ERROR * u + SMALLEST)
-    until, landing_error, flight_error = np.nan, 0.0, 0.0
+    until, worst, flight_error = np.nan, 0.0, 0.0
     known = True
     for _ in range(budget):
         hit = _impact(fixed, x, u, frame, box)
         n += hit.passed
         remaining = (x_end - hit.x) - n
         if remaining < -hit.error - LAUNCH_ERROR:
-            return (np.inf if known else until), landing_error, flight_error
+            return (np.inf if known else until), worst, flight_error
         if remaining <= hit.error + LAUNCH_ERROR or not hit.error < LOST:
             break
-        landing_error = max(landing_error, hit.error)
+        worst = max(worst, hit.error)
         known = known and hit.error <= tolerance
         if known:
             until = (n + problem.end_count[i]) + (hit.x - problem.phase[i])
@@ -218,10 +226,12 @@ def _follow(
         if box[0] == np.inf:
             break
         if n == np.inf:
-            return (np.inf if known else until), landing_error, flight_error
+            return (np.inf if known else until), worst, flight_error
         if abs(hit.x - x) <= hit.error + box[0]:
             break
         flight_error = max(flight_error, box[1])
+    else:
+        return until, np.nan, np.nan
     return until, np.inf, np.inf
 
 

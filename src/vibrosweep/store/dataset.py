@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import h5netcdf
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.errors import RunError
 from vibrosweep.store.disk import Disk, replacing, undisturbed
 from vibrosweep.store.seal import append_seal
 from vibrosweep.variables import Variable
@@ -32,13 +34,16 @@ class Group:
 
     _disk: Disk
     _group: Any
+    _prefix: str = ""
     _sizes: dict[str, int] = field(default_factory=dict)
     _auxiliary: list[str] = field(default_factory=list)
+    _missing: dict[str, int] = field(default_factory=dict)
+    _groups: list[Group] = field(default_factory=list)
 
     @undisturbed()
     def dimensions(self, sizes: Mapping[str, int]) -> None:
         """Declare dimensions by name and length."""
-        self._group.dimensions.update(sizes)
+        self._group.dimensions.update(zip(self._named(sizes), sizes.values(), strict=True))
         self._sizes.update(sizes)
 
     @undisturbed()
@@ -47,19 +52,24 @@ class Group:
         name: str,
         dims: tuple[str, ...],
         attributes: Mapping[str, Any],
-        values: NDArray[np.float64] | None = None,
+        values: NDArray[Any] | None = None,
     ) -> None:
         """Declare an auxiliary coordinate of all variables declared after it.
 
         Parameters
         ----------
         values
-            Written at once where given, else piece by piece with `write`.
+            Written at once where given, else piece by piece with `write`: numbers, or texts as
+            objects.
         """
-        variable = self._group.create_variable(name, dims, dtype="float64")
+        texts = values is not None and values.dtype == object
+        kind = h5py.string_dtype() if texts else "float64"
+        variable = self._group.create_variable(name, self._named(dims), dtype=kind)
         variable.attrs.update(attributes)
         if values is not None:
             variable[...] = values
+        else:
+            self._missing[name] = self._sizes[dims[0]]
         self._auxiliary.append(name)
 
     @undisturbed()
@@ -70,9 +80,10 @@ class Group:
         if np.issubdtype(np.dtype(variable.dtype), np.integer) and all(shape):
             options = dict(COMPRESSION, chunks=_chunks(shape))
         created = self._group.create_variable(
-            variable.name, variable.dims, dtype=variable.dtype, **options
+            variable.name, self._named(variable.dims), dtype=variable.dtype, **options
         )
         created.attrs.update(variable.attributes)
+        self._missing[variable.name] = shape[0]
         if self._auxiliary:
             created.attrs["coordinates"] = " ".join(self._auxiliary)
 
@@ -80,6 +91,7 @@ class Group:
     def write(self, name: str, start: int, values: NDArray[Any]) -> None:
         """Write a piece that begins at index `start` of the first dimension."""
         self._group.variables[name][start : start + values.shape[0]] = values
+        self._missing[name] -= values.shape[0]
         self._disk.check()
 
     @undisturbed()
@@ -94,8 +106,32 @@ class Group:
 
     @undisturbed()
     def group(self, name: str) -> Group:
-        """Create a group inside this one."""
-        return Group(self._disk, self._group.create_group(name))
+        """Create a group inside this one, whose dimensions in the file begin with its name.
+
+        What xarray opens as a tree may not have dimensions of one name and different lengths.
+        """
+        self._groups.append(Group(self._disk, self._group.create_group(name), f"{name}_"))
+        return self._groups[-1]
+
+    def _named(self, dims: Iterable[str]) -> tuple[str, ...]:
+        return tuple(f"{self._prefix}{name}" for name in dims)
+
+    def require_complete(self) -> None:
+        """Refuse a file in which HDF5 would fill values that nobody wrote with zeros.
+
+        Raises
+        ------
+        RunError
+            Variables were declared and not written to their end.
+        """
+        missing = [name for name, rows in self._missing.items() if rows]
+        if missing:
+            raise RunError(
+                f"{self._disk.path}: {', '.join(missing)}: not written to the end; this is a fault "
+                f"of vibrosweep: please report it"
+            )
+        for group in self._groups:
+            group.require_complete()
 
 
 def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -105,7 +141,7 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 @contextmanager
-def creating(path: Path, room: Path | None = None) -> Iterator[Group]:
+def creating(path: Path, room: Path | None = None, *, force: bool = True) -> Iterator[Group]:
     """Create a file; it takes its name when the block ends well, and is removed otherwise.
 
     Parameters
@@ -114,17 +150,23 @@ def creating(path: Path, room: Path | None = None) -> Iterator[Group]:
         The name it takes.
     room
         Directory of the unfinished file, on the same file system; by default that of `path`.
+    force
+        Whether it replaces a file that has the name by then.
 
     Raises
     ------
     OutputError
         The file cannot be written.
+    RunError
+        Not all that was declared was written.
     """
-    with replacing(path, room) as disk:
+    with replacing(path, room, force=force) as disk:
         with undisturbed():
             file = h5netcdf.File(disk, "w")
         try:
-            yield Group(disk, file)
+            root = Group(disk, file)
+            yield root
+            root.require_complete()
             with undisturbed():
                 file.close()
                 disk.check()

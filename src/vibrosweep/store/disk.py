@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import io
+import itertools
 import os
 import secrets
 import signal
@@ -20,7 +21,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.errors import OutputError
+from vibrosweep.errors import ExistingOutputError, OutputError, TakenOutputError
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -31,12 +32,18 @@ __all__ = [
     "flush_directory",
     "replacing",
     "reporting",
+    "target_of",
     "undisturbed",
     "unwritten",
 ]
 
 # Signals that end a program, on systems that have them.
 ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+def target_of(path: Path) -> Path:
+    """Where a file goes: behind a link, which stays one; a circle of links is left as it is."""
+    return Path(os.path.realpath(path))  # Path.resolve raises a RuntimeError for a circle
 
 
 def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ()) -> None:
@@ -62,28 +69,27 @@ def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ())
         mode = None
     except OSError as error:
         raise OutputError(
-            f"{path}: cannot be written ({error.strerror}); choose another name with -o"
+            f"{path}: cannot be written ({error.strerror}); choose another name with output="
         ) from error
     if mode is not None and not stat.S_ISREG(mode):
         kind = "a directory" if stat.S_ISDIR(mode) else "no ordinary file"
-        raise OutputError(f"{path}: is {kind}; give the name of a file with -o")
+        raise OutputError(f"{path}: is {kind}; give the name of a file with output=")
     if mode is not None and not force:
-        raise OutputError(
-            f"{path}: exists and is kept; write to another file with -o, or replace it with --force"
-        )
+        raise ExistingOutputError(path)
     if any(one is not None and one.exists() and one.samefile(path) for one in inputs if mode):
-        raise OutputError(f"{path}: is an input of this run; write to another file with -o")
-    parent = path.resolve().parent
+        raise OutputError(f"{path}: is an input of this run; write to another file with output=")
+    parent = target_of(path).parent
     if not parent.is_dir():
         raise OutputError(
-            f"{path}: {parent} is not a directory; create it, or choose another place with -o"
+            f"{path}: {parent} is not a directory; create it, or choose another place with output="
         )
     try:
         with tempfile.TemporaryFile(dir=parent):
             pass
     except OSError as error:
         raise OutputError(
-            f"{path}: cannot write in {parent} ({error.strerror}); choose another place with -o"
+            f"{path}: cannot write in {parent} ({error.strerror}); choose another place with "
+            f"output="
         ) from error
 
 
@@ -149,7 +155,7 @@ def undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def replacing(path: Path, room: Path | None = None) -> Iterator[Disk]:
+def replacing(path: Path, room: Path | None = None, *, force: bool = True) -> Iterator[Disk]:
     """Write a file that takes its name when the block ends well, and is removed otherwise.
 
     Parameters
@@ -158,13 +164,17 @@ def replacing(path: Path, room: Path | None = None) -> Iterator[Disk]:
         The name it takes.
     room
         Directory of the unfinished file, on the same file system; by default that of `path`.
+    force
+        Whether it replaces a file that has the name by then.
 
     Raises
     ------
+    TakenOutputError
+        Without `force`, a file has the name by then; the one that was written stands beside it.
     OutputError
         The file cannot be written.
     """
-    target = path.resolve()  # the file behind a link, and not the link, is replaced
+    target = target_of(path)
     partial = (room or target.parent) / f".{target.name[:40]}.{secrets.token_hex(4)}.partial"
     try:
         with reporting(path):
@@ -175,7 +185,10 @@ def replacing(path: Path, room: Path | None = None) -> Iterator[Disk]:
             with reporting(path):
                 os.fsync(disk.fileno())
         with reporting(path):
-            partial.replace(target)
+            if force:
+                partial.replace(target)
+            elif not _named(partial, target):
+                raise TakenOutputError(path, _named_beside(partial, target))
     finally:
         with suppress(OSError):  # the directory may have gone
             partial.unlink()
@@ -183,11 +196,37 @@ def replacing(path: Path, room: Path | None = None) -> Iterator[Disk]:
         flush_directory(target.parent)
 
 
+def _named(partial: Path, name: Path) -> bool:
+    """Give a finished file a name that no file has; tell whether none had it."""
+    try:
+        name.hardlink_to(partial)
+    except FileExistsError:
+        return False
+    except OSError:  # a file system without links: take the name first, and then its place
+        try:
+            name.touch(exist_ok=False)
+        except FileExistsError:
+            return False
+        partial.replace(name)
+    return True
+
+
+def _named_beside(partial: Path, target: Path) -> Path:
+    """Give a finished file the first free name like that of the target."""
+    for number in itertools.count(1):
+        name = target.with_name(f"{target.stem[:200]}-{number}{target.suffix}")
+        if _named(partial, name):
+            return name
+    raise AssertionError
+
+
 @contextmanager
 def reporting(path: Path) -> Iterator[None]:
     """Turn a failure to write into an OutputError that names the path."""
     try:
         yield
+    except OutputError:
+        raise
     except OSError as error:
         raise unwritten(path, error) from error
 
@@ -196,12 +235,12 @@ def unwritten(path: Path, error: OSError) -> OutputError:
     """Return the error that says what could not be written, and what to do."""
     if error.errno == errno.ENOENT:
         return OutputError(
-            f"{path}: writing failed, for {path.resolve().parent} has gone; make the directory "
-            f"again, or choose another place with -o, then run again"
+            f"{path}: writing failed, for {target_of(path).parent} has gone; make the directory "
+            f"again, or choose another place with output=, then run again"
         )
     return OutputError(
         f"{path}: writing failed ({error.strerror or error}); free some space or choose another "
-        f"place with -o, then run again"
+        f"place with output=, then run again"
     )
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from vibrosweep.errors import RunError
 from vibrosweep.store.disk import replacing
 
-__all__ = ["Manifest", "Parts", "read_manifest", "write_manifest"]
+__all__ = ["Manifest", "Parts", "kinds", "read_manifest", "write_manifest"]
 
 Columns = dict[str, NDArray[Any]]
 
@@ -45,6 +45,8 @@ class Manifest:
         Their number.
     chunk
         Realizations in a chunk; the last one may hold fewer.
+    columns
+        Kind of each column of its parts, as `kinds` gives it: no part may hold others.
     replaces
         Whether an existing output is to be replaced at the end.
     """
@@ -52,6 +54,7 @@ class Manifest:
     identity: Mapping[str, str]
     realizations: int
     chunk: int
+    columns: Mapping[str, str]
     replaces: bool = False
 
     @property
@@ -68,6 +71,11 @@ class Manifest:
     def bounds(self, index: int) -> tuple[int, int]:
         """First realization of a chunk, and the one after its last."""
         return index * self.chunk, min((index + 1) * self.chunk, self.realizations)
+
+
+def kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, str]:
+    """Type of each column and its shape along the dimensions after the first."""
+    return {name: f"{values.dtype.str} {values.shape[1:]}" for name, values in columns.items()}
 
 
 def write_manifest(directory: Path, manifest: Manifest) -> None:
@@ -101,13 +109,13 @@ def read_manifest(directory: Path) -> Manifest | None:
         return None
     except OSError as error:
         raise RunError(
-            f"{path}: cannot be read ({error.strerror}); choose another place with -o"
+            f"{path}: cannot be read ({error.strerror}); choose another place with output="
         ) from error
     except (ValueError, TypeError, KeyError, RecursionError):
         pass
     raise RunError(
-        f"{path}: is damaged, so that nobody knows what the parts beside it are; start the run "
-        f"again with --force"
+        f"{path}: is damaged or of another version, so that nobody knows what the parts beside "
+        f"it are; start the run again with force=True"
     )
 
 
@@ -119,21 +127,28 @@ class Parts:
     ----------
     directory
         The run directory.
-    key
-        Checksum of its manifest.
+    manifest
+        What run they are of.
     """
 
     directory: Path
-    key: str
+    manifest: Manifest
 
     def write(self, index: int, columns: Mapping[str, NDArray[Any]]) -> None:
         """Write the part of a chunk; the same columns make the same file, bit for bit.
 
         Raises
         ------
+        RunError
+            They are not the columns of this run.
         OutputError
             It cannot be written.
         """
+        if not self._fits(index, columns):
+            raise RunError(
+                f"{self.directory}: chunk {index} was computed with other columns than the run "
+                f"declares ({', '.join(sorted(columns))}); use the same version everywhere"
+            )
         pieces = _packed(columns)
         with replacing(self.directory / self._name(index, pieces)) as disk:
             for piece in pieces:
@@ -145,15 +160,24 @@ class Parts:
         return {int(match[1]): path for match, path in found if match}
 
     def read(self, index: int, path: Path) -> Columns | None:
-        """Read the part of a chunk; None where it is damaged or gone."""
+        """Read the part of a chunk; None where it is damaged, gone, or holds other columns."""
         try:
             data = path.read_bytes()
         except OSError:
             return None
-        return _unpacked(data) if path.name == self._name(index, [data]) else None
+        if path.name != self._name(index, [data]):
+            return None
+        columns = _unpacked(data)
+        return columns if self._fits(index, columns) else None
+
+    def _fits(self, index: int, columns: Mapping[str, NDArray[Any]]) -> bool:
+        """Whether these are the columns of the run, as long as the chunk."""
+        start, stop = self.manifest.bounds(index)
+        lengths = {len(values) for values in columns.values()}
+        return kinds(columns) == self.manifest.columns and lengths <= {stop - start}
 
     def _name(self, index: int, pieces: Iterable[bytes | memoryview]) -> str:
-        digest = hashlib.blake2b(f"{self.key} {index}\n".encode(), digest_size=16)
+        digest = hashlib.blake2b(f"{self.manifest.key} {index}\n".encode(), digest_size=16)
         for piece in pieces:
             digest.update(piece)
         return f"chunk-{index:010d}-{digest.hexdigest()}.part"

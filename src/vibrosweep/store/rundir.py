@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from vibrosweep.errors import RunError
-from vibrosweep.store.disk import flush_directory, reporting, unwritten
+from vibrosweep.store.disk import flush_directory, reporting, target_of, unwritten
 from vibrosweep.store.parts import MANIFEST, read_manifest
 
 __all__ = ["abandon", "empty", "holding", "replaces", "run_directory"]
@@ -22,7 +22,7 @@ LOCK: Final = "lock"
 
 def run_directory(output: Path) -> Path:
     """Path of the directory of the run that makes an output, on the same file system."""
-    target = output.resolve()  # as the file behind a link is replaced, and not the link
+    target = target_of(output)
     return target.with_name(f"{target.name}.parts")
 
 
@@ -99,12 +99,12 @@ def _lock(output: Path, directory: Path, descriptor: int) -> None:
         holder = os.read(descriptor, 200).decode(errors="replace").strip()
         raise RunError(
             f"{output}: is being computed by another run ({holder or 'process unknown'}), which "
-            f"holds {directory}; wait for its end, or write to another file with -o"
+            f"holds {directory}; wait for its end, or write to another file with output="
         ) from error
     except OSError as error:
         raise RunError(
             f"{output}: the file system of {directory} has no locks ({error.strerror}), so that "
-            f"two runs could disturb each other; choose another place with -o"
+            f"two runs could disturb each other; choose another place with output="
         ) from error
     with suppress(OSError):  # who holds it is a courtesy
         os.ftruncate(descriptor, 0)

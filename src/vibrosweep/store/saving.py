@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vibrosweep.store.disk import replacing
+from vibrosweep.store.kinds import KIND, Kind
+from vibrosweep.store.seal import append_seal
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -14,15 +16,27 @@ if TYPE_CHECKING:
 __all__ = ["save_dataset"]
 
 
-def save_dataset(dataset: xr.Dataset, path: Path) -> None:
-    """Write a dataset as netCDF-4; an existing file is replaced.
+def save_dataset(dataset: xr.Dataset, path: Path, kind: Kind, *, force: bool) -> None:
+    """Write a dataset as netCDF-4, sealed as the result of a sweep is.
+
+    Parameters
+    ----------
+    dataset
+        What is written.
+    path
+        The name of the file.
+    kind
+        What kind of result it is; the file says so.
+    force
+        Whether a file of this name is replaced.
 
     Raises
     ------
     OutputError
-        The file cannot be written.
+        The file cannot be written, or exists.
     """
-    with tempfile.TemporaryDirectory() as directory, replacing(path) as disk:
+    with tempfile.TemporaryDirectory() as directory, replacing(path, force=force) as disk:
         whole = Path(directory) / "dataset.h5"
-        dataset.to_netcdf(whole, engine="h5netcdf")
+        dataset.assign_attrs({KIND: kind.name}).to_netcdf(whole, engine="h5netcdf")
         disk.write(whole.read_bytes())
+        append_seal(disk)

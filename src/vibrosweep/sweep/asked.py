@@ -13,7 +13,12 @@ from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.spec import SweepSpec
 from vibrosweep.variables import LYAPUNOV, PER_PARTICLE, REGIMES, SWEEP, TRUST, Variable
 
-__all__ = ["measured_variables", "observation_of", "parameters_of", "record_observation"]
+__all__ = [
+    "measured_variables",
+    "observation_of",
+    "parameters_of",
+    "record_observation",
+]
 
 Array = NDArray[np.float64]
 

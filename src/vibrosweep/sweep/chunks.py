@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import RunError, VibrosweepError
-from vibrosweep.store.parts import Manifest, Parts
-from vibrosweep.sweep.asked import observation_of, parameters_of
+from vibrosweep.store.parts import Manifest, Parts, kinds
+from vibrosweep.sweep.asked import measured_variables, observation_of, parameters_of
 from vibrosweep.sweep.design import Design, chosen, open_design
 from vibrosweep.sweep.identity import differences, identity
 from vibrosweep.sweep.measuring import measure_all
@@ -24,6 +24,7 @@ __all__ = [
     "Runner",
     "Tick",
     "batch_size",
+    "column_kinds",
     "compute_chunk",
     "compute_rows",
     "in_process",
@@ -138,14 +139,18 @@ def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) 
     with Workers(threads) as workers:
         for piece in compute_rows(job.spec, design, start, stop, workers):
             size = piece["status"].size
-            for name, values in piece.items():
-                whole = (stop - start, *values.shape[1:])
-                columns.setdefault(name, np.empty(whole, values.dtype))[done : done + size] = values
+            columns = columns or {n: _room(stop - start, values) for n, values in piece.items()}
+            for name, room in columns.items():
+                room[done : done + size] = piece[name]
             done += size
             if tick is not None:
                 tick(size)
     job.parts.write(index, columns)
     return stop - start
+
+
+def _room(rows: int, values: NDArray[Any]) -> NDArray[Any]:
+    return np.empty((rows, *values.shape[1:]), values.dtype)
 
 
 _opened: tuple[Job, Design] | None = None
@@ -167,6 +172,15 @@ def _design(job: Job) -> Design:
     return opened[1]
 
 
+def column_kinds(spec: SweepSpec, design: Design) -> dict[str, str]:
+    """Kind of each column of a sweep, as `vibrosweep.store.parts.kinds` gives it."""
+    sizes = {"realization": 0, "particle": spec.particles}
+    columns = {name: np.empty(0) for name in design.sampled}
+    for variable in measured_variables(spec):
+        columns[variable.name] = np.empty([sizes[d] for d in variable.dims], variable.dtype)
+    return kinds(columns)
+
+
 def compute_rows(
     spec: SweepSpec, design: Design, start: int, stop: int, workers: Workers
 ) -> Iterator[Columns]:
@@ -175,7 +189,8 @@ def compute_rows(
     Yields
     ------
     dict
-        Sampled parameters and measured variables, each of shape (realization, ...).
+        Sampled parameters and measured variables, each of shape (realization, ...): exactly those
+        of `column_kinds`.
     """
     for first in range(start, stop, batch_size(spec)):
         # not held here while the next ones are computed

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.errors import SpecError, TableError
 from vibrosweep.sweep.spec import Axis, Range, SweepSpec
-from vibrosweep.sweep.table import read_table
+from vibrosweep.sweep.table import Label, read_table
 
 __all__ = ["MAX_LATIN_VALUES", "Design", "chosen", "open_design"]
 
@@ -40,11 +40,14 @@ class Design:
         Their number.
     sampled
         Names of the sampled parameters, in the order of `scene.PARAMETERS`.
+    labels
+        What else a table tells of each realization; nothing is computed with it.
     """
 
     realizations: int
     sampled: tuple[str, ...]
     _columns: Columns
+    labels: Mapping[str, Label] = field(default_factory=dict)
 
     def take(self, start: int, stop: int) -> dict[str, Array]:
         """Return the sampled parameters of the realizations start, ..., stop - 1.
@@ -199,13 +202,13 @@ def _grid(axes: Sequence[tuple[float, ...]]) -> Columns:
 
 def _open_table(spec: SweepSpec) -> Design:
     table = read_table(spec)
-    count = len(next(iter(table.values())))
+    count = len(next(iter(table.parameters.values())))
     if spec.realizations not in (None, count):
         raise TableError(
             f"{spec.table}: holds {count} rows, but sample.realizations = {spec.realizations} in "
             f"{spec.source or 'the sweep'}; leave that key out"
         )
-    return Design(count, tuple(table), _slices(table))
+    return Design(count, tuple(table.parameters), _slices(table.parameters), table.labels)
 
 
 def _slices(table: Mapping[str, Array]) -> Columns:

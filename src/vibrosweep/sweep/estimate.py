@@ -13,8 +13,11 @@ import numpy as np
 
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.store.dataset import creating
+from vibrosweep.store.disk import target_of
+from vibrosweep.store.parts import kinds
+from vibrosweep.sweep import landings
 from vibrosweep.sweep.chunks import batch_size
-from vibrosweep.sweep.landings import BYTES_PER_LANDING, physical_memory, record_capacity
+from vibrosweep.sweep.landings import BYTES_PER_LANDING, physical_memory
 from vibrosweep.sweep.pilot import memory_per_realization
 from vibrosweep.sweep.plan import Plan, bytes_per_realization
 from vibrosweep.sweep.result import Rows, declare, recorded, write_record
@@ -66,10 +69,10 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
             "vibrosweep run computes those that can be, and reports the others"
         )
     design, cost = plan.design, plan.cost
-    record = record_bytes(spec, workers)
+    written, record = record_bytes(spec, workers)
     size, seconds = _written(spec, plan, workers.threads)
     if spec.record is not None:
-        more, longer = _record_file(spec, spec.record, record, workers)
+        more, longer = _record_file(spec, spec.record, written, workers)
         size, seconds = size + more, seconds + longer
     per_realization = bytes_per_realization(spec, design)
     cut = plan.chunks > 1
@@ -88,8 +91,8 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
     )
 
 
-def record_bytes(spec: SweepSpec, workers: Workers) -> int:
-    """Bytes of the record of landings, in memory and on the disk; 0 without one.
+def record_bytes(spec: SweepSpec, workers: Workers) -> tuple[int, int]:
+    """Bytes of the record of landings, and of the memory that making it takes; 0 without one.
 
     Raises
     ------
@@ -97,14 +100,13 @@ def record_bytes(spec: SweepSpec, workers: Workers) -> int:
         It does not fit into memory.
     """
     if spec.record is None:
-        return 0
-    capacity = record_capacity(*recorded(spec.record, spec.impact_budget), workers)
-    return BYTES_PER_LANDING * spec.record.particles * capacity
+        return 0, 0
+    return landings.record_bytes(*recorded(spec.record, spec.impact_budget), workers)
 
 
 def has_room(output: Path, needed: float) -> bool:
     """Whether the disk of an output has so many bytes free."""
-    return needed <= shutil.disk_usage(output.resolve().parent).free
+    return needed <= shutil.disk_usage(target_of(output).parent).free
 
 
 def require_disk(output: Path, needed: float) -> None:
@@ -116,11 +118,11 @@ def require_disk(output: Path, needed: float) -> None:
         Naming what to change.
     """
     if not has_room(output, needed):
-        free = shutil.disk_usage(output.resolve().parent).free
+        free = shutil.disk_usage(target_of(output).parent).free
         raise OutputError(
             f"{output}: the sweep needs {needed / 2**30:.3g} GiB of disk, but "
-            f"{output.resolve().parent} has {free / 2**30:.3g} GiB free: make room, choose another "
-            f"place with -o, or lower sample.realizations or what [measure] asks for"
+            f"{target_of(output).parent} has {free / 2**30:.3g} GiB free: make room, choose "
+            f"another place with output=, or lower sample.realizations or what [measure] asks for"
         )
 
 
@@ -146,7 +148,7 @@ def _sample_file(spec: SweepSpec, plan: Plan, rows: int, threads: int) -> tuple[
         began = time.perf_counter()
         with creating(path) as file:
             declare(file, spec, replace(plan.design, realizations=rows), threads)
-            writer = Rows(file, batch_size(spec))
+            writer = Rows(file, kinds(columns), batch_size(spec))
             writer.add({name: values[drawn] for name, values in columns.items()})
             writer.flush()
         return path.stat().st_size, time.perf_counter() - began
@@ -157,17 +159,18 @@ def _record_file(
 ) -> tuple[float, float]:
     """Bytes that the record adds to the file, and seconds to compute and write it.
 
-    Measured on as much of its duration as makes a small file.
+    Measured on as many landings of each particle as make a small file.
     """
-    share = min(1.0, SAMPLE_BYTES / max(size, 1))
-    short = replace(record, duration=record.duration * share)
+    budget = min(spec.impact_budget, 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * record.particles))
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "record.h5"
         began = time.perf_counter()
+        sample, _ = landings.record_bytes(*recorded(record, budget), workers)  # as a run does
         with creating(path) as file:
-            write_record(file.group("record"), short, spec.impact_budget, workers)
+            write_record(file.group("record"), record, budget, workers)
         took = time.perf_counter() - began
-        return path.stat().st_size / share, took / share
+        growth = max(size / max(sample, 1), 1.0)
+        return path.stat().st_size * growth, took * growth
 
 
 def require_memory(needed: float) -> None:
@@ -182,6 +185,6 @@ def require_memory(needed: float) -> None:
     if needed > available:
         raise ParameterError(
             f"the sweep needs {needed / 2**30:.3g} GiB of memory, but this machine has "
-            f"{available / 2**30:.3g} GiB: lower --chunk where it was given, take fewer particles, "
+            f"{available / 2**30:.3g} GiB: lower chunk= where it was given, take fewer particles, "
             f"or shorten the record"
         )

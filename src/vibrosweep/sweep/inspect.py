@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,11 +12,12 @@ import numpy as np
 
 from vibrosweep.scene import PARAMETERS
 from vibrosweep.status import Status
+from vibrosweep.store.kinds import SWEEP, Kind, kind_of, load_dataset
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.reading import no_result, reading
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import State, state_of
-from vibrosweep.sweep.summary import Summary, unsettled
+from vibrosweep.sweep.summary import SETTLING, Summary, unsettled
 from vibrosweep.variables import OF_REALIZATIONS
 
 __all__ = ["describe"]
@@ -47,10 +48,22 @@ def describe(path: Path) -> Iterator[str]:
         yield from _unfinished(path)
         return
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
-        lines = [*_head(file), *summary_of(file).lines(), *_unsettled(file)]
-    yield from lines
+        kind, lines = kind_of(path, file.attrs), []
+        if kind is SWEEP:
+            lines = [*_head(file), *summary_of(file).lines(), *_unsettled(file)]
+    yield from lines if kind is SWEEP else _other(path, kind)
     if state_of(path) is State.MISSING:
         yield "no seal: another program wrote this file, so that damage to it would go unnoticed"
+
+
+def _other(path: Path, kind: Kind) -> Iterator[str]:
+    """Describe a result that is no sweep."""
+    dataset = load_dataset(path)
+    yield str(dataset.attrs.get("title", path.name))
+    yield f"result of {kind.command}"
+    yield f"dimensions: {', '.join(f'{name} {size}' for name, size in dataset.sizes.items())}"
+    yield from kind.lines(dataset)
+    yield from _provenance(dataset.attrs)
 
 
 def _unfinished(path: Path) -> Iterator[str]:
@@ -59,7 +72,7 @@ def _unfinished(path: Path) -> Iterator[str]:
     manifest = read_manifest(directory)
     if manifest is None:
         raise no_result(path)
-    finished = len(Parts(directory, manifest.key).finished())
+    finished = len(Parts(directory, manifest).finished())
     yield f"{path}: is not finished: {finished} of {manifest.chunks} chunks are in {directory}"
     for key, value in manifest.identity.items():
         yield f"{key:32}{value}"
@@ -69,6 +82,7 @@ def _head(file: Any) -> Iterator[str]:
     yield str(file.attrs["title"])
     sizes = ", ".join(f"{name} {d.size}" for name, d in file.dimensions.items())
     yield f"dimensions: {sizes}"
+    defaults = str(file.attrs.get("defaults", "")).split()
     for name in PARAMETERS:
         variable = file.variables[name]
         units = variable.attrs["units"]
@@ -77,16 +91,23 @@ def _head(file: Any) -> Iterator[str]:
             spread = f"{low:g} ... {high:g}"
         else:
             spread = f"{variable[()]:g}"
-        yield f"{name:32}{spread} {'' if units == '1' else units}".rstrip()
+        remark = " (default)" if name in defaults else ""
+        yield f"{name:32}{spread}{'' if units == '1' else f' {units}'}{remark}"
     yield f"{'rebound':32}{file.attrs['rebound']}"
     for name in ("transient", "duration"):
         yield f"{name:32}{file.variables[name][()]:g} s"
     if "record" in file.groups:
         landings = file.groups["record"].variables["impact_count"][...].sum()
         yield f"{'record of every landing':32}{landings} landings, in the group 'record'"
+    if file.attrs.get("notes"):
+        yield f"{'notes':32}{file.attrs['notes']}"
+    yield from _provenance(file.attrs)
+
+
+def _provenance(attributes: Mapping[str, Any]) -> Iterator[str]:
     for name in PROVENANCE:
-        if name in file.attrs:
-            yield f"{name:32}{file.attrs[name]}"
+        if name in attributes:
+            yield f"{name:32}{attributes[name]}"
 
 
 def _range(variable: Any) -> tuple[float, float]:
@@ -105,7 +126,7 @@ def summary_of(file: Any) -> Summary:
 
 def _unsettled(file: Any) -> Iterator[str]:
     """List the realizations that did not complete."""
-    names = [name for name in ("status", "base_shared") if name in file.variables]
+    names = [name for name in SETTLING if name in file.variables]
     sampled = [name for name in PARAMETERS if file.variables[name].dimensions]
     lines: list[str] = []
     total = 0
@@ -115,8 +136,8 @@ def _unsettled(file: Any) -> Iterator[str]:
         total += places.size
         for place in places[: LISTED - len(lines)].tolist():
             status = Status(int(codes["status"][place]))
-            # completed by counting the landings of a cycle, which separations had to follow
-            meaning = "separations undetermined" if not status else status.meaning
+            # completed by counting the landings of a cycle, which other measures had to follow
+            meaning = status.meaning if status else "separations or error bounds undetermined"
             values = (f"{name} {file.variables[name][rows.start + place]:g}" for name in sampled)
             lines.append(f"  {rows.start + place:<10}{', '.join((meaning, *values))}")
     if total:

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from vibrosweep.errors import Interruption, OutputError, RunError
+from vibrosweep.errors import Interruption, OutputError, RunError, TakenOutputError
 from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Manifest, Parts, read_manifest
-from vibrosweep.store.rundir import empty
+from vibrosweep.store.rundir import abandon, empty
 from vibrosweep.sweep.chunks import Columns, Job, Runner, compute_chunk
 from vibrosweep.sweep.design import Design
 from vibrosweep.sweep.identity import differences
@@ -44,13 +44,13 @@ def continued(
         return None
     changes = differences(manifest.identity, now())
     if changes:
-        finished = len(Parts(directory, manifest.key).finished())
+        finished = len(Parts(directory, manifest).finished())
         raise RunError(
             f"{output}: an unfinished run of another sweep stands in {directory}, "
             f"{finished} of {manifest.chunks} chunks finished:\n  "
             + "\n  ".join(changes)
-            + "\nfinish it with what it began with, write to another file with -o, or throw it "
-            "away and start again with --force"
+            + "\nfinish it with what it began with, write to another file with output=, or throw "
+            "it away and start again with force=True"
         )
     return manifest
 
@@ -128,7 +128,7 @@ class KeptRun:
         if columns is None:
             raise OutputError(
                 f"{path}: what was just written reads back differently: the disk is damaged; "
-                f"choose another place with -o"
+                f"choose another place with output="
             )
         return columns
 
@@ -139,6 +139,9 @@ class KeptRun:
             yield
         except KeyboardInterrupt as error:
             raise Interruption(f"interrupted; {self._remains()}") from error
+        except TakenOutputError:  # it is complete, under another name
+            abandon(self.directory)
+            raise
         except (OutputError, RunError) as error:
             raise type(error)(f"{error}; {self._remains()}") from error
 
@@ -148,7 +151,7 @@ class KeptRun:
             finished = len(self.job.parts.finished())
         except OSError:
             return f"what was finished has gone with {directory}"
-        again = "without --force " if self.job.manifest.replaces else ""
+        again = "without force=True " if self.job.manifest.replaces else ""
         return (
             f"{finished} of {self.job.manifest.chunks} chunks are finished and kept in "
             f"{directory}: run the same command {again}again to continue"

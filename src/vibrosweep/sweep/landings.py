@@ -25,13 +25,17 @@ __all__ = [
     "all_parameters",
     "launch_times",
     "physical_memory",
-    "record_capacity",
+    "record_bytes",
     "record_landings",
+    "require_room",
 ]
 
 Array = NDArray[np.float64]
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
+# Beside its landings, measured on many trajectories without any: launch, statistics, copies.
+BYTES_PER_TRAJECTORY: Final = 120
+BYTES_PER_REALIZATION: Final = 160
 
 
 def launch_times(launch: str | tuple[float, ...], particles: int, frequency: float) -> Array:
@@ -84,35 +88,60 @@ def record_landings(
     return found
 
 
-def record_capacity(
+def record_bytes(
     parameters: Mapping[str, Array], observation: Observation, workers: Workers
-) -> int:
-    """Landings of the trajectory that has most; arguments and errors of `record_landings`."""
-    return int(_counted(parameters, observation, workers)[2].landings.max())
+) -> tuple[int, int]:
+    """Bytes of a record's landings, and of the memory that making it takes.
+
+    Arguments and errors are those of `record_landings`.
+    """
+    each = _counted(parameters, observation, workers)[2]
+    realizations, capacity = parameters["frequency"].size, int(each.landings.max())
+    return (
+        BYTES_PER_LANDING * each.landings.size * capacity,
+        _needed(realizations, observation.particles, capacity),
+    )
+
+
+def require_room(realizations: int, particles: int, landings: int = 0) -> None:
+    """Refuse a record that does not fit into half of this machine's memory.
+
+    Raises
+    ------
+    ParameterError
+        Naming what to change.
+    """
+    needed, available = _needed(realizations, particles, landings), physical_memory()
+    if needed > available / 2:
+        raise ParameterError(
+            f"the record of {realizations * particles} trajectories with {landings} or more "
+            f"landings needs {needed / 2**30:.3g} GiB, more than half of this machine's "
+            f"{available / 2**30:.3g} GiB: shorten the duration, take fewer realizations or "
+            f"particles, or run a sweep, which keeps statistics only"
+        )
+
+
+def _needed(realizations: int, particles: int, landings: int) -> int:
+    """Bytes of memory for a record with so many landings of each trajectory."""
+    each = BYTES_PER_TRAJECTORY + BYTES_PER_LANDING * landings
+    return realizations * (BYTES_PER_REALIZATION + particles * each)
 
 
 def _counted(
     parameters: Mapping[str, Array], observation: Observation, workers: Workers
 ) -> tuple[Dimensionless, Launches, Statistics]:
     """Count the landings that a record would hold, and refuse one beyond memory."""
+    realizations, particles = parameters["frequency"].size, observation.particles
+    require_room(realizations, particles)
     problem = dimensionless(parameters, observation.duration, observation.transient)
-    launch = launches(observation.launch, observation.particles, parameters["frequency"])
-    trajectories = problem.kick.size * observation.particles
-    available = physical_memory()
-    most = available // (2 * BYTES_PER_LANDING * trajectories)
+    launch = launches(observation.launch, particles, parameters["frequency"])
+    most = physical_memory() // (2 * BYTES_PER_LANDING * realizations * particles)
     # a trajectory with more than `most` is followed no further: the record is refused anyway
     budget = min(observation.impact_budget, most + LOOK_AFTER)
     # counted as they will be kept: one by one
     enough = replace(observation, impact_budget=budget, skip=False)
     each = statistics(problem, launch, enough, workers)
-    capacity = int(each.landings.max())
-    if capacity > most:
-        needed = trajectories * capacity * BYTES_PER_LANDING
-        raise ParameterError(
-            f"the record of {trajectories} trajectories with {capacity} or more landings needs "
-            f"{needed / 2**30:.1f} GiB of this machine's {available / 2**30:.1f} GiB: shorten "
-            f"the duration, take fewer particles, or run a sweep, which keeps statistics only"
-        )
+    require_room(realizations, particles, int(each.landings.max()))
     return problem, launch, each
 
 

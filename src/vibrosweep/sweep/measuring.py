@@ -26,7 +26,7 @@ def measure_all(
 ) -> dict[str, NDArray[Any]]:
     """Do as `measure` does, but refuse no batch for a realization that cannot be computed.
 
-    Its floats are then NaN, its counts 0, its flags undetermined, and its status says so.
+    Its floats are then NaN, its counts and flags undetermined, and its status says so.
 
     Parameters and result are those of `vibrosweep.sweep.engine.measure`.
     """
@@ -53,8 +53,6 @@ def _refused(variable: Variable, realizations: int, particles: int) -> NDArray[A
     codes = [code for code, _ in variable.flags]
     if np.issubdtype(np.dtype(variable.dtype), np.floating):
         fill: float = np.nan
-    elif UNDETERMINED in codes:
-        fill = UNDETERMINED
     else:
-        fill = Status.REFUSED if Status.REFUSED in codes else 0
+        fill = Status.REFUSED if codes and UNDETERMINED not in codes else UNDETERMINED
     return np.full(shape, fill, variable.dtype)

@@ -68,11 +68,6 @@ class Observation:
         return -(-self.impact_budget // LOOK_AFTER) * LOOK_AFTER
 
     @property
-    def reflect(self) -> int | None:
-        """The rebound law as the kernels take it."""
-        return 1 if self.rebound == "reflect" else None
-
-    @property
     def window(self) -> int | None:
         """1 where landings before the window are possible, else None: kernels compile that out."""
         starts_late = self.transient > 0.0

@@ -128,7 +128,7 @@ def _require_memory(spec: SweepSpec, design: Design, chunk: int) -> None:
         raise ParameterError(
             f"a chunk of {chunk} realizations of {spec.particles} particles needs about "
             f"{needed / 2**30:.3g} GiB of this machine's {available / 2**30:.3g} GiB: lower "
-            f"--chunk where it was given, or take fewer particles"
+            f"chunk= where it was given, or take fewer particles"
         )
 
 

@@ -10,13 +10,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.errors import RunError
 from vibrosweep.scene import PARAMETERS, Parameter
 from vibrosweep.store.dataset import Group
+from vibrosweep.store.kinds import KIND, SWEEP
+from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
 from vibrosweep.sweep.asked import measured_variables, record_observation
 from vibrosweep.sweep.design import Design
 from vibrosweep.sweep.identity import identity
 from vibrosweep.sweep.landings import launch_times, record_landings
+from vibrosweep.sweep.notes import notes, silent_defaults
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.spec import RecordSpec, SweepSpec
 from vibrosweep.sweep.workers import Workers
@@ -57,17 +61,40 @@ class Rows:
 
     Where HDF5 places what it is given depends on the pieces; so the file does not depend on how a
     sweep was cut.
+
+    Parameters
+    ----------
+    file
+        Where they go.
+    kinds
+        Kind of each column, as `vibrosweep.store.parts.kinds` gives it.
+    block
+        Rows that are written at a time.
     """
 
-    def __init__(self, file: Group, block: int) -> None:
+    def __init__(self, file: Group, kinds: Mapping[str, str], block: int) -> None:
         self._file = file
+        self._kinds = dict(kinds)
         self._block = block
         self._written = 0
         self._pieces: list[Columns] = []
         self._waiting = 0
 
     def add(self, columns: Columns) -> None:
-        """Add rows of every variable, as many of each."""
+        """Add rows of every column, as many of each.
+
+        Raises
+        ------
+        RunError
+            They are not the declared columns.
+        """
+        found = kinds(columns)
+        if found != self._kinds:
+            wrong = sorted({name for name, _ in found.items() ^ self._kinds.items()})
+            raise RunError(
+                f"what was computed is not what the result declares: {', '.join(wrong)}; "
+                f"this is a fault of vibrosweep: please report it"
+            )
         first, rows = 0, len(columns["status"])
         while rows - first:
             taken = min(rows - first, self._block - self._waiting)
@@ -81,7 +108,7 @@ class Rows:
         """Write what waits for its block to be full."""
         if not self._pieces:
             return
-        for name in self._pieces[0]:
+        for name in self._kinds:
             pieces = [piece[name] for piece in self._pieces]
             values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
             self._file.write(name, self._written, values)
@@ -98,6 +125,10 @@ def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
             file.coordinate(name, ("realization",), attributes)
         else:
             file.coordinate(name, (), attributes, np.array(spec.fixed[name]))
+    for name, label in design.labels.items():
+        file.coordinate(
+            name, ("realization",), label.attributes, label.values[: design.realizations]
+        )
     _declare_times(file, spec.launch, spec.particles, spec.fixed.get("frequency"), spec.duration)
     file.coordinate("transient", (), TRANSIENT, np.array(spec.transient))
     for variable in measured_variables(spec):
@@ -105,6 +136,10 @@ def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
     file.attributes(
         {
             "title": spec.title,
+            KIND: SWEEP.name,
+            # parameters that the sweep file does not state
+            "defaults": " ".join(silent_defaults(spec, design)),
+            "notes": "; ".join(f"{about}: {text}" for about, text in notes(spec, design).items()),
             "rebound": spec.rebound,
             "particles": spec.particles,
             "design": spec.design,

@@ -19,16 +19,17 @@ from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import abandon, empty, holding
 from vibrosweep.sweep.asked import measured_variables
-from vibrosweep.sweep.chunks import Columns, Job, Runner, batch_size, in_process
+from vibrosweep.sweep.chunks import Columns, Job, Runner, batch_size, column_kinds, in_process
 from vibrosweep.sweep.design import Design, open_design
 from vibrosweep.sweep.identity import differences, identity
 from vibrosweep.sweep.inspect import summary_of
 from vibrosweep.sweep.kept import KeptRun, continued
+from vibrosweep.sweep.notes import notes
 from vibrosweep.sweep.plan import make_plan
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.result import IDENTITY, Rows, declare, write_record
 from vibrosweep.sweep.spec import SweepSpec
-from vibrosweep.sweep.summary import Summary, unsettled
+from vibrosweep.sweep.summary import SETTLING, Summary, unsettled
 from vibrosweep.sweep.workers import Workers
 
 __all__ = ["retry_failed"]
@@ -96,12 +97,13 @@ def retry_failed(
         if manifest is None and rows:
             with Workers(threads) as workers:
                 plan = make_plan(spec, workers, chunk, at_least=at_least, rows=rows)
-            manifest = Manifest(now, len(rows), plan.chunk, replaces=force)
+            columns = column_kinds(spec, design)
+            manifest = Manifest(now, len(rows), plan.chunk, columns, replaces=force)
             write_manifest(directory, manifest)
         if manifest is None:
             with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
                 return summary_of(file), 0
-        job = Job(spec, manifest, Parts(directory, manifest.key), rows)
+        job = Job(spec, manifest, Parts(directory, manifest), rows)
         run = KeptRun(output, design, job, threads)
         with run.kept():
             run.compute(runner or in_process(threads), advance)
@@ -115,7 +117,7 @@ def _rows(spec: SweepSpec, output: Path) -> tuple[int, ...]:
     with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
         before = json.loads(file.attrs[IDENTITY])
         budget = int(before[BUDGET])
-        names = [name for name in ("status", "base_shared") if name in file.variables]
+        names = [name for name in SETTLING if name in file.variables]
         failed = unsettled({name: file.variables[name][...] for name in names})
     now = identity(spec)
     changes = differences({**before, BUDGET: ""}, {**now, BUDGET: ""})
@@ -123,12 +125,12 @@ def _rows(spec: SweepSpec, output: Path) -> tuple[int, ...]:
         raise RunError(
             f"{output}: is a result of another sweep or version:\n  "
             + "\n  ".join(changes)
-            + "\nonly the impact budget may differ; compute the sweep anew with --force"
+            + "\nonly the impact budget may differ; compute the sweep anew with force=True"
         )
     if spec.impact_budget < budget:
         raise RunError(
             f"{output}: was computed with an impact budget of {budget}, which "
-            f"{spec.impact_budget} would not reach: raise it with --impact-budget"
+            f"{spec.impact_budget} would not reach: raise it with impact_budget="
         )
     return tuple(np.flatnonzero(failed).tolist())
 
@@ -140,11 +142,12 @@ def _digest(rows: tuple[int, ...]) -> str:
 
 def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Summary:
     """Write the old result anew, with the realizations that were computed again."""
-    spec, summary = run.job.spec, Summary()
+    spec = run.job.spec
+    summary = Summary(notes=notes(spec, run.design))
     with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
         declare(file, spec, run.design, run.threads)
         block = batch_size(spec)
-        writer, fresh = Rows(file, block), _Stream(run.columns(summary))
+        writer, fresh = Rows(file, run.job.manifest.columns, block), _Stream(run.columns(summary))
         for start, columns in _blocks(run.output, spec, run.design, block):
             first, last = np.searchsorted(rows, (start, start + block))
             replaced = fresh.take(int(last - first))

@@ -10,12 +10,17 @@ from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, reporting
 from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.rundir import abandon, empty, holding
-from vibrosweep.sweep.asked import observation_of, parameters_of, record_observation
-from vibrosweep.sweep.chunks import Job, Runner, batch_size, compute_rows, in_process
+from vibrosweep.sweep.asked import (
+    observation_of,
+    parameters_of,
+    record_observation,
+)
+from vibrosweep.sweep.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
 from vibrosweep.sweep.design import Design, open_design
 from vibrosweep.sweep.estimate import estimate, has_room, record_bytes, require_disk
 from vibrosweep.sweep.identity import identity
 from vibrosweep.sweep.kept import KeptRun, continued
+from vibrosweep.sweep.notes import notes
 from vibrosweep.sweep.plan import Plan, bytes_per_realization, make_plan
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.result import Rows, declare, write_record
@@ -91,13 +96,18 @@ def run_sweep(
             with Workers(threads) as workers:
                 plan = _planned(spec, output, workers, chunk, at_least)
                 if plan.chunks == 1 and runner is None:
-                    return _run_at_once(spec, plan.design, output, directory, workers, advance)
+                    return _run_at_once(
+                        spec, plan.design, output, directory, workers, advance, force=force
+                    )
             design = plan.design
-            manifest = Manifest(identity(spec), design.realizations, plan.chunk, replaces=force)
+            columns = column_kinds(spec, design)
+            manifest = Manifest(
+                identity(spec), design.realizations, plan.chunk, columns, replaces=force
+            )
             write_manifest(directory, manifest)
         else:
             design = open_design(spec)
-        run = KeptRun(output, design, Job(spec, manifest, Parts(directory, manifest.key)), threads)
+        run = KeptRun(output, design, Job(spec, manifest, Parts(directory, manifest)), threads)
         with run.kept():
             run.compute(runner or in_process(threads), advance)
             summary = _consolidated(run)
@@ -107,10 +117,14 @@ def run_sweep(
 
 def _consolidated(run: KeptRun) -> Summary:
     """Write all parts into one file, in their order."""
-    spec, summary = run.job.spec, Summary()
-    with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
+    spec, force = run.job.spec, run.job.manifest.replaces
+    summary = Summary(notes=notes(spec, run.design))
+    with (
+        Workers(run.threads) as workers,
+        creating(run.output, run.directory, force=force) as file,
+    ):
         declare(file, spec, run.design, run.threads)
-        rows = Rows(file, batch_size(spec))
+        rows = Rows(file, run.job.manifest.columns, batch_size(spec))
         for columns in run.columns(summary):
             rows.add(columns)
             summary.add(columns)
@@ -129,7 +143,7 @@ def _planned(
 ) -> Plan:
     """Cut the sweep, and refuse it before it starts if its files or its record cannot fit."""
     plan = make_plan(spec, workers, chunk, at_least=at_least)
-    record = record_bytes(spec, workers)
+    record, _ = record_bytes(spec, workers)
     # without compression, and with every part beside the result
     most = record + 2 * bytes_per_realization(spec, plan.design) * plan.design.realizations
     if not has_room(output, most):
@@ -145,12 +159,14 @@ def _run_at_once(
     directory: Path,
     workers: Workers,
     advance: Advance,
+    *,
+    force: bool,
 ) -> Summary:
     """Compute a sweep of one chunk straight into its file: there would be nothing to continue."""
-    summary = Summary()
-    with creating(output, directory) as file:
+    summary = Summary(notes=notes(spec, design))
+    with creating(output, directory, force=force) as file:
         declare(file, spec, design, workers.threads)
-        rows = Rows(file, batch_size(spec))
+        rows = Rows(file, column_kinds(spec, design), batch_size(spec))
         try:
             for columns in compute_rows(spec, design, 0, design.realizations, workers):
                 rows.add(columns)

@@ -15,7 +15,7 @@ from pathlib import PurePath
 from typing import Any, Final
 
 from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED, Parameter
-from vibrosweep.sweep.spec_messages import Mistakes, nearest, quoted, shown
+from vibrosweep.sweep.spec_messages import Mistakes, likely_parameter, nearest, quoted, shown
 from vibrosweep.sweep.spec_windows import WindowsTable, condition_names, tolerance
 
 __all__ = [
@@ -251,17 +251,21 @@ def _design(value: object) -> str:
 
 def _columns(value: object) -> tuple[str, ...]:
     if not (isinstance(value, list) and value and all(isinstance(v, str) for v in value)):
-        raise ValueError(f"must be a list of one or more of {quoted(PARAMETERS)}")
+        raise ValueError(
+            f"must be a list of columns of the table: {quoted(PARAMETERS)}, and labels"
+        )
     for name in value:
-        if name not in PARAMETERS:
-            guess = nearest(name, PARAMETERS)
-            hint = f'did you mean "{guess}"? ' if guess else ""
+        guess = None if name in PARAMETERS else likely_parameter(name)
+        if guess:
             raise ValueError(
-                f'"{name}" is not a physical parameter; {hint}Known: {quoted(PARAMETERS)}'
+                f'"{name}" is not a physical parameter; did you mean "{guess}"? Known: '
+                f"{quoted(PARAMETERS)}; a label needs another name"
             )
+    if not set(value) & PARAMETERS.keys():
+        raise ValueError(f"must name one or more of {quoted(PARAMETERS)}")
     if len(set(value)) < len(value):
         raise ValueError("names a column twice: name each once")
-    return tuple(name for name in PARAMETERS if name in value)
+    return tuple(sorted(value, key=[*PARAMETERS, *value].index))
 
 
 def _is_finite_number(value: object) -> bool:

@@ -46,7 +46,7 @@ class SweepSpec:
     table
         Path of the table, None for other designs.
     columns
-        The columns of the table to use, None for all.
+        The columns of the table to use, parameters first and then labels; None for all.
     realizations
         Number of realizations; None for a table whose length the file does not state.
     seed

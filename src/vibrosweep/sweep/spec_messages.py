@@ -7,8 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from vibrosweep.errors import SpecError
+from vibrosweep.scene import PARAMETERS
 
-__all__ = ["ABSENT", "Mistakes", "nearest", "quoted", "shown"]
+__all__ = ["ABSENT", "Mistakes", "likely_parameter", "nearest", "quoted", "shown"]
 
 ABSENT = object()
 _LONGEST = 60
@@ -81,6 +82,15 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
     found = difflib.get_close_matches(word.lower(), list(known), n=1)
     return found[0] if found else None
+
+
+def likely_parameter(word: str) -> str | None:
+    """Return the physical parameter that a word which is none was probably meant to be."""
+    short = word.lower()
+    for name, parameter in PARAMETERS.items():
+        if short and (short == parameter.symbol.lower() or name.startswith(short)):
+            return name
+    return nearest(word, PARAMETERS)
 
 
 def _toml(value: object) -> str:

@@ -215,7 +215,7 @@ def record(
         )
         mistakes.add("record", text, involves=["sample.design", "sample.columns"])
     for name in varied or ():
-        if name not in given:
+        if name in PARAMETERS and name not in given:
             text = "is missing; the sweep samples it, so state the value of the recorded scene"
             mistakes.add(f"record.{name}", f"{text} (allowed: {PARAMETERS[name].allowed})")
     own = setting("record", table, base, mistakes)

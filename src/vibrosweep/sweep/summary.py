@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +12,29 @@ from numpy.typing import NDArray
 from vibrosweep.status import Status
 from vibrosweep.variables import OF_REALIZATIONS, UNDETERMINED, Variable
 
-__all__ = ["Summary", "unsettled"]
+__all__ = ["SETTLING", "Summary", "unsettled"]
+
+# What tells whether a larger impact budget would give more, as far as a result holds it.
+SETTLING: Final = ("status", "base_shared", "landing_time_error")
 
 
 @dataclass
 class _Spread:
-    """Smallest, mean and largest of the finite values seen."""
+    """Smallest, mean and largest of the finite values seen, and how many were infinite."""
 
     count: int = 0
     total: float = 0.0
     low: float = np.inf
     high: float = -np.inf
+    infinite: dict[float, int] = field(default_factory=dict)
 
     def add(self, values: NDArray[Any]) -> None:
+        for sign in (-np.inf, np.inf):
+            if some := int(np.count_nonzero(values == sign)):
+                self.infinite[sign] = self.infinite.get(sign, 0) + some
         finite = values[np.isfinite(values)]
+        if values.dtype.kind == "i":
+            finite = values[values != UNDETERMINED]
         if finite.size:
             self.count += finite.size
             self.total += float(finite.sum())
@@ -37,19 +46,22 @@ class _Spread:
 class Summary:
     """What the realizations of a sweep have in common; add chunks in their order.
 
-    `repaired` counts parts that were found damaged and computed again.
+    `repaired` counts parts that were found damaged and computed again, `notes` are remarks on how
+    the sweep was asked for, by their subject.
     """
 
     realizations: int = 0
     landings: int = 0
     repaired: int = 0
+    notes: Mapping[str, str] = field(default_factory=dict)
     spreads: dict[str, _Spread] = field(default_factory=dict)
     codes: dict[str, dict[int, int]] = field(default_factory=dict)
 
     def add(self, measured: Mapping[str, NDArray[Any]]) -> None:
         """Add the measured variables of a chunk, each of shape (realization, ...)."""
         self.realizations += measured["impact_count"].size
-        self.landings += int(measured["impact_count"].sum())
+        counts = measured["impact_count"]
+        self.landings += int(counts[counts != UNDETERMINED].sum())
         for name, variable in OF_REALIZATIONS.items():
             if name not in measured:
                 continue
@@ -70,17 +82,28 @@ class Summary:
                 if OF_REALIZATIONS[name].units != "1"
                 else name
             )
-            if not spread.count:
-                yield f"{label:32}{'undefined in every realization':>36}"
-                continue
-            mean = spread.total / spread.count
-            known = "" if spread.count == self.realizations else f"   of {spread.count} known"
-            yield f"{label:32}{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}{known}"
+            yield f"{label:32}{self._spread(spread)}"
         for name, counts in self.codes.items():
             yield f"{name:32}{_counted(OF_REALIZATIONS[name], counts)}"
+        for subject, text in self.notes.items():
+            yield f"{subject:32}{text}"
         for code in sorted(self.codes.get("status", {})):
             if code != Status.COMPLETED:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"
+
+    def _spread(self, spread: _Spread) -> str:
+        """Ends and mean of what is finite, and how many realizations hold something else."""
+        undefined = self.realizations - spread.count - sum(spread.infinite.values())
+        others = {f"{value:g}": count for value, count in sorted(spread.infinite.items())}
+        words = ", ".join(
+            f"{what} in {'every realization' if count == self.realizations else count}"
+            for what, count in {**others, "undefined": undefined}.items()
+            if count
+        )
+        if not spread.count:
+            return f"{words:>36}"
+        mean = spread.total / spread.count
+        return f"{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}{words and '   '}{words}"
 
 
 def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
@@ -99,4 +122,7 @@ def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
     if "base_shared" in columns:
         # cycles are counted to the end for nothing, but separations must follow every landing
         failed = failed | (columns["base_shared"] == UNDETERMINED)
+    if "landing_time_error" in columns:
+        # so must error bounds; infinite ones are final
+        failed = failed | np.isnan(columns["landing_time_error"])
     return np.asarray(failed)

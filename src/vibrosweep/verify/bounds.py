@@ -20,20 +20,36 @@ from vibrosweep.sweep.measuring import measure_all
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.workers import Workers
 from vibrosweep.verify.claims import EPS
-from vibrosweep.verify.judgement import Judgement
-from vibrosweep.verify.sample import Sample, Scene
+from vibrosweep.verify.sample import Sample
 
-__all__ = ["BOUNDS", "judge_again", "judge_bounds", "measure_bounds"]
+__all__ = [
+    "BOUNDS",
+    "FOUND_AGAIN",
+    "Errors",
+    "change_of_bound",
+    "landing_errors",
+    "measure_bounds",
+    "measure_orbits",
+    "untrusted",
+]
 
 Array = NDArray[np.float64]
 
 BOUNDS: Final = ("landing_time_error", "rebound_velocity_error")
+FOUND_AGAIN: Final = ("lyapunov_largest_error", "lyapunov_sum_error", "cycle_uncertain")
 
 
 def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
     """Bounds of all rows and their landings of any time, computed anew."""
     everything = replace(_all_landings(sample.observation), trust=True)
     return measure_all(sample.parameters, everything, workers)
+
+
+def measure_orbits(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
+    """What orbits of all rows settle on, with its errors, computed anew: `FOUND_AGAIN`."""
+    window = replace(_all_landings(sample.observation), transient=sample.observation.transient)
+    found = measure_all(sample.parameters, replace(window, lyapunov=True), workers)
+    return {name: found[name] for name in FOUND_AGAIN}
 
 
 def _all_landings(observation: Observation) -> Observation:
@@ -44,28 +60,11 @@ def _all_landings(observation: Observation) -> Observation:
         per_particle=False,
         regimes=False,
         trust=False,
+        lyapunov=False,
     )
 
 
-def judge_again(sample: Sample, again: Mapping[str, NDArray[Any]], row: int) -> list[Judgement]:
-    """Compare stored bounds of a row with those computed anew by the same version.
-
-    Another processor or numpy may round the phase of lift-off otherwise, and a bound follows the
-    orbit: it changes as much, relatively, as the orbit does in periods, times its curvature.
-    """
-    found = []
-    frequency = sample.parameters["frequency"][row]
-    slack = 1e-9 + 1e3 * float(again["landing_time_error"][row]) * frequency
-    for name in BOUNDS:
-        stored, bound = float(sample.stored[name][row]), float(again[name][row])
-        same = stored == bound or (math.isnan(stored) and math.isnan(bound))
-        if not (same or abs(stored - bound) <= slack * bound):
-            complaint = f"is {stored!r}, while the kernel finds {bound!r}"
-            found.append(Judgement(name, None, math.nan, None, None, complaint))
-    return found
-
-
-class _Errors(NamedTuple):
+class Errors(NamedTuple):
     """True errors of the kernel's landings of one particle; infinite where landings are missing.
 
     Attributes
@@ -78,48 +77,43 @@ class _Errors(NamedTuple):
     rebound_velocity: Array
 
 
-def judge_bounds(
-    sample: Sample,
-    row: int,
-    scene: Scene,
-    trajectories: Sequence[Trajectory],
-    workers: Workers,
-) -> list[Judgement]:
-    """Hold the stored bounds of a row against the proved errors of the kernel's landings."""
+def landing_errors(
+    sample: Sample, row: int, trajectories: Sequence[Trajectory], workers: Workers
+) -> list[Errors]:
+    """Proved errors of the kernel's landings of each particle of a row."""
     parameters = {name: values[row : row + 1] for name, values in sample.parameters.items()}
     found = record_landings(parameters, _all_landings(sample.observation), workers)
-    errors = [
+    return [
         _errors(
             {name: values[0, particle] for name, values in found.items()},
             trajectory,
-            1.0 / scene.parameters["frequency"],
+            1.0 / float(parameters["frequency"][0]),
         )
         for particle, trajectory in enumerate(trajectories)
     ]
-    judged = []
-    for name, quantity in zip(BOUNDS, _Errors._fields, strict=True):
-        error = max(float(np.max(getattr(e, quantity), initial=0.0)) for e in errors)
-        claim = float(sample.stored[name][row])
-        complaint = f"is {claim!r}, proved error {error:.3g}" if error > claim else ""
-        judged.append(Judgement(name, None, error, claim, None, complaint))
-    bound, stored = judged[0].claim or 0.0, sample.stored["trusted_until"][row]
-    for particle, until in enumerate(stored.tolist()):
-        times = trajectories[particle].landing_time
-        problem, error = _trusted(until, times, errors[particle], sample.observation, bound)
-        complaint = f"is {until!r}, {problem}" if problem else ""
-        judged.append(
-            Judgement(
-                "trusted_until", particle, error, sample.observation.tolerance, None, complaint
-            )
-        )
-    return judged
 
 
-def _errors(recorded: Mapping[str, NDArray[Any]], trajectory: Trajectory, period: float) -> _Errors:
+def change_of_bound(
+    name: str, stored: float, again: Mapping[str, Any], frequency: float, particle: int | None
+) -> str:
+    """Say how a stored bound differs from the one that the same version finds now, if it does.
+
+    Another processor or numpy may round the phase of lift-off otherwise, and a bound follows the
+    orbit: it changes as much, relatively, as the orbit does in periods, times its curvature.
+    """
+    bound = float(again[name] if particle is None else again[name][particle])
+    slack = 1e-9 + 1e3 * float(again["landing_time_error"]) * frequency
+    same = stored == bound or (math.isnan(stored) and math.isnan(bound))
+    if same or abs(stored - bound) <= slack * bound:
+        return ""
+    return f"is {stored!r}, while the kernel finds {bound!r}"
+
+
+def _errors(recorded: Mapping[str, NDArray[Any]], trajectory: Trajectory, period: float) -> Errors:
     count = int(recorded["impact_count"])
     if count != len(trajectory.impacts):
         lost = np.full(1, np.inf)
-        return _Errors(lost, lost)
+        return Errors(lost, lost)
     time, speed = recorded["landing_time"][:count], recorded["rebound_velocity"][:count]
     landing = [
         _distance(impact.landing_time, t, 4.0 * EPS * (abs(t) + 2.0 * period))
@@ -130,7 +124,7 @@ def _errors(recorded: Mapping[str, NDArray[Any]], trajectory: Trajectory, period
         for impact, v in zip(trajectory.impacts, speed.tolist(), strict=True)
         if impact.rebound_velocity is not None
     ]
-    return _Errors(np.array(landing), np.array(rebound))
+    return Errors(np.array(landing), np.array(rebound))
 
 
 def _distance(proved: Any, recorded: float, rounding: float) -> float:
@@ -139,11 +133,10 @@ def _distance(proved: Any, recorded: float, rounding: float) -> float:
     return max(0.0, float((proved - recorded).abs_lower()) - rounding)
 
 
-def _trusted(
-    until: float, times: Array, errors: _Errors, observation: Observation, bound: float
+def untrusted(
+    until: float, times: Array, errors: Errors, duration: float, tolerance: float, bound: float
 ) -> tuple[str, float]:
     """What is wrong with a time of trust, if anything, and the largest error before it."""
-    duration, tolerance = observation.duration, observation.tolerance
     if bound <= tolerance and until != duration:
         return f"while all landings up to {duration!r} are known to the tolerance", math.nan
     if math.isnan(until):

@@ -4,28 +4,35 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.reference.ball import Trajectory, UndecidableError, trajectory
 from vibrosweep.status import Status
+from vibrosweep.store.kinds import read_kind
 from vibrosweep.sweep.progress import Advance, silent
 from vibrosweep.sweep.workers import Workers
-from vibrosweep.variables import UNDETERMINED
-from vibrosweep.verify.bounds import BOUNDS, judge_again, judge_bounds, measure_bounds
-from vibrosweep.verify.claims import Bounds, claims
+from vibrosweep.verify.bounds import (
+    BOUNDS,
+    Errors,
+    landing_errors,
+    measure_bounds,
+    measure_orbits,
+)
+from vibrosweep.verify.case import Case
+from vibrosweep.verify.claims import EPS, Bounds
 from vibrosweep.verify.judgement import Judgement, judge
-from vibrosweep.verify.measures import Measures, measures
+from vibrosweep.verify.judges import judge_row
 from vibrosweep.verify.reading import read_sample
 from vibrosweep.verify.record import judge_record
-from vibrosweep.verify.regimes import REGIME_VARIABLES, judge_regimes
 from vibrosweep.verify.report import Outcome, Report, State
 from vibrosweep.verify.sample import Sample
+from vibrosweep.verify.setting import Setting
 
 __all__ = ["MAX_LANDINGS", "verify"]
 
@@ -33,7 +40,7 @@ __all__ = ["MAX_LANDINGS", "verify"]
 MAX_LANDINGS: Final = 250_000
 # Where a dataset claims anything, an orbit has lost fewer digits than a double has.
 MAX_BITS: Final = 1 << 12
-SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "base_shared", "collision_free")
+UNKNOWN: Final = "this version knows no such variable"
 
 
 def verify(
@@ -65,27 +72,58 @@ def verify(
     ParameterError
         A number is out of its range.
     DataError
-        There is no such file, or it is not a result that can be read.
+        There is no such file, it is not a result that can be read, or of a kind that no
+        reference judges.
     MissingFlintError
         python-flint is not installed.
     """
     if max_landings < 1:
         raise ParameterError(f"max_landings = {max_landings!r}: must be at least 1")
-    drawn, record = read_sample(Path(path), sample, seed)
+    kind = read_kind(Path(path))
+    if kind.unverified:
+        raise DataError(
+            f"{path}: is a result of {kind.command}, which cannot be verified: {kind.unverified}"
+        )
+    drawn, record, setting = read_sample(Path(path), sample, seed)
     claimed = {*BOUNDS, "trusted_until"} <= drawn.stored.keys()
     outcomes = []
     with Workers(1) as workers:
         again = measure_bounds(drawn, workers)
+        if drawn.own and "regime" in drawn.stored:
+            again |= measure_orbits(drawn, workers)
         for row in range(drawn.rows.size):
-            outcomes.append(_checked(drawn, again, row, claimed, max_landings, workers))
+            outcomes.append(_checked(drawn, setting, again, row, claimed, max_landings, workers))
             advance(row + 1, drawn.rows.size)
         if record is not None:
-            outcomes.append(_checked_record(record, max_landings, workers))
-    return Report(str(path), drawn.total, seed, outcomes, claimed)
+            outcomes.append(_checked_record(record, setting, max_landings, workers))
+    return Report(
+        path=str(path),
+        total=drawn.total,
+        seed=seed,
+        outcomes=outcomes,
+        claimed=claimed,
+        coordinates=list(_coordinates(drawn, setting, "")),
+        names=_names(drawn, record),
+        unknown={**setting.unknown, **dict.fromkeys(_others(drawn, record), UNKNOWN)},
+    )
+
+
+def _names(sample: Sample, record: Sample | None) -> list[str]:
+    """Every variable of the dataset, those of the record with a name that says so."""
+    names = [*sample.coordinates, *sample.stored]
+    if record is not None:
+        names += [f"record/{name}" for name in (*record.coordinates, *record.stored)]
+    return [*names, *_others(sample, record)]
+
+
+def _others(sample: Sample, record: Sample | None) -> list[str]:
+    own = [] if record is None else [f"record/{name}" for name in record.others]
+    return [*sample.others, *own]
 
 
 def _checked(
     sample: Sample,
+    setting: Setting,
     again: Mapping[str, NDArray[Any]],
     row: int,
     claimed: bool,
@@ -94,31 +132,62 @@ def _checked(
 ) -> Outcome:
     """Judge one realization as far as it can be."""
     realization = int(sample.rows[row])
-    judged = judge_again(sample, again, row) if claimed and sample.own else []
+    judged = [
+        judge(name, None, float(sample.parameters[name][row]), float(values[row]), 0.0)
+        for name, values in setting.sampled.items()
+    ]
     bounds = _bounds(sample.stored if claimed else again, row)
     proved = _proved(sample, row, bounds, int(again["impact_count"][row]), max_landings)
-    if isinstance(proved, State):
-        return Outcome(realization, proved, judgements=judged)
-    scene = sample.scene(row)
-    measured = measures(scene, proved)
-    judged += _judge_values(sample, row, measured, claims(bounds, scene, measured))
-    if sample.stored.keys() >= {*REGIME_VARIABLES}:
-        stored = {name: sample.stored[name][row] for name in REGIME_VARIABLES}
-        judged += judge_regimes(stored, scene, bounds, proved)
-    if claimed:
-        judged += judge_bounds(sample, row, scene, proved, workers)
-    return Outcome(realization, State.COMPARED, _landings(proved), judged)
+    state = proved if isinstance(proved, State) else State.COMPARED
+    trajectories = [] if isinstance(proved, State) else proved
+    errors: Sequence[Errors] = ()
+    if claimed and trajectories:
+        errors = landing_errors(sample, row, trajectories, workers)
+    case = Case(
+        stored={name: values[row] for name, values in sample.stored.items()},
+        again={name: values[row] for name, values in again.items()} if sample.own else {},
+        scene=sample.scene(row),
+        bounds=bounds,
+        trajectories=trajectories,
+        errors=errors,
+        tolerance=sample.observation.tolerance,
+    )
+    for name in sample.stored:
+        judged += judge_row(case, name)
+    return Outcome(realization, state, _landings(trajectories), judged)
 
 
-def _checked_record(record: Sample, max_landings: int, workers: Workers) -> Outcome:
+def _checked_record(
+    record: Sample, setting: Setting, max_landings: int, workers: Workers
+) -> Outcome:
     """Judge the record of every landing, whose bounds a dataset does not hold."""
     again = measure_bounds(record, workers)
     bounds = _bounds(again, 0)
+    judged = list(_coordinates(record, setting, "record/"))
     proved = _proved(record, 0, bounds, int(again["impact_count"][0]), max_landings)
     if isinstance(proved, State):
-        return Outcome(None, proved)
-    judged = judge_record(record, bounds, proved)
+        return Outcome(None, proved, judgements=judged)
+    judged += judge_record(record, bounds, proved)
     return Outcome(None, State.COMPARED, _landings(proved), judged)
+
+
+def _coordinates(sample: Sample, setting: Setting, prefix: str) -> Iterator[Judgement]:
+    """Judge the coordinates that all realizations share, or those of the record."""
+    for name, values in sample.coordinates.items():
+        if not prefix and values.shape != setting.sampled.get(name, values).shape:
+            yield Judgement(name, None, math.nan, 0.0, None, "has not a value of each realization")
+        if prefix + name not in setting.shared:
+            continue
+        value = np.asarray(setting.shared[prefix + name])
+        if value.shape != values.shape:
+            complaint = f"has the shape {values.shape}, not {value.shape}"
+            yield Judgement(prefix + name, None, math.nan, 0.0, None, complaint)
+        elif value.ndim == 0:
+            yield judge(prefix + name, None, float(values), float(value), 0.0)
+        else:  # a staggered launch is a quotient, which versions may round otherwise
+            for particle, time in enumerate(value.tolist()):
+                claim = 4.0 * EPS * abs(time)
+                yield judge(prefix + name, particle, float(values[particle]), time, claim)
 
 
 def _bounds(values: Mapping[str, NDArray[Any]], row: int) -> Bounds:
@@ -150,28 +219,3 @@ def _proved(
         return [trajectory(launch_time=time, **shared) for time in scene.launch_times]
     except UndecidableError:
         return State.UNDECIDED
-
-
-def _judge_values(
-    sample: Sample, row: int, measured: Measures, claimed: Mapping[str, float | None]
-) -> list[Judgement]:
-    """Judge every measured variable that the dataset holds."""
-    unresolved = SEPARATIONS if _is_unresolved(sample, row) else ()
-    judged = []
-    for name, values in sample.stored.items():
-        if name not in measured.values:  # judged elsewhere
-            continue
-        claim = None if name in unresolved else claimed[name]
-        proved, stored = measured.values[name], values[row]
-        if isinstance(proved, list):
-            pairs = enumerate(zip(stored.tolist(), proved, strict=True))
-            judged += [judge(name, p, float(s), value, claim) for p, (s, value) in pairs]
-        else:
-            judged.append(judge(name, None, float(stored), proved, claim))
-    return judged
-
-
-def _is_unresolved(sample: Sample, row: int) -> bool:
-    """Whether the kernel says that landings crowd too much to be told apart: then it says so."""
-    stored = [sample.stored[name][row] for name in SEPARATIONS if name in sample.stored]
-    return bool(stored) and all(value == UNDETERMINED or math.isnan(value) for value in stored)

@@ -1,4 +1,4 @@
-"""One stored number against its proved value."""
+"""One stored number against its proved value, or against what other numbers make of it."""
 
 from __future__ import annotations
 
@@ -47,8 +47,9 @@ def judge(
     digits = None
     if proved is None:
         least = error = math.nan if math.isnan(stored) else math.inf
-    elif isinstance(proved, int):
-        least = error = abs(stored - proved)
+    elif isinstance(proved, int | float):
+        if not math.isnan(stored):
+            least = error = 0.0 if stored == proved else abs(stored - proved)
     elif math.isfinite(stored):
         distance = proved - stored
         least, error = float(distance.abs_lower()), float(distance.abs_upper())

@@ -20,8 +20,8 @@ from vibrosweep.verify.sample import Scene
 
 __all__ = ["Measures", "Proved", "measures"]
 
-# A ball, an exact count or code, or None where the variable is undefined (NaN in the dataset).
-Proved: TypeAlias = "arb | int | None"
+# A ball, an exact count, code or double, or None where the variable is undefined (NaN stored).
+Proved: TypeAlias = "arb | int | float | None"
 
 GUARD_BITS = 64
 

@@ -18,20 +18,35 @@ from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
 from vibrosweep.sweep.observation import Observation
 from vibrosweep.sweep.run import record_observation
-from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST, Variable
+from vibrosweep.variables import (
+    LYAPUNOV,
+    PER_PARTICLE,
+    RECORD,
+    REGIMES,
+    SWEEP,
+    TRUST,
+    Variable,
+)
 from vibrosweep.verify.sample import Sample
+from vibrosweep.verify.setting import (
+    RECORD_COORDINATES,
+    SWEEP_COORDINATES,
+    Setting,
+    asked,
+)
 
 __all__ = ["VARIABLES", "read_sample"]
 
 Array = NDArray[np.float64]
 
-VARIABLES: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **TRUST}
+VARIABLES: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **TRUST, **LYAPUNOV}
 
 
-def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None]:
+def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None, Setting]:
     """Draw realizations without replacement; all where there are no more than `size`.
 
-    The second sample is the dataset's record of every landing, where it holds one.
+    The second sample is the dataset's record of every landing, where it holds one; then comes what
+    its sweep file asks for.
 
     Raises
     ------
@@ -46,10 +61,11 @@ def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         sample = _drawn(file, size, seed)
         record = _record(file, sample) if "record" in file.groups else None
+        setting = asked(path, file.attrs, sample.rows)
     _require_sound(path, sample, VARIABLES)
     if record is not None:
         _require_sound(path, record, RECORD)
-    return sample, record
+    return sample, record, setting
 
 
 def _drawn(file: Any, size: int, seed: int) -> Sample:
@@ -67,7 +83,22 @@ def _drawn(file: Any, size: int, seed: int) -> Sample:
         observation=_observation(file, file.attrs),
         own=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: file.variables[name][chosen] for name in names},
+        coordinates=_coordinates(file, SWEEP_COORDINATES, chosen),
+        others=_others(file, (*VARIABLES, *SWEEP_COORDINATES)),
     )
+
+
+def _coordinates(file: Any, names: tuple[str, ...], chosen: Any) -> dict[str, NDArray[Any]]:
+    """Coordinates that a file or group holds, sampled ones at the rows that are chosen."""
+    return {
+        name: variable[chosen if "realization" in variable.dimensions else ...]
+        for name, variable in file.variables.items()
+        if name in names
+    }
+
+
+def _others(file: Any, known: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(name for name in file.variables if name not in known)
 
 
 def _parameter(variable: Any, chosen: Any, rows: NDArray[np.int64]) -> Array:
@@ -80,7 +111,7 @@ def _record(file: Any, sample: Sample) -> Sample:
     """Return the recorded scene, of which every landing counts."""
     group, rows = file.groups["record"], np.zeros(1, np.int64)
     shared = {
-        "particles": group.dimensions["particle"].size,
+        "particles": group.variables["impact_count"].shape[1],
         "impact_budget": sample.observation.impact_budget,
     }
     observation = _observation(group, {**group.attrs, **shared})
@@ -91,6 +122,8 @@ def _record(file: Any, sample: Sample) -> Sample:
         observation=observation,
         own=sample.own,
         stored={name: group.variables[name][...] for name in RECORD},
+        coordinates=_coordinates(group, RECORD_COORDINATES, ...),
+        others=_others(group, (*RECORD, *RECORD_COORDINATES)),
     )
 
 

@@ -64,6 +64,10 @@ class Sample:
         Whether this version and git revision computed the dataset.
     stored
         The dataset's measured variables, each of shape (row, ...).
+    coordinates
+        Its coordinates: numbers, arrays over the particles, or sampled ones of shape (row,).
+    others
+        Names of its variables that this version does not know.
     """
 
     total: int
@@ -72,6 +76,8 @@ class Sample:
     observation: Observation
     own: bool
     stored: Mapping[str, NDArray[Any]]
+    coordinates: Mapping[str, NDArray[Any]]
+    others: tuple[str, ...]
 
     def scene(self, row: int) -> Scene:
         """Return the scene of one of the rows."""

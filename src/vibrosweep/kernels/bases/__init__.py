@@ -23,6 +23,7 @@ __all__ = [
     "contraction",
     "fly",
     "jacobian",
+    "jacobian_error",
     "landing_rounding",
     "lift_off",
     "liftoff_error",
@@ -95,6 +96,15 @@ def jacobian(fixed: Scene, x: float, v: float) -> Jacobian:
     """Derivative of phase and speed after an impact by those before its flight.
 
     `x` and `v` are phase and speed of arrival; the particle leaves at once.
+    """
+    raise NotImplementedError
+
+
+@question
+def jacobian_error(fixed: Scene, error: float) -> float:
+    """Bound of the change of the second row of the Jacobian, for a unit change of the phase.
+
+    `error` is that of the phase of the landing.
     """
     raise NotImplementedError
 

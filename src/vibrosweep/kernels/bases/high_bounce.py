@@ -121,6 +121,11 @@ def _(fixed: Scene, x: float, v: float) -> Jacobian:
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
 
 
+@answer(bases.jacobian_error, Scene)
+def _(fixed: Scene, error: float) -> float:
+    return 2.0 * CURVATURE * fixed.a * (error + HALF_ULP)
+
+
 @answer(bases.turns_back, Scene)
 def _(fixed: Scene, x: float, v: float) -> float:
     by_speed, _ = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))

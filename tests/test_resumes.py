@@ -1,0 +1,29 @@
+"""The quick part of the campaign of interruptions; benchmarks/resumes.py is the whole of it."""
+
+import numpy as np
+import pytest
+
+import resumes
+from vibrosweep.sweep import run
+
+
+def test_interrupted_and_changed_sweeps_are_refused_or_come_out_the_same(tmp_path):
+    findings = resumes.campaign(tmp_path, 5, seed=3)
+    assert findings.failures == 0
+    assert findings.resumes > 5
+    assert findings.refused > 2
+
+
+def test_the_campaign_sees_a_resume_that_is_wrong(tmp_path, monkeypatch):
+    monkeypatch.setattr("vibrosweep.sweep.kept.differences", lambda before, now: [])
+    findings = resumes.campaign(tmp_path, 3, seed=3)
+    assert findings.wrongly_taken + findings.harmed > 0
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_change_names_a_key_of_the_file(seed):
+    rng = np.random.default_rng(seed)
+    tables = resumes.random_tables(rng)
+    other, key = resumes.changed(tables, rng)
+    before, now = (resumes.parse_spec(resumes.text_of(t)) for t in (tables, other))
+    assert (run.identity(before) == run.identity(now)) is (key == "")
