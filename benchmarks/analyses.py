@@ -23,10 +23,10 @@ from vibrosweep.analysis.meetings import first_shared_base
 from vibrosweep.analysis.order import order_of_landings
 from vibrosweep.analysis.preservation import separation_changes
 from vibrosweep.analysis.separations import separation_against, separation_distribution
-from vibrosweep.sweep.asked import record_observation
-from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.landings import all_parameters
-from vibrosweep.sweep.workers import Workers
+from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.landings import all_parameters
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.workers import Workers
 
 PARTICLES = 20
 CHUNK = 1000

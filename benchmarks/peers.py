@@ -20,8 +20,8 @@ from methods.contest import available, measure, write_table
 from methods.peers_report import draw, read_rows, section
 from methods.scenes import Point
 from methods.sweeps import SWEEPS
+from vibrosweep.run.driver import available_threads
 from vibrosweep.store.provenance import provenance
-from vibrosweep.sweep.run import available_threads
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "docs" / "peers.csv"

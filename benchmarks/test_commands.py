@@ -13,13 +13,13 @@ from pathlib import Path
 import h5py
 import pytest
 
-from vibrosweep.scene import dimensionless, launches
-from vibrosweep.sweep import run
-from vibrosweep.sweep.chunks import batch_size
-from vibrosweep.sweep.design import open_design
-from vibrosweep.sweep.following import statistics
-from vibrosweep.sweep.spec import read_spec
-from vibrosweep.sweep.workers import Workers
+from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.workers import Workers
+from vibrosweep.model.parameters import dimensionless, launches
+from vibrosweep.run import driver as run
+from vibrosweep.run.chunks import batch_size
+from vibrosweep.spec.design import open_design
+from vibrosweep.spec.sweep import read_spec
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
 VIBROSWEEP = [sys.executable, "-c", "import sys; from vibrosweep.cli import main; sys.exit(main())"]

@@ -11,14 +11,14 @@ from numba import njit
 
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
 from methods.sweeps import paper_parameters
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.lanes import scratch
 from vibrosweep.kernels.statistics import empty_statistics
-from vibrosweep.scene import dimensionless, launches
-from vibrosweep.sweep.following import statistics
-from vibrosweep.sweep.observation import Observation
-from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
+from vibrosweep.model.parameters import dimensionless, launches
 
 THREADS = 2
 

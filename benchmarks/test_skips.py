@@ -10,11 +10,11 @@ import pytest
 
 from methods.sweeps import paper_parameters
 from test_kernels import THREADS
-from vibrosweep.scene import PARAMETERS, dimensionless, launches
-from vibrosweep.sweep import following
-from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.observation import Observation
-from vibrosweep.sweep.workers import Workers
+from vibrosweep.engine import trajectories
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.workers import Workers
+from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
 
 ASKED = {
     "launch": "staggered",
@@ -50,7 +50,7 @@ def measuring(parameters, workers, particles=20, **options):
 
 
 def skipping(race, parameters, **options):
-    """Race skipping against following."""
+    """Race skipping against trajectories."""
     with Workers(THREADS) as workers:
         subject, reference = (
             measuring(parameters, workers, skip=skip, **options) for skip in (True, False)
@@ -105,7 +105,7 @@ def test_nothing_to_skip_over_a_short_horizon(race):
 @pytest.mark.parametrize("regimes", [False, True])
 def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
     """Looking for orbits that repeat, and with regimes also counting the few that do in time."""
-    monkeypatch.setattr(following, "PERIODS_TO_RECUR", 0.0)
+    monkeypatch.setattr(trajectories, "PERIODS_TO_RECUR", 0.0)
     parameters = drawn(20_000)
     observation = Observation(particles=20, **(ASKED | {"duration": 12.0, "regimes": regimes}))
     problem = dimensionless(parameters, 12.0, 0.0)
@@ -113,8 +113,8 @@ def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
     with Workers(THREADS) as workers:
         cycles = workers.cycles(400_000)
         ratio = race(
-            lambda: following.statistics(problem, launch, observation, workers, cycles),
-            lambda: following.statistics(problem, launch, observation, workers),
+            lambda: trajectories.statistics(problem, launch, observation, workers, cycles),
+            lambda: trajectories.statistics(problem, launch, observation, workers),
         )
     assert ratio >= (0.8 if regimes else 0.85)
 

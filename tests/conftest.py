@@ -14,7 +14,7 @@ settings.load_profile("compiled")
 
 @pytest.fixture(scope="session")
 def workers():
-    from vibrosweep.sweep.workers import Workers
+    from vibrosweep.engine.workers import Workers
 
     with Workers(2) as pool:
         yield pool
@@ -23,7 +23,7 @@ def workers():
 @pytest.fixture(scope="session")
 def parameters():
     """Complete parameters by the defaults, as arrays of one length."""
-    from vibrosweep.sweep.landings import all_parameters
+    from vibrosweep.engine.landings import all_parameters
 
     def complete(**given):
         arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in given.values()))
@@ -60,7 +60,7 @@ def random_scenes(parameters):
 @pytest.fixture(scope="session")
 def observe():
     """An observation of 12 s that measures separations and each particle, unless said otherwise."""
-    from vibrosweep.sweep.run import record_observation
+    from vibrosweep.run.driver import record_observation
 
     def make(launch="staggered", particles=20, **changes):
         if not isinstance(launch, str):
@@ -76,7 +76,7 @@ def observe():
 @pytest.fixture(scope="session")
 def record(workers):
     """Every landing of what is observed, whatever its window."""
-    from vibrosweep.sweep.landings import record_landings
+    from vibrosweep.engine.landings import record_landings
 
     def landings(scene, observation):
         return record_landings(scene, replace(observation, transient=-np.inf), workers)

@@ -320,8 +320,8 @@ def test_memory_that_runs_out(refused, monkeypatch, spec, tmp_path):
     def measure(*arguments, **options):
         raise MemoryError("Unable to allocate 1 TiB")
 
-    monkeypatch.setattr("vibrosweep.sweep.inspect.describe", measure)
-    monkeypatch.setattr("vibrosweep.sweep.spec.read_spec", measure)
+    monkeypatch.setattr("vibrosweep.run.describe.describe", measure)
+    monkeypatch.setattr("vibrosweep.spec.sweep.read_spec", measure)
     output = tmp_path / "out.h5"
     for command, chunked in (("run", True), ("windows", False), ("basins", False)):
         message = refused(command, spec, "-o", output)
@@ -372,7 +372,7 @@ def test_an_interrupted_run_keeps_what_is_finished(spec, vibrosweep, tmp_path, e
 
 
 def test_a_killed_run_continues(spec, refused, vibrosweep, tmp_path):
-    """A handful of kills at moments that nobody chose; benchmarks/kills.py has hundreds."""
+    """A handful of kills at moments that nobody chose; checks/kills.py has hundreds."""
     output, delays = tmp_path / "out.h5", np.random.default_rng(1).uniform(0.0, 0.1, 4)
     path = spec(CHUNKS.replace("10_000_000", "60_000"))
     kept = set()
@@ -447,7 +447,7 @@ def test_a_plan(spec, refused, vibrosweep, tmp_path, monkeypatch):
     assert "GiB of disk" in refused("run", many, "-o", tmp_path / "out.h5")
     assert [p.name for p in tmp_path.iterdir()] == ["sweep.toml"]
     record = spec('title = "x"\n[scene]\nduration = 1e12\n[record]\nduration = 1e12\n')
-    monkeypatch.setattr("vibrosweep.sweep.landings.physical_memory", lambda: 10**7)
+    monkeypatch.setattr("vibrosweep.engine.landings.physical_memory", lambda: 10**7)
     for command in ("plan", "run"):
         assert "shorten the duration" in refused(command, record, "-o", tmp_path / "out.h5")
 
@@ -456,7 +456,7 @@ def test_an_interruption_inside_is_130(vibrosweep, monkeypatch):
     def describe(path):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("vibrosweep.sweep.inspect.describe", describe)
+    monkeypatch.setattr("vibrosweep.run.describe.describe", describe)
     code, _, message = vibrosweep("info", "x.h5")
     assert code == 130
     assert message.count("\n") == 1

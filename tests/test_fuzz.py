@@ -1,4 +1,4 @@
-"""Damaged and invented input: a short form of benchmarks/fuzz.py, and laws for all sweep files."""
+"""Damaged and invented input: a short form of checks/fuzz.py, and laws for all sweep files."""
 
 import string
 from contextlib import suppress
@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from fuzz import FUZZERS, campaign, spoilt_bytes
 from vibrosweep.errors import SpecError
-from vibrosweep.sweep.schema import _KEYS
-from vibrosweep.sweep.spec import SweepSpec, parse_spec
+from vibrosweep.spec.schema import _KEYS
+from vibrosweep.spec.sweep import SweepSpec, parse_spec
 
 NUMBERS = st.one_of(
     st.integers(),

@@ -10,9 +10,9 @@ import xarray as xr
 import vibrosweep as vs
 from vibrosweep.cli import main
 from vibrosweep.errors import OPTIONS, ExistingOutputError, ParameterError, TakenOutputError
+from vibrosweep.run.driver import run_sweep
+from vibrosweep.spec.sweep import read_spec
 from vibrosweep.store.rundir import run_directory
-from vibrosweep.sweep.run import run_sweep
-from vibrosweep.sweep.spec import read_spec
 
 PACKAGE = Path(vs.__file__).parent
 SWEEP = """title = "A sweep of a test"

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from vibrosweep import variables
-from vibrosweep.sweep.schema import _KEYS
-from vibrosweep.variables import Variable
+from vibrosweep.model import variables
+from vibrosweep.model.variables import Variable
+from vibrosweep.spec.schema import _KEYS
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

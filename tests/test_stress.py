@@ -1,4 +1,4 @@
-"""The quick part of the stress suite; benchmarks/stress.py is the whole of it."""
+"""The quick part of the stress suite; checks/stress.py is the whole of it."""
 
 import numpy as np
 import pytest
@@ -13,13 +13,13 @@ from stress import FAMILIES
 from stress_checks import Case, examine
 from stress_exact import EXACT
 from trust_check import compare, draw, kernel_jobs
-from vibrosweep import theory
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.sine import SINE_ERROR
-from vibrosweep.scene import LAWS
-from vibrosweep.status import Status
-from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.workers import Workers
+from vibrosweep.model import theory
+from vibrosweep.model.parameters import LAWS
+from vibrosweep.model.status import Status
 
 LAW = st.sampled_from(LAWS)
 

@@ -13,16 +13,16 @@ from methods.scenes import Point, Scene, table
 from methods.sweeps import Sweep
 from methods.timing import BUDGET, timed
 from methods.truth import Orbit, worst
+from vibrosweep.engine.landings import record_landings
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
-from vibrosweep.reference.rk4 import rk4
-from vibrosweep.scene import dimensionless, launches
-from vibrosweep.sweep.following import statistics
-from vibrosweep.sweep.landings import record_landings
-from vibrosweep.sweep.observation import Observation
-from vibrosweep.sweep.run import record_observation
-from vibrosweep.sweep.workers import TRAJECTORIES_PER_TASK, Workers
+from vibrosweep.model.parameters import dimensionless, launches
+from vibrosweep.run.driver import record_observation
+from vibrosweep.study.rk4 import rk4
 
 MARGIN = 1.0  # s past the end, so that a late landing is compared rather than missed
 MOST_IMPACTS = 10_000_000

@@ -15,8 +15,8 @@ from methods.scenes import Point, table
 from methods.sweeps import Sweep
 from methods.timing import medians, timed
 from methods.truth import Orbit, worst
-from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.workers import Workers
+from vibrosweep.engine.workers import Workers
+from vibrosweep.model.parameters import PARAMETERS
 
 PYNAMICALSYS = "pynamicalsys"
 GRAVITY, VELOCITY = (list(PARAMETERS).index(name) for name in ("gravity", "launch_velocity"))

@@ -13,7 +13,7 @@ from methods.scenes import Point, Scene, table
 from methods.sweeps import Sweep
 from methods.timing import timed
 from methods.truth import Orbit, worst
-from vibrosweep.scene import PARAMETERS
+from vibrosweep.model.parameters import PARAMETERS
 
 # read when jax is first imported
 os.environ["JAX_ENABLE_X64"] = "1"

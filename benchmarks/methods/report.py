@@ -49,7 +49,7 @@ Python {python}, {versions}.{missing}
   differs.
 - **naive map** ({threads} threads): the same map compiled by numba as a scalar loop, with a running
   double for the time and the library's sin(omega t + phi); same statistics.
-- **RK4** ({threads} threads): the study's scheme, `vibrosweep.reference.rk4`, compiled by numba.
+- **RK4** ({threads} threads): the study's scheme, `vibrosweep.study.rk4`, compiled by numba.
 - **SciPy** (1 thread): `solve_ivp`, RK45, one call per flight, landing as a terminal event, exact
   rebound and rest law in Python.
 - **heyoka.py** (1 thread): a Taylor integrator compiled by LLVM, landing as a terminal event, the

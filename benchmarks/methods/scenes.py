@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibrosweep.scene import PARAMETERS
+from vibrosweep.model.parameters import PARAMETERS
 
 TABLE_1 = {name: parameter.default for name, parameter in PARAMETERS.items()}
 
@@ -22,7 +22,7 @@ class Case:
     Attributes
     ----------
     parameters
-        As in `vibrosweep.scene.PARAMETERS`.
+        As in `vibrosweep.model.parameters.PARAMETERS`.
     rebound
         The law.
     duration
@@ -61,7 +61,7 @@ class Scene:
     key, title
         Name in the table, and heading of the panel.
     parameters
-        As in `vibrosweep.scene.PARAMETERS`.
+        As in `vibrosweep.model.parameters.PARAMETERS`.
     rebound
         The law.
     duration

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from methods.scenes import TABLE_1, TOLERANCES, Case
-from vibrosweep.scene import PARAMETERS
+from vibrosweep.model.parameters import PARAMETERS
 
 
 def paper_parameters(realizations: int) -> dict[str, np.ndarray]:

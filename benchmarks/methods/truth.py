@@ -19,8 +19,8 @@ from flint import arb, ctx
 
 from methods.scenes import Case, Scene
 from methods.sweeps import Sweep
-from vibrosweep.reference import ball
-from vibrosweep.reference.results import Impact
+from vibrosweep.proof.reference import ball
+from vibrosweep.proof.reference.results import Impact
 
 BITS = 256
 SETTLED = 2000.0  # s; the transient shrinks by sqrt(e) at each impact

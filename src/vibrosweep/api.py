@@ -13,20 +13,20 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.landings import record_landings, require_room
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ExistingOutputError, ParameterError
-from vibrosweep.scene import LAWS, PARAMETERS, refuse_masked
+from vibrosweep.model.parameters import LAWS, PARAMETERS, refuse_masked
+from vibrosweep.model.variables import RECORD
+from vibrosweep.run.driver import available_threads, run_sweep
+from vibrosweep.run.finished import is_of, origin
+from vibrosweep.run.result import DURATION, LAUNCH_TIME, coordinate_attributes
+from vibrosweep.spec.sweep import read_spec
 from vibrosweep.store.disk import check_output
 from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import replaces
-from vibrosweep.sweep.asked import record_observation
-from vibrosweep.sweep.finished import is_of, origin
-from vibrosweep.sweep.landings import record_landings, require_room
-from vibrosweep.sweep.result import DURATION, LAUNCH_TIME, coordinate_attributes
-from vibrosweep.sweep.run import available_threads, run_sweep
-from vibrosweep.sweep.spec import read_spec
-from vibrosweep.sweep.workers import Workers
-from vibrosweep.variables import RECORD
 
 __all__ = ["open_record", "open_sweep", "run", "simulate"]
 

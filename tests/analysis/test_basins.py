@@ -5,9 +5,9 @@ import pytest
 
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.scene import Scene
+from vibrosweep.engine.measure import measure
 from vibrosweep.errors import ParameterError
-from vibrosweep.status import Regime
-from vibrosweep.sweep.engine import measure
+from vibrosweep.model.status import Regime
 
 SCENE = Scene(amplitude=3.4, restitution=0.95, phase=0.7, duration=4000.0)
 TIMES = np.linspace(0.0, 1.0, 16, endpoint=False)

@@ -10,12 +10,13 @@ import xarray as xr
 from vibrosweep.analysis.conditions import NAMED
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
-from vibrosweep.claims import heights
-from vibrosweep.claims.batches import swept
+from vibrosweep.engine import landings
+from vibrosweep.engine import measure as engine
+from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.lab.prediction import predict
-from vibrosweep.sweep import engine, landings
-from vibrosweep.sweep.asked import record_observation
-from vibrosweep.sweep.landings import all_parameters, record_landings
+from vibrosweep.study import heights
+from vibrosweep.study.batches import swept
 
 SCAN = np.linspace(0.3, 3.5, 9)
 IMPACTS = xr.Dataset(

@@ -5,7 +5,7 @@ import xarray as xr
 
 from vibrosweep.analysis.requirements import MEASURED, remedy, require
 from vibrosweep.errors import DataError
-from vibrosweep.sweep.schema import _KEYS
+from vibrosweep.spec.schema import _KEYS
 
 
 def test_what_is_there_passes():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep import simulate, theory
+from vibrosweep import simulate
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.meetings import first_shared_base
 from vibrosweep.analysis.separations import (
@@ -12,8 +12,9 @@ from vibrosweep.analysis.separations import (
     separation_against,
     separation_distribution,
 )
+from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.sweep.engine import measure
+from vibrosweep.model import theory
 
 
 def made(dt, free, **coordinates):

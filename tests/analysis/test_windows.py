@@ -7,7 +7,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from vibrosweep import theory
 from vibrosweep.analysis.conditions import NAMED, Condition, named
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import (
@@ -18,8 +17,9 @@ from vibrosweep.analysis.windows import (
     find_windows,
     summary,
 )
+from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.sweep.engine import measure
+from vibrosweep.model import theory
 
 MODES = (1, 2, 3, 4)
 PI = Fraction("3.14159265358979323846264338327950288419716939937510582097494459")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.variables import SWEEP
+from vibrosweep.model.variables import SWEEP
 
 TABLE_1 = {
     "restitution": 0.9,

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from matplotlib.collections import PathCollection, QuadMesh
 
-from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import height_against_restitution
 from vibrosweep.figures.restitution import plateaus
+from vibrosweep.model import theory
 
 
 def dots_of(figure, label):

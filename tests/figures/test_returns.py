@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import return_map
+from vibrosweep.model import theory
 
 
 def drawn_points(figure):

@@ -4,7 +4,7 @@ import pytest
 
 from vibrosweep.kernels.bases import scene
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.scene import dimensionless
+from vibrosweep.model.parameters import dimensionless
 
 
 @pytest.fixture(scope="session")

@@ -19,8 +19,8 @@ from vibrosweep.kernels.impact import base_of, impact
 from vibrosweep.kernels.lanes import LANES, ROW, STRIDE, scratch
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.sine import COSINE_ERROR
-from vibrosweep.reference.ball import step
-from vibrosweep.scene import LAWS
+from vibrosweep.model.parameters import LAWS
+from vibrosweep.proof.reference.ball import step
 
 BITS = 400
 TURN = 2.0 * math.pi
@@ -101,7 +101,7 @@ from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.lanes import scratch
-from vibrosweep.scene import LAWS, PARAMETERS, dimensionless
+from vibrosweep.model.parameters import LAWS, PARAMETERS, dimensionless
 
 @jit
 def ask_all(base, problem, i, x, u, s):

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.kernels.distinct import first_of_each
-from vibrosweep.scene import Launches
+from vibrosweep.model.parameters import Launches
 
 NUMBERS = st.sampled_from([0.0, -0.0, 1.0, np.nextafter(1.0, 2.0), -1.0, np.inf])
 SHARED = Launches(np.zeros((1, 2)), np.zeros((1, 2)))

@@ -7,7 +7,7 @@ import pytest
 
 from vibrosweep.kernels.bases import after_rest, lift_off, rebound
 from vibrosweep.kernels.impact import impact, land
-from vibrosweep.reference.ball import step
+from vibrosweep.proof.reference.ball import step
 
 STATES = 12_000
 HALF_ULP = 2.0**-53

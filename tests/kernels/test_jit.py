@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import vibrosweep
+from vibrosweep.engine.measure import measure
 from vibrosweep.kernels._jit import _fma_exact
-from vibrosweep.sweep.engine import measure
 
 PACKAGE = Path(vibrosweep.__file__).parent
 
@@ -41,9 +41,9 @@ from pathlib import Path
 import numba
 assert numba.config.DISABLE_JIT
 from dataclasses import replace
-from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.workers import Workers
-from vibrosweep.sweep.landings import record_landings
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.workers import Workers
+from vibrosweep.engine.landings import record_landings
 given, found = map(Path, sys.argv[1:])
 results = []
 with Workers(1) as workers:
@@ -127,7 +127,7 @@ USE = """
 import json
 import numpy as np
 from vibrosweep.kernels import _jit, probe
-from vibrosweep.scene import Dimensionless
+from vibrosweep.model.parameters import Dimensionless
 value = probe.probe(0.25)
 field = probe.field(Dimensionless(**{n: np.array([1.0 if n == "kick" else 0.0])
                                      for n in Dimensionless._fields}))
@@ -191,10 +191,10 @@ import numpy as np
 from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.separation import separate
-from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.workers import Workers
-from vibrosweep.sweep.landings import all_parameters
-from vibrosweep.sweep.run import record_observation
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.workers import Workers
+from vibrosweep.engine.landings import all_parameters
+from vibrosweep.run.driver import record_observation
 from dataclasses import replace
 observation = record_observation(3, "staggered", 12.0, "rest", 10**6)
 observation = replace(observation, transient=0.0, separation=True)

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from vibrosweep import simulate, theory
+from vibrosweep import simulate
+from vibrosweep.model import theory
 
 FORCING = {"frequency": 1.7, "gravity": 9.81}
 

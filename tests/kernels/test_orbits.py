@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from vibrosweep import simulate, theory
-from vibrosweep.scene import dimensionless, launches
-from vibrosweep.status import Regime
-from vibrosweep.sweep.orbits import find_orbits
+from vibrosweep import simulate
+from vibrosweep.engine.orbits import find_orbits
+from vibrosweep.model import theory
+from vibrosweep.model.parameters import dimensionless, launches
+from vibrosweep.model.status import Regime
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from vibrosweep import simulate
-from vibrosweep.reference.ball import UndecidableError, trajectory
-from vibrosweep.scene import dimensionless
-from vibrosweep.status import Status
+from vibrosweep.model.parameters import dimensionless
+from vibrosweep.model.status import Status
+from vibrosweep.proof.reference.ball import UndecidableError, trajectory
 
 LAWS = ["rest", "reflect"]
 LANDINGS = 64

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from vibrosweep.sweep.engine import measure
+from vibrosweep.engine.measure import measure
 
 LAWS = ["rest", "reflect"]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.kernels.sine import SINE_ERROR, sin_turns
-from vibrosweep.reference.ball import sine
+from vibrosweep.proof.reference.ball import sine
 
 QUARTERS = np.array([0.0, 0.125, 0.25, 0.375, 0.5])
 

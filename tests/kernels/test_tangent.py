@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from vibrosweep.kernels.bases import jacobian, rebound
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.tangent import carry, stretch
-from vibrosweep.scene import LAWS
+from vibrosweep.model.parameters import LAWS
 
 phases = st.floats(-0.49, 0.49)
 flights = st.floats(0.01, 8.0)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from vibrosweep import theory
-from vibrosweep.reference.ball import UndecidableError, trajectory
-from vibrosweep.sweep.engine import measure
+from vibrosweep.engine.measure import measure
+from vibrosweep.model import theory
+from vibrosweep.proof.reference.ball import UndecidableError, trajectory
 
 LAWS = ["rest", "reflect"]
 HALF_ULP = 2.0**-53

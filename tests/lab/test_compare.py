@@ -11,9 +11,9 @@ from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 from vibrosweep.lab.prediction import draw, predict
 from vibrosweep.lab.statistics import agreement, phases, quantities
-from vibrosweep.lab.table4 import Imperfection, in_band, study_imperfections, verdict
 from vibrosweep.lab.twin import Comparison
-from vibrosweep.theory import locked_height
+from vibrosweep.model.theory import locked_height
+from vibrosweep.study.table4 import Imperfection, in_band, study_imperfections, verdict
 
 KNOWN = {"frequency": 20.0, "restitution": 0.9, "amplitude": 0.06, "contact_time": 2.5e-5}
 

@@ -7,12 +7,12 @@ import sys
 import numpy as np
 import pytest
 
+from vibrosweep.engine.landings import record_landings
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.sine import sin_turns
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.wander import phase_walk, wandering_record
-from vibrosweep.scene import dimensionless, launches
-from vibrosweep.sweep.landings import record_landings
+from vibrosweep.model.parameters import dimensionless, launches
 
 
 def landings(parameters, walk, particles=4, duration=5.0, **scene):
@@ -82,7 +82,7 @@ import sys
 import numpy as np
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.lab.wander import wandering_record
-from vibrosweep.scene import dimensionless, launches
+from vibrosweep.model.parameters import dimensionless, launches
 given = dict(np.load(sys.argv[1] + "/given.npz"))
 walk = given.pop("walk")
 start = launches("staggered", 2, given["frequency"][:1])

@@ -12,9 +12,9 @@ import xarray as xr
 from vibrosweep._version import __version__
 from vibrosweep.api import open_record, open_sweep
 from vibrosweep.errors import RunError
-from vibrosweep.scene import PARAMETERS
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
 from vibrosweep.store.dataset import CHUNK_VALUES, creating
-from vibrosweep.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
 
 MEASURED = {**SWEEP, **PER_PARTICLE, **TRUST, **REGIMES}
 EVERYTHING = """

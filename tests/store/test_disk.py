@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import OutputError
+from vibrosweep.model.variables import SWEEP
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, replacing, undisturbed
-from vibrosweep.variables import SWEEP
 
 resource = pytest.importorskip("resource")
 

@@ -11,18 +11,18 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
+from vibrosweep.engine.landings import launch_times
+from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.orbits import Orbits
-from vibrosweep.scene import PARAMETERS, Launches, dimensionless, reduced_turns
-from vibrosweep.status import Regime
-from vibrosweep.sweep.landings import launch_times
-from vibrosweep.sweep.orbits import NO_ORBIT, find_orbits, label_orbits, slots
-from vibrosweep.sweep.result import coordinate_attributes
-from vibrosweep.sweep.workers import Workers
-from vibrosweep.variables import LYAPUNOV, REGIMES
+from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless, reduced_turns
+from vibrosweep.model.status import Regime
+from vibrosweep.model.variables import LYAPUNOV, REGIMES
+from vibrosweep.run.result import coordinate_attributes
 
 if TYPE_CHECKING:
-    from vibrosweep.sweep.spec import SweepSpec
+    from vibrosweep.spec.sweep import SweepSpec
 
 __all__ = ["basins", "basins_of_spec", "name_of", "summary"]
 

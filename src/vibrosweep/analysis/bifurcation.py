@@ -12,19 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.evaluate import launch_states, settle_from
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
+from vibrosweep.engine.orbits import orbit_variables
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.orbits import Orbits
 from vibrosweep.kernels.record import Units, empty_record, record
-from vibrosweep.scene import PARAMETERS, Launches, dimensionless
-from vibrosweep.status import Regime
-from vibrosweep.sweep.orbits import orbit_variables
-from vibrosweep.sweep.result import coordinate_attributes
-from vibrosweep.sweep.workers import Workers
-from vibrosweep.variables import LYAPUNOV, REGIMES
+from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
+from vibrosweep.model.status import Regime
+from vibrosweep.model.variables import LYAPUNOV, REGIMES
+from vibrosweep.run.result import coordinate_attributes
 
 if TYPE_CHECKING:
-    from vibrosweep.sweep.spec import SweepSpec
+    from vibrosweep.spec.sweep import SweepSpec
 
 __all__ = ["OBSERVABLES", "Observable", "bifurcation", "bifurcation_of_spec", "summary"]
 

@@ -7,7 +7,7 @@ import xarray as xr
 
 from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
-from vibrosweep.status import Regime
+from vibrosweep.model.status import Regime
 
 __all__ = ["capacity"]
 

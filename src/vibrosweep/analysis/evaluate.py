@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.conditions import Condition, Locked
 from vibrosweep.analysis.scene import Scene
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.orbits import find_orbits, orbit_variables
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import ABSENT, ATTRACTS, REPELS, empty_fixed, find_fixed, turns_back
 from vibrosweep.kernels.orbits import Orbits
-from vibrosweep.scene import Launches, dimensionless, launches
-from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.orbits import find_orbits, orbit_variables
-from vibrosweep.sweep.workers import Workers
-from vibrosweep.variables import LYAPUNOV, REGIMES, SWEEP
+from vibrosweep.model.parameters import Launches, dimensionless, launches
+from vibrosweep.model.variables import LYAPUNOV, REGIMES, SWEEP
 
 __all__ = ["HOLDING", "continued", "launch_states", "launched", "locked", "settle_from"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from vibrosweep import theory
 from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import DataError
+from vibrosweep.model import theory
 
 __all__ = ["heights_against_restitution"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.errors import DataError
-from vibrosweep.variables import LYAPUNOV, PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
+from vibrosweep.model.variables import LYAPUNOV, PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
 
 if TYPE_CHECKING:
     import xarray as xr

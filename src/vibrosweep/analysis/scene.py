@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.landings import physical_memory
+from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import ParameterError, SpecError
-from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED, refuse_masked
-from vibrosweep.sweep.asked import record_observation
-from vibrosweep.sweep.landings import physical_memory
-from vibrosweep.sweep.observation import Observation
-from vibrosweep.sweep.result import coordinate_attributes
-from vibrosweep.sweep.run import available_threads
-from vibrosweep.sweep.spec_rules import Axis
+from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED, refuse_masked
+from vibrosweep.run.driver import available_threads
+from vibrosweep.run.result import coordinate_attributes
+from vibrosweep.spec.rules import Axis
 
 if TYPE_CHECKING:
-    from vibrosweep.sweep.spec import SweepSpec
+    from vibrosweep.spec.sweep import SweepSpec
 
 __all__ = ["Scene", "axis", "grid_axes", "require_memory", "thread_count"]
 

@@ -10,13 +10,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.records import Array, variable
+from vibrosweep.engine.landings import all_parameters
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.landings import all_parameters
-from vibrosweep.sweep.observation import Observation
-from vibrosweep.sweep.workers import Workers
-from vibrosweep.variables import SWEEP
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.variables import SWEEP
 
 __all__ = ["OUTPUTS", "sobol_indices"]
 

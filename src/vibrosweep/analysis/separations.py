@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.records import Array, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.variables import SWEEP, UNDETERMINED
+from vibrosweep.model.variables import SWEEP, UNDETERMINED
 
 __all__ = [
     "QUANTILES",

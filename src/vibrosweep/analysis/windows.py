@@ -20,16 +20,16 @@ from vibrosweep.analysis import evaluate
 from vibrosweep.analysis.bisection import find_edges, windows_of_row
 from vibrosweep.analysis.conditions import NAMES, Condition, Locked, named
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.kernels.fixed import END_ERROR
-from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.result import coordinate_attributes
-from vibrosweep.sweep.workers import Workers
-from vibrosweep.variables import Variable
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.variables import Variable
+from vibrosweep.run.result import coordinate_attributes
 
 if TYPE_CHECKING:
     from vibrosweep.analysis.bisection import Codes
-    from vibrosweep.sweep.spec import SweepSpec
+    from vibrosweep.spec.sweep import SweepSpec
 
 __all__ = ["DIRECTIONS", "TOLERANCE", "find_windows", "summary", "windows_of_spec"]
 

@@ -27,10 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
-    from vibrosweep.claims.collect import judge_all
-    from vibrosweep.claims.report import plain, prepare, write
-    from vibrosweep.sweep.progress import reporting
-    from vibrosweep.sweep.run import available_threads
+    from vibrosweep.run.driver import available_threads
+    from vibrosweep.run.progress import reporting
+    from vibrosweep.study.collect import judge_all
+    from vibrosweep.study.report import plain, prepare, write
 
     prepare(options.output)
     threads = options.threads or available_threads()

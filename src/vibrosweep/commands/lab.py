@@ -96,7 +96,7 @@ def _synthesize(options: argparse.Namespace) -> None:
 def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     """Read the tracks, and refuse what no recording can have, before anything is computed."""
     from vibrosweep.lab.reading import read_tracks
-    from vibrosweep.scene import PARAMETERS
+    from vibrosweep.model.parameters import PARAMETERS
     from vibrosweep.store.disk import check_output
 
     for name in PHYSICAL:
@@ -158,13 +158,13 @@ def _impacts(options: argparse.Namespace) -> None:
 
 
 def _compare(options: argparse.Namespace) -> None:
+    from vibrosweep.engine.workers import Workers
     from vibrosweep.lab.compare import compare
     from vibrosweep.lab.report import table_lines
     from vibrosweep.lab.twin import Comparison
+    from vibrosweep.run.driver import available_threads
     from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.saving import save_dataset
-    from vibrosweep.sweep.run import available_threads
-    from vibrosweep.sweep.workers import Workers
 
     recordings = _recordings(options)
     known = {n: getattr(options, n) for n in PHYSICAL if getattr(options, n) is not None}

@@ -16,7 +16,7 @@ from vibrosweep.errors import ExistingOutputError, Interruption, OutputError, Vi
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibrosweep.sweep.spec import SweepSpec
+    from vibrosweep.spec.sweep import SweepSpec
 
 __all__ = ["add_common", "drawing", "produce"]
 
@@ -45,7 +45,7 @@ def produce(
     compute
         Function from a sweep and a number of threads to a dataset.
     """
-    from vibrosweep.sweep.spec import read_spec
+    from vibrosweep.spec.sweep import read_spec
 
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
@@ -53,10 +53,10 @@ def produce(
     _check(options, spec, output, picture)
     leave_linear_algebra_out()
     from vibrosweep.figures.registry import save
+    from vibrosweep.run.driver import available_threads
     from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.provenance import provenance
     from vibrosweep.store.saving import save_dataset
-    from vibrosweep.sweep.run import available_threads
 
     threads = options.threads or available_threads()
     print(spec.title)
@@ -83,7 +83,7 @@ def _check(options: argparse.Namespace, spec: SweepSpec, output: Path, picture: 
     try:
         check_output(output, force=options.force, inputs=(options.spec,))
     except ExistingOutputError as error:
-        from vibrosweep.sweep.finished import origin
+        from vibrosweep.run.finished import origin
 
         raise ExistingOutputError(output, origin(spec, output)) from error
     check_output(picture, force=options.force, inputs=(options.spec,))

@@ -12,8 +12,8 @@ from vibrosweep.commands.arguments import positive, some
 from vibrosweep.commands.start import leave_linear_algebra_out
 
 if TYPE_CHECKING:
-    from vibrosweep.sweep.estimate import Needs
-    from vibrosweep.sweep.plan import Plan
+    from vibrosweep.run.estimate import Needs
+    from vibrosweep.run.plan import Plan
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
@@ -35,15 +35,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
-    from vibrosweep.sweep.spec import read_spec
+    from vibrosweep.spec.sweep import read_spec
 
     spec = read_spec(options.spec)
     leave_linear_algebra_out()
-    from vibrosweep.sweep.estimate import estimate, require_disk, require_memory
-    from vibrosweep.sweep.notes import notes
-    from vibrosweep.sweep.plan import make_plan
-    from vibrosweep.sweep.run import available_threads
-    from vibrosweep.sweep.workers import Workers
+    from vibrosweep.engine.workers import Workers
+    from vibrosweep.run.driver import available_threads
+    from vibrosweep.run.estimate import estimate, require_disk, require_memory
+    from vibrosweep.run.notes import notes
+    from vibrosweep.run.plan import make_plan
 
     output = options.output or Path(f"{options.spec.stem}.h5")
     with Workers(options.threads or available_threads()) as workers:

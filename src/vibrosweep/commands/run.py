@@ -14,7 +14,7 @@ from vibrosweep.commands.place import add_place, opened_place
 from vibrosweep.commands.start import leave_linear_algebra_out
 
 if TYPE_CHECKING:
-    from vibrosweep.sweep.spec import SweepSpec
+    from vibrosweep.spec.sweep import SweepSpec
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
@@ -51,15 +51,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
-    from vibrosweep.sweep.spec import read_spec
+    from vibrosweep.spec.sweep import read_spec
 
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
     gc.disable()  # importing makes many objects and hardly any garbage
     _check(options, spec, output)
     leave_linear_algebra_out()
-    from vibrosweep.sweep.progress import reporting
-    from vibrosweep.sweep.run import run_sweep
+    from vibrosweep.run.driver import run_sweep
+    from vibrosweep.run.progress import reporting
 
     gc.enable()
     print(spec.title)
@@ -74,7 +74,7 @@ def perform(options: argparse.Namespace) -> None:
             "at_least": place.at_least,
         }
         if options.retry_failed:
-            from vibrosweep.sweep.retry import retry_failed
+            from vibrosweep.run.retry import retry_failed
 
             budget = options.impact_budget
             summary, again = retry_failed(spec, output, impact_budget=budget, **settings)
@@ -108,6 +108,6 @@ def _check(options: argparse.Namespace, spec: SweepSpec, output: Path) -> None:
     try:
         check_output(output, force=replace or replaces(output), inputs=(spec.source, spec.table))
     except ExistingOutputError as error:
-        from vibrosweep.sweep.finished import origin
+        from vibrosweep.run.finished import origin
 
         raise ExistingOutputError(output, origin(spec, output)) from error

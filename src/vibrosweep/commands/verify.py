@@ -35,8 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def perform(options: argparse.Namespace) -> int:
     """Carry the command out; return 1 if a number is outside its claim."""
     leave_linear_algebra_out()
-    from vibrosweep.sweep.progress import reporting
-    from vibrosweep.verify import verify
+    from vibrosweep.proof.verify import verify
+    from vibrosweep.run.progress import reporting
 
     with reporting(sys.stderr) as advance:
         report = verify(

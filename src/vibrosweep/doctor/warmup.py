@@ -12,6 +12,11 @@ import numpy as np
 from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.evaluate import locked
 from vibrosweep.analysis.scene import Scene
+from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.landings import all_parameters, record_landings
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.trajectories import PERIODS_TO_RECUR
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
@@ -22,12 +27,7 @@ from vibrosweep.kernels.orbits import settle
 from vibrosweep.kernels.record import record
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.trust import trust
-from vibrosweep.scene import LAWS
-from vibrosweep.sweep.asked import record_observation
-from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.following import PERIODS_TO_RECUR
-from vibrosweep.sweep.landings import all_parameters, record_landings
-from vibrosweep.sweep.workers import Workers
+from vibrosweep.model.parameters import LAWS
 
 __all__ = ["KERNELS", "Compiled", "warm_up"]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.requirements import remedy
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.scene import PARAMETERS
+from vibrosweep.model.parameters import PARAMETERS
 
 if TYPE_CHECKING:
     import xarray as xr

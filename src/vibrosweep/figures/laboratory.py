@@ -194,7 +194,7 @@ def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
     Parameters
     ----------
     study
-        Result of `vibrosweep.lab.table4.study_imperfections`.
+        Result of `vibrosweep.study.table4.study_imperfections`.
     reading, procedure
         Which of its errors.
 

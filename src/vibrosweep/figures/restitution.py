@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from vibrosweep import theory
 from vibrosweep.figures import data, style
 from vibrosweep.figures.data import Array
+from vibrosweep.model import theory
 
 if TYPE_CHECKING:
     import xarray as xr

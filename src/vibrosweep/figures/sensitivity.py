@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vibrosweep.figures import data, style
-from vibrosweep.variables import SWEEP
+from vibrosweep.model.variables import SWEEP
 
 if TYPE_CHECKING:
     import xarray as xr

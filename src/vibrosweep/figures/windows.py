@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 
-from vibrosweep import theory
 from vibrosweep.figures import style
 from vibrosweep.figures.data import Array
+from vibrosweep.model import theory
 
 __all__ = ["Curve", "draw_windows", "window_curves"]
 

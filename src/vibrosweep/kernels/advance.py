@@ -36,7 +36,7 @@ from vibrosweep.kernels.lanes import (
     VECTOR,
 )
 from vibrosweep.kernels.statistics import Statistics, expect, write
-from vibrosweep.scene import Dimensionless
+from vibrosweep.model.parameters import Dimensionless
 
 __all__ = ["LOOK_AFTER", "Options", "advance"]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
-from vibrosweep.scene import Launches
+from vibrosweep.model.parameters import Launches
 
 __all__ = ["first_of_each"]
 
@@ -46,7 +46,7 @@ def first_of_each(columns: Floats, launches: Launches, first: Integers) -> int:
     ----------
     columns
         Shape (quantity, realization): numbers that decide a trajectory, compared bit by bit.
-    launches : vibrosweep.scene.Launches
+    launches : vibrosweep.model.parameters.Launches
         Compared too.
     first
         Written, shape (realization,).

@@ -14,7 +14,7 @@ from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import Base, Scene, fly, lift_off, rebound
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.laws import LAW_OF
-from vibrosweep.scene import Dimensionless, Launches
+from vibrosweep.model.parameters import Dimensionless, Launches
 
 __all__ = ["Batch", "Impact", "Instant", "base_of", "impact", "land", "launch"]
 
@@ -28,8 +28,8 @@ class Batch(NamedTuple):
     ----------
     base
         From `base_of`; its type decides what is compiled.
-    problem : vibrosweep.scene.Dimensionless
-    launches : vibrosweep.scene.Launches
+    problem : vibrosweep.model.parameters.Dimensionless
+    launches : vibrosweep.model.parameters.Launches
         Trajectory t of a batch is particle t % N of realization t // N.
     """
 
@@ -64,7 +64,7 @@ class Impact(NamedTuple):
 
 
 def base_of(rebound: str) -> Base:
-    """Base with a law of rebound, one of `vibrosweep.scene.LAWS`."""
+    """Base with a law of rebound, one of `vibrosweep.model.parameters.LAWS`."""
     return HighBounce(LAW_OF[rebound])
 
 

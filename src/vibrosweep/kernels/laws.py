@@ -2,7 +2,7 @@
 
 A law is an empty named tuple, whose type numba knows when it compiles.  A new one is a class here,
 its two functions, and its
-name, here and in `vibrosweep.scene.LAWS`.
+name, here and in `vibrosweep.model.parameters.LAWS`.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.tangent import carry, stretch
 from vibrosweep.kernels.trust import is_certain, landing_error, turn_box
-from vibrosweep.status import Regime
+from vibrosweep.model.status import Regime
 
 __all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle"]
 
@@ -60,7 +60,7 @@ class Orbits(NamedTuple):
     Attributes
     ----------
     regime
-        `vibrosweep.status.Regime`.
+        `vibrosweep.model.status.Regime`.
     impacts, periods, rests
         Impacts, forcing periods and rests in one cycle; 0 where no recurrence was found.
     uncertain

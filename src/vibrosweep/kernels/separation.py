@@ -16,7 +16,7 @@ from vibrosweep.kernels.listing import start
 from vibrosweep.kernels.ordering import Workspace, workspace
 from vibrosweep.kernels.same_index import same_index
 from vibrosweep.kernels.slabs import UNKNOWN, all_landings, earliest
-from vibrosweep.scene import Dimensionless
+from vibrosweep.model.parameters import Dimensionless
 
 __all__ = [
     "UNKNOWN",

@@ -9,7 +9,7 @@ from vibrosweep.kernels.rounding import HALF_ULP
 
 __all__ = ["COSINE_ERROR", "SINE_ERROR", "cos_turns", "sin_turns"]
 
-# Relative error of `sin_turns`, proved: benchmarks/sine_error.py finds 3.42 half ulps at most.
+# Relative error of `sin_turns`, proved: checks/sine_error.py finds 3.42 half ulps at most.
 SINE_ERROR = 3.5 * HALF_ULP
 # The cosine is the sine of 1/4 - |x|, itself rounded; absolute.
 COSINE_ERROR = SINE_ERROR + 2.0 * math.pi * 2.0**-56

@@ -10,7 +10,7 @@ from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, prefetch
 from vibrosweep.kernels.bases import Base, fly, take
 from vibrosweep.kernels.impact import land
 from vibrosweep.kernels.lanes import ROW, SPENT
-from vibrosweep.status import Status
+from vibrosweep.model.status import Status
 
 __all__ = ["Statistics", "empty_statistics", "expect", "write"]
 
@@ -34,7 +34,7 @@ class Statistics(NamedTuple):
         Of the flights that follow the landings: sum, sum of squares and maximum of the flight
         time, in forcing periods and their square; a particle at rest for good adds nothing.
     status
-        `vibrosweep.status.Status`.
+        `vibrosweep.model.status.Status`.
     """
 
     landings: Integers

@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.comparison import (
     CASES,
@@ -22,8 +23,7 @@ from vibrosweep.lab.estimate import estimate, fit_phase
 from vibrosweep.lab.impacts import fit_tracks, impacts_of
 from vibrosweep.lab.prediction import draw, predict
 from vibrosweep.lab.twin import Comparison, camera_shares
-from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.workers import Workers
+from vibrosweep.model.parameters import PARAMETERS
 
 __all__ = ["compare"]
 

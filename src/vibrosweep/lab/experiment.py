@@ -14,13 +14,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.engine.landings import all_parameters, launch_times
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.camera import Camera, Motion, film, heights
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import phase_walk, wandering_record
-from vibrosweep.scene import PARAMETERS, dimensionless, launches
-from vibrosweep.sweep.landings import all_parameters, launch_times
+from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
 
 __all__ = [
     "LABORATORY",

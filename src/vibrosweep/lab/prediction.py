@@ -9,12 +9,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.engine.landings import all_parameters
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.scene import PARAMETERS
-from vibrosweep.sweep.engine import measure
-from vibrosweep.sweep.landings import all_parameters
-from vibrosweep.sweep.run import record_observation
-from vibrosweep.sweep.workers import Workers
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.run.driver import record_observation
 
 __all__ = ["DRAWS", "Prediction", "draw", "predict"]
 

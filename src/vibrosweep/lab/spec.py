@@ -11,10 +11,10 @@ from typing import Any, Final, NamedTuple
 from vibrosweep.errors import SpecError
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
-from vibrosweep.scene import LAWS, PARAMETERS, STAGGERED
-from vibrosweep.sweep.schema import is_plain
-from vibrosweep.sweep.spec import read_text
-from vibrosweep.sweep.spec_messages import Mistakes, nearest, quoted
+from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED
+from vibrosweep.spec.messages import Mistakes, nearest, quoted
+from vibrosweep.spec.schema import is_plain
+from vibrosweep.spec.sweep import read_text
 
 __all__ = ["ExperimentSpec", "read_experiments"]
 

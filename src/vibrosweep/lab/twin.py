@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.engine.landings import all_parameters
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.lab.camera import Camera, Motion, film, heights
 from vibrosweep.lab.comparison import QUANTITIES, comparable, errors
@@ -19,8 +20,7 @@ from vibrosweep.lab.impacts import fit_tracks, impacts_of
 from vibrosweep.lab.prediction import DRAWS
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
-from vibrosweep.scene import PARAMETERS, Launches, dimensionless
-from vibrosweep.sweep.landings import all_parameters
+from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
 
 __all__ = ["Comparison", "camera_shares"]
 

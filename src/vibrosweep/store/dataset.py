@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import RunError
+from vibrosweep.model.variables import Variable
 from vibrosweep.store.disk import Disk, replacing, undisturbed
 from vibrosweep.store.seal import append_seal
-from vibrosweep.variables import Variable
 
 __all__ = ["Group", "creating"]
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from vibrosweep.kernels._jit import Floats, question
-from vibrosweep.scene import Dimensionless
+from vibrosweep.model.parameters import Dimensionless
 
 __all__ = [
     "Base",

@@ -18,7 +18,7 @@ from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.laws import Law, slopes, speed_after
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
-from vibrosweep.scene import Dimensionless
+from vibrosweep.model.parameters import Dimensionless
 
 __all__ = ["HighBounce", "Scene", "kick_slope"]
 

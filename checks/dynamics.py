@@ -1,0 +1,111 @@
+"""Regimes, exponents and windows over a grid of 200 x 200 with 20 particles: times and accuracy.
+
+Prints the table of docs/analysis.md.  Seconds are of the processor, summed over both threads, for
+the machine may be shared; kernels are compiled before.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.analysis.windows import find_windows
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.workers import Workers
+from vibrosweep.model import theory
+from vibrosweep.run.driver import observation_of
+from vibrosweep.spec.sweep import read_spec
+
+PLANE = Path(__file__).parents[1] / "sweeps" / "plane.toml"
+SIZE = 200
+REALIZATIONS_AT_A_TIME = 4000
+
+
+def clocked(task):
+    """Result, seconds of the processor and seconds on the wall."""
+    processor, wall = time.process_time(), time.perf_counter()
+    result = task()
+    return result, time.process_time() - processor, time.perf_counter() - wall
+
+
+def plane(workers, **changes):
+    """Every realization of the plane; the largest deviation of a sum of exponents from ln e."""
+    spec = read_spec(PLANE)
+    scene = Scene.of(spec)
+    observation = replace(observation_of(spec), **changes)
+    grid = np.meshgrid(spec.sampled["restitution"].values, spec.sampled["amplitude"].values)
+    e, amplitude = (axis.ravel() for axis in grid)
+    orbits, beyond, largest = 0, 0, 0.0
+    for start in range(0, e.size, REALIZATIONS_AT_A_TIME):
+        piece = slice(start, start + REALIZATIONS_AT_A_TIME)
+        parameters = scene.parameters(restitution=e[piece], amplitude=amplitude[piece])
+        found = measure(parameters, observation, workers)
+        if observation.lyapunov:
+            off = np.abs(found["lyapunov_sum"] - np.log(e[piece])[:, np.newaxis])
+            known = np.isfinite(found["lyapunov_sum"])
+            orbits += np.count_nonzero(known)
+            beyond += np.count_nonzero(off[known] > found["lyapunov_sum_error"][known])
+            largest = max(largest, off[known].max(initial=0.0))
+    return orbits, beyond, largest
+
+
+def windows(conditions, **options):
+    """Windows over the same plane."""
+    spec = read_spec(PLANE)
+    axes = [spec.sampled[name].values for name in ("restitution", "amplitude")]
+    return find_windows(Scene.of(spec), *axes, conditions, threads=2, **options)
+
+
+def worst_end(frequency):
+    """Largest relative deviation of an end of a locked window from its closed form."""
+    e = np.linspace(0.30, 0.99, SIZE)
+    scan = np.linspace(0.005, 14.5, SIZE) / frequency  # from below every end
+    names = [f"locked({k})" for k in (1, 2, 3, 4)]
+    found = find_windows(Scene(frequency=frequency), e, scan, names, threads=2)
+    assert (found["window_count"] == 1).all()
+    off = 0.0
+    for k, name in enumerate(names, start=1):
+        one = found.sel(condition=name, direction="launch").isel(window=0)
+        for end, exact in (("A_min", theory.amplitude_min), ("A_max", theory.amplitude_max)):
+            off = max(off, float(np.abs(one[end].values / exact(k, e, frequency) - 1.0).max()))
+    return off
+
+
+def main() -> None:
+    with Workers(2) as workers:
+        few = Scene(particles=2, duration=1000.0)
+        for condition in ("ordered", "regular"):  # compile
+            find_windows(few, [0.9], [1.0, 3.0], [condition], threads=2)
+            find_windows(few, [0.9], [1.0, 3.0], [condition], continuation=True, threads=2)
+        print("| what | processor (s) | wall (s) |\n|---|---|---|")
+        lines = [
+            ("regimes", lambda: plane(workers, lyapunov=False)),
+            ("regimes and exponents", lambda: plane(workers)),
+            ("windows of locked(1) ... locked(4)", lambda: worst_end(1.0)),
+            ("windows of `ordered`", lambda: windows(["ordered"])),
+            ("windows of `periodic`", lambda: windows(["periodic"])),
+            ("windows of `regular`", lambda: windows(["regular"])),
+            (
+                "windows of `ordered`, continued up and down",
+                lambda: windows(["ordered"], continuation=True),
+            ),
+        ]
+        for name, task in lines:
+            result, processor, wall = clocked(task)
+            print(f"| {name} | {processor:.1f} | {wall:.1f} |", flush=True)
+            if name == "regimes and exponents":
+                sums = result
+    print(
+        f"{sums[0]} orbits without rests: the sum of exponents is off ln e by at most "
+        f"{sums[2]:.1e}, by more than its own error in {sums[1]}"
+    )
+    for frequency in (1.0, 17.0):
+        print(f"{frequency} Hz: ends of locked windows off by {worst_end(frequency):.1e} at most")
+
+
+if __name__ == "__main__":
+    main()

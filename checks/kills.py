@@ -1,0 +1,180 @@
+"""Kill runs of a sweep at random moments, and see what is lost.
+
+    python checks/kills.py [--kills 200] [--seed 1] [--write]
+
+A sweep of 60 chunks is started, killed with SIGKILL after a random time, and started again, until
+it is complete; then the next round begins.  After every kill each part is read and its checksum
+compared, and no part that was there before may be gone.  After every round the result must be that
+of a run that nothing disturbed, byte for byte apart from the time of its creation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from accuracy import processor, table, write_section
+from vibrosweep.store.parts import Parts, read_manifest
+from vibrosweep.store.rundir import run_directory
+from vibrosweep.store.seal import LENGTH
+
+REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
+COMMAND = (sys.executable, "-c", "import sys; from vibrosweep.cli import main; sys.exit(main())")
+CHUNK, CHUNKS = 400, 60
+SWEEP = f"""
+title = "A sweep to be killed"
+[scene]
+particles = 20
+[sample]
+realizations = {CHUNK * CHUNKS}
+seed = 1
+restitution = [0.80, 0.98]
+amplitude = [0.2, 3.5]
+[measure]
+separation = true
+"""
+PHASES = ("start", "chunks", "result", "end")
+
+
+@dataclass
+class Findings:
+    """What was seen."""
+
+    kills: Counter[str] = field(default_factory=Counter)
+    rounds: int = 0
+    chunks: int = 0
+    lost: int = 0
+    torn: int = 0
+    different: int = 0
+
+    @property
+    def failures(self) -> int:
+        return self.lost + self.torn + self.different
+
+
+def run_words(directory: Path, extra: Sequence[str]) -> list[str]:
+    spec, output = directory / "sweep.toml", directory / "out.h5"
+    return [*COMMAND, "run", str(spec), "-o", str(output), "--chunk", str(CHUNK), *extra]
+
+
+def killed(words: Sequence[str], delay: float) -> bool:
+    """Run a command for some seconds; tell whether it had to be killed."""
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+        try:
+            _, message = process.communicate(timeout=delay)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return True
+        if process.returncode:
+            raise SystemExit(f"the run ended with {process.returncode}: {message.decode()}")
+        return False
+
+
+def finished(directory: Path, output: Path) -> tuple[dict[int, Path], int]:
+    """Parts that are there, and how many of them are damaged."""
+    manifest = read_manifest(directory) if directory.exists() else None
+    if manifest is None:
+        return {}, 0
+    parts = Parts(directory, manifest)
+    found = parts.finished()
+    # a kill while the parts are removed, when the result stands, may leave any of them
+    torn = sum(parts.read(index, path) is None for index, path in found.items())
+    return found, torn
+
+
+def contents(path: Path) -> bytes:
+    """Bytes of a result without the time of its creation and the seal, which covers it."""
+    with h5py.File(path) as file:
+        created = file.attrs["created"]
+    data = path.read_bytes()[:-LENGTH]
+    assert data.count(created.encode()) == 1
+    return data.replace(created.encode(), b"-" * len(created))
+
+
+def campaign(directory: Path, kills: int, seed: int, extra: Sequence[str] = ()) -> Findings:
+    """Kill runs until so many kills are done."""
+    rng = np.random.default_rng(seed)
+    (directory / "sweep.toml").write_text(SWEEP, encoding="utf-8")
+    output = directory / "out.h5"
+    words = run_words(directory, extra)
+    began = time.perf_counter()
+    killed(words, 600.0)
+    whole = time.perf_counter() - began
+    expected = contents(output)
+    output.unlink()
+    findings, before = Findings(), set()
+    while findings.kills.total() < kills:
+        was_killed = killed(words, rng.uniform(0.0, whole))
+        found, torn = finished(run_directory(output), output)
+        findings.torn += torn
+        if output.exists():  # complete, if the kill came a moment later or never
+            findings.kills["end"] += was_killed
+            findings.rounds += 1
+            findings.chunks += CHUNKS - len(before)
+            findings.different += contents(output) != expected
+            output.unlink()
+            before = set()
+            if run_directory(output).exists():  # what the kill left is in nobody's way
+                killed(words, 600.0)
+                findings.different += contents(output) != expected
+                output.unlink()
+            continue
+        findings.lost += len(before - set(found))
+        findings.chunks += len(set(found) - before)
+        findings.kills[phase(len(before), len(found))] += was_killed
+        before = set(found)
+    return findings
+
+
+def phase(before: int, now: int) -> str:
+    """Where a kill came, from what it left."""
+    if now == CHUNKS:
+        return "result"
+    return "chunks" if now > before else "start"
+
+
+def report(findings: Findings, seconds: float, seed: int) -> str:
+    kills = findings.kills
+    rows = [
+        ("SIGKILLs", kills.total()),
+        ("... before the first new chunk was finished", kills["start"]),
+        ("... while chunks were computed", kills["chunks"]),
+        ("... while the result was written from the parts", kills["result"]),
+        ("... after the result had its name", kills["end"]),
+        (f"rounds, each of {CHUNKS} chunks, that reached their end", findings.rounds),
+        ("chunks finished", findings.chunks),
+        ("finished chunks lost", findings.lost),
+        ("torn or damaged files", findings.torn),
+        ("results that differ from that of an undisturbed run", findings.different),
+    ]
+    made = f"Python {platform.python_version()}; {processor()}; seed {seed}; {seconds:.0f} s"
+    return f"{table(('', 'number'), rows)}\n\n*{made}.*"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--write", action="store_true", help="write the table into the report")
+    options = parser.parse_args()
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory() as directory:
+        findings = campaign(Path(directory), options.kills, options.seed)
+    text = report(findings, time.perf_counter() - began, options.seed)
+    print(text) if not options.write else write_section("kills", text, REPORT)
+    raise SystemExit(1 if findings.failures else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,155 @@
+"""Kill Dask workers, and now and then the run itself, and see what is lost.
+
+    python checks/kills_dask.py [--kills 100] [--workers 2] [--minutes 60] [--seed 1] [--write]
+
+As `kills.py`, on worker processes: after random times one of them is killed with SIGKILL, or, one
+time in eight, the process that holds the scheduler and the run; then the run is started again.  At
+the end of each round the result must be that of an undisturbed run without Dask, byte for byte
+apart from the time of its creation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import subprocess
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from accuracy import processor, table, write_section
+from kills import CHUNK, CHUNKS, SWEEP, contents, finished, killed, run_words
+from vibrosweep.store.rundir import run_directory
+
+REPORT = Path(__file__).parents[1] / "docs" / "cluster.md"
+# error bounds are carried along every landing, whatever the orbits do: a chunk takes a second
+LONGER = SWEEP.replace("particles = 20", "particles = 20\nduration = 400.0") + "trust = true\n"
+CLIENT = 1 / 8  # of the kills
+
+
+@dataclass
+class Findings:
+    """What was seen."""
+
+    workers: int = 0
+    clients: int = 0
+    rounds: int = 0
+    chunks: int = 0
+    lost: int = 0
+    torn: int = 0
+    different: int = 0
+
+    @property
+    def kills(self) -> int:
+        return self.workers + self.clients
+
+    @property
+    def failures(self) -> int:
+        return self.lost + self.torn + self.different
+
+
+def workers_of(process: subprocess.Popen) -> list[psutil.Process]:
+    try:
+        children = psutil.Process(process.pid).children()
+        return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+    except psutil.Error:  # something has just ended
+        return []
+
+
+def disturbed(
+    words: list[str], run: Path, findings: Findings, rng: np.random.Generator, until: float
+) -> None:
+    """Run a command and kill its workers until it ends or is killed itself.
+
+    Workers are killed once they have finished a chunk: where one dies before all have started, the
+    run ends with a message that says so.
+    """
+    before = finished(run, run)[0].keys()
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+        while True:
+            try:
+                _, message = process.communicate(timeout=rng.uniform(0.0, 4.0))
+            except subprocess.TimeoutExpired:
+                at_work = finished(run, run)[0].keys() - before
+                if time.perf_counter() > until:
+                    continue
+                victims = workers_of(process) if at_work else []
+                if rng.random() < CLIENT:
+                    process.kill()
+                    findings.clients += 1
+                    return
+                if victims:
+                    victims[rng.integers(len(victims))].kill()
+                    findings.workers += 1
+                continue
+            if process.returncode:
+                raise SystemExit(f"the run ended with {process.returncode}: {message.decode()}")
+            return
+
+
+def campaign(directory: Path, kills: int, workers: int, seed: int, seconds: float) -> Findings:
+    """Kill until so many kills are done or the time is over, and finish the last round."""
+    until = time.perf_counter() + seconds
+    rng = np.random.default_rng(seed)
+    (directory / "sweep.toml").write_text(LONGER, encoding="utf-8")
+    output = directory / "out.h5"
+    killed(run_words(directory, ["--threads", "1"]), 600.0)
+    expected = contents(output)
+    output.unlink()
+    run = run_directory(output)
+    findings, before = Findings(), set()
+    while (findings.kills < kills and time.perf_counter() < until) or before:
+        disturbed(run_words(directory, ["--workers", str(workers)]), run, findings, rng, until)
+        found, torn = finished(run, output)
+        findings.torn += torn
+        if output.exists():
+            findings.rounds += 1
+            findings.chunks += CHUNKS - len(before)
+            findings.different += contents(output) != expected
+            output.unlink()
+            before = set()
+            continue
+        findings.lost += len(before - set(found))
+        findings.chunks += len(set(found) - before)
+        before = set(found)
+    return findings
+
+
+def report(findings: Findings, workers: int, seconds: float, seed: int) -> str:
+    rows = [
+        ("SIGKILLs to workers", findings.workers),
+        ("SIGKILLs to the run with its scheduler", findings.clients),
+        (f"rounds, each of {CHUNKS} chunks of {CHUNK}, that reached their end", findings.rounds),
+        ("chunks finished", findings.chunks),
+        ("finished chunks lost", findings.lost),
+        ("torn or damaged files", findings.torn),
+        ("results that differ from that of an undisturbed run without Dask", findings.different),
+    ]
+    made = f"{workers} workers; Python {platform.python_version()}; {processor()}; seed {seed}"
+    return f"{table(('', 'number'), rows)}\n\n*{made}; {seconds:.0f} s.*"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=60.0, help="begin no more kills after")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--write", action="store_true", help="write the table into the report")
+    options = parser.parse_args()
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory() as directory:
+        findings = campaign(
+            Path(directory), options.kills, options.workers, options.seed, 60.0 * options.minutes
+        )
+    text = report(findings, options.workers, time.perf_counter() - began, options.seed)
+    print(text) if not options.write else write_section("kills", text, REPORT)
+    raise SystemExit(1 if findings.failures else 0)
+
+
+if __name__ == "__main__":
+    main()

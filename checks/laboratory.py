@@ -1,0 +1,247 @@
+"""What the laboratory's measurements are worth: the tables and figures of docs/laboratory.md.
+
+``python checks/laboratory.py [accuracy|estimates|time|imperfections|cases ...]`` prints the
+tables, all of them by default; ``--figures DIR`` draws.  Exit code 1 where a target is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from vibrosweep.engine.workers import Workers
+from vibrosweep.figures.laboratory import errors_by_case, fitted_track, imperfections
+from vibrosweep.figures.registry import save_formats
+from vibrosweep.lab.camera import Camera
+from vibrosweep.lab.compare import compare
+from vibrosweep.lab.estimate import estimate
+from vibrosweep.lab.experiment import LABORATORY, Experiment, perform_trials
+from vibrosweep.lab.flights import fit
+from vibrosweep.lab.impacts import BOUNCED, fit_tracks, impacts_of
+from vibrosweep.lab.landings import find_flights
+from vibrosweep.lab.quality import find_swaps
+from vibrosweep.lab.report import flights_of, table_lines
+from vibrosweep.lab.segments import samples_of
+from vibrosweep.lab.spec import read_experiments
+from vibrosweep.lab.twin import Comparison
+from vibrosweep.study.table4 import study_imperfections, verdict
+
+ROOT = Path(__file__).parents[1]
+SWEEPS = ROOT / "sweeps" / "laboratory"
+G = LABORATORY["gravity"]
+QUARTER, COVERAGE = 0.25, (0.60, 0.76)
+
+
+def at(frequency, **changes):
+    """Table 1 at another frequency: the same kick and first flight in periods."""
+    scaled = {"amplitude": 1.2 / frequency, "launch_velocity": 5.0 / frequency}
+    return {**LABORATORY, "frequency": frequency, "phase": np.pi, **scaled, **changes}
+
+
+SCENES = {
+    "locked, 8 Hz": at(8.0),
+    "locked, 23 Hz": at(23.0),
+    "locked, 35 Hz": at(35.0),
+    "irregular, 20 Hz, e = 0.85": at(20.0, amplitude=0.12, restitution=0.85),
+}
+
+
+def differences(impacts, record):
+    """Landing times of bounces less the nearest true ones, in s, and their standard errors."""
+    off, error = [], []
+    for p in range(impacts.sizes["particle"]):
+        good = impacts["quality"].values[p] == BOUNCED
+        when = impacts["landing_time"].values[p, good]
+        true = record.landing_time[p][np.isfinite(record.landing_time[p])]
+        place = np.clip(np.searchsorted(true, when), 1, true.size - 1)
+        before, after = when - true[place - 1], when - true[place]
+        off.append(np.where(np.abs(before) < np.abs(after), before, after))
+        error.append(impacts["landing_time_error"].values[p, good])
+    return np.concatenate(off), np.concatenate(error)
+
+
+def accuracy():
+    """Errors of landing times against the truth, by frame rate and method."""
+    print(
+        "\n| orbit | frames/s | bounces | rms error, frames | bias, frames | 68 % cover |"
+        " sign change: rms, frames |\n|---|---|---|---|---|---|---|"
+    )
+    reached = True
+    for name, scene in SCENES.items():
+        for rate in (240.0, 120.0):
+            plan = Experiment(
+                scene=scene, particles=5, repeats=1, duration=40.0, camera=Camera(rate), seed=1
+            )
+            trial = perform_trials(plan)[0]
+            fitted = fit_or_reason(trial.tracks)
+            if isinstance(fitted, str):
+                print(f"| {name} | {rate:g} | refused: {fitted} | | | | |")
+                continue
+            off, error = differences(impacts_of(trial.tracks, fitted, G, "fit"), trial.record)
+            sign, _ = differences(impacts_of(trial.tracks, fitted, G, "sign_change"), trial.record)
+            rms, cover = np.sqrt(np.mean(off**2)) * rate, np.mean(np.abs(off) < error)
+            print(
+                f"| {name} | {rate:g} | {off.size} | {rms:.3f} | {off.mean() * rate:+.4f} | "
+                f"{100 * cover:.1f} % | {np.sqrt(np.mean(sign**2)) * rate:.3f} |"
+            )
+            if rate == 240.0:
+                reached &= rms < QUARTER and COVERAGE[0] < cover < COVERAGE[1]
+    return reached
+
+
+def fit_or_reason(tracks):
+    from vibrosweep.errors import TrackError
+
+    try:
+        return fit_tracks(tracks, G)
+    except TrackError as error:
+        return str(error).split(": ", 1)[1]
+
+
+def estimates():
+    """Deviations of estimated parameters from the truth over recordings, in standard errors."""
+    print(
+        "\n| orbit | frequency | parameter | truth | typical error | mean square deviation,"
+        " errors^2 | determined |\n|---|---|---|---|---|---|---|"
+    )
+    recordings, reached = 40, True
+    for name in ("irregular, 20 Hz, e = 0.85", "locked, 23 Hz"):
+        scene = {**SCENES[name], "phase": 0.0 if "irregular" in name else np.pi}
+        plan = Experiment(scene=scene, particles=3, repeats=recordings, duration=10.0)
+        impacts = [
+            impacts_of(t.tracks, fit_tracks(t.tracks, G), G, "fit") for t in perform_trials(plan)
+        ]
+        for known in (scene["frequency"], None):
+            found = [estimate(one, frequency=known) for one in impacts]
+            determined = sum(int(one["determined"]) for one in found)
+            if not determined:
+                print(
+                    f"| {name} | {'given' if known else 'sought'} | all | | | | 0 of {recordings} |"
+                )
+                reached &= "locked" in name
+                continue
+            for k, parameter in enumerate(found[0]["parameter"].values):
+                off = np.array([float(f["estimate"][k]) - scene[parameter] for f in found])
+                error = np.array([float(f["error"][k]) for f in found])
+                square = float(np.mean((off / error) ** 2))
+                print(
+                    f"| {name} | {'given' if known else 'sought'} | {parameter} | "
+                    f"{scene[parameter]:g} | {np.median(error):.2g} | {square:.2f} | "
+                    f"{determined} of {recordings} |"
+                )
+                # of 40 squares of normal deviates the mean lies in here with 99.9 %
+                reached &= 0.4 < square < 1.95 and determined == recordings
+    return reached
+
+
+def timing():
+    """CPU time of a 60 s recording of 50 particles at 240 frames per second, step by step."""
+    plan = Experiment(scene=SCENES["locked, 23 Hz"], particles=50, repeats=1, duration=60.0)
+    tracks = perform_trials(plan)[0].tracks
+    when, height = tracks["time"].values, tracks["height"].values
+    spent = {}
+
+    def step(name, call):
+        began = time.process_time()
+        result = call()
+        spent[name] = time.process_time() - began
+        return result
+
+    samples = step(
+        "samples and pieces", lambda: samples_of(when, height, np.zeros(height.shape, bool))
+    )
+    flights = step("flights: found, fitted, cut anew", lambda: find_flights(samples, G, None))
+    step(
+        "one fit of all parabolas, of eight",
+        lambda: fit(samples, flights.member, flights.piece.size, G),
+    )
+    step("exchanged names", lambda: find_swaps(when, height, flights.noise, flights.base, G))
+    fitted = fit_tracks(tracks, G)
+    step("table of landings", lambda: impacts_of(tracks, fitted, G, "fit"))
+    print(f"\n{height.size} positions\n\n| step | CPU s |\n|---|---|")
+    for name, seconds in spent.items():
+        print(f"| {name} | {seconds:.2f} |")
+    return True
+
+
+def imperfect(figures, duration):
+    """Errors that each imperfection makes by itself."""
+    study = study_imperfections(duration=duration)
+    shown = (("fit", "particle"), ("sign_change", "particle"), ("sign_change", "flight"))
+    print("\n| imperfection | " + " | ".join(f"{p}, {r}: A B C D" for p, r in shown) + " |")
+    print("|---|" + "---|" * len(shown))
+    for i, name in enumerate(study["imperfection"].values):
+        cells = []
+        for procedure, reading in shown:
+            pair = []
+            for q in ("height", "period"):
+                error = study[f"{q}_error"][i].sel(procedure=procedure, reading=reading).values
+                pair.append(" ".join(f"{v:.1f}" for v in error))
+            cells.append(" / ".join(pair))
+        units = str(study["units"].values[i])
+        unit = "" if units == "1" else f" {units}"
+        print(
+            f"| {name.replace('_', ' ')} {study['size'].values[i]:g}{unit} | {' | '.join(cells)} |"
+        )
+    print()
+    print("\n".join(f"- {line}" for line in verdict(study)))
+    if figures:
+        save_formats(
+            imperfections(study, "flight", "sign_change"), figures, "laboratory_imperfections"
+        )
+    return True
+
+
+def cases(figures, duration):
+    """The four cases of sweeps/laboratory/table4.toml, compared with prediction."""
+    spec = read_experiments(SWEEPS / "table4.toml")
+    recordings, known = [], {}
+    for one in spec.experiments:
+        one = replace(one, duration=duration)
+        known = {n: one.scene[n] for n in ("restitution", "amplitude", "frequency", "contact_time")}
+        recordings += [trial.tracks for trial in perform_trials(one)]
+    with Workers(2) as workers:
+        for method in ("fit", "sign_change"):
+            table = compare(recordings, Comparison(known, method=method, exposure=1e-3), workers)
+            print(f"\n{method}\n\n```\n" + "\n".join(table_lines(table)) + "\n```")
+            if figures:
+                save_formats(errors_by_case(table), figures, f"laboratory_table4_{method}")
+    return True
+
+
+def drawn(figures):
+    """The track of a locked and of an irregular orbit, with residuals."""
+    for name, stem in (("locked, 23 Hz", "locked"), ("irregular, 20 Hz, e = 0.85", "irregular")):
+        plan = Experiment(scene=SCENES[name], particles=3, repeats=1, duration=10.0)
+        tracks = perform_trials(plan)[0].tracks
+        figure = fitted_track(flights_of(tracks, fit_tracks(tracks, G)))
+        save_formats(figure, figures, f"laboratory_track_{stem}")
+    return True
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("parts", nargs="*")
+    parser.add_argument("--figures", type=Path)
+    parser.add_argument("--duration", type=float, default=40.0, help="of each repeat of Table 4, s")
+    options = parser.parse_args()
+    parts = {
+        "accuracy": accuracy,
+        "estimates": estimates,
+        "time": timing,
+        "imperfections": lambda: imperfect(options.figures, options.duration),
+        "cases": lambda: cases(options.figures, options.duration),
+    }
+    reached = [parts[part]() for part in options.parts or parts]
+    if options.figures:
+        drawn(options.figures)
+    return 0 if all(reached) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

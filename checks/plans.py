@@ -1,0 +1,156 @@
+"""Hold the estimates of plans against the runs that they are for.
+
+    python checks/plans.py [--only NAME] [--write]
+
+Each sweep is planned in one process and run in another; the table gives what was measured divided
+by what was estimated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+from accuracy import processor, table, write_section
+from kills import REPORT
+from vibrosweep.commands.start import leave_linear_algebra_out
+from vibrosweep.engine.workers import Workers
+from vibrosweep.run.driver import run_sweep
+from vibrosweep.run.estimate import estimate
+from vibrosweep.run.plan import make_plan
+from vibrosweep.spec.sweep import read_spec
+
+SWEEPS = Path(__file__).parents[1] / "sweeps"
+THREADS = 2
+OTHERS = {
+    "all measures": """
+title = "Everything that can be measured"
+[scene]
+particles = 20
+[sample]
+realizations = 20_000
+restitution = [0.80, 0.98]
+amplitude = [0.2, 3.5]
+[measure]
+separation = true
+per_particle = true
+regimes = true
+trust = true
+""",
+    "long orbits": """
+title = "A million periods, most of them skipped"
+[scene]
+particles = 20
+duration = 1e6
+[sample]
+realizations = 200
+restitution = [0.80, 0.98]
+amplitude = [0.2, 3.5]
+[measure]
+regimes = true
+""",
+    "grid of long orbits": """
+title = "A grid of long orbits, most of them skipped"
+[scene]
+particles = 20
+duration = 4e5
+[sample]
+design = "grid"
+restitution = { start = 0.80, stop = 0.98, num = 12 }
+amplitude = { start = 0.2, stop = 3.5, num = 20 }
+""",
+}
+
+
+def planned(spec: Path, output: Path) -> dict[str, float]:
+    """What a plan says; in a process of its own."""
+    sweep = read_spec(spec)
+    with Workers(THREADS) as workers:
+        plan = make_plan(sweep, workers, seconds=2.0, enough=0.0)
+        needs = estimate(sweep, plan, workers)
+    return asdict(needs) | {"chunks": plan.chunks}
+
+
+def measured(spec: Path, output: Path) -> dict[str, float]:
+    """What a run takes; in a process of its own."""
+    began = time.perf_counter()
+    summary = run_sweep(read_spec(spec), output, threads=THREADS)
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    peak = next(line for line in status.splitlines() if line.startswith("VmHWM"))
+    return {
+        "seconds": time.perf_counter() - began,
+        "impacts": summary.landings,
+        "memory": int(peak.split()[1]) * 1024,
+        "result": output.stat().st_size,
+    }
+
+
+def apart(what: str, spec: Path, output: Path) -> dict[str, float]:
+    words = [sys.executable, __file__, what, str(spec), str(output)]
+    return json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+
+
+def row(name: str, spec: Path, directory: Path) -> list[object]:
+    output = directory / "out.h5"
+    foreseen, found = apart("planned", spec, output), apart("measured", spec, output)
+    output.unlink()
+    ratios = (found[key] / foreseen[key] for key in ("impacts", "seconds", "memory", "result"))
+    return [
+        name,
+        foreseen["chunks"],
+        f"{found['impacts']:.3g}",
+        f"{found['seconds']:.2g}",
+        f"{found['memory'] / 2**20:.0f}",
+        f"{found['result'] / 2**20:.3g}",
+        *(f"{ratio:.2f}" for ratio in ratios),
+    ]
+
+
+HEAD = (
+    "sweep",
+    "chunks",
+    "impacts",
+    "time, s",
+    "memory, MiB",
+    "disk, MiB",
+    "impacts: ratio",
+    "time: ratio",
+    "memory: ratio",
+    "disk: ratio",
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--only", default="", help="sweeps whose name contains this")
+    parser.add_argument("--write", action="store_true", help="write the table into the report")
+    options = parser.parse_args()
+    rows = []
+    with tempfile.TemporaryDirectory() as directory:
+        specs = {path.stem: path for path in sorted(SWEEPS.glob("*.toml"))}
+        for name, text in OTHERS.items():
+            specs[name] = Path(directory) / f"{name}.toml"
+            specs[name].write_text(text, encoding="utf-8")
+        for name, spec in specs.items():
+            if options.only in name:
+                rows.append(row(name, spec, Path(directory)))
+                print(*rows[-1], sep=" | ", flush=True)
+    made = f"{THREADS} threads; Python {platform.python_version()}; {processor()}"
+    text = f"{table(HEAD, rows)}\n\n*{made}.*"
+    print(text) if not options.write else write_section("plans", text, REPORT)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 4 and sys.argv[1] in ("planned", "measured"):
+        leave_linear_algebra_out()
+        function = {"planned": planned, "measured": measured}[sys.argv[1]]
+        print(json.dumps(function(Path(sys.argv[2]), Path(sys.argv[3]))))
+    else:
+        main()

@@ -1,0 +1,314 @@
+"""Interrupt random sweeps at random places, change them in between, and go on.
+
+    python checks/resumes.py [--specs 500] [--seed 1] [--write]
+
+A random sweep file is computed in chunks and interrupted before, in or after a chunk, while the
+result is written from the parts, or at its record.  It then goes on, now and then with a key of the
+file changed: that must be refused with the key named, and harm nothing.  A change that can change
+no number (a comment, a default written out) must go on.  Every result must at last be that of a run
+that nothing disturbed, byte for byte apart from the time of its creation.  Sweeps whose impact
+budget is spent are then computed again with a larger one, and must be those of that budget.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import h5py
+import numpy as np
+
+from accuracy import processor, table, write_section
+from vibrosweep.errors import RunError
+from vibrosweep.run import driver as run
+from vibrosweep.run.driver import run_sweep
+from vibrosweep.run.result import Rows
+from vibrosweep.run.retry import retry_failed
+from vibrosweep.spec.sweep import SweepSpec, parse_spec
+from vibrosweep.store.parts import Parts
+from vibrosweep.store.rundir import run_directory
+from vibrosweep.store.seal import LENGTH
+
+REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
+Tables = dict[str, dict[str, Any]]
+# where a run may be interrupted: what is called, and where it stands
+PLACES = ((Parts, "write"), (Parts, "read"), (Rows, "add"), (run, "write_record"))
+LAWS = ("rest", "reflect")
+SWITCHES = ("separation", "per_particle", "regimes", "lyapunov", "trust")
+BUDGET = "impact_budget"
+
+
+@dataclass
+class Findings:
+    """What was seen."""
+
+    specs: int = 0
+    interruptions: int = 0
+    resumes: int = 0
+    refused: int = 0
+    harmless: int = 0
+    retries: int = 0
+    wrongly_refused: int = 0
+    wrongly_taken: int = 0
+    unnamed: int = 0
+    harmed: int = 0
+    different: int = 0
+    retried_differently: int = 0
+
+    @property
+    def failures(self) -> int:
+        return (
+            self.wrongly_refused
+            + self.wrongly_taken
+            + self.unnamed
+            + self.harmed
+            + self.different
+            + self.retried_differently
+        )
+
+
+def random_tables(rng: np.random.Generator) -> Tables:
+    """Tables of a sweep file that takes a moment."""
+    particles = int(rng.integers(1, 5))
+    launch = [round(float(t), 3) for t in rng.uniform(0.0, 2.0, particles)]
+    grid = rng.random() < 0.2
+    ends = np.sort(rng.uniform(0.1, 3.5, 2)).round(4).tolist()
+    tables: Tables = {
+        "": {"title": "A sweep to be interrupted"},
+        "scene": {
+            "particles": particles,
+            "duration": float(rng.choice([6.0, 40.0, 400.0])),
+            "rebound": str(rng.choice(LAWS)),
+            "frequency": round(float(rng.uniform(0.5, 3.0)), 3),
+            "launch": launch if rng.random() < 0.5 else "staggered",
+        },
+        "sample": {
+            "design": "grid" if grid else str(rng.choice(["uniform", "latin", "sobol"])),
+            "restitution": [0.6, 0.8, 0.9, 0.97] if grid else [0.5, 0.98],
+            "amplitude": [*ends, 4.0] if grid else ends,
+        },
+        "measure": {name: bool(rng.random() < 0.4) for name in SWITCHES},
+    }
+    if not grid:
+        tables["sample"] |= {"realizations": int(rng.integers(4, 30)), "seed": 7}
+    tables["measure"]["transient"] = float(rng.choice([0.0, 3.0]))
+    tables["measure"][BUDGET] = int(rng.choice([24, 200, 10**6]))
+    if rng.random() < 0.3:
+        tables["record"] = {"restitution": 0.9, "amplitude": 1.2, "duration": 8.0}
+    return tables
+
+
+def text_of(tables: Tables) -> str:
+    """Sweep file of the tables."""
+    lines = []
+    for section, keys in tables.items():
+        lines += [f"[{section}]"] if section else []
+        lines += [f"{key} = {_toml(value)}" for key, value in keys.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value).replace("'", '"')
+
+
+def changed(tables: Tables, rng: np.random.Generator) -> tuple[Tables, str]:
+    """Tables with one key changed, and how a refusal names it; empty where none may refuse."""
+    now = {section: dict(keys) for section, keys in tables.items()}
+    if rng.random() < 0.2:  # a default that is written out
+        now["scene"] |= {"gravity": 9.81, "phase": 0.0}
+        return now, ""
+    section = str(rng.choice([s for s in now if s]))
+    key = str(rng.choice(list(now[section])))
+    value = now[section][key]
+    if key in ("design", "launch"):
+        section, key, value = "measure", "regimes", now["measure"]["regimes"]
+    if isinstance(value, bool):
+        now[section][key] = not value
+    elif isinstance(value, str):
+        now[section][key] = LAWS[1 - LAWS.index(value)]
+    elif isinstance(value, list):
+        now[section][key] = [value[0] * 0.75, *value[1:]]
+    elif key == "particles":
+        now[section] |= {key: value + 1, "launch": "staggered"}
+    else:
+        now[section][key] = value + 1 if isinstance(value, int) else value * 0.9375 + 0.001
+    known = key in ("restitution", "amplitude", "frequency") and section != "record"
+    return now, key if known else f"{section}.{key}"
+
+
+class _Counted:
+    """Interrupts at the n-th call of any of the places, before or after what it does."""
+
+    def __init__(self, calls: int, late: bool) -> None:
+        self.left, self.late = calls, late
+
+    def around(self, original: Any) -> Any:
+        def call(*arguments: Any) -> Any:
+            self.left -= 1
+            if not self.left and not self.late:
+                raise KeyboardInterrupt
+            result = original(*arguments)
+            if not self.left:
+                raise KeyboardInterrupt
+            return result
+
+        return call
+
+
+@contextmanager
+def interrupting(rng: np.random.Generator, most: int) -> Iterator[None]:
+    """Interrupt what runs inside at a random place, if it comes that far."""
+    counted = _Counted(int(rng.integers(1, most)), bool(rng.random() < 0.5))
+    with ExitStack() as stack:
+        for owner, name in PLACES:
+            around = counted.around(getattr(owner, name))
+            stack.enter_context(mock.patch.object(owner, name, around))
+        yield
+
+
+def contents(path: Path) -> bytes:
+    """Bytes of a result without the time of its creation and the seal, which covers it."""
+    with h5py.File(path) as file:
+        created = file.attrs["created"]
+    data = path.read_bytes()[:-LENGTH]
+    return data.replace(created.encode(), b"-" * len(created))
+
+
+def values(path: Path) -> dict[str, bytes]:
+    """Every number of a result, to the last bit."""
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(
+            lambda name, one: (
+                found.update({name: one[()].tobytes()}) if isinstance(one, h5py.Dataset) else None
+            )
+        )
+    return found
+
+
+def parts_of(output: Path) -> dict[str, bytes]:
+    """Names and bytes of the parts beside an output."""
+    return {p.name: p.read_bytes() for p in run_directory(output).glob("chunk-*")}
+
+
+def one_sweep(directory: Path, rng: np.random.Generator, findings: Findings) -> None:
+    """Compute a random sweep with interruptions and changes, and compare it."""
+    tables, threads = random_tables(rng), int(rng.integers(1, 3))
+    output, whole = directory / "out.h5", directory / "whole.h5"
+    spec, chunk = parse_spec(text_of(tables)), int(rng.integers(1, 9))
+    findings.specs += 1
+    while not output.exists():
+        most = 3 * (spec.realizations or 12) // chunk + 4
+        try:
+            with interrupting(rng, most):
+                run_sweep(spec, output, threads=threads, chunk=chunk)
+        except KeyboardInterrupt:
+            findings.interruptions += 1
+        if not output.exists() and run_directory(output).exists():
+            spec = _resumed(tables, spec, output, threads, rng, findings)
+    run_sweep(spec, whole, threads=threads)
+    findings.different += contents(output) != contents(whole)
+    if spec.impact_budget < 10**6:
+        _retried(tables, spec, output, whole, findings)
+    output.unlink()
+    whole.unlink()
+
+
+def _resumed(
+    tables: Tables,
+    spec: SweepSpec,
+    output: Path,
+    threads: int,
+    rng: np.random.Generator,
+    findings: Findings,
+) -> SweepSpec:
+    """Try to go on with a changed sweep; return the sweep to go on with."""
+    findings.resumes += 1
+    if rng.random() < 0.4:
+        return spec
+    tables, key = changed(tables, rng)
+    other, before = parse_spec("# a comment\n" + text_of(tables)), parts_of(output)
+    if not key:
+        findings.harmless += 1
+        try:
+            with interrupting(rng, 3):
+                run_sweep(other, output, threads=threads)
+        except RunError:
+            findings.wrongly_refused += 1
+        except KeyboardInterrupt:
+            findings.interruptions += 1
+        return other
+    try:
+        run_sweep(other, output, threads=threads)
+    except RunError as error:
+        findings.refused += 1
+        findings.unnamed += f"\n  {key}" not in str(error)
+    else:
+        findings.wrongly_taken += 1
+        output.unlink()
+    findings.harmed += parts_of(output) != before
+    return spec
+
+
+def _retried(
+    tables: Tables, spec: SweepSpec, output: Path, whole: Path, findings: Findings
+) -> None:
+    """Compute again with a larger budget what a small one could not settle."""
+    larger = {**tables, "measure": tables["measure"] | {BUDGET: 10**6}}
+    run_sweep(parse_spec(text_of(larger)), whole, threads=1, force=True)
+    _, again = retry_failed(spec, output, threads=1, impact_budget=10**6)
+    findings.retries += again > 0
+    findings.retried_differently += values(output) != values(whole)
+
+
+def campaign(directory: Path, specs: int, seed: int) -> Findings:
+    """Compute so many random sweeps."""
+    findings = Findings()
+    for number in range(specs):
+        one_sweep(directory, np.random.default_rng([seed, number]), findings)
+    return findings
+
+
+def report(findings: Findings, seconds: float, seed: int) -> str:
+    rows = [
+        ("random sweeps", findings.specs),
+        ("interruptions", findings.interruptions),
+        ("resumes", findings.resumes),
+        ("... with a changed sweep, refused", findings.refused),
+        ("... with a change that changes no number", findings.harmless),
+        ("sweeps computed again with a larger impact budget", findings.retries),
+        ("harmless changes that were refused", findings.wrongly_refused),
+        ("changes that were not refused", findings.wrongly_taken),
+        ("refusals that do not name the change", findings.unnamed),
+        ("refusals that changed a finished chunk", findings.harmed),
+        ("results that differ from that of an undisturbed run", findings.different),
+        ("retried results that differ from a direct run", findings.retried_differently),
+    ]
+    made = f"Python {platform.python_version()}; {processor()}; seed {seed}; {seconds:.0f} s"
+    return f"{table(('', 'number'), rows)}\n\n*{made}.*"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--specs", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--write", action="store_true", help="write the table into the report")
+    options = parser.parse_args()
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory() as directory:
+        findings = campaign(Path(directory), options.specs, options.seed)
+    text = report(findings, time.perf_counter() - began, options.seed)
+    print(text) if not options.write else write_section("resumes", text, REPORT)
+    raise SystemExit(1 if findings.failures else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,274 @@
+"""The numerics under stress: extreme scenes of every kind, and what must hold for each.
+
+    python checks/stress.py [--cases 200] [--seed 1] [--only NAME] [--write]
+
+Every case is computed by the whole engine (statistics, recurrence, separations, error bounds,
+record) and checked: numbers finite or documented as absent, landings in order and before the end,
+impacts in the strip |v' - e v| <= A, speeds below max(v0, A / (1 - e)), the budget respected, each
+single step within rounding of ball arithmetic, and the landings within their bounds of the proved
+reference.  Nothing but `ParameterError` may be raised.
+"""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from accuracy import provenance, table, write_section
+from stress_checks import Case, Findings, examine
+from stress_exact import EXACT
+from vibrosweep.engine.workers import Workers
+from vibrosweep.model.parameters import LAWS
+
+RESTITUTION = (0.0, 1e-12, 0.5, 1.0 - 1e-12, 1.0)
+KICK = (0.0, 1e-300, 1e-18, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
+CONTACT = (1e-18, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3, 0.1, 1.0, 2.0)  # periods
+FREQUENCY = (1e-6, 1e-3, 1.0, 1e3, 1e6)
+GRAVITY = (1e-3, 1.0, 9.81, 1e3)
+FLIGHT = (0.0, 1e-300, 1e-17, 1e-12, 1e-6, 1.0, 1e3, 1e6, 1e9, 1e12, 1e15)
+START = (0.0, -0.25, -1e6, 1e6, -1e9, 1e9, 2.0**50, -(2.0**50))  # periods
+HANGS = 600  # s, after which a case is one that hangs
+
+Family = Callable[[np.random.Generator, str], Case]
+
+
+def case(
+    rng: np.random.Generator,
+    law: str,
+    *,
+    restitution: float | None = None,
+    kick: float | None = None,
+    frequency: float | None = None,
+    gravity: float | None = None,
+    phase: float | None = None,
+    flight: float | None = None,
+    contact: float | None = None,
+    contact_seconds: float | None = None,
+    starts: tuple[float, ...] | None = None,
+    periods: float | None = None,
+    transient: float = 0.0,
+    budget: int = 4000,
+) -> Case:
+    """A case from dimensionless numbers; what is not given is drawn from a moderate range."""
+
+    def drawn(value: float | None, low: float, high: float) -> float:
+        return rng.uniform(low, high) if value is None else value
+
+    f = 10.0 ** rng.uniform(-1.0, 1.0) if frequency is None else frequency
+    g = drawn(gravity, 1.0, 20.0)
+    if starts is None:
+        starts = tuple(rng.uniform(0.0, 1.0, rng.integers(1, 5)).tolist())
+    length = drawn(periods, 1.0, 30.0)
+    tau = (10.0 ** drawn(None, -6.0, -1.0) if contact is None else contact) / f
+    scene = {
+        "restitution": drawn(restitution, 0.0, 1.0),
+        "amplitude": (10.0 ** drawn(None, -3.0, 0.5) if kick is None else kick) * g / (2.0 * f),
+        "frequency": f,
+        "phase": drawn(phase, -7.0, 7.0),
+        "gravity": g,
+        "launch_velocity": drawn(flight, 0.0, 3.0) * g / (2.0 * f),
+        "contact_time": tau if contact_seconds is None else contact_seconds,
+    }
+    origin = min(starts)
+    begin = 0.0 if origin == 0.0 and transient == 0.0 else (origin + transient) / f
+    launch = tuple(start / f for start in starts)
+    return Case(scene, launch, (origin + length) / f, law, begin, budget)
+
+
+def one(name: str, values: tuple[float, ...]) -> Family:
+    """Cases in which one number is extreme."""
+    return lambda rng, law: case(rng, law, **{name: float(rng.choice(values))})
+
+
+def corners(rng: np.random.Generator, law: str) -> Case:
+    """All numbers extreme at once."""
+    return case(
+        rng,
+        law,
+        restitution=float(rng.choice(RESTITUTION)),
+        kick=float(rng.choice(KICK)),
+        frequency=float(rng.choice(FREQUENCY)),
+        gravity=float(rng.choice(GRAVITY)),
+        phase=float(rng.choice([0.0, np.pi / 2, -1e9, 1e9, 5e-324])),
+        flight=float(rng.choice(FLIGHT)),
+        contact=float(rng.choice(CONTACT)),
+        starts=tuple(rng.choice(START[:4], rng.integers(1, 5)).tolist()),
+        periods=float(rng.choice([1e-9, 1.0, 50.0, 1e6])),
+    )
+
+
+def doubles(rng: np.random.Generator, law: str) -> Case:
+    """Any doubles from 10^-30 to 10^30, the range of their exponents drawn first."""
+    most = float(rng.choice([3.0, 10.0, 30.0]))
+
+    def any_double() -> float:
+        return float(10.0 ** rng.uniform(-most, most))
+
+    scene = {
+        "restitution": float(rng.choice([*RESTITUTION, rng.uniform()])),
+        "amplitude": float(rng.choice([0.0, any_double()])),
+        "frequency": min(any_double(), 1e9),
+        "phase": float(rng.choice([-1.0, 1.0])) * 10.0 ** rng.uniform(-300.0, 9.0),
+        "gravity": any_double(),
+        "launch_velocity": float(rng.choice([0.0, any_double()])),
+        "contact_time": any_double(),
+    }
+    duration = float(rng.choice([10.0 / scene["frequency"], any_double()]))
+    launch = tuple(float(rng.choice([0.0, duration * rng.uniform(-2.0, 1.0)])) for _ in range(2))
+    return Case(scene, launch, duration, law, float(rng.choice([0.0, duration / 2.0])))
+
+
+def starts(rng: np.random.Generator, law: str) -> Case:
+    """Launch times negative, equal, or huge; a window that begins late."""
+    first = float(rng.choice(START))
+    spread = rng.choice([0.0, 1e-9, 0.25, 1.0, 3.0])
+    times = first + spread * np.arange(int(rng.integers(1, 5)))
+    return case(rng, law, starts=tuple(times.tolist()), transient=float(rng.choice([0.0, 5.0])))
+
+
+def late(rng: np.random.Generator, law: str) -> Case:
+    """A short window 10^9 periods after time zero."""
+    first = 1e9 + rng.uniform(0.0, 1.0)
+    return case(rng, law, starts=(first, first + 0.25), transient=float(rng.choice([0.0, 3.0])))
+
+
+def long(rng: np.random.Generator, law: str) -> Case:
+    """10^9 periods, of which the last ten are measured: the budget or a recurrence ends it."""
+    budget = int(rng.choice([1000, 100_000]))
+    return case(rng, law, starts=(0.0, 0.5), periods=1e9, transient=1e9 - 10.0, budget=budget)
+
+
+def crowded(rng: np.random.Generator, law: str) -> Case:
+    """Chattering without end in sight: flights shrink to contact times of 10^-18 periods."""
+    number = int(rng.choice([2, 20, 200]))
+    return case(
+        rng,
+        law,
+        restitution=1.0 - 10.0 ** rng.uniform(-4.0, -0.3),
+        kick=float(rng.choice([0.0, 1e-300, 1e-6, 1e-3, 0.1])),
+        flight=10.0 ** rng.uniform(-6.0, 1.0),
+        contact=10.0 ** rng.uniform(-18.0, -9.0),
+        starts=tuple(rng.choice([0.0, 0.25, 1e-17, 1e-9, 0.3], number).tolist()),
+        periods=12.0,
+        budget=20_000,
+    )
+
+
+FAMILIES: dict[str, Family] = {
+    "restitution 0 ... 1": one("restitution", RESTITUTION),
+    "kick 0, 1e-300 ... 1e9": one("kick", KICK),
+    "contact time 1e-18 ... 2 periods": one("contact", CONTACT),
+    "contact time 1e-12 ... 1 s": one("contact_seconds", (1e-12, 1e-9, 1e-6, 1e-3, 1.0)),
+    "frequency 1e-6 ... 1e6 Hz": one("frequency", FREQUENCY),
+    "gravity 1e-3 ... 1e3": one("gravity", GRAVITY),
+    "launch flight 0 ... 1e15 periods": one("flight", FLIGHT),
+    "phase 0 ... 1e9 rad": one("phase", (0.0, 5e-324, np.pi, -1e9, 1e9)),
+    "launch times negative, equal, huge": starts,
+    "all of these at once": corners,
+    "doubles 1e-30 ... 1e30": doubles,
+    "window after 1e9 periods": late,
+    "1e9 periods": long,
+    "endless chatter, 2 to 200 particles": crowded,
+}
+
+
+def gather(total: Findings, found: Findings) -> None:
+    total.landings += found.landings
+    total.compared += found.compared
+    total.ended |= found.ended
+    for name in ("phase_ulp", "flight_ulp", "bound_share", "seconds"):
+        setattr(total, name, max(getattr(total, name), getattr(found, name)))
+    total.faults += found.faults
+
+
+def run_family(family: Family, law: str, cases: int, seed: int, workers: Workers) -> list[object]:
+    """Cells of the family's row."""
+    total, refused, failures = Findings(), 0, 0
+    for number in range(cases):
+        rng = np.random.default_rng([seed, number])
+        drawn = family(rng, law)
+        faulthandler.dump_traceback_later(HANGS, exit=True)
+        found = examine(drawn, workers)
+        faulthandler.cancel_dump_traceback_later()
+        refused += found.refused
+        if found.faults:
+            failures += 1
+            print(law, number, drawn, found.faults, flush=True)
+        gather(total, found)
+    return [
+        cases,
+        refused,
+        f"{total.landings:,}",
+        f"{total.phase_ulp:.2f}",
+        f"{total.flight_ulp:.2f}",
+        f"{total.compared:,}",
+        f"{total.bound_share:.2f}",
+        ", ".join(sorted(name.lower() for name in total.ended)),
+        f"{total.seconds:.2f}",
+        failures,
+    ]
+
+
+HEAD = (
+    "cases",
+    "law",
+    "number",
+    "refused",
+    "landings",
+    "phase, ulp of a turn",
+    "flight, ulp",
+    "compared",
+    "error / bound",
+    "status",
+    "slowest, s",
+    "failures",
+)
+
+
+def rows(options: argparse.Namespace, workers: Workers) -> Iterator[list[object]]:
+    for name, family in FAMILIES.items():
+        for law in LAWS:
+            if options.only in name:
+                row = [name, law, *run_family(family, law, options.cases, options.seed, workers)]
+                print(*row, sep=" | ", flush=True)
+                yield row
+
+
+def exact_rows(options: argparse.Namespace, workers: Workers) -> Iterator[list[object]]:
+    for name, check in EXACT.items():
+        for law in LAWS:
+            if options.only in name:
+                tried, faults = check(law, options.cases, options.seed, workers)
+                for fault in faults[:5]:
+                    print(law, name, fault, flush=True)
+                row = [name, law, tried, len(faults)]
+                print(*row, sep=" | ", flush=True)
+                yield row
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--cases", type=int, default=200, help="of each family and law")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", help="families whose name contains this")
+    parser.add_argument("--write", action="store_true", help="write the tables into the report")
+    options = parser.parse_args()
+    began = time.perf_counter()
+    with Workers(1) as workers:
+        bounded = list(rows(options, workers))
+        exact = list(exact_rows(options, workers))
+    text = (
+        f"{table(HEAD, bounded)}\n\nExact identities:\n\n"
+        f"{table(('identity', 'law', 'number', 'failures'), exact)}\n\n"
+        f"{provenance(time.perf_counter() - began, options.seed)}"
+    )
+    print(text) if not options.write else write_section("stress", text)
+    raise SystemExit(1 if any(row[-1] for row in [*bounded, *exact]) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,210 @@
+"""What must hold for a scene, however extreme: the checks of the stress suite."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from flint import arb, ctx
+
+from accuracy import ULP, arrays_of, batch_of, orbit
+from trust_check import compare, kernel_jobs
+from vibrosweep.engine.landings import record_landings
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.advance import LOOK_AFTER
+from vibrosweep.kernels.impact import launch
+from vibrosweep.model.status import Status
+from vibrosweep.run.driver import record_observation
+
+BITS = 256
+CAPACITY = 24  # landings of the first particle that are compared with the proved reference
+TINY = 1e-300  # below, doubles lose digits
+
+
+@dataclass
+class Case:
+    """One realization of some particles, and how it is watched."""
+
+    scene: dict[str, float]
+    launch: tuple[float, ...]
+    duration: float
+    law: str
+    transient: float = 0.0
+    budget: int = 4000
+
+    @property
+    def single(self) -> dict[str, float]:
+        """The first particle alone, as one scene."""
+        return self.scene | {"launch_time": self.launch[0], "duration": self.duration}
+
+
+@dataclass
+class Findings:
+    """What a case came to; errors in units of the last place, and faults in words."""
+
+    landings: int = 0
+    refused: bool = False
+    ended: set[str] = field(default_factory=set)
+    phase_ulp: float = 0.0  # error of one step, ulp of a turn
+    flight_ulp: float = 0.0  # error of one step, ulp of the larger of its terms
+    bound_share: float = 0.0  # error over bound
+    compared: int = 0
+    seconds: float = 0.0
+    faults: list[str] = field(default_factory=list)
+
+
+def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
+    """Compute a case in every way there is, and check what must hold."""
+    found = Findings()
+    began = time.perf_counter()
+    plain = record_observation(len(case.launch), case.launch, case.duration, case.law, case.budget)
+    watched = replace(
+        plain, transient=case.transient, separation=True, per_particle=True, regimes=True,
+        trust=True, tolerance=1e-9 / case.scene["frequency"],
+    )  # fmt: skip
+    parameters = arrays_of(case.scene)
+    try:
+        measured = measure(parameters, watched, workers)
+        record = record_landings(parameters, plain, workers)
+    except ParameterError:
+        found.refused = True
+        return found
+    except Exception as error:  # anything else is what this suite looks for
+        found.faults.append(f"{type(error).__name__}: {error}")
+        return found
+    found.seconds = time.perf_counter() - began
+    found.landings = int(record["impact_count"].sum())
+    found.ended = {Status(s).name for s in record["status"].ravel()}
+    found.faults += check_measures(case, measured, record)
+    for p in range(len(case.launch)):
+        found.faults += check_record(case, {n: v[0, p] for n, v in record.items()})
+    if proved and found.ended != {"NON_FINITE"}:
+        check_steps(case, found)
+        check_bounds(case, found)
+    return found
+
+
+def rounding(case: Case) -> float:
+    """Rounding of a recorded time in s: of a sum of count and phase, and of a quotient."""
+    largest = max(abs(case.duration), *(abs(t) for t in case.launch))
+    return 2.0 * float(np.spacing(largest)) + 2.0 * ULP / case.scene["frequency"]
+
+
+def check_record(case: Case, record: dict[str, np.ndarray]) -> Iterator[str]:
+    """Faults of the landings of one particle."""
+    count, status = int(record["impact_count"]), int(record["status"])
+    if count > case.budget + LOOK_AFTER:
+        yield f"{count} landings exceed the budget of {case.budget}"
+    if status == Status.NON_FINITE:
+        return
+    landing, liftoff = record["landing_time"][:count], record["liftoff_time"][:count]
+    speed, rested = record["rebound_velocity"][:count], record["rested"][:count]
+    forever = count > 0 and bool(rested[-1]) and np.isnan(speed[-1])
+    leaving = count - 1 if forever else count
+    if not np.isfinite(landing).all() or not np.isfinite(speed[:leaving]).all():
+        yield "a value is not finite"
+        return
+    if status == Status.COMPLETED and not np.isnan(record["landing_time"][count:]).all():
+        yield "there are landings past the last one"
+    slack = rounding(case)
+    if np.any(landing > case.duration + slack) or np.any(np.diff(landing) < -slack):
+        yield "landings are not in order, or past the end"
+    moved = liftoff[:leaving] - landing[:leaving]
+    if np.any(moved < -slack) or np.any(moved[rested[:leaving] == 0] != 0.0):
+        yield "a lift-off is not where its landing is"
+    yield from check_speeds(case, speed[:leaving])
+
+
+def check_speeds(case: Case, speed: np.ndarray) -> Iterator[str]:
+    """Every impact lies in the strip, and no speed beyond its bound."""
+    e, kick, first = (case.scene[n] for n in ("restitution", "amplitude", "launch_velocity"))
+    arrival = np.concatenate([[first], speed[:-1]])[: speed.size]
+    scale = np.maximum(np.maximum(speed, e * arrival), kick) + TINY
+    if np.any(np.abs(speed - e * arrival) > kick + 16.0 * ULP * scale):
+        yield "an impact outside the strip |v' - e v| <= A"
+    if e < 1.0:
+        largest = max(first, kick / (1.0 - e)) if kick > 0.0 else first
+        if np.any(speed > largest * (1.0 + 32.0 * ULP) + TINY):
+            yield "a speed beyond max(v0, A / (1 - e))"
+
+
+def check_measures(
+    case: Case, measured: dict[str, np.ndarray], record: dict[str, np.ndarray]
+) -> Iterator[str]:
+    """Faults of what a sweep measures: counts, and numbers that are neither finite nor absent."""
+    status = int(measured["status"][0])
+    if status not in list(Status):
+        yield f"status {status} has no meaning"
+        return
+    if status != Status.COMPLETED:
+        return
+    if record["status"].any():  # a recurrence is counted to the end, a record is not
+        return
+    times, slack = record["landing_time"][0], rounding(case)
+    most = int((times >= case.transient - slack).sum())
+    least = int((times > case.transient + slack).sum())
+    count = int(measured["impact_count"][0])
+    if not least <= count <= most:
+        yield f"{count} landings counted, {least} to {most} recorded"
+    rests = int(measured["rest_count"][0])
+    still = not case.scene["amplitude"] > 0.0 or lifts_never(case)
+    flights = count - (rests if still else 0)
+    for name in ("rebound_height_mean", "rebound_height_max", "flight_time_mean"):
+        value = float(measured[name][0])
+        if np.isnan(value) != (flights == 0) or np.isinf(value):
+            yield f"{name} = {value} with {flights} flights"
+    for name in ("dt_min", "dt_min_same_index"):
+        value = float(measured[name][0])
+        if value < 0.0 or np.isinf(value):
+            yield f"{name} = {value}"
+
+
+def lifts_never(case: Case) -> bool:
+    problem = batch_of([case.single], case.law).problem
+    return bool(problem.kick[0] <= problem.rest_flight[0])
+
+
+def check_steps(case: Case, found: Findings) -> None:
+    """Error of each single step of the first particle, from the kernel's own state before it."""
+    batch = batch_of([case.single], case.law)
+    problem = batch.problem
+    landings, inside = orbit(batch, 0, CAPACITY)
+    n, x = launch(batch.launches, 0, 0, problem.phase[0])
+    n -= problem.end_count[0]
+    u, e, a = problem.launch_flight[0], problem.restitution[0], problem.kick[0]
+    with ctx.workprec(BITS):
+        for count, phase, flight, rested in landings[:inside].tolist():
+            if max(abs(count), abs(n), u) > 2.0**52:
+                return  # beyond what is counted
+            flown = arb(u)
+            apart = (arb(x) + flown) - (arb(count) - arb(n)) - arb(phase)
+            found.phase_ulp = max(found.phase_ulp, float(apart.abs_upper()) / ULP)
+            w = arb(e) * flown + arb(a) * (2 * arb(phase)).sin_pi()
+            if not rested:
+                larger = max(e * u, a * abs(np.sin(2.0 * np.pi * phase)), flight)
+                error = float((abs(w) - arb(flight)).abs_upper())
+                found.flight_ulp = max(found.flight_ulp, error / np.spacing(larger))
+            if np.isinf(flight):
+                return
+            n, x, u = count, phase, flight
+            if rested:
+                x = problem.liftoff_phase[0]
+                n += 1.0 if phase > x else 0.0
+
+
+def check_bounds(case: Case, found: Findings) -> None:
+    """The first particle's error bounds against the proved reference."""
+    job = kernel_jobs([case.single], case.law, CAPACITY, case.budget)[0]
+    verdict = compare(job)
+    found.compared += verdict.compared
+    found.faults += [f"bound: {fault}" for fault in verdict.faults]
+    for error, bound in (
+        (verdict.landing, verdict.bound),
+        (verdict.flight, verdict.flight_bound),
+    ):
+        if error > 0.0 and bound > 0.0:
+            found.bound_share = max(found.bound_share, error / bound)

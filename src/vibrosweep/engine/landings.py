@@ -1,0 +1,159 @@
+"""Every landing of a small batch of realizations, as arrays."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
+from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.advance import LOOK_AFTER
+from vibrosweep.kernels.impact import Batch, base_of
+from vibrosweep.kernels.record import Units, empty_record, record
+from vibrosweep.kernels.statistics import Statistics
+from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, launches
+
+__all__ = [
+    "BYTES_PER_LANDING",
+    "all_parameters",
+    "launch_times",
+    "physical_memory",
+    "record_bytes",
+    "record_landings",
+    "require_room",
+]
+
+Array = NDArray[np.float64]
+
+BYTES_PER_LANDING: Final = 25  # three doubles and a flag
+# Beside its landings, measured on many trajectories without any: launch, statistics, copies.
+BYTES_PER_TRAJECTORY: Final = 120
+BYTES_PER_REALIZATION: Final = 160
+
+
+def launch_times(launch: str | tuple[float, ...], particles: int, frequency: float) -> Array:
+    """Launch times in s, shape (particle,)."""
+    if isinstance(launch, str):
+        return np.arange(particles) / (particles * frequency)
+    return np.asarray(launch, dtype=np.float64)
+
+
+def record_landings(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> dict[str, NDArray[Any]]:
+    """Every landing until the end of the observation.
+
+    Parameters
+    ----------
+    parameters
+        Every parameter of `PARAMETERS`, each of shape (realization,).
+    observation
+        What is launched and how long it is watched; its transient is -inf.
+    workers
+        Threads to use.
+
+    Returns
+    -------
+    dict
+        The variables of `vibrosweep.model.variables.RECORD`.
+
+    Raises
+    ------
+    ParameterError
+        The record would not fit into half of this machine's memory.
+    """
+    problem, launch, each = _counted(parameters, observation, workers)
+    capacity = int(each.landings.max())
+    out = empty_record(each.landings.size, capacity)
+    batch = Batch(base_of(observation.rebound), problem, launch)
+    units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
+
+    def task(first: int, last: int) -> None:
+        record(first, last, batch, units, out)
+
+    workers.each(task, each.landings.size, max(1, TRAJECTORIES_PER_TASK // 128))
+    shape = (problem.kick.size, observation.particles)
+    found: dict[str, NDArray[Any]] = {
+        name: values.reshape(*shape, capacity) for name, values in out._asdict().items()
+    }
+    found["impact_count"] = each.landings.reshape(shape).copy()
+    found["status"] = each.status.reshape(shape).copy()
+    return found
+
+
+def record_bytes(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> tuple[int, int]:
+    """Bytes of a record's landings, and of the memory that making it takes.
+
+    Arguments and errors are those of `record_landings`.
+    """
+    each = _counted(parameters, observation, workers)[2]
+    realizations, capacity = parameters["frequency"].size, int(each.landings.max())
+    return (
+        BYTES_PER_LANDING * each.landings.size * capacity,
+        _needed(realizations, observation.particles, capacity),
+    )
+
+
+def require_room(realizations: int, particles: int, landings: int = 0) -> None:
+    """Refuse a record that does not fit into half of this machine's memory.
+
+    Raises
+    ------
+    ParameterError
+        Naming what to change.
+    """
+    needed, available = _needed(realizations, particles, landings), physical_memory()
+    if needed > available / 2:
+        raise ParameterError(
+            f"the record of {realizations * particles} trajectories with {landings} or more "
+            f"landings needs {needed / 2**30:.3g} GiB, more than half of this machine's "
+            f"{available / 2**30:.3g} GiB: shorten the duration, take fewer realizations or "
+            f"particles, or run a sweep, which keeps statistics only"
+        )
+
+
+def _needed(realizations: int, particles: int, landings: int) -> int:
+    """Bytes of memory for a record with so many landings of each trajectory."""
+    each = BYTES_PER_TRAJECTORY + BYTES_PER_LANDING * landings
+    return realizations * (BYTES_PER_REALIZATION + particles * each)
+
+
+def _counted(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> tuple[Dimensionless, Launches, Statistics]:
+    """Count the landings that a record would hold, and refuse one beyond memory."""
+    realizations, particles = parameters["frequency"].size, observation.particles
+    require_room(realizations, particles)
+    problem = dimensionless(parameters, observation.duration, observation.transient)
+    launch = launches(observation.launch, particles, parameters["frequency"])
+    most = physical_memory() // (2 * BYTES_PER_LANDING * realizations * particles)
+    # a trajectory with more than `most` is followed no further: the record is refused anyway
+    budget = min(observation.impact_budget, most + LOOK_AFTER)
+    # counted as they will be kept: one by one
+    enough = replace(observation, impact_budget=budget, skip=False)
+    each = statistics(problem, launch, enough, workers)
+    require_room(realizations, particles, int(each.landings.max()))
+    return problem, launch, each
+
+
+def physical_memory() -> int:
+    """Bytes of memory of this machine."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:
+    """Complete some parameters, broadcast to a common shape (realization,), by the defaults."""
+    size = max((values.size for values in given.values()), default=1)
+    return {  # copies: a read-only array would compile the kernels once more
+        name: np.array(np.broadcast_to(given.get(name, p.default), (size,)), float)
+        for name, p in PARAMETERS.items()
+    }

@@ -1,0 +1,154 @@
+"""A batch of realizations through the kernels: parameters in, measured variables out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.asked import measured_variables
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.orbits import orbit_variables
+from vibrosweep.engine.trajectories import follow
+from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.separation import Separations
+from vibrosweep.kernels.statistics import Statistics
+from vibrosweep.kernels.trust import Trust
+from vibrosweep.model.parameters import Dimensionless, dimensionless, launches
+from vibrosweep.model.variables import RESOLUTION, UNDETERMINED
+
+__all__ = ["measure"]
+
+Array = NDArray[np.float64]
+Measured = dict[str, NDArray[Any]]
+
+
+def measure(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> Measured:
+    """Advance a batch of realizations and measure them.
+
+    Parameters
+    ----------
+    parameters
+        Every parameter of `vibrosweep.model.parameters.PARAMETERS`, each of shape (realization,).
+    observation
+        What is watched and measured.
+    workers
+        Threads to use.
+
+    Returns
+    -------
+    dict
+        Arrays of shape (realization,), and (realization, particle) for measures per particle,
+        named as in `vibrosweep.model.variables`.
+
+    Raises
+    ------
+    ParameterError
+        Parameters leave the range in which periods can be counted exactly.
+    """
+    problem = dimensionless(parameters, observation.duration, observation.transient)
+    frequency, particles = parameters["frequency"], observation.particles
+    launch = launches(observation.launch, particles, frequency)
+    found = follow(problem, launch, observation.tolerance * frequency, observation, workers)
+    measured = _physical(found.whole, parameters, problem)
+    measured["at_rest_count"] = found.whole.at_rest
+    with np.errstate(over="ignore"):
+        launch_height = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
+    launched = _launch_in_window(observation, frequency)
+    measured["flight_height_max"] = np.fmax(
+        measured["rebound_height_max"], np.where(launched, launch_height, np.nan)
+    )
+    if observation.per_particle and found.each is not None:
+        measured |= _per_particle(found.each, parameters, problem, (frequency.size, particles))
+    if found.orbits is not None:
+        of_orbits = orbit_variables(found.orbits, frequency)
+        asked = {variable.name for variable in measured_variables(observation)}
+        measured |= {name: values for name, values in of_orbits.items() if name in asked}
+    if found.separations is not None:
+        measured |= _separations(found.separations, frequency)
+    if found.bounds is not None:
+        measured |= _error_bounds(found.bounds, observation, parameters)
+    return measured
+
+
+def _physical(
+    found: Statistics, parameters: Mapping[str, Array], problem: Dimensionless
+) -> Measured:
+    """Statistics of flights in physical units; arrays of the shape of the parameters."""
+    frequency = parameters["frequency"]
+    # height of a flight that lasts one forcing period: g / (8 f^2)
+    height = parameters["gravity"] / (8.0 * frequency * frequency)
+    # where nothing lifts a resting particle, its last landing is followed by no flight
+    lifts = problem.kick > problem.rest_flight
+    flights = found.landings - np.where(lifts, 0, found.rests)
+    some = flights > 0
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        # one NaN for all: that of 0 / 0 has a sign which depends on the length of the batch
+        return {
+            "impact_count": found.landings,
+            "rest_count": found.rests,
+            "rebound_height_mean": np.where(
+                some, height * (found.flight_squares / flights), np.nan
+            ),
+            "rebound_height_max": np.where(
+                some, height * (found.flight_max * found.flight_max), np.nan
+            ),
+            "flight_time_mean": np.where(some, found.flight_sum / flights / frequency, np.nan),
+            "status": found.status,
+        }
+
+
+def _per_particle(
+    each: Statistics,
+    parameters: Mapping[str, Array],
+    problem: Dimensionless,
+    shape: tuple[int, int],
+) -> Measured:
+    repeated = {name: np.repeat(parameters[name], shape[1]) for name in ("frequency", "gravity")}
+    lanes = problem._replace(
+        kick=np.repeat(problem.kick, shape[1]), rest_flight=np.repeat(problem.rest_flight, shape[1])
+    )
+    measured = _physical(each, repeated, lanes)
+    measured["at_rest"] = each.at_rest.astype(np.int8)
+    # a copy: `each` is written over by the next batch
+    return {f"particle_{name}": values.reshape(shape).copy() for name, values in measured.items()}
+
+
+def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:
+    """Whether any particle of a realization is launched inside the window; shape (realization,)."""
+    begin, end = observation.transient, observation.duration
+    if isinstance(observation.launch, str):
+        per_second = observation.particles * frequency
+        first = np.maximum(np.ceil(per_second * begin), 0.0)
+        return np.asarray((first < observation.particles) & (first <= per_second * end))
+    inside = any(begin <= time <= end for time in observation.launch)
+    return np.full(frequency.shape, inside)
+
+
+def _separations(found: Separations, frequency: Array) -> Measured:
+    shared = found.shared
+    resolved = np.where(np.isnan(found.gap), UNDETERMINED, found.gap > RESOLUTION)
+    return {
+        "dt_min": found.gap / frequency,
+        "dt_min_resolved": resolved.astype(np.int8),
+        "dt_min_same_index": found.same / frequency,
+        "base_shared": shared,
+        "collision_free": np.where(shared == UNDETERMINED, shared, 1 - shared).astype(np.int8),
+    }
+
+
+def _error_bounds(
+    bounds: Trust, observation: Observation, parameters: Mapping[str, Array]
+) -> Measured:
+    frequency, particles = parameters["frequency"], observation.particles
+    until = bounds.until.reshape(-1, particles) / frequency[:, np.newaxis]
+    velocity = parameters["gravity"] / (2.0 * frequency)
+    return {
+        "trusted_until": np.where(until == np.inf, observation.duration, until),
+        "landing_time_error": bounds.landing_error.reshape(-1, particles).max(axis=1) / frequency,
+        "rebound_velocity_error": bounds.flight_error.reshape(-1, particles).max(axis=1) * velocity,
+    }

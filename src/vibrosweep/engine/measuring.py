@@ -1,0 +1,58 @@
+"""Measure realizations, whatever their parameters: what cannot be computed gets a status."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.asked import measured_variables
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.workers import Workers
+from vibrosweep.model.parameters import representable
+from vibrosweep.model.status import Status
+from vibrosweep.model.variables import UNDETERMINED, Variable
+
+__all__ = ["measure_all"]
+
+Array = NDArray[np.float64]
+
+
+def measure_all(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> dict[str, NDArray[Any]]:
+    """Do as `measure` does, but refuse no batch for a realization that cannot be computed.
+
+    Its floats are then NaN, its counts and flags undetermined, and its status says so.
+
+    Parameters and result are those of `vibrosweep.engine.measure.measure`.
+    """
+    usable = representable(parameters, _times(observation))
+    if usable.all():
+        return measure(parameters, observation, workers)
+    size, particles = usable.size, observation.particles
+    found = {v.name: _refused(v, size, particles) for v in measured_variables(observation)}
+    if usable.any():
+        kept = {name: values[usable] for name, values in parameters.items()}
+        for name, values in measure(kept, observation, workers).items():
+            found[name][usable] = values
+    return found
+
+
+def _times(observation: Observation) -> tuple[float, ...]:
+    launch = () if isinstance(observation.launch, str) else observation.launch
+    return (observation.duration, observation.transient, *launch)
+
+
+def _refused(variable: Variable, realizations: int, particles: int) -> NDArray[Any]:
+    """Values of a variable where nothing was computed."""
+    shape = tuple({"realization": realizations, "particle": particles}[d] for d in variable.dims)
+    codes = [code for code, _ in variable.flags]
+    if np.issubdtype(np.dtype(variable.dtype), np.floating):
+        fill: float = np.nan
+    else:
+        fill = Status.REFUSED if codes and UNDETERMINED not in codes else UNDETERMINED
+    return np.full(shape, fill, variable.dtype)

@@ -1,0 +1,148 @@
+"""What trajectories settle on, which of them share an orbit or a slot, and Lyapunov exponents."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.trajectories import settled
+from vibrosweep.kernels.orbits import SAME_ORBIT, Orbits
+from vibrosweep.model.parameters import Dimensionless, Launches
+from vibrosweep.model.status import Regime
+
+if TYPE_CHECKING:
+    from vibrosweep.engine.observation import Observation
+    from vibrosweep.engine.workers import Workers
+
+__all__ = [
+    "NO_ORBIT",
+    "find_orbits",
+    "label_orbits",
+    "orbit_variables",
+    "slot_count",
+    "slots",
+]
+
+Codes = NDArray[np.int64]
+
+NO_ORBIT: Final = -1
+
+
+def find_orbits(
+    problem: Dimensionless, launch: Launches, observation: Observation, workers: Workers
+) -> Orbits:
+    """What every trajectory settles on, in the order of realizations and within them of particles.
+
+    Parameters
+    ----------
+    problem, launch
+        Realizations and launches; exponents of orbits that do not recur are means over the window
+        of the problem.
+    observation
+        Its particles are those of the launches, and its window begins after a launch where that of
+        the problem does.
+    workers
+        Threads to use.
+
+    Returns
+    -------
+    Orbits
+        Arrays of shape (realization * particle,), in dimensionless units.
+    """
+    asked = replace(observation, lyapunov=True, skip=True)
+    return settled(problem, launch, asked, workers)
+
+
+def label_orbits(orbits: Orbits, realizations: int) -> Codes:
+    """Number the distinct orbits of each realization in the order of the particles on them.
+
+    Two cycles are one orbit if their numbers of impacts, periods and rests agree and their
+    representatives differ by less than `SAME_ORBIT`.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (realization, particle); `NO_ORBIT` where no recurrence was found.
+    """
+    shape = (realizations, -1)
+    codes = [v.reshape(shape) for v in (orbits.impacts, orbits.periods, orbits.rests)]
+    phase, flight = orbits.phase.reshape(shape), orbits.flight.reshape(shape)
+    labels = np.full(phase.shape, NO_ORBIT)
+    pending = codes[0] > 0
+    rows = np.arange(realizations)
+    for number in range(phase.shape[1]):
+        if not pending.any():
+            break
+        chosen = pending.argmax(axis=1)
+        same = pending & (np.abs(flight - flight[rows, chosen][:, np.newaxis]) <= SAME_ORBIT)
+        apart = phase - phase[rows, chosen][:, np.newaxis]
+        same &= np.abs(apart - np.rint(apart)) <= SAME_ORBIT
+        for code in codes:
+            same &= code == code[rows, chosen][:, np.newaxis]
+        labels[same] = number
+        pending &= ~same
+    return labels
+
+
+def slots(orbits: Orbits) -> Codes:
+    """Which of the time-shifted copies of its orbit each particle is on; same shape as `orbits`.
+
+    The orbits of a cycle of q forcing periods are q copies of one, shifted by whole periods.  The
+    slot is the period, modulo q, in which the representative of the cycle falls; `NO_ORBIT` where
+    no recurrence was found.
+    """
+    found = orbits.impacts > 0
+    slot = np.mod(orbits.whole, np.maximum(orbits.periods, 1))
+    return np.where(found, slot, NO_ORBIT).astype(np.int64)
+
+
+def slot_count(labels: Codes, slot: Codes) -> Codes:
+    """Number of distinct slots, of all orbits, that the particles of each realization occupy."""
+    pairs = np.sort(np.where(labels == NO_ORBIT, NO_ORBIT, labels * (slot.max() + 1) + slot))
+    steps = np.diff(pairs, axis=1, prepend=NO_ORBIT) != 0
+    return np.asarray(np.count_nonzero(steps, axis=1))
+
+
+def orbit_variables(orbits: Orbits, frequency: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
+    """What orbits say of each particle and of each realization.
+
+    Parameters
+    ----------
+    orbits
+        Of all trajectories, those of a realization side by side.
+    frequency
+        Hz, shape (realization,).
+
+    Returns
+    -------
+    dict
+        The variables of the measures regimes and lyapunov in `vibrosweep.model.variables`, of shape
+        (realization, particle) and (realization,).
+    """
+    shape = (frequency.size, -1)
+    labels, slot = label_orbits(orbits, frequency.size), slots(orbits).reshape(shape)
+    largest, regime = orbits.largest.reshape(shape), orbits.regime.reshape(shape)
+    uncertain = orbits.uncertain.reshape(shape)
+    counts = {f"{one.meaning}_count": np.count_nonzero(regime == one, axis=1) for one in Regime}
+    return {
+        "regime": regime,
+        "cycle_impacts": orbits.impacts.reshape(shape),
+        "cycle_periods": orbits.periods.reshape(shape),
+        "cycle_rests": orbits.rests.reshape(shape),
+        "cycle_uncertain": uncertain,
+        "recurrent_from": orbits.since.reshape(shape) / frequency[:, np.newaxis],
+        **counts,
+        "uncertain_cycle_count": np.count_nonzero(uncertain == 1, axis=1),
+        "lyapunov_largest": largest,
+        "lyapunov_largest_error": orbits.largest_error.reshape(shape),
+        "lyapunov_sum": orbits.total.reshape(shape),
+        "lyapunov_sum_error": orbits.total_error.reshape(shape),
+        "orbit": labels,
+        "slot": slot,
+        "lyapunov_max": np.fmax.reduce(largest, axis=1),
+        "orbit_count": labels.max(axis=1) + 1,
+        "slot_count": slot_count(labels, slot),
+    }

@@ -1,0 +1,1 @@
+"""What is simulated: parameters and their dimensionless form, closed forms, variables, status."""

@@ -1,0 +1,153 @@
+"""The bounds that a dataset holds of its own errors, against the errors that are proved.
+
+A bound is sound if no landing of the kernel is farther from the proved one.  That leaves room for a
+bound that is merely changed, so it must also be the one that the kernel finds again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.landings import record_landings
+from vibrosweep.engine.measuring import measure_all
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.workers import Workers
+from vibrosweep.proof.reference.ball import Trajectory
+from vibrosweep.proof.sample import Sample
+from vibrosweep.proof.tolerances import EPS
+
+__all__ = [
+    "BOUNDS",
+    "FOUND_AGAIN",
+    "Errors",
+    "change_of_bound",
+    "landing_errors",
+    "measure_bounds",
+    "measure_orbits",
+    "untrusted",
+]
+
+Array = NDArray[np.float64]
+
+BOUNDS: Final = ("landing_time_error", "rebound_velocity_error")
+FOUND_AGAIN: Final = ("lyapunov_largest_error", "lyapunov_sum_error", "cycle_uncertain")
+
+
+def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
+    """Bounds of all rows and their landings of any time, computed anew."""
+    everything = replace(_all_landings(sample.observation), trust=True)
+    return measure_all(sample.parameters, everything, workers)
+
+
+def measure_orbits(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
+    """What orbits of all rows settle on, with its errors, computed anew: `FOUND_AGAIN`."""
+    window = replace(_all_landings(sample.observation), transient=sample.observation.transient)
+    found = measure_all(sample.parameters, replace(window, lyapunov=True), workers)
+    return {name: found[name] for name in FOUND_AGAIN}
+
+
+def _all_landings(observation: Observation) -> Observation:
+    return replace(
+        observation,
+        transient=-math.inf,
+        separation=False,
+        per_particle=False,
+        regimes=False,
+        trust=False,
+        lyapunov=False,
+    )
+
+
+class Errors(NamedTuple):
+    """True errors of the kernel's landings of one particle; infinite where landings are missing.
+
+    Attributes
+    ----------
+    landing_time, rebound_velocity
+        Shape (impact,), s and m s-1, less what the rounding of the recorded number may add.
+    """
+
+    landing_time: Array
+    rebound_velocity: Array
+
+
+def landing_errors(
+    sample: Sample, row: int, trajectories: Sequence[Trajectory], workers: Workers
+) -> list[Errors]:
+    """Proved errors of the kernel's landings of each particle of a row."""
+    parameters = {name: values[row : row + 1] for name, values in sample.parameters.items()}
+    found = record_landings(parameters, _all_landings(sample.observation), workers)
+    return [
+        _errors(
+            {name: values[0, particle] for name, values in found.items()},
+            trajectory,
+            1.0 / float(parameters["frequency"][0]),
+        )
+        for particle, trajectory in enumerate(trajectories)
+    ]
+
+
+def change_of_bound(
+    name: str, stored: float, again: Mapping[str, Any], frequency: float, particle: int | None
+) -> str:
+    """Say how a stored bound differs from the one that the same version finds now, if it does.
+
+    Another processor or numpy may round the phase of lift-off otherwise, and a bound follows the
+    orbit: it changes as much, relatively, as the orbit does in periods, times its curvature.
+    """
+    bound = float(again[name] if particle is None else again[name][particle])
+    slack = 1e-9 + 1e3 * float(again["landing_time_error"]) * frequency
+    same = stored == bound or (math.isnan(stored) and math.isnan(bound))
+    if same or abs(stored - bound) <= slack * bound:
+        return ""
+    return f"is {stored!r}, while the kernel finds {bound!r}"
+
+
+def _errors(recorded: Mapping[str, NDArray[Any]], trajectory: Trajectory, period: float) -> Errors:
+    count = int(recorded["impact_count"])
+    if count != len(trajectory.impacts):
+        lost = np.full(1, np.inf)
+        return Errors(lost, lost)
+    time, speed = recorded["landing_time"][:count], recorded["rebound_velocity"][:count]
+    landing = [
+        _distance(impact.landing_time, t, 4.0 * EPS * (abs(t) + 2.0 * period))
+        for impact, t in zip(trajectory.impacts, time.tolist(), strict=True)
+    ]
+    rebound = [
+        _distance(impact.rebound_velocity, v, 4.0 * EPS * v)
+        for impact, v in zip(trajectory.impacts, speed.tolist(), strict=True)
+        if impact.rebound_velocity is not None
+    ]
+    return Errors(np.array(landing), np.array(rebound))
+
+
+def _distance(proved: Any, recorded: float, rounding: float) -> float:
+    if not math.isfinite(recorded):
+        return math.inf
+    return max(0.0, float((proved - recorded).abs_lower()) - rounding)
+
+
+def untrusted(
+    until: float, times: Array, errors: Errors, duration: float, tolerance: float, bound: float
+) -> tuple[str, float]:
+    """What is wrong with a time of trust, if anything, and the largest error before it."""
+    if bound <= tolerance and until != duration:
+        return f"while all landings up to {duration!r} are known to the tolerance", math.nan
+    if math.isnan(until):
+        return "", math.nan
+    if len(times) != len(errors.landing_time):
+        return "while other landings are proved", math.inf
+    count = len(times)
+    if until != duration:
+        near = np.abs(times - until) <= tolerance + 4.0 * EPS * duration
+        if not np.any(near):
+            return "which is no time of a landing, nor the end", math.nan
+        count = int(np.argmax(near)) + 1
+    error = float(np.max(errors.landing_time[:count], initial=0.0))
+    return (f"proved error of a landing up to it {error:.3g}" if error > tolerance else ""), error

@@ -1,0 +1,197 @@
+"""One realization: what is stored of it, what is proved of it, what the kernel finds again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from vibrosweep.proof.bounds import Errors
+from vibrosweep.proof.cycle import largest_exponent
+from vibrosweep.proof.growth import mean_growth
+from vibrosweep.proof.measured import Measures, Proved, measures
+from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
+from vibrosweep.proof.reference.ball import Trajectory
+from vibrosweep.proof.reference.results import Impact
+from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.tolerances import Bounds, claims
+
+__all__ = ["Case", "Exponents"]
+
+# What makes an orbit aperiodic: the landings in the window, and the standard errors by which its
+# exponent exceeds zero.
+LANDINGS: Final = 64
+CERTAIN: Final = 3.0
+
+
+@dataclass(frozen=True)
+class Exponents:
+    """Proved Lyapunov exponents of a particle.
+
+    Attributes
+    ----------
+    largest, total
+        Largest, and sum of both.
+    claim, total_claim
+        Largest errors that the dataset admits; None where nothing is proved or claimed.
+    standard_error
+        Of a mean along the orbit, within `claim`; None where undefined.
+    bounds_rounding
+        Whether the error of the largest is a bound of its rounding, as it is of a cycle.
+    """
+
+    largest: Proved
+    claim: float | None
+    total: Proved
+    total_claim: float | None
+    standard_error: Proved = None
+    bounds_rounding: bool = False
+
+
+@dataclass(frozen=True)
+class Case:
+    """One realization to be judged.
+
+    Attributes
+    ----------
+    stored
+        Its variables: numbers, or arrays over the particles.
+    again
+        Bounds that the kernel finds for it now, named as variables; empty of another version.
+    scene
+        What was computed.
+    bounds
+        Bounds of the errors of its landings.
+    trajectories
+        Proved; empty where there is no proof.
+    errors
+        Proved errors of the kernel's landings of each particle, where the file bounds them.
+    tolerance
+        Error of a landing time in s up to which it is trusted.
+    """
+
+    stored: Mapping[str, Any]
+    again: Mapping[str, Any]
+    scene: Scene
+    bounds: Bounds
+    trajectories: Sequence[Trajectory]
+    errors: Sequence[Errors]
+    tolerance: float
+
+    @cached_property
+    def measures(self) -> Measures:
+        """Proved measures."""
+        return measures(self.scene, self.trajectories)
+
+    @cached_property
+    def claims(self) -> Mapping[str, float | None]:
+        """Largest errors of the measures that the dataset admits."""
+        return claims(self.bounds, self.scene, self.measures)
+
+    @cached_property
+    def orbits(self) -> Sequence[Orbit]:
+        """Proved states of each particle."""
+        return [
+            Orbit(self.scene, self.bounds, trajectory, particle)
+            for particle, trajectory in enumerate(self.trajectories)
+        ]
+
+    @cached_property
+    def cycles(self) -> Sequence[Cycle | None]:
+        """Cycle of each particle that is said to recur, by most of the variables that say so."""
+        said = [np.array([SAID[n](v) for v in self.stored[n]]) for n in SAID if n in self.stored]
+        return [
+            orbit.recurrence(
+                float(self.stored["recurrent_from"][particle]),
+                max(0, int(self.stored["cycle_impacts"][particle])),
+            )
+            if 2 * sum(one[particle] for one in said) >= len(said)
+            else None
+            for particle, orbit in enumerate(self.orbits)
+        ]
+
+    @cached_property
+    def _states(self) -> Sequence[State | None]:
+        pairs = zip(self.orbits, self.cycles, strict=True)
+        return [None if cycle is None else orbit.representative(cycle) for orbit, cycle in pairs]
+
+    @cached_property
+    def orbit_numbers(self) -> Sequence[int] | None:
+        """Number of the orbit of each particle; None where it is too close to tell."""
+        pairs = zip(self.cycles, self._states, strict=True)
+        return numbered([None if cycle is None else (cycle, state) for cycle, state in pairs])
+
+    @cached_property
+    def slots(self) -> Sequence[int | None]:
+        """Slot of each particle, -1 without a cycle; None where it is too close to tell."""
+        return [
+            -1 if cycle is None else None if state is None else state.whole % cycle.periods
+            for cycle, state in zip(self.cycles, self._states, strict=True)
+        ]
+
+    @cached_property
+    def exponents(self) -> Sequence[Exponents]:
+        """Exponents of each particle."""
+        return [self._exponents(particle) for particle in range(len(self.orbits))]
+
+    def _exponents(self, particle: int) -> Exponents:
+        orbit, cycle = self.orbits[particle], self.cycles[particle]
+        impacts, first = self._window(particle)
+        unclaimed = self.claims["impact_count"] is None and cycle is None
+        if orbit.trajectory.at_rest or (cycle is not None and cycle.rests):
+            return Exponents(-math.inf, 0.0, -math.inf, 0.0, 0.0)
+        if cycle is None and any(i.rested for i in impacts[first:]):
+            claim = None if unclaimed else 0.0
+            return Exponents(-math.inf, claim, -math.inf, claim, 0.0)
+        rounding = self._stated("lyapunov_sum_error", particle)
+        restitution = self.scene.parameters["restitution"]
+        total: Proved = -math.inf
+        if restitution > 0.0:
+            total = orbit.logarithm(restitution)
+        if cycle is not None:
+            found = largest_exponent(
+                self.scene.parameters,
+                self.scene.rebound,
+                orbit.last_state(),
+                cycle.impacts,
+                cycle.periods,
+            )
+            stated = self._stated("lyapunov_largest_error", particle)
+            claim = None if found is None else stated
+            return Exponents(found, claim, total, rounding, bounds_rounding=True)
+        if unclaimed:
+            return Exponents(None, None, None, None)
+        if first == len(impacts):
+            return Exponents(None, 0.0, None, 0.0)
+        mean = mean_growth(
+            self.scene, self.bounds, impacts[first:], orbit.flights[first : len(impacts)]
+        )
+        return Exponents(mean.value, mean.claim, total, rounding, mean.standard_error)
+
+    def aperiodic(self, particle: int) -> bool | None:
+        """Whether a particle that does not recur is aperiodic; None where that is not proved."""
+        impacts, first = self._window(particle)
+        if len(impacts) - first < LANDINGS or any(i.rested for i in impacts[first:]):
+            return False
+        flights = self.orbits[particle].flights[first : len(impacts)]
+        mean = mean_growth(self.scene, self.bounds, impacts[first:], flights)
+        if mean.claim is None or mean.standard_error is None:
+            return None
+        above = mean.value - CERTAIN * mean.standard_error
+        return above > 0.0 if abs(above) > (1.0 + CERTAIN) * mean.claim else None
+
+    def _window(self, particle: int) -> tuple[Sequence[Impact], int]:
+        """Impacts of a particle, and the number of the first one in the window."""
+        impacts = self.orbits[particle].trajectory.impacts
+        if not self.scene.windowed:
+            return impacts, 0
+        return impacts, sum(1 for i in impacts if i.landing_time < self.scene.transient)
+
+    def _stated(self, name: str, particle: int) -> float | None:
+        """Return an error that the dataset states; None where it states none."""
+        error = float(self.stored[name][particle])
+        return error if math.isfinite(error) else None

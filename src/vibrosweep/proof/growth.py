@@ -1,0 +1,96 @@
+"""Growth of small changes along a proved orbit, impact by impact, and what may be off by it.
+
+The kernel's orbit is within the dataset's bounds of the proved one, and so are its Jacobians.  A
+change of a Jacobian changes the growth at that impact, and turns the direction that is carried on:
+both are followed here to first order, and doubled for what that leaves out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from vibrosweep.proof.reference._flint import arb
+from vibrosweep.proof.reference.results import Impact
+from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.tolerances import EPS, Bounds
+
+__all__ = ["Mean", "mean_growth"]
+
+MOST_BLOCKS: Final = 32
+TURNED: Final = 1e-3  # error of the direction beyond which first order says nothing
+FIRST_ORDER: Final = 2.0
+
+
+class Mean(NamedTuple):
+    """Mean growth per impact.
+
+    Attributes
+    ----------
+    value
+        The mean logarithm.
+    standard_error
+        Its standard error from the means of blocks; None below two blocks.
+    claim
+        Bound of the error of either by the dataset's bounds; None where there is none.
+    """
+
+    value: float
+    standard_error: float | None
+    claim: float | None
+
+
+def mean_growth(
+    scene: Scene, bounds: Bounds, impacts: Sequence[Impact], flights: Sequence[arb]
+) -> Mean:
+    """Mean growth of a change of phase alone through impacts without rests, at least one.
+
+    Parameters
+    ----------
+    scene
+        The realization.
+    bounds
+        Bounds of the errors of the kernel's landings.
+    impacts
+        Proved, one after the other.
+    flights
+        The flight before each of them, forcing periods.
+    """
+    p = scene.parameters
+    e, kick = p["restitution"], 2.0 * p["frequency"] * p["amplitude"] / p["gravity"]
+    steepest = 2.0 * math.pi * kick
+    phase_error = bounds.landing_time * p["frequency"] + 4.0 * EPS
+    slope_error = 2.0 * math.pi * steepest * phase_error + 8.0 * EPS * steepest
+    c, s, turned, logarithms, errors = 1.0, 0.0, 0.0, [], []
+    for impact, flight in zip(impacts, flights, strict=True):
+        k = steepest * float((2 * impact.phase).cos_pi())
+        ax, ay = c + s, k * c + (e + k) * s
+        bx, by = c - s, (e + k) * c - k * s
+        along = math.hypot(ax, ay)
+        if along == 0.0:
+            return Mean(-math.inf, 0.0, 0.0 if turned == 0.0 else None)
+        # both computations round
+        wrong = (abs(c + s) * slope_error + 32.0 * EPS * (2.0 + e + 2.0 * abs(k))) / along
+        logarithms.append(math.log(along))
+        errors.append(abs(ax * bx + ay * by) / along**2 * turned + wrong + 4.0 * EPS)
+        turned = abs(ax * by - ay * bx) / along**2 * turned + wrong
+        pushed = e * flight + kick * (2 * impact.phase).sin_pi() < 0
+        c, s = ax / along, (-ay if pushed else ay) / along  # the reflect law turns it back
+        if turned > TURNED:
+            return Mean(math.nan, None, None)
+    claim = FIRST_ORDER * max(errors) + 2.0 * len(errors) * EPS * max(map(abs, logarithms))
+    return Mean(math.fsum(logarithms) / len(logarithms), _standard_error(logarithms), claim)
+
+
+def _standard_error(logarithms: Sequence[float]) -> float | None:
+    """Standard error of a mean by the means of blocks, of the shortest length with few enough."""
+    length = 1
+    while len(logarithms) // length >= MOST_BLOCKS:
+        length *= 2
+    blocks = len(logarithms) // length
+    if blocks < 2:
+        return None
+    means = [math.fsum(logarithms[b * length : (b + 1) * length]) / length for b in range(blocks)]
+    middle = math.fsum(means) / blocks
+    return math.sqrt(math.fsum((m - middle) ** 2 for m in means) / (blocks * (blocks - 1)))

@@ -1,0 +1,63 @@
+"""One stored number against its proved value, or against what other numbers make of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from vibrosweep.proof.measured import Proved
+
+__all__ = ["Judgement", "judge"]
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What is found about one stored number.
+
+    Attributes
+    ----------
+    variable
+        Its name.
+    particle
+        Its particle, None for a number of the whole realization.
+    error
+        Distance from the proved value; NaN where both are undefined, infinite where one is.
+    claim
+        Largest error that the dataset admits; None where it claims nothing.
+    digits
+        Certified decimal digits: of the claim and the reference's radius together, relative to
+        the value; 0 where they exceed it.  None for what is exact, zero or undefined.
+    complaint
+        What is wrong; empty if the number is within its claim or nothing is claimed.
+    """
+
+    variable: str
+    particle: int | None
+    error: float
+    claim: float | None
+    digits: float | None = None
+    complaint: str = ""
+
+
+def judge(
+    variable: str, particle: int | None, stored: float, proved: Proved, claim: float | None
+) -> Judgement:
+    """Compare a stored number with its proved value under a claim."""
+    least = error = math.inf
+    digits = None
+    if proved is None:
+        least = error = math.nan if math.isnan(stored) else math.inf
+    elif isinstance(proved, int | float):
+        if not math.isnan(stored):
+            least = error = 0.0 if stored == proved else abs(stored - proved)
+    elif math.isfinite(stored):
+        distance = proved - stored
+        least, error = float(distance.abs_lower()), float(distance.abs_upper())
+        size, bound = float(proved.abs_lower()), (claim or 0.0) + float(proved.rad())
+        if claim is not None and size > 0.0 and bound > 0.0:
+            digits = max(0.0, -math.log10(bound / size))
+    complaint = ""
+    if claim is not None and least > claim:
+        known = "undefined" if proved is None else f"{float(proved)!r}"
+        complaint = f"is {stored!r}, proved {known}: off by {error:.3g}, claimed {claim:.3g}"
+    return Judgement(variable, particle, error, claim, digits, complaint)

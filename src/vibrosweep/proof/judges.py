@@ -1,0 +1,351 @@
+"""How each variable of a dataset is judged: one table, `JUDGES`.
+
+A variable is held against its proof where the realization has one.  Where it has none, what follows
+from other variables of the file is at least held against those.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, Final, NamedTuple, TypeAlias
+
+import numpy as np
+
+from vibrosweep.model.status import Regime, Status
+from vibrosweep.model.variables import RESOLUTION, UNDETERMINED
+from vibrosweep.proof.bounds import change_of_bound, untrusted
+from vibrosweep.proof.case import Case
+from vibrosweep.proof.judgement import Judgement, judge
+
+__all__ = ["JUDGES", "judge_row"]
+
+SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "base_shared", "collision_free")
+
+Judgements: TypeAlias = Iterator[Judgement]
+
+
+class Judge(NamedTuple):
+    """How one variable is judged.
+
+    Attributes
+    ----------
+    by_proof
+        Judges the variable of that name where the realization is proved.
+    otherwise
+        The same where it is not; None where nothing can be said.
+    """
+
+    by_proof: Callable[[Case, str], Judgements]
+    otherwise: Callable[[Case, str], Judgements] | None = None
+
+
+def judge_row(case: Case, name: str) -> Judgements:
+    """Judge a variable of a realization as far as that is possible."""
+    how = JUDGES[name]
+    if case.trajectories:
+        yield from how.by_proof(case, name)
+    elif how.otherwise is not None:
+        yield from how.otherwise(case, name)
+
+
+def _follows(value: Callable[[Case], float | None]) -> Callable[[Case, str], Judgements]:
+    """Judge a variable by what others of the file make it; None where they say nothing."""
+
+    def follows(case: Case, name: str) -> Judgements:
+        made = value(case) if case.stored["status"] == Status.COMPLETED else None
+        if made is None:
+            return
+        stored = float(case.stored[name])
+        same = stored == made or (math.isnan(stored) and math.isnan(made))
+        error = 0.0 if same else abs(stored - made)
+        complaint = "" if same else f"is {stored!r}, while others in the file make it {made!r}"
+        yield Judgement(name, None, error, 0.0, None, complaint)
+
+    return follows
+
+
+def _measure(case: Case, name: str) -> Judgements:
+    """Judge a measure of flights, landings or separations."""
+    proved, stored = case.measures.values[name], case.stored[name]
+    claim = None if name in SEPARATIONS and _is_unresolved(case) else case.claims[name]
+    if isinstance(proved, list):
+        for particle, value in enumerate(proved):
+            yield judge(name, particle, float(stored[particle]), value, claim)
+    else:
+        yield judge(name, None, float(stored), proved, claim)
+
+
+def _is_unresolved(case: Case) -> bool:
+    """Whether the kernel says that landings crowd too much to be told apart: then it says so."""
+    stored = [case.stored[name] for name in SEPARATIONS]
+    return all(value == UNDETERMINED or math.isnan(value) for value in stored)
+
+
+def _regime(case: Case, name: str) -> Judgements:
+    for particle, value in enumerate(_regimes(case)):
+        yield judge(name, particle, float(case.stored[name][particle]), value, 0.0)
+
+
+def _regimes(case: Case) -> list[int]:
+    """Regime of each particle, the stored one where nothing is proved."""
+    if not case.trajectories:
+        return [int(code) for code in case.stored["regime"]]
+    found = []
+    for particle, (orbit, cycle) in enumerate(zip(case.orbits, case.cycles, strict=True)):
+        if orbit.trajectory.at_rest:
+            found.append(Regime.AT_REST)
+        elif cycle is not None:
+            found.append(Regime.RESTING if cycle.rests else Regime.LOCKED)
+        else:
+            said = case.stored["regime"][particle] == Regime.APERIODIC
+            proved = case.aperiodic(particle)
+            aperiodic = said if proved is None else proved
+            found.append(Regime.APERIODIC if aperiodic else Regime.UNSETTLED)
+    return [int(regime) for regime in found]
+
+
+def _number_of(regime: Regime) -> Judge:
+    """Judge the number of particles in a regime."""
+    return _followed(lambda case: float(_regimes(case).count(int(regime))))
+
+
+def _cycle(case: Case, name: str) -> Judgements:
+    field = name.removeprefix("cycle_")
+    for particle, cycle in enumerate(case.cycles):
+        value = 0 if cycle is None else getattr(cycle, field)
+        yield judge(name, particle, float(case.stored[name][particle]), value, 0.0)
+
+
+def _uncertain(case: Case, name: str) -> Judgements:
+    """Judge what rounding may have decided by what the same version finds now."""
+    for particle, stored in enumerate(case.stored[name].tolist()):
+        if case.trajectories and case.cycles[particle] is None:
+            yield judge(name, particle, float(stored), UNDETERMINED, 0.0)
+        elif name in case.again:
+            again = int(case.again[name][particle])
+            complaint = "" if stored == again else f"is {stored}, but {again} is found now"
+            yield Judgement(name, particle, abs(stored - again), 0.0, None, complaint)
+
+
+def _recurrent_from(case: Case, name: str) -> Judgements:
+    for particle, (orbit, cycle) in enumerate(zip(case.orbits, case.cycles, strict=True)):
+        time = None if cycle is None else orbit.times[cycle.since]
+        stored = float(case.stored[name][particle])
+        yield judge(name, particle, stored, time, orbit.time_error)
+
+
+def _largest(case: Case, name: str) -> Judgements:
+    for particle, proved in enumerate(case.exponents):
+        stored = float(case.stored[name][particle])
+        yield judge(name, particle, stored, proved.largest, proved.claim)
+
+
+def _sum(case: Case, name: str) -> Judgements:
+    for particle, proved in enumerate(case.exponents):
+        stored = float(case.stored[name][particle])
+        yield judge(name, particle, stored, proved.total, proved.total_claim)
+
+
+def _largest_error(case: Case, name: str) -> Judgements:
+    """Judge a standard error, or the bound of a rounding error."""
+    for particle, proved in enumerate(case.exponents):
+        stored = float(case.stored[name][particle])
+        if case.stored["cycle_uncertain"][particle] == 1:
+            yield judge(name, particle, stored, math.inf, 0.0)
+        elif proved.bounds_rounding:
+            yield _rounding_bound(case, name, particle)
+        else:
+            yield judge(name, particle, stored, proved.standard_error, proved.claim)
+
+
+def _sum_error(case: Case, name: str) -> Judgements:
+    for particle, proved in enumerate(case.exponents):
+        stored = float(case.stored[name][particle])
+        if case.stored["cycle_uncertain"][particle] == 1:
+            yield judge(name, particle, stored, math.inf, 0.0)
+        elif proved.total is None or proved.total == -math.inf:
+            value = None if proved.total is None else 0.0
+            yield judge(name, particle, stored, value, proved.total_claim)
+        else:
+            yield _rounding_bound(case, name, particle)
+
+
+def _true_error(case: Case, name: str, particle: int) -> float | None:
+    """Least distance of a stored exponent from the proved one; None where none is proved."""
+    exponents = case.exponents[particle]
+    proved: Any = exponents.largest if name == "lyapunov_largest" else exponents.total
+    stored = float(case.stored[name][particle])
+    if proved is None or not math.isfinite(stored):
+        return None
+    return float((proved - stored).abs_lower())
+
+
+def _orbit(case: Case, name: str) -> Judgements:
+    numbers = case.orbit_numbers
+    for particle, stored in enumerate(case.stored[name].tolist()):
+        value = None if numbers is None else numbers[particle]
+        yield judge(name, particle, float(stored), value, None if numbers is None else 0.0)
+
+
+def _slot(case: Case, name: str) -> Judgements:
+    for particle, value in enumerate(case.slots):
+        stored = float(case.stored[name][particle])
+        yield judge(name, particle, stored, value, None if value is None else 0.0)
+
+
+def _most_unstable(case: Case) -> float:
+    return float(np.fmax.reduce(case.stored["lyapunov_largest"]))
+
+
+def _uncertain_cycles(case: Case) -> float:
+    return int(np.count_nonzero(case.stored["cycle_uncertain"] == 1))
+
+
+def _resolved(case: Case) -> float:
+    gap = float(case.stored["dt_min"]) * case.scene.parameters["frequency"]
+    return UNDETERMINED if math.isnan(gap) else int(gap > RESOLUTION)
+
+
+def _orbits(case: Case) -> float:
+    return len(set(case.stored["orbit"].tolist()) - {-1})
+
+
+def _slots(case: Case) -> float:
+    pairs = zip(case.stored["orbit"].tolist(), case.stored["slot"].tolist(), strict=True)
+    return len({pair for pair in pairs if pair[0] >= 0})
+
+
+def _negation(case: Case) -> float:
+    shared = int(case.stored["base_shared"])
+    return shared if shared == UNDETERMINED else 1 - shared
+
+
+def _total(name: str) -> Callable[[Case], float | None]:
+    """Sum over the particles."""
+
+    def follows(case: Case) -> float | None:
+        return float(np.sum(case.stored[name])) if name in case.stored else None
+
+    return follows
+
+
+def _greatest(name: str) -> Callable[[Case], float | None]:
+    """Largest of the particles that have a number at all."""
+
+    def follows(case: Case) -> float | None:
+        if name not in case.stored:
+            return None
+        return float(np.fmax.reduce(case.stored[name]))
+
+    return follows
+
+
+def _landing_bound(case: Case, name: str) -> Judgements:
+    """Judge a bound of the errors of all landings: by the proved ones, and by the kernel's."""
+    stored = float(case.stored[name])
+    changed = _changed(case, name, None)
+    if not case.trajectories:
+        if name in case.again:
+            yield Judgement(name, None, math.nan, stored, None, changed)
+        return
+    worst = max(float(np.max(getattr(e, BOUNDED[name]), initial=0.0)) for e in case.errors)
+    disproved = f"is {stored!r}, proved error {worst:.3g}" if not worst <= stored else ""
+    yield Judgement(name, None, worst, stored, None, disproved or changed)
+
+
+def _changed(case: Case, name: str, particle: int | None) -> str:
+    """Say how a bound differs from what the same version finds now; empty for another version."""
+    if name not in case.again:
+        return ""
+    stored = case.stored[name] if particle is None else case.stored[name][particle]
+    frequency = case.scene.parameters["frequency"]
+    return change_of_bound(name, float(stored), case.again, frequency, particle)
+
+
+def _rounding_bound(case: Case, name: str, particle: int) -> Judgement:
+    """Judge a bound of an exponent's rounding error.
+
+    The exponent itself is judged by that bound; so of a file of this version only a change of the
+    bound is one here.
+    """
+    stored = float(case.stored[name][particle])
+    error = _true_error(case, name.removesuffix("_error"), particle)
+    if name in case.again:
+        known = math.nan if error is None else error
+        return Judgement(name, particle, known, stored, None, _changed(case, name, particle))
+    if error is None:
+        return Judgement(name, particle, math.nan, None)
+    complaint = f"is {stored!r}, proved error {error:.3g}" if not error <= stored else ""
+    return Judgement(name, particle, error, stored, None, complaint)
+
+
+def _trusted_until(case: Case, name: str) -> Judgements:
+    scene, bound = case.scene, float(case.stored["landing_time_error"])
+    for particle, until in enumerate(case.stored[name].tolist()):
+        times, errors = case.trajectories[particle].landing_time, case.errors[particle]
+        problem, error = untrusted(until, times, errors, scene.duration, case.tolerance, bound)
+        complaint = f"is {until!r}, {problem}" if problem else ""
+        yield Judgement(name, particle, error, case.tolerance, None, complaint)
+
+
+def _followed(value: Callable[[Case], float | None]) -> Judge:
+    follows = _follows(value)
+    return Judge(follows, follows)
+
+
+# Fields of the proved errors that bounds are of
+BOUNDED: Final = {
+    "landing_time_error": "landing_time",
+    "rebound_velocity_error": "rebound_velocity",
+}
+
+_MEASURE = Judge(_measure)
+_BOUND = Judge(_landing_bound, _landing_bound)
+_CYCLE = Judge(_cycle)
+
+JUDGES: Final[dict[str, Judge]] = {
+    "impact_count": Judge(_measure, _follows(_total("particle_impact_count"))),
+    "rest_count": Judge(_measure, _follows(_total("particle_rest_count"))),
+    "at_rest_count": Judge(_measure, _follows(_total("particle_at_rest"))),
+    "rebound_height_mean": _MEASURE,
+    "rebound_height_max": Judge(_measure, _follows(_greatest("particle_rebound_height_max"))),
+    "flight_height_max": _MEASURE,
+    "flight_time_mean": _MEASURE,
+    "dt_min": _MEASURE,
+    "dt_min_resolved": _followed(_resolved),
+    "dt_min_same_index": _MEASURE,
+    "base_shared": _MEASURE,
+    "collision_free": Judge(_measure, _follows(_negation)),
+    "status": Judge(_measure, _follows(_greatest("particle_status"))),
+    "landing_time_error": _BOUND,
+    "rebound_velocity_error": _BOUND,
+    "trusted_until": Judge(_trusted_until),
+    "particle_rest_count": _MEASURE,
+    "particle_rebound_height_mean": _MEASURE,
+    "particle_rebound_height_max": _MEASURE,
+    "particle_flight_time_mean": _MEASURE,
+    "particle_impact_count": _MEASURE,
+    "particle_at_rest": _MEASURE,
+    "particle_status": _MEASURE,
+    "regime": Judge(_regime),
+    "resting_count": _number_of(Regime.RESTING),
+    "locked_count": _number_of(Regime.LOCKED),
+    "unsettled_count": _number_of(Regime.UNSETTLED),
+    "aperiodic_count": _number_of(Regime.APERIODIC),
+    "uncertain_cycle_count": _followed(_uncertain_cycles),
+    "cycle_impacts": _CYCLE,
+    "cycle_periods": _CYCLE,
+    "cycle_rests": _CYCLE,
+    "cycle_uncertain": Judge(_uncertain, _uncertain),
+    "recurrent_from": Judge(_recurrent_from),
+    "lyapunov_largest": Judge(_largest),
+    "lyapunov_largest_error": Judge(_largest_error),
+    "lyapunov_sum": Judge(_sum),
+    "lyapunov_sum_error": Judge(_sum_error),
+    "orbit": Judge(_orbit),
+    "slot": Judge(_slot),
+    "lyapunov_max": _followed(_most_unstable),
+    "orbit_count": _followed(_orbits),
+    "slot_count": _followed(_slots),
+}

@@ -1,0 +1,178 @@
+"""Read realizations of a finished dataset, and refuse what no sweep can have written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import h5netcdf
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.observation import Observation
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED
+from vibrosweep.model.variables import (
+    LYAPUNOV,
+    PER_PARTICLE,
+    RECORD,
+    REGIMES,
+    SWEEP,
+    TRUST,
+    Variable,
+)
+from vibrosweep.proof.sample import Sample
+from vibrosweep.proof.setting import (
+    RECORD_COORDINATES,
+    SWEEP_COORDINATES,
+    Setting,
+    asked,
+)
+from vibrosweep.run.driver import record_observation
+from vibrosweep.store.provenance import provenance
+from vibrosweep.store.reading import reading
+
+__all__ = ["VARIABLES", "read_sample"]
+
+Array = NDArray[np.float64]
+
+VARIABLES: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **TRUST, **LYAPUNOV}
+
+
+def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None, Setting]:
+    """Draw realizations without replacement; all where there are no more than `size`.
+
+    The second sample is the dataset's record of every landing, where it holds one; then comes what
+    its sweep file asks for.
+
+    Raises
+    ------
+    ParameterError
+        The size or the seed is not a number that can be used.
+    DataError
+        There is no such file, or it is not a result that can be read.
+    """
+    for name, value, low in (("sample", size, 1), ("seed", seed, 0)):
+        if value < low:
+            raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {low}")
+    with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+        sample = _drawn(file, size, seed)
+        record = _record(file, sample) if "record" in file.groups else None
+        setting = asked(path, file.attrs, sample.rows)
+    _require_sound(path, sample, VARIABLES)
+    if record is not None:
+        _require_sound(path, record, RECORD)
+    return sample, record, setting
+
+
+def _drawn(file: Any, size: int, seed: int) -> Sample:
+    total = file.dimensions["realization"].size
+    rows = np.arange(total)
+    chosen: Any = slice(None)
+    if size < total:
+        chosen = rows = np.sort(np.random.default_rng(seed).choice(total, size, replace=False))
+    here = provenance(threads=1)
+    names = [n for n in VARIABLES if n in file.variables]
+    return Sample(
+        total=total,
+        rows=rows,
+        parameters={name: _parameter(file.variables[name], chosen, rows) for name in PARAMETERS},
+        observation=_observation(file, file.attrs),
+        own=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
+        stored={name: file.variables[name][chosen] for name in names},
+        coordinates=_coordinates(file, SWEEP_COORDINATES, chosen),
+        others=_others(file, (*VARIABLES, *SWEEP_COORDINATES)),
+    )
+
+
+def _coordinates(file: Any, names: tuple[str, ...], chosen: Any) -> dict[str, NDArray[Any]]:
+    """Coordinates that a file or group holds, sampled ones at the rows that are chosen."""
+    return {
+        name: variable[chosen if "realization" in variable.dimensions else ...]
+        for name, variable in file.variables.items()
+        if name in names
+    }
+
+
+def _others(file: Any, known: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(name for name in file.variables if name not in known)
+
+
+def _parameter(variable: Any, chosen: Any, rows: NDArray[np.int64]) -> Array:
+    """Values of a parameter at the rows, sampled or fixed."""
+    values = variable[chosen] if variable.dimensions else np.full(rows.size, variable[()])
+    return np.asarray(values, dtype=np.float64)
+
+
+def _record(file: Any, sample: Sample) -> Sample:
+    """Return the recorded scene, of which every landing counts."""
+    group, rows = file.groups["record"], np.zeros(1, np.int64)
+    shared = {
+        "particles": group.variables["impact_count"].shape[1],
+        "impact_budget": sample.observation.impact_budget,
+    }
+    observation = _observation(group, {**group.attrs, **shared})
+    return Sample(
+        total=1,
+        rows=rows,
+        parameters={name: _parameter(group.variables[name], ..., rows) for name in PARAMETERS},
+        observation=observation,
+        own=sample.own,
+        stored={name: group.variables[name][...] for name in RECORD},
+        coordinates=_coordinates(group, RECORD_COORDINATES, ...),
+        others=_others(group, (*RECORD, *RECORD_COORDINATES)),
+    )
+
+
+def _observation(file: Any, attributes: Mapping[str, Any]) -> Observation:
+    launch: str | tuple[float, ...] = STAGGERED
+    if attributes["launch"] != STAGGERED:
+        launch = tuple(file.variables["launch_time"][...].tolist())
+    watched = record_observation(
+        particles=int(attributes["particles"]),
+        launch=launch,
+        duration=float(file.variables["duration"][()]),
+        rebound=str(attributes["rebound"]),
+        impact_budget=int(attributes["impact_budget"]),
+    )
+    if "transient" not in file.variables:
+        return watched
+    return replace(
+        watched,
+        transient=float(file.variables["transient"][()]),
+        tolerance=float(attributes.get("tolerance", math.inf)),
+    )
+
+
+def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable]) -> None:
+    """Refuse what no sweep can have written, and no kernel should be given."""
+    observation = sample.observation
+    bad = [n for n, v in sample.parameters.items() if not np.all(PARAMETERS[n].accepts(v))]
+    times = () if isinstance(observation.launch, str) else observation.launch
+    if math.isnan(observation.transient) or not all(
+        math.isfinite(time) for time in (observation.duration, *times)
+    ):
+        bad.append("transient, duration or launch_time")
+    if observation.particles < 1 or (times and len(times) != observation.particles):
+        bad.append("particles")
+    if observation.rebound not in LAWS:
+        bad.append("rebound")
+    shapes = {"realization": sample.rows.size, "particle": observation.particles}
+    for name, variable in registry.items():
+        if name not in sample.stored:
+            bad += [] if variable.key else [name]
+        elif not _fits(sample.stored[name].shape, tuple(shapes.get(d) for d in variable.dims)):
+            bad.append(name)
+    if bad:
+        raise DataError(
+            f"{path}: {', '.join(bad)}: is not what vibrosweep run writes; compute it again"
+        )
+
+
+def _fits(shape: tuple[int, ...], sizes: tuple[int | None, ...]) -> bool:
+    """Whether a shape has the sizes that are known."""
+    known = zip(shape, sizes, strict=False)
+    return len(shape) == len(sizes) and all(size in (None, length) for length, size in known)

@@ -1,0 +1,252 @@
+"""What a proved orbit has become: whether it repeats as stated, its cycle, slot and exponents.
+
+That an orbit recurs is found by the kernel, where a state returns bit for bit; the exact orbit
+approaches its cycle for ever, or falls into it at a rest.  What can be proved is that it repeats as
+stated, up to what makes two states one for the kernel and to the errors that the dataset admits:
+then impacts, periods and rests of the cycle follow exactly.  The state at which a recurrence is
+stated has been passed one cycle before, so it is from there on that states must agree with those a
+cycle later; of what comes after there may be next to nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final, NamedTuple
+
+from vibrosweep.kernels.orbits import SAME_ORBIT
+from vibrosweep.model.status import Regime
+from vibrosweep.proof.reference._flint import arb, ctx
+from vibrosweep.proof.reference.ball import Trajectory
+from vibrosweep.proof.reference.high_bounce import nearest_integer
+from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.tolerances import EPS, Bounds, record_claims
+
+__all__ = ["SAID", "Cycle", "Orbit", "State", "numbered"]
+
+# What a particle that recurs has in each of the variables that say so.
+SAID: Final[dict[str, Callable[[Any], bool]]] = {
+    "regime": lambda code: code in (Regime.RESTING, Regime.LOCKED),
+    "cycle_impacts": lambda number: number > 0,
+    "cycle_periods": lambda number: number > 0,
+    "recurrent_from": math.isfinite,
+    "cycle_uncertain": lambda code: code >= 0,
+    "orbit": lambda number: number >= 0,
+    "slot": lambda number: number >= 0,
+}
+
+
+class State(NamedTuple):
+    """Lift-off and the flight that follows: whole periods, phase in turns, flight in periods."""
+
+    whole: int
+    phase: float
+    flight: float
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A cycle that a proved orbit has entered.
+
+    Attributes
+    ----------
+    since
+        Number of the state at which it is stated.
+    impacts, periods, rests
+        In one cycle.
+    """
+
+    since: int
+    impacts: int
+    periods: int
+    rests: int
+
+
+class Orbit:
+    """States of a particle after its launch (number 0) and after each impact.
+
+    Attributes
+    ----------
+    trajectory
+        Proved landings.
+    times, flights
+        Of the states: lift-off in s, and duration of the flight that follows in periods.
+    time_error
+        Largest error in s of the kernel's time of a state.
+    """
+
+    def __init__(self, scene: Scene, bounds: Bounds, trajectory: Trajectory, particle: int) -> None:
+        p, launch = scene.parameters, scene.launch_times[particle]
+        self.trajectory, self._scene = trajectory, scene
+        self._frequency = arb(p["frequency"])
+        left = [i for i in trajectory.impacts if i.liftoff_time is not None]
+        with ctx.workprec(2 * trajectory.precision_bits):
+            first = 2 * self._frequency * arb(p["launch_velocity"]) / arb(p["gravity"])
+            launched = arb(launch.numerator) / launch.denominator
+        self.times = [launched, *(i.liftoff_time for i in left)]
+        self.flights = [first, *(i.flight for i in left)]
+        self.time_error = record_claims(bounds, scene, scene.duration)["liftoff_time"]
+        time = record_claims(bounds, scene, 0.0)["liftoff_time"] * p["frequency"]
+        flight = bounds.rebound_velocity * 2.0 * p["frequency"] / p["gravity"]
+        # of the difference of two states of the kernel, in periods
+        self._error = 2.0 * max(time, flight) + 8.0 * EPS
+
+    @cached_property
+    def _rests(self) -> list[int]:
+        """Numbers of the states that follow rests."""
+        return [n for n, i in enumerate(self.trajectory.impacts, 1) if i.rested]
+
+    def recurrence(self, time: float, stated: int) -> Cycle | None:
+        """Cycle from a stated time on, by a stated number of impacts if that is one.
+
+        Parameters
+        ----------
+        time
+            s; NaN where none is stated: then the last state is taken.
+        stated
+            Impacts in the cycle; 0 where none are stated.
+
+        Returns
+        -------
+        Cycle or None
+            None where the orbit does not repeat.
+        """
+        if self.trajectory.at_rest:
+            return None
+        with ctx.workprec(2 * self.trajectory.precision_bits):
+            for since in self._at(time):
+                impacts = self._cycle(since, stated)
+                if impacts > 0:
+                    rests = sum(since - impacts < n <= since for n in self._rests)
+                    periods = self._periods(since - impacts, impacts)
+                    return Cycle(since, impacts, periods, rests)
+        return None
+
+    def _at(self, time: float) -> Sequence[int]:
+        """Numbers of the states that may be those of a time, or of the nearest one."""
+        if not math.isfinite(time):
+            return [len(self.times) - 1]
+        gaps = [float(abs(t - time)) for t in self.times]
+        near = [n for n, gap in enumerate(gaps) if gap <= self.time_error]
+        return near or [gaps.index(min(gaps))]
+
+    def _periods(self, state: int, cycle: int) -> int:
+        """Forcing periods from a state to the one that many impacts later, as a whole number."""
+        return nearest_integer((self.times[state + cycle] - self.times[state]) * self._frequency)
+
+    def _cycle(self, since: int, stated: int) -> int:
+        """Impacts in the cycle that a state is on; 0 where the orbit does not repeat.
+
+        The stated number holds if the orbit repeats after so many impacts and, certainly, not after
+        fewer that divide them.  From rest to rest there is but one orbit.
+        """
+        if len(self._rests) > 1 and self._rests[0] <= since:
+            cycle = self._rests[-1] - self._rests[-2]
+            return cycle if self._repeats(since - cycle, cycle, SAME_ORBIT + self._error) else 0
+        if stated > 0 and self._repeats(since - stated, stated, SAME_ORBIT + self._error):
+            shorter = (d for d in range(1, stated) if stated % d == 0)
+            certain = SAME_ORBIT - self._error
+            return next((d for d in shorter if self._repeats(since - stated, d, certain)), stated)
+        others = range(1, since + 1)
+        return next((n for n in others if self._repeats(since - n, n, SAME_ORBIT + self._error)), 0)
+
+    def _repeats(self, first: int, cycle: int, error: float) -> bool:
+        """Whether all states from one on are equal to those a cycle later, up to an error."""
+        last = len(self.times) - cycle
+        if not 0 <= first < last:
+            return False
+        periods = self._periods(first, cycle)
+        if periods < 1:
+            return False
+        for n in range(first, last):
+            turns = (self.times[n + cycle] - self.times[n]) * self._frequency - periods
+            if abs(turns) > error or abs(self.flights[n + cycle] - self.flights[n]) > error:
+                return False
+        return True
+
+    def logarithm(self, number: float) -> arb:
+        """Logarithm as narrow as the orbit."""
+        with ctx.workprec(self.trajectory.precision_bits):
+            return arb(number).log()
+
+    def last_state(self) -> tuple[arb, arb]:
+        """Phase in turns, not reduced, and flight of the last state."""
+        with ctx.workprec(2 * self.trajectory.precision_bits):
+            return self._turns(-1), self.flights[-1]
+
+    def _turns(self, state: int) -> arb:
+        return self.times[state] * self._frequency + arb(self._scene.parameters["phase"]) / (
+            2 * arb.pi()
+        )
+
+    def representative(self, cycle: Cycle) -> State | None:
+        """Member of a cycle with the shortest flight, of equal ones that with the first phase.
+
+        Whole periods are counted with the phase of the forcing reduced to one turn.  None where
+        members are too near to one another to tell which it is.
+        """
+        with ctx.workprec(2 * self.trajectory.precision_bits):
+            whole = nearest_integer(arb(self._scene.parameters["phase"]) / (2 * arb.pi()))
+            members = []
+            for n in range(len(self.times) - cycle.impacts, len(self.times)):
+                turns = self._turns(n)
+                count = nearest_integer(turns)
+                members.append(State(count - whole, float(turns - count), float(self.flights[n])))
+        shortest = min(member.flight for member in members)
+        tied = sorted(
+            (m for m in members if m.flight <= shortest + 3 * SAME_ORBIT), key=lambda m: m[1]
+        )
+        if any(m.flight > shortest + SAME_ORBIT / 3 for m in tied):
+            return None
+        found = tied[0]
+        if len(tied) > 1 and tied[1].phase - found.phase < 3 * SAME_ORBIT:
+            return None
+        if found.phase < SAME_ORBIT / 3 - 0.5:  # phases of -1/2 and 1/2 are one
+            return State(found.whole - 1, found.phase + 1.0, found.flight)
+        return None if found.phase < 3 * SAME_ORBIT - 0.5 else found
+
+
+def numbered(
+    found: Sequence[tuple[Cycle, State | None] | None],
+) -> list[int] | None:
+    """Numbers of the orbits of particles, in the order of the particles on them.
+
+    Parameters
+    ----------
+    found
+        Cycle and representative of each particle; None for one that does not recur.
+
+    Returns
+    -------
+    list of int or None
+        -1 for a particle that does not recur; None where it is too close to tell whether two
+        particles are on one orbit.
+    """
+    numbers: list[int] = []
+    firsts: list[tuple[Cycle, State]] = []
+    for one in found:
+        if one is None:
+            numbers.append(-1)
+            continue
+        cycle, state = one
+        if state is None:
+            return None
+        same = [_same(cycle, state, *first) for first in firsts]
+        if None in same:
+            return None
+        if True not in same:
+            firsts.append((cycle, state))
+            same.append(True)
+        numbers.append(same.index(True))
+    return numbers
+
+
+def _same(cycle: Cycle, state: State, other: Cycle, first: State) -> bool | None:
+    """Whether two particles are on one orbit; None where that is too close to tell."""
+    if (cycle.impacts, cycle.periods, cycle.rests) != (other.impacts, other.periods, other.rests):
+        return False
+    apart = state.phase - first.phase
+    distance = max(abs(state.flight - first.flight), abs(apart - round(apart)))
+    return None if SAME_ORBIT / 3 < distance < 3 * SAME_ORBIT else distance < SAME_ORBIT

@@ -1,0 +1,166 @@
+"""The vibro-impact map with proved error bounds, in ball arithmetic (python-flint's `arb`).
+
+Parameters are taken as the exact doubles that they are.  The precision is doubled until every
+branch is certain and every result is narrower than asked, so what comes back is a theorem about
+those doubles, up to the correctness of FLINT.  The semantics of the branches:
+
+* A landing at t' = t + 2 v / g counts if and only if t' <= duration.
+* With w = e v + A sin(2 pi f t' + phi), or its absolute value under the `reflect` law, the
+  particle rests if and only if w <= v_rest = g tau_c / 2; else it leaves at once with v' = w.
+* A resting particle lifts off, with v' = v_rest, at the first t >= t' at which the kick
+  A sin(2 pi f t + phi) rises through v_rest.  If A <= v_rest it never does: it is at rest for
+  good, and its trajectory ends.  A lift-off is reported with its landing even where it is later
+  than the duration.
+
+A comparison of equal numbers can be certain only if both are exact.  That is the case without
+excitation (A = 0), for A against v_rest, and as long as every landing falls on a zero or a peak of
+the sine.  Any other tie that involves a sine raises `UndecidableError`.
+
+python-flint keeps its working precision in one place for the whole process, and it is set here: use
+processes, not threads, to compute several trajectories at once.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Final
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.parameters import LAWS, PARAMETERS
+from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
+from vibrosweep.proof.reference.high_bounce import BallMap, nearest_integer
+from vibrosweep.proof.reference.orbit import Problem, UncertainError, attempt
+from vibrosweep.proof.reference.results import Impact, Trajectory
+
+__all__ = ["Impact", "Trajectory", "UndecidableError", "sine", "step", "trajectory"]
+
+GUARD_BITS: Final = 64
+
+
+def trajectory(
+    *,
+    restitution: float,
+    amplitude: float,
+    frequency: float,
+    phase: float,
+    gravity: float,
+    launch_velocity: float,
+    contact_time: float,
+    launch_time: float | Fraction,
+    duration: float,
+    rebound: str = "rest",
+    max_impacts: int = 100_000,
+    digits: int = 20,
+    max_bits: int = 1 << 17,
+) -> Trajectory:
+    """Every landing of one particle, with proved error bounds.
+
+    The dimensionless trajectory (e, a, r, x0, u0) over so many periods is the physical one with
+    restitution e, amplitude a, frequency 1, phase 0, gravity 2, launch_velocity u0, contact_time r,
+    launch_time x0 and duration in periods: velocities are then flight times.
+
+    Parameters
+    ----------
+    restitution, amplitude, frequency, phase, gravity, launch_velocity, contact_time
+        As in `vibrosweep.model.parameters.PARAMETERS`: 1, m s-1, Hz, rad, m s-2, m s-1, s.
+    launch_time, duration
+        s; landings at t <= duration count.  A `Fraction` is a launch time that no double is.
+    rebound
+        ``"rest"`` or ``"reflect"``.
+    max_impacts
+        Budget of landings.
+    digits
+        Radii asked for: 10**-digits of a velocity; of a time, or of the contact time where that is
+        larger; and of a turn for a phase.
+    max_bits
+        Largest precision tried.
+
+    Returns
+    -------
+    Trajectory
+        Balls and, as doubles, arrays of shape (impact,).
+
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range; the message names it.
+    UndecidableError
+        A decision stays uncertain at `max_bits`: a tie, or an orbit that loses more digits.
+    """
+    values = {
+        "restitution": restitution,
+        "amplitude": amplitude,
+        "frequency": frequency,
+        "phase": phase,
+        "gravity": gravity,
+        "launch_velocity": launch_velocity,
+        "contact_time": contact_time,
+    }
+    problem = _checked(values, launch_time, duration, rebound, max_impacts, digits)
+    bits = GUARD_BITS * (2 + problem.digits_bits // GUARD_BITS)
+    while True:
+        try:
+            return attempt(problem, bits)
+        except UncertainError as uncertain:
+            if 2 * bits > max_bits:
+                raise UndecidableError(uncertain.decision, uncertain.impact, bits) from None
+        bits *= 2
+
+
+def _checked(
+    values: dict[str, float],
+    launch_time: float | Fraction,
+    duration: float,
+    rebound: str,
+    max_impacts: int,
+    digits: int,
+) -> Problem:
+    """Return the problem, with every number as a double, or raise `ParameterError`."""
+    parameters = {name: float(value) for name, value in values.items()}
+    for name, value in parameters.items():
+        if not PARAMETERS[name].accepts(value):
+            raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
+    for name, time in (("launch_time", launch_time), ("duration", duration)):
+        if not math.isfinite(time):
+            raise ParameterError(f"{name} = {time!r}: must be any finite number (s)")
+    if rebound not in LAWS:
+        raise ParameterError(f"rebound = {rebound!r}: must be one of {', '.join(LAWS)}")
+    for name, number in (("max_impacts", max_impacts), ("digits", digits)):
+        if number < 1:
+            raise ParameterError(f"{name} = {number!r}: must be at least 1")
+    launched = launch_time if isinstance(launch_time, Fraction) else Fraction(float(launch_time))
+    return Problem(parameters, launched, float(duration), rebound, max_impacts, digits)
+
+
+def step(e: float, a: float, x: float, u: float, bits: int = 300) -> tuple[arb, int, arb]:
+    """One impact of the dimensionless map from exact doubles, before the rest law.
+
+    Parameters
+    ----------
+    e, a
+        Restitution, and kick in forcing periods.
+    x, u
+        Phase at lift-off in turns, and flight time in forcing periods, below 2**bits.
+    bits
+        Working precision; the results are proved at any.
+
+    Returns
+    -------
+    phase, count, w
+        x' = x + u as a ball around a midpoint in [-1/2, 1/2], and whole periods apart;
+        w = e u + a sin(2 pi x').
+    """
+    with ctx.workprec(bits):
+        # gravity 2 and frequency 1: velocities are flight times in periods
+        m = BallMap(arb(e), arb(a), 2 * arb(x), arb(4), arb(2), slope=arb(0))
+        landed, w = m.impact(arb(0), arb(u))
+        turns = arb(x) + landed
+        count = nearest_integer(turns)
+        return turns - count, count, w
+
+
+def sine(x: float, bits: int = 300) -> arb:
+    """Ball that contains sin(2 pi x) for an exact double x in turns."""
+    with ctx.workprec(bits):
+        return (2 * arb(x)).sin_pi()

@@ -1,0 +1,247 @@
+"""What a verification found: per variable, per realization, and as a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+import numpy as np
+
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.proof.judgement import Judgement
+from vibrosweep.proof.reading import VARIABLES
+from vibrosweep.proof.record import RECORDED
+
+__all__ = ["Outcome", "Report", "State", "VariableReport"]
+
+ALL: Final = {**VARIABLES, **RECORDED}
+UNITS: Final = {
+    **dict.fromkeys(("launch_time", "duration", "transient"), "s"),
+    **{name: parameter.units for name, parameter in PARAMETERS.items()},
+}
+DATASET: Final = "dataset"
+RECORD: Final = "record"
+UNCLAIMED: Final = "nothing is claimed where rounding may decide, or no proof was found"
+
+COMPLAINTS_SHOWN: Final = 20
+
+
+class State(Enum):
+    """How far a realization could be compared; the value is what the report says of it."""
+
+    COMPARED = "proved"
+    NO_CLAIM = "without a claim: rounding may have changed a decision"
+    NOT_COMPLETED = "not completed by the run, as the status says"
+    TOO_LONG = "left out: too many landings; raise --max-landings"
+    UNDECIDED = "undecided by the reference: an exact tie, or too chaotic"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one realization, or (None) of the record of every landing."""
+
+    realization: int | None
+    state: State
+    landings: int = 0
+    judgements: Sequence[Judgement] = ()
+
+    @property
+    def place(self) -> str:
+        """Where in the dataset it is, in words."""
+        return RECORD if self.realization is None else f"realization {self.realization}"
+
+
+@dataclass
+class VariableReport:
+    """All comparisons of one variable.
+
+    Attributes
+    ----------
+    errors, claims, digits
+        Of each number compared; digits only where they are defined.
+    outside
+        Places with a number outside its claim: realizations, or the record.
+    undecided
+        Places with a number about which nothing is claimed.
+    compared
+        Places with a number that was compared.
+    """
+
+    errors: list[float] = field(default_factory=list)
+    claims: list[float] = field(default_factory=list)
+    digits: list[float] = field(default_factory=list)
+    outside: set[str] = field(default_factory=set)
+    undecided: set[str] = field(default_factory=set)
+    compared: set[str] = field(default_factory=set)
+
+    def add(self, place: str, judgement: Judgement) -> None:
+        """Add one comparison."""
+        if judgement.complaint:
+            self.outside.add(place)
+        if judgement.claim is None:
+            if not judgement.complaint:
+                self.undecided.add(place)
+            return
+        self.compared.add(place)
+        self.errors.append(judgement.error)
+        self.claims.append(judgement.claim)
+        if judgement.digits is not None:
+            self.digits.append(judgement.digits)
+
+    def line(self, name: str, places: int) -> str:
+        """Row of the table, of a variable that could be compared in so many places."""
+        variable = ALL.get(name)
+        exact = variable is not None and (bool(variable.flags) or variable.dtype == "int64")
+        units = UNITS[name.removeprefix("record/")] if variable is None else variable.units
+        label = name if units == "1" else f"{name} ({units})"
+        known = [error for error in self.errors if not math.isnan(error)]
+        cells = [
+            f"{len(self.compared)}/{places}",
+            f"{len(self.errors)}",
+            f"{max(known):.3g}" if known else "-",
+            f"{float(np.median(known)):.3g}" if known else "-",
+            "exact" if exact else f"{max(self.claims):.3g}" if self.claims else "-",
+            f"{min(self.digits):.1f}" if self.digits else "-",
+            f"{float(np.median(self.digits)):.1f}" if self.digits else "-",
+            f"{len(self.outside)}",
+            f"{len(self.undecided)}",
+        ]
+        return _row(label, cells)
+
+
+def _row(label: str, cells: Sequence[str]) -> str:
+    return f"{label:34}" + "".join(f"{cell:>11}" for cell in cells)
+
+
+@dataclass(frozen=True)
+class Report:
+    """Result of `vibrosweep.proof.verify.verify`.
+
+    Attributes
+    ----------
+    path
+        The dataset.
+    total
+        Number of its realizations.
+    seed
+        Seed with which realizations were drawn.
+    outcomes
+        Of each realization drawn, then of the record where there is one.
+    claimed
+        Whether the dataset states its claims; else they were computed anew.
+    coordinates
+        Comparisons of what all realizations share with the sweep file.
+    names
+        Every variable of the dataset.
+    unknown
+        Why a variable cannot be compared at all, by its name.
+    """
+
+    path: str
+    total: int
+    seed: int
+    outcomes: Sequence[Outcome]
+    claimed: bool
+    coordinates: Sequence[Judgement]
+    names: Sequence[str]
+    unknown: Mapping[str, str]
+
+    @property
+    def passed(self) -> bool:
+        """Whether no number lies outside the error claimed for it."""
+        return not any(self.complaints())
+
+    def count(self, state: State) -> int:
+        """Return the number of realizations in a state."""
+        return sum(o.state is state for o in self.outcomes if o.realization is not None)
+
+    def variables(self) -> Mapping[str, VariableReport]:
+        """Comparisons of each variable of the dataset about which anything was found."""
+        reports: dict[str, VariableReport] = {}
+        for place, judgement in self._judgements():
+            reports.setdefault(judgement.variable, VariableReport()).add(place, judgement)
+        return {name: reports[name] for name in self.names if name in reports}
+
+    def not_compared(self) -> Mapping[str, str]:
+        """Variables of the dataset of which no number was compared, and why."""
+        reports = self.variables()
+        return {
+            name: self._reason(name)
+            for name in self.names
+            if name not in reports or not (reports[name].compared or reports[name].outside)
+        }
+
+    def _reason(self, name: str) -> str:
+        if name in self.unknown:
+            return self.unknown[name]
+        of_record = name.startswith(f"{RECORD}/")
+        states = [o.state for o in self.outcomes if (o.realization is None) == of_record]
+        why = dict.fromkeys(state.value for state in states if state is not State.COMPARED)
+        if State.COMPARED in states:
+            why[UNCLAIMED] = None
+        return "; ".join(why)
+
+    def _judgements(self) -> Iterator[tuple[str, Judgement]]:
+        """Give every judgement with the place that it is about."""
+        yield from ((DATASET, judgement) for judgement in self.coordinates)
+        for outcome in self.outcomes:
+            yield from ((outcome.place, judgement) for judgement in outcome.judgements)
+
+    def complaints(self) -> Iterator[str]:
+        """Give a sentence for each number outside its claim."""
+        for place, j in self._judgements():
+            if j.complaint:
+                of = "" if j.particle is None else f", particle {j.particle}"
+                yield f"{place}{of}: {j.variable} {j.complaint}"
+
+    def lines(self) -> Iterator[str]:
+        """Give the report as text."""
+        landings = sum(outcome.landings for outcome in self.outcomes)
+        drawn = sum(self.count(state) for state in State)
+        yield (
+            f"{self.path}: {drawn} of {self.total} realizations, drawn with seed {self.seed}; "
+            f"{self.count(State.COMPARED)} proved, {landings} landings"
+        )
+        if not self.claimed:
+            yield "the dataset holds no bounds of its errors: they were computed anew"
+        for state in State:
+            if state is not State.COMPARED and self.count(state):
+                yield f"{self.count(state)} {state.value}"
+        for outcome in self.outcomes:
+            if outcome.realization is None:
+                yield f"the record of every landing: {outcome.state.value}"
+        yield _row(
+            "",
+            ("compared", "numbers", "largest", "median", "largest", "least", "median", "", "un-"),
+        )
+        heads = ("in", "", "error", "error", "claim", "digits", "digits", "outside", "decided")
+        yield _row("", heads)
+        left_out = self.not_compared()
+        for name, report in self.variables().items():
+            if name not in left_out:
+                once = {DATASET, RECORD} & (report.compared | report.outside)
+                yield report.line(name, 1 if once else drawn)
+        for name, reason in left_out.items():
+            yield f"not compared: {name}: {reason}"
+        yield from self._verdict()
+
+    def _verdict(self) -> Iterator[str]:
+        complaints = list(self.complaints())
+        yield from complaints[:COMPLAINTS_SHOWN]
+        if len(complaints) > COMPLAINTS_SHOWN:
+            yield f"... and {len(complaints) - COMPLAINTS_SHOWN} more"
+        left_out = len(self.not_compared())
+        total = f"{len(self.names) - left_out} of {len(self.names)} variables"
+        if complaints:
+            outside = dict.fromkeys(j.variable for _, j in self._judgements() if j.complaint)
+            yield (
+                f"FAILED: {len(complaints)} numbers are outside the error claimed for them: "
+                f"{', '.join(outside)}"
+            )
+        elif any(outcome.state is State.COMPARED for outcome in self.outcomes):
+            yield f"passed: every number compared is within the error claimed for it; {total}"
+        else:
+            yield f"nothing was proved; {total} agree with the sweep file and with each other"

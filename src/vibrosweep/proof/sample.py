@@ -1,0 +1,101 @@
+"""Some realizations of a finished dataset: what was asked for, and the numbers that came out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.observation import Observation
+
+__all__ = ["Sample", "Scene"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One realization as the reference takes it.
+
+    Attributes
+    ----------
+    parameters
+        Every parameter of `vibrosweep.model.parameters.PARAMETERS`.
+    launch_times
+        Exact, s; a staggered particle j is launched at j / (particles frequency).
+    transient, duration
+        Window of the measures, s.
+    windowed
+        Whether landings before the window are possible; if not, every landing up to the end counts.
+    launch_rounding
+        Error in s with which a launch is compared with the edges of the window.
+    rebound
+        ``"rest"`` or ``"reflect"``.
+    """
+
+    parameters: Mapping[str, float]
+    launch_times: tuple[Fraction, ...]
+    transient: float
+    duration: float
+    windowed: bool
+    launch_rounding: float
+    rebound: str
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Realizations drawn from a dataset; its record of every landing is a sample of one.
+
+    Attributes
+    ----------
+    total
+        Number of realizations in the dataset.
+    rows
+        Indices of those drawn, in increasing order.
+    parameters
+        Every parameter of `vibrosweep.model.parameters.PARAMETERS`, each of shape (row,).
+    observation
+        What was launched, watched and measured.
+    own
+        Whether this version and git revision computed the dataset.
+    stored
+        The dataset's measured variables, each of shape (row, ...).
+    coordinates
+        Its coordinates: numbers, arrays over the particles, or sampled ones of shape (row,).
+    others
+        Names of its variables that this version does not know.
+    """
+
+    total: int
+    rows: NDArray[np.int64]
+    parameters: Mapping[str, Array]
+    observation: Observation
+    own: bool
+    stored: Mapping[str, NDArray[Any]]
+    coordinates: Mapping[str, NDArray[Any]]
+    others: tuple[str, ...]
+
+    def scene(self, row: int) -> Scene:
+        """Return the scene of one of the rows."""
+        observation, rounding = self.observation, 0.0
+        parameters = {name: float(values[row]) for name, values in self.parameters.items()}
+        if isinstance(observation.launch, str):
+            period = 1 / Fraction(parameters["frequency"])
+            steps = range(observation.particles)
+            rounding = 2.0**-51 * (observation.duration + float(period))
+            launch = tuple(j * period / observation.particles for j in steps)
+        else:
+            launch = tuple(Fraction(time) for time in observation.launch)
+        return Scene(
+            parameters=parameters,
+            launch_times=launch,
+            transient=observation.transient,
+            duration=observation.duration,
+            windowed=observation.window is not None,
+            launch_rounding=rounding,
+            rebound=observation.rebound,
+        )

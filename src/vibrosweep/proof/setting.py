@@ -1,0 +1,107 @@
+"""What a dataset says was computed, against the sweep file that it holds."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.landings import launch_times
+from vibrosweep.errors import SpecError, TableError
+from vibrosweep.model.parameters import PARAMETERS, STAGGERED
+from vibrosweep.run.result import IDENTITY
+from vibrosweep.spec.design import Design, chosen, open_design
+from vibrosweep.spec.sweep import SweepSpec, parse_spec
+
+__all__ = ["RECORD_COORDINATES", "SWEEP_COORDINATES", "Setting", "asked"]
+
+SWEEP_COORDINATES: Final = (*PARAMETERS, "launch_time", "duration", "transient")
+RECORD_COORDINATES: Final = (*PARAMETERS, "launch_time", "duration")
+# designs whose draws are another library's, which may change them
+DRAWN_BY_SCIPY: Final = ("latin", "sobol")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the coordinates of a dataset must be.
+
+    Attributes
+    ----------
+    shared
+        Coordinates of all realizations: numbers, or arrays over the particles; those of the record
+        have a name that begins with ``record/``.
+    sampled
+        Sampled parameters of the rows drawn, each of shape (row,).
+    unknown
+        Why other coordinates cannot be told, by their names.
+    """
+
+    shared: Mapping[str, Any]
+    sampled: Mapping[str, NDArray[np.float64]]
+    unknown: Mapping[str, str]
+
+
+def asked(path: Path, attributes: Mapping[str, Any], rows: NDArray[np.int64]) -> Setting:
+    """Return what the sweep file within a dataset asks for.
+
+    Parameters
+    ----------
+    path
+        The dataset; a table with a relative path is looked for beside it.
+    attributes
+        Of the dataset.
+    rows
+        Indices of realizations, growing.
+    """
+    names = [*SWEEP_COORDINATES, *(f"record/{name}" for name in RECORD_COORDINATES)]
+    try:
+        spec = parse_spec(str(attributes["sweep_file"]), path)
+    except (KeyError, SpecError):
+        reason = "the dataset holds no sweep file that this version reads"
+        return Setting({}, {}, dict.fromkeys(names, reason))
+    shared: dict[str, Any] = {**spec.fixed, "duration": spec.duration, "transient": spec.transient}
+    frequency = spec.fixed.get("frequency")
+    if spec.launch != STAGGERED or frequency is not None:
+        shared["launch_time"] = launch_times(spec.launch, spec.particles, frequency or 1.0)
+    if spec.record is not None:
+        own = spec.record
+        times = launch_times(own.launch, own.particles, own.parameters["frequency"])
+        found: dict[str, Any] = {**own.parameters, "launch_time": times, "duration": own.duration}
+        shared |= {f"record/{name}": value for name, value in found.items()}
+    design = _design(spec, attributes)
+    if isinstance(design, str):
+        # a table decides which parameters are sampled
+        varied = [n for n in PARAMETERS if n not in spec.fixed or spec.design == "table"]
+        shared = {n: v for n, v in shared.items() if n not in varied}
+        return Setting(shared, {}, dict.fromkeys(varied, design))
+    if np.any(rows >= design.realizations):
+        reason = f"the sweep file asks for {design.realizations} realizations"
+        return Setting(shared, {}, dict.fromkeys(design.sampled, reason))
+    sampled = chosen(design, rows.tolist()).take(0, rows.size)
+    return Setting({n: v for n, v in shared.items() if n not in sampled}, sampled, {})
+
+
+def _design(spec: SweepSpec, attributes: Mapping[str, Any]) -> Design | str:
+    """Open the design again, or say why that tells nothing."""
+    identity = str(attributes.get(IDENTITY, "{}"))
+    if spec.design in DRAWN_BY_SCIPY:
+        drawn = json.loads(identity).get("scipy", version("scipy"))
+        if drawn != version("scipy"):
+            return f"drawn by scipy {drawn}, this is {version('scipy')}"
+    if spec.table is not None:
+        if not spec.table.is_file():
+            return f"there is no table {spec.table}"
+        contents = spec.table.read_bytes()
+        if hashlib.blake2b(contents, digest_size=8).hexdigest() not in identity:
+            return f"the table {spec.table} is not the one that was used"
+    try:
+        return open_design(spec)
+    except (SpecError, TableError) as error:
+        return f"the design cannot be opened again: {error}"

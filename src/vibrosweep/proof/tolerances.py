@@ -1,0 +1,125 @@
+"""How far off a dataset admits each of its numbers to be.
+
+A dataset bounds the errors of a realization's landing times (dt) and rebound velocities (dv)
+against the exact model.  Every other claim follows from these two and from the roundings of the
+few sums and products that lead from flights to the stored number; EPS is one rounding, 2**-53.
+
+* Counts and codes are exact.
+* A height v^2 / 2 g: (2 v dv + dv^2) / 2 g with the largest rebound speed v of the realization.
+* The mean flight time 2 v / g: 2 dv / g.
+* Means are sums of n positive numbers, first of each particle, then of the particles: relative
+  error (n + particles) EPS with n flights of a particle, and 10 EPS for the change of units.
+* A separation is the difference of two landing times: 2 dt, and the rounding of the difference of
+  two phases, 2 EPS periods; of all pairs the smallest moves by no more.
+* Whether two stays overlap is decided by a difference of a landing and a lift-off.  Where the exact
+  difference is within their errors nothing is claimed.
+* A recorded time is rounded relative to itself and, before the phase of the forcing is taken off,
+  to a period; a lift-off after a rest has the error of asin(v_rest / A) / omega.
+* A landing within its error of the beginning of the window may be counted or not: then nothing is
+  claimed of the measures over the window.  The dataset's own bounds cover the window's end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+from vibrosweep.proof.measured import Measures, Proved
+from vibrosweep.proof.sample import Scene
+
+__all__ = ["EPS", "Bounds", "claims", "record_claims"]
+
+EPS: Final = 2.0**-53
+HEIGHTS: Final = ("rebound_height_mean", "rebound_height_max", "flight_height_max")
+OF_EACH: Final = ("impact_count", "rest_count", "flight_time_mean", *HEIGHTS[:2])
+
+
+class Bounds(NamedTuple):
+    """Bounds of the errors of all landings of a realization.
+
+    Attributes
+    ----------
+    landing_time
+        s.
+    rebound_velocity
+        m s-1.
+    """
+
+    landing_time: float
+    rebound_velocity: float
+
+
+def claims(bounds: Bounds, scene: Scene, measured: Measures) -> Mapping[str, float | None]:
+    """Largest error of each variable that the bounds allow, in its own unit; None: not claimed."""
+    dt, period = bounds.landing_time, 1.0 / scene.parameters["frequency"]
+    exact: dict[str, float | None] = {"at_rest_count": 0.0, "status": 0.0}
+    exact |= {"particle_at_rest": 0.0, "particle_status": 0.0}
+    undecided = _reaches(measured.overlap, _stay_error(dt, scene))
+    exact |= dict.fromkeys(("base_shared", "collision_free"), None if undecided else 0.0)
+    windowed = _flights(bounds, scene, measured) | _separations(dt, measured, period)
+    if _reaches(measured.edge, dt + 4.0 * EPS * period):
+        windowed = dict.fromkeys(windowed)
+    # only a late window over staggered launches compares anything that is rounded
+    if scene.windowed and abs(measured.launch_depth) < scene.launch_rounding:
+        windowed["flight_height_max"] = None
+    return exact | windowed
+
+
+def _flights(bounds: Bounds, scene: Scene, measured: Measures) -> dict[str, float | None]:
+    dv, gravity = bounds.rebound_velocity, scene.parameters["gravity"]
+    rounding = (measured.longest + len(scene.launch_times) + 10) * EPS
+    v = 0.0 if measured.fastest is None else float(measured.fastest)
+    height = (2.0 * v * dv + dv * dv) / (2.0 * gravity)
+    largest = max(v, scene.parameters["launch_velocity"])
+    claimed: dict[str, float | None] = {"impact_count": 0.0, "rest_count": 0.0}
+    claimed |= dict.fromkeys(HEIGHTS, height + rounding * largest * largest / (2.0 * gravity))
+    claimed["flight_time_mean"] = (2.0 * dv + rounding * 2.0 * v) / gravity
+    return claimed | {f"particle_{name}": claimed[name] for name in OF_EACH}
+
+
+def _separations(dt: float, measured: Measures, period: float) -> dict[str, float | None]:
+    claimed: dict[str, float | None] = {}
+    for name in ("dt_min", "dt_min_same_index"):
+        gap: Any = measured.values[name]
+        size = 0.0 if gap is None else float(gap)
+        claimed[name] = 2.0 * dt + EPS * (2.0 * period + 2.0 * size)
+    return claimed
+
+
+def _stay_error(dt: float, scene: Scene) -> float:
+    """Error of the time between a landing and the end of another particle's stay, s.
+
+    Two landings, a lift-off and a sum of phases take part.
+    """
+    return 3.0 * dt + _lift_off_error(scene) + 8.0 * EPS / scene.parameters["frequency"]
+
+
+def record_claims(bounds: Bounds, scene: Scene, number: float) -> Mapping[str, float]:
+    """Largest error of a recorded number of that size, by the variable that it belongs to."""
+    size = abs(number) if math.isfinite(number) else 0.0
+    landing = bounds.landing_time + 4.0 * EPS * (size + 2.0 / scene.parameters["frequency"])
+    return {
+        "landing_time": landing,
+        "liftoff_time": landing + _lift_off_error(scene),
+        "rebound_velocity": bounds.rebound_velocity + 4.0 * EPS * size,
+        "rested": 0.0,
+    }
+
+
+def _lift_off_error(scene: Scene) -> float:
+    """Error of a lift-off after a rest, s; it grows where the kick barely reaches v_rest."""
+    p = scene.parameters
+    period, rest = 1.0 / p["frequency"], 0.5 * p["gravity"] * p["contact_time"]
+    if p["amplitude"] <= rest:
+        return 0.0
+    ratio = rest / p["amplitude"]
+    slope = math.sqrt((1.0 - ratio) * (1.0 + ratio))
+    if slope * slope <= 32.0 * EPS:
+        return math.inf
+    return (8.0 * ratio / (2.0 * math.pi * slope) + 1.0) * EPS * period
+
+
+def _reaches(distance: Proved, error: float) -> bool:
+    """Whether zero lies within the error of an exact distance (None: there is nothing near)."""
+    return distance is not None and not bool(abs(distance) > error)

@@ -1,0 +1,221 @@
+"""Verify a finished dataset: draw realizations, prove them, judge every number."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.status import Status
+from vibrosweep.proof.bounds import (
+    BOUNDS,
+    Errors,
+    landing_errors,
+    measure_bounds,
+    measure_orbits,
+)
+from vibrosweep.proof.case import Case
+from vibrosweep.proof.judgement import Judgement, judge
+from vibrosweep.proof.judges import judge_row
+from vibrosweep.proof.reading import read_sample
+from vibrosweep.proof.record import judge_record
+from vibrosweep.proof.reference.ball import Trajectory, UndecidableError, trajectory
+from vibrosweep.proof.report import Outcome, Report, State
+from vibrosweep.proof.sample import Sample
+from vibrosweep.proof.setting import Setting
+from vibrosweep.proof.tolerances import EPS, Bounds
+from vibrosweep.run.progress import Advance, silent
+from vibrosweep.store.kinds import read_kind
+
+__all__ = ["MAX_LANDINGS", "verify"]
+
+# About ten seconds for a realization, and half a gigabyte.
+MAX_LANDINGS: Final = 250_000
+# Where a dataset claims anything, an orbit has lost fewer digits than a double has.
+MAX_BITS: Final = 1 << 12
+UNKNOWN: Final = "this version knows no such variable"
+
+
+def verify(
+    path: str | os.PathLike[str],
+    *,
+    sample: int = 20,
+    seed: int = 0,
+    max_landings: int = MAX_LANDINGS,
+    advance: Advance = silent,
+) -> Report:
+    """Recompute realizations of a dataset with proved errors and compare every number.
+
+    Parameters
+    ----------
+    path
+        Result of a sweep.
+    sample
+        Number of realizations, drawn without replacement; all where there are no more.
+    seed
+        Seed of the draw.
+    max_landings
+        Realizations with more landings, from the launch on, are left out: the reference takes
+        about 0.05 ms for each.
+    advance
+        Called after each realization with the number of those done and that of all.
+
+    Raises
+    ------
+    ParameterError
+        A number is out of its range.
+    DataError
+        There is no such file, it is not a result that can be read, or of a kind that no
+        reference judges.
+    MissingFlintError
+        python-flint is not installed.
+    """
+    if max_landings < 1:
+        raise ParameterError(f"max_landings = {max_landings!r}: must be at least 1")
+    kind = read_kind(Path(path))
+    if kind.unverified:
+        raise DataError(
+            f"{path}: is a result of {kind.command}, which cannot be verified: {kind.unverified}"
+        )
+    drawn, record, setting = read_sample(Path(path), sample, seed)
+    claimed = {*BOUNDS, "trusted_until"} <= drawn.stored.keys()
+    outcomes = []
+    with Workers(1) as workers:
+        again = measure_bounds(drawn, workers)
+        if drawn.own and "regime" in drawn.stored:
+            again |= measure_orbits(drawn, workers)
+        for row in range(drawn.rows.size):
+            outcomes.append(_checked(drawn, setting, again, row, claimed, max_landings, workers))
+            advance(row + 1, drawn.rows.size)
+        if record is not None:
+            outcomes.append(_checked_record(record, setting, max_landings, workers))
+    return Report(
+        path=str(path),
+        total=drawn.total,
+        seed=seed,
+        outcomes=outcomes,
+        claimed=claimed,
+        coordinates=list(_coordinates(drawn, setting, "")),
+        names=_names(drawn, record),
+        unknown={**setting.unknown, **dict.fromkeys(_others(drawn, record), UNKNOWN)},
+    )
+
+
+def _names(sample: Sample, record: Sample | None) -> list[str]:
+    """Every variable of the dataset, those of the record with a name that says so."""
+    names = [*sample.coordinates, *sample.stored]
+    if record is not None:
+        names += [f"record/{name}" for name in (*record.coordinates, *record.stored)]
+    return [*names, *_others(sample, record)]
+
+
+def _others(sample: Sample, record: Sample | None) -> list[str]:
+    own = [] if record is None else [f"record/{name}" for name in record.others]
+    return [*sample.others, *own]
+
+
+def _checked(
+    sample: Sample,
+    setting: Setting,
+    again: Mapping[str, NDArray[Any]],
+    row: int,
+    claimed: bool,
+    max_landings: int,
+    workers: Workers,
+) -> Outcome:
+    """Judge one realization as far as it can be."""
+    realization = int(sample.rows[row])
+    judged = [
+        judge(name, None, float(sample.parameters[name][row]), float(values[row]), 0.0)
+        for name, values in setting.sampled.items()
+    ]
+    bounds = _bounds(sample.stored if claimed else again, row)
+    proved = _proved(sample, row, bounds, int(again["impact_count"][row]), max_landings)
+    state = proved if isinstance(proved, State) else State.COMPARED
+    trajectories = [] if isinstance(proved, State) else proved
+    errors: Sequence[Errors] = ()
+    if claimed and trajectories:
+        errors = landing_errors(sample, row, trajectories, workers)
+    case = Case(
+        stored={name: values[row] for name, values in sample.stored.items()},
+        again={name: values[row] for name, values in again.items()} if sample.own else {},
+        scene=sample.scene(row),
+        bounds=bounds,
+        trajectories=trajectories,
+        errors=errors,
+        tolerance=sample.observation.tolerance,
+    )
+    for name in sample.stored:
+        judged += judge_row(case, name)
+    return Outcome(realization, state, _landings(trajectories), judged)
+
+
+def _checked_record(
+    record: Sample, setting: Setting, max_landings: int, workers: Workers
+) -> Outcome:
+    """Judge the record of every landing, whose bounds a dataset does not hold."""
+    again = measure_bounds(record, workers)
+    bounds = _bounds(again, 0)
+    judged = list(_coordinates(record, setting, "record/"))
+    proved = _proved(record, 0, bounds, int(again["impact_count"][0]), max_landings)
+    if isinstance(proved, State):
+        return Outcome(None, proved, judgements=judged)
+    judged += judge_record(record, bounds, proved)
+    return Outcome(None, State.COMPARED, _landings(proved), judged)
+
+
+def _coordinates(sample: Sample, setting: Setting, prefix: str) -> Iterator[Judgement]:
+    """Judge the coordinates that all realizations share, or those of the record."""
+    for name, values in sample.coordinates.items():
+        if not prefix and values.shape != setting.sampled.get(name, values).shape:
+            yield Judgement(name, None, math.nan, 0.0, None, "has not a value of each realization")
+        if prefix + name not in setting.shared:
+            continue
+        value = np.asarray(setting.shared[prefix + name])
+        if value.shape != values.shape:
+            complaint = f"has the shape {values.shape}, not {value.shape}"
+            yield Judgement(prefix + name, None, math.nan, 0.0, None, complaint)
+        elif value.ndim == 0:
+            yield judge(prefix + name, None, float(values), float(value), 0.0)
+        else:  # a staggered launch is a quotient, which versions may round otherwise
+            for particle, time in enumerate(value.tolist()):
+                claim = 4.0 * EPS * abs(time)
+                yield judge(prefix + name, particle, float(values[particle]), time, claim)
+
+
+def _bounds(values: Mapping[str, NDArray[Any]], row: int) -> Bounds:
+    return Bounds(*(float(values[name][row]) for name in BOUNDS))
+
+
+def _landings(trajectories: Sequence[Trajectory]) -> int:
+    return sum(len(trajectory.impacts) for trajectory in trajectories)
+
+
+def _proved(
+    sample: Sample, row: int, bounds: Bounds, landings: int, max_landings: int
+) -> list[Trajectory] | State:
+    """Return the proved trajectories of a realization, or why there are none."""
+    if not all(map(math.isfinite, bounds)):
+        completed = np.all(sample.stored["status"][row] == Status.COMPLETED)
+        return State.NO_CLAIM if completed else State.NOT_COMPLETED
+    if landings > max_landings:
+        return State.TOO_LONG
+    scene = sample.scene(row)
+    shared: dict[str, Any] = {
+        **scene.parameters,
+        "duration": scene.duration,
+        "rebound": scene.rebound,
+        "max_impacts": max_landings,
+        "max_bits": MAX_BITS,
+    }
+    try:
+        return [trajectory(launch_time=time, **shared) for time in scene.launch_times]
+    except UndecidableError:
+        return State.UNDECIDED

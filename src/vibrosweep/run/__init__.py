@@ -1,0 +1,1 @@
+"""A sweep from its description to its file: plan, chunks, resume, cluster, progress."""

@@ -1,0 +1,215 @@
+"""Chunks of a sweep: each is computed by itself, and may be computed again to the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.asked import measured_variables, observation_of, parameters_of
+from vibrosweep.engine.measuring import measure_all
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import RunError, VibrosweepError
+from vibrosweep.run.identity import differences, identity
+from vibrosweep.spec.design import Design, chosen, open_design
+from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.store.parts import Manifest, Parts, kinds
+
+__all__ = [
+    "Columns",
+    "Job",
+    "Runner",
+    "Tick",
+    "batch_size",
+    "column_kinds",
+    "compute_chunk",
+    "compute_rows",
+    "in_process",
+]
+
+Array = NDArray[np.float64]
+Columns = dict[str, NDArray[Any]]
+Tick = Callable[[int], object]
+
+# Statistics of so many trajectories take 22 MB; what is done once for a batch takes no time then.
+TRAJECTORIES_PER_BATCH: Final = 1 << 19
+
+
+@dataclass(frozen=True)
+class Job:
+    """All that a process, on whatever machine, needs to compute a chunk; it can be pickled.
+
+    Attributes
+    ----------
+    spec
+        The sweep.
+    manifest
+        How it is cut.
+    parts
+        Where its parts go.
+    rows
+        The realizations of the sweep that are computed, where not all are.
+    """
+
+    spec: SweepSpec
+    manifest: Manifest
+    parts: Parts
+    rows: tuple[int, ...] = ()
+
+    def open(self) -> Design:
+        """Open the design of what is computed."""
+        design = open_design(self.spec)
+        return chosen(design, self.rows) if self.rows else design
+
+
+class Runner(Protocol):
+    """Computes chunks somewhere, in any order."""
+
+    def __call__(self, job: Job, chunks: Sequence[int], tick: Tick, /) -> Mapping[int, str]:
+        """Compute chunks and write their parts.
+
+        Parameters
+        ----------
+        job
+            The sweep.
+        chunks
+            Numbers of the chunks to compute.
+        tick
+            Called with the number of realizations that were computed since its last call.
+
+        Returns
+        -------
+        dict
+            Number of each chunk that failed -> the reason.
+
+        Raises
+        ------
+        VibrosweepError
+            What concerns all chunks, such as a full disk.
+        """
+
+
+def in_process(threads: int) -> Runner:
+    """Return a runner that computes chunks here, one after the other."""
+
+    def run(job: Job, chunks: Sequence[int], tick: Tick) -> dict[int, str]:
+        failed = {}
+        for index in chunks:
+            try:
+                compute_chunk(job, index, threads, tick)
+            except VibrosweepError:
+                raise
+            except Exception as error:  # a bad chunk must not end the others
+                failed[index] = f"{type(error).__name__}: {error}"
+        return failed
+
+    return run
+
+
+def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) -> int:
+    """Compute a chunk and write its part; return the number of its realizations.
+
+    Safe to repeat, and to do twice at a time: the same bits go to the same name.
+
+    Parameters
+    ----------
+    job
+        The sweep.
+    index
+        Number of the chunk.
+    threads
+        Number of threads; the part does not depend on it.
+    tick
+        As for a `Runner`.
+
+    Raises
+    ------
+    VibrosweepError
+        The part cannot be written, or this is not the sweep or the version that the run began with.
+    Exception
+        The computation failed twice.
+    """
+    design = _design(job)
+    start, stop = job.manifest.bounds(index)
+    columns: Columns = {}
+    done = 0
+    with Workers(threads) as workers:
+        for piece in compute_rows(job.spec, design, start, stop, workers):
+            size = piece["status"].size
+            columns = columns or {n: _room(stop - start, values) for n, values in piece.items()}
+            for name, room in columns.items():
+                room[done : done + size] = piece[name]
+            done += size
+            if tick is not None:
+                tick(size)
+    job.parts.write(index, columns)
+    return stop - start
+
+
+def _room(rows: int, values: NDArray[Any]) -> NDArray[Any]:
+    return np.empty((rows, *values.shape[1:]), values.dtype)
+
+
+_opened: tuple[Job, Design] | None = None
+
+
+def _design(job: Job) -> Design:
+    """Open the design of a job; it is kept for the next chunk of the same job."""
+    global _opened  # to open a table or a Latin hypercube may take a second
+    opened = _opened
+    if opened is None or opened[0] != job:
+        same = {key: job.manifest.identity.get(key, "") for key in identity(job.spec)}
+        changes = differences(same, identity(job.spec))
+        if changes:
+            raise RunError(
+                f"{job.parts.directory}: this process would compute another sweep than the run "
+                f"began with: {'; '.join(changes)}; use the same versions and tables everywhere"
+            )
+        _opened = opened = (job, job.open())
+    return opened[1]
+
+
+def column_kinds(spec: SweepSpec, design: Design) -> dict[str, str]:
+    """Kind of each column of a sweep, as `vibrosweep.store.parts.kinds` gives it."""
+    sizes = {"realization": 0, "particle": spec.particles}
+    columns = {name: np.empty(0) for name in design.sampled}
+    for variable in measured_variables(spec):
+        columns[variable.name] = np.empty([sizes[d] for d in variable.dims], variable.dtype)
+    return kinds(columns)
+
+
+def compute_rows(
+    spec: SweepSpec, design: Design, start: int, stop: int, workers: Workers
+) -> Iterator[Columns]:
+    """Compute the realizations start, ..., stop - 1 of a sweep, batch by batch.
+
+    Yields
+    ------
+    dict
+        Sampled parameters and measured variables, each of shape (realization, ...): exactly those
+        of `column_kinds`.
+    """
+    for first in range(start, stop, batch_size(spec)):
+        # not held here while the next ones are computed
+        yield _batch(spec, design, first, min(first + batch_size(spec), stop), workers)
+
+
+def _batch(spec: SweepSpec, design: Design, start: int, stop: int, workers: Workers) -> Columns:
+    sampled, size = design.take(start, stop), stop - start
+    parameters = parameters_of(spec, sampled, size)
+    observation = observation_of(spec)
+    try:
+        measured = measure_all(parameters, observation, workers)
+    except VibrosweepError:
+        raise
+    except Exception:  # once more: what failed may have been the moment
+        measured = measure_all(parameters, observation, workers)
+    return {**sampled, **measured}
+
+
+def batch_size(spec: SweepSpec) -> int:
+    """Realizations that are computed at a time."""
+    return max(1, TRAJECTORIES_PER_BATCH // spec.particles)

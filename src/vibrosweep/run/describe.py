@@ -1,0 +1,152 @@
+"""What a result file holds, in a few lines, without loading it into memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import h5netcdf
+import numpy as np
+
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.status import Status
+from vibrosweep.model.variables import OF_REALIZATIONS
+from vibrosweep.run.summary import SETTLING, Summary, unsettled
+from vibrosweep.store.kinds import SWEEP, Kind, kind_of, load_dataset
+from vibrosweep.store.parts import Parts, read_manifest
+from vibrosweep.store.reading import no_result, reading
+from vibrosweep.store.rundir import run_directory
+from vibrosweep.store.seal import State, state_of
+
+__all__ = ["describe"]
+
+ROWS_AT_A_TIME: Final = 1 << 18
+# Realizations that did not complete are listed, up to so many.
+LISTED: Final = 20
+PROVENANCE: Final = ("source", "created", "git_revision", "libraries", "python", "cpu", "threads")
+
+
+def describe(path: Path) -> Iterator[str]:
+    """Describe a result file, or the unfinished run of one that is not there yet.
+
+    Yields
+    ------
+    str
+        Lines of text.
+
+    Raises
+    ------
+    DataError
+        There is no such file, or it is not a result that can be read.
+    RunError
+        The manifest of an unfinished run is damaged.
+    """
+    # not Path.exists, which raises where a name is too long
+    if not os.path.exists(path) and os.path.exists(run_directory(path)):  # noqa: PTH110
+        yield from _unfinished(path)
+        return
+    with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+        kind, lines = kind_of(path, file.attrs), []
+        if kind is SWEEP:
+            lines = [*_head(file), *summary_of(file).lines(), *_unsettled(file)]
+    yield from lines if kind is SWEEP else _other(path, kind)
+    if state_of(path) is State.MISSING:
+        yield "no seal: another program wrote this file, so that damage to it would go unnoticed"
+
+
+def _other(path: Path, kind: Kind) -> Iterator[str]:
+    """Describe a result that is no sweep."""
+    dataset = load_dataset(path)
+    yield str(dataset.attrs.get("title", path.name))
+    yield f"result of {kind.command}"
+    yield f"dimensions: {', '.join(f'{name} {size}' for name, size in dataset.sizes.items())}"
+    yield from kind.lines(dataset)
+    yield from _provenance(dataset.attrs)
+
+
+def _unfinished(path: Path) -> Iterator[str]:
+    """Describe the run that has not finished a result yet."""
+    directory = run_directory(path)
+    manifest = read_manifest(directory)
+    if manifest is None:
+        raise no_result(path)
+    finished = len(Parts(directory, manifest).finished())
+    yield f"{path}: is not finished: {finished} of {manifest.chunks} chunks are in {directory}"
+    for key, value in manifest.identity.items():
+        yield f"{key:32}{value}"
+
+
+def _head(file: Any) -> Iterator[str]:
+    yield str(file.attrs["title"])
+    sizes = ", ".join(f"{name} {d.size}" for name, d in file.dimensions.items())
+    yield f"dimensions: {sizes}"
+    defaults = str(file.attrs.get("defaults", "")).split()
+    for name in PARAMETERS:
+        variable = file.variables[name]
+        units = variable.attrs["units"]
+        if variable.dimensions:
+            low, high = _range(variable)
+            spread = f"{low:g} ... {high:g}"
+        else:
+            spread = f"{variable[()]:g}"
+        remark = " (default)" if name in defaults else ""
+        yield f"{name:32}{spread}{'' if units == '1' else f' {units}'}{remark}"
+    yield f"{'rebound':32}{file.attrs['rebound']}"
+    for name in ("transient", "duration"):
+        yield f"{name:32}{file.variables[name][()]:g} s"
+    if "record" in file.groups:
+        landings = file.groups["record"].variables["impact_count"][...].sum()
+        yield f"{'record of every landing':32}{landings} landings, in the group 'record'"
+    if file.attrs.get("notes"):
+        yield f"{'notes':32}{file.attrs['notes']}"
+    yield from _provenance(file.attrs)
+
+
+def _provenance(attributes: Mapping[str, Any]) -> Iterator[str]:
+    for name in PROVENANCE:
+        if name in attributes:
+            yield f"{name:32}{attributes[name]}"
+
+
+def _range(variable: Any) -> tuple[float, float]:
+    ends = [(v.min(), v.max()) for v in (variable[rows] for rows in _rows(variable.shape[0]))]
+    return min(low for low, _ in ends), max(high for _, high in ends)
+
+
+def summary_of(file: Any) -> Summary:
+    """Summarise an open result."""
+    summary = Summary()
+    names = [name for name in OF_REALIZATIONS if name in file.variables]
+    for rows in _rows(file.dimensions["realization"].size):
+        summary.add({name: file.variables[name][rows] for name in names})
+    return summary
+
+
+def _unsettled(file: Any) -> Iterator[str]:
+    """List the realizations that did not complete."""
+    names = [name for name in SETTLING if name in file.variables]
+    sampled = [name for name in PARAMETERS if file.variables[name].dimensions]
+    lines: list[str] = []
+    total = 0
+    for rows in _rows(file.dimensions["realization"].size):
+        codes = {name: file.variables[name][rows] for name in names}
+        places = np.flatnonzero(unsettled(codes))
+        total += places.size
+        for place in places[: LISTED - len(lines)].tolist():
+            status = Status(int(codes["status"][place]))
+            # completed by counting the landings of a cycle, which other measures had to follow
+            meaning = status.meaning if status else "separations or error bounds undetermined"
+            values = (f"{name} {file.variables[name][rows.start + place]:g}" for name in sampled)
+            lines.append(f"  {rows.start + place:<10}{', '.join((meaning, *values))}")
+    if total:
+        yield f"realizations that did not complete: {total}; vibrosweep run --retry-failed"
+        yield from lines
+    if total > len(lines):
+        yield f"  ... and {total - len(lines)} more"
+
+
+def _rows(realizations: int) -> Iterator[slice]:
+    for start in range(0, realizations, ROWS_AT_A_TIME):
+        yield slice(start, min(start + ROWS_AT_A_TIME, realizations))

@@ -1,0 +1,186 @@
+"""A sweep from its spec to its file: what is finished is kept, memory does not grow."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from vibrosweep.engine.asked import (
+    observation_of,
+    parameters_of,
+    record_observation,
+)
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import RunError, VibrosweepError
+from vibrosweep.run.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
+from vibrosweep.run.estimate import estimate, has_room, record_bytes, require_disk
+from vibrosweep.run.identity import identity
+from vibrosweep.run.kept import KeptRun, continued
+from vibrosweep.run.notes import notes
+from vibrosweep.run.plan import Plan, bytes_per_realization, make_plan
+from vibrosweep.run.progress import Advance, silent
+from vibrosweep.run.result import Rows, declare, write_record
+from vibrosweep.run.summary import Summary
+from vibrosweep.spec.design import Design, open_design
+from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.store.dataset import creating
+from vibrosweep.store.disk import check_output, reporting
+from vibrosweep.store.parts import Manifest, Parts, write_manifest
+from vibrosweep.store.rundir import abandon, empty, holding
+
+__all__ = [
+    "available_threads",
+    "observation_of",
+    "parameters_of",
+    "record_observation",
+    "run_sweep",
+]
+
+
+def available_threads() -> int:
+    """Number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_sweep(
+    spec: SweepSpec,
+    output: Path,
+    *,
+    threads: int,
+    chunk: int | None = None,
+    force: bool = False,
+    advance: Advance = silent,
+    runner: Runner | None = None,
+    at_least: int = 1,
+) -> Summary:
+    """Compute a sweep and write it to `output`, which appears when it is complete.
+
+    A sweep of more than one chunk keeps each finished chunk in a directory beside the output; if
+    it was ended early, the same call computes what is missing.
+
+    Parameters
+    ----------
+    spec
+        What to compute.
+    output
+        Path of the file.
+    threads
+        Number of threads; the result does not depend on it.
+    chunk
+        Realizations in a chunk, by default some seconds of work; the result does not depend on it.
+        A run that continues keeps the chunks that it began with.
+    force
+        Whether an existing output is replaced, and an unfinished run thrown away.
+    advance
+        Called with the number of realizations done and that of all.
+    runner
+        What computes the chunks; by default this process.
+    at_least
+        Number of chunks that are wanted, for a runner that computes several at a time.
+
+    Raises
+    ------
+    RunError
+        Another run makes this output, an unfinished run of another sweep stands in the way, or
+        chunks failed.
+    OutputError, TableError, ParameterError
+        The file cannot be written, a table cannot be used, or the sweep does not fit into memory.
+    """
+    with holding(output) as directory:
+        if force:
+            with reporting(output):
+                empty(directory)
+        manifest = continued(output, directory, lambda: identity(spec))
+        check_output(output, force=force or (manifest is not None and manifest.replaces))
+        if manifest is None:
+            with Workers(threads) as workers:
+                plan = _planned(spec, output, workers, chunk, at_least)
+                if plan.chunks == 1 and runner is None:
+                    return _run_at_once(
+                        spec, plan.design, output, directory, workers, advance, force=force
+                    )
+            design = plan.design
+            columns = column_kinds(spec, design)
+            manifest = Manifest(
+                identity(spec), design.realizations, plan.chunk, columns, replaces=force
+            )
+            write_manifest(directory, manifest)
+        else:
+            design = open_design(spec)
+        run = KeptRun(output, design, Job(spec, manifest, Parts(directory, manifest)), threads)
+        with run.kept():
+            run.compute(runner or in_process(threads), advance)
+            summary = _consolidated(run)
+        abandon(directory)
+    return summary
+
+
+def _consolidated(run: KeptRun) -> Summary:
+    """Write all parts into one file, in their order."""
+    spec, force = run.job.spec, run.job.manifest.replaces
+    summary = Summary(notes=notes(spec, run.design))
+    with (
+        Workers(run.threads) as workers,
+        creating(run.output, run.directory, force=force) as file,
+    ):
+        declare(file, spec, run.design, run.threads)
+        rows = Rows(file, run.job.manifest.columns, batch_size(spec))
+        for columns in run.columns(summary):
+            rows.add(columns)
+            summary.add(columns)
+        rows.flush()
+        if spec.record is not None:
+            write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+    return summary
+
+
+def _planned(
+    spec: SweepSpec,
+    output: Path,
+    workers: Workers,
+    chunk: int | None,
+    at_least: int,
+) -> Plan:
+    """Cut the sweep, and refuse it before it starts if its files or its record cannot fit."""
+    plan = make_plan(spec, workers, chunk, at_least=at_least)
+    record, _ = record_bytes(spec, workers)
+    # without compression, and with every part beside the result
+    most = record + 2 * bytes_per_realization(spec, plan.design) * plan.design.realizations
+    if not has_room(output, most):
+        needs = estimate(spec, plan, workers)
+        require_disk(output, needs.result + needs.parts)
+    return plan
+
+
+def _run_at_once(
+    spec: SweepSpec,
+    design: Design,
+    output: Path,
+    directory: Path,
+    workers: Workers,
+    advance: Advance,
+    *,
+    force: bool,
+) -> Summary:
+    """Compute a sweep of one chunk straight into its file: there would be nothing to continue."""
+    summary = Summary(notes=notes(spec, design))
+    with creating(output, directory, force=force) as file:
+        declare(file, spec, design, workers.threads)
+        rows = Rows(file, column_kinds(spec, design), batch_size(spec))
+        try:
+            for columns in compute_rows(spec, design, 0, design.realizations, workers):
+                rows.add(columns)
+                summary.add(columns)
+                advance(summary.realizations, design.realizations)
+        except (VibrosweepError, MemoryError):
+            raise
+        except Exception as error:
+            raise RunError(
+                f"{output}: the computation failed twice after {summary.realizations} of "
+                f"{design.realizations} realizations ({type(error).__name__}: {error}); nothing "
+                f"was written"
+            ) from error
+        rows.flush()
+        if spec.record is not None:
+            write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+    return summary

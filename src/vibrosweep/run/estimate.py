@@ -1,0 +1,190 @@
+"""What a planned sweep will take: time, memory and disk, from a sample of it that was computed."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from vibrosweep.engine import landings
+from vibrosweep.engine.landings import BYTES_PER_LANDING, physical_memory
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import OutputError, ParameterError, RunError
+from vibrosweep.run.chunks import batch_size
+from vibrosweep.run.pilot import memory_per_realization
+from vibrosweep.run.plan import Plan, bytes_per_realization
+from vibrosweep.run.result import Rows, declare, recorded, write_record
+from vibrosweep.spec.sweep import RecordSpec, SweepSpec
+from vibrosweep.store.dataset import creating
+from vibrosweep.store.disk import target_of
+from vibrosweep.store.parts import kinds
+
+__all__ = ["Needs", "estimate", "has_room", "record_bytes", "require_disk", "require_memory"]
+
+SAMPLE_ROWS: Final = 1 << 15
+SAMPLE_BYTES: Final = 1 << 25
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a run needs.
+
+    Attributes
+    ----------
+    seconds
+        From reading the design to the end of writing, without compiling kernels.
+    impacts
+        Of all particles.
+    memory
+        Bytes, at most at a time, of the whole process.
+    result, parts
+        Bytes of the result file, and of the parts beside it while it is written.
+    """
+
+    seconds: float
+    impacts: float
+    memory: float
+    result: float
+    parts: float
+
+
+def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
+    """Estimate what a planned sweep needs.
+
+    Raises
+    ------
+    ParameterError
+        The record of landings does not fit into memory.
+    RunError
+        The sample could not be computed.
+    """
+    if not plan.cost.known:
+        raise RunError(
+            "the first realizations cannot be computed, so that nothing is known of the others; "
+            "vibrosweep run computes those that can be, and reports the others"
+        )
+    design, cost = plan.design, plan.cost
+    written, record = record_bytes(spec, workers)
+    size, seconds = _written(spec, plan, workers.threads)
+    if spec.record is not None:
+        more, longer = _record_file(spec, spec.record, written, workers)
+        size, seconds = size + more, seconds + longer
+    per_realization = bytes_per_realization(spec, design)
+    cut = plan.chunks > 1
+    loading = 0.0 if cost.compiled else cost.start
+    batch = min(batch_size(spec), plan.chunk)
+    # results that wait to be written while the next ones are computed
+    next_ones = 0 if batch == design.realizations else batch
+    held = per_realization * (2 * plan.chunk if cut else next_ones)
+    return Needs(
+        seconds=plan.opening + loading + cost.seconds * design.realizations + seconds,
+        impacts=cost.impacts * design.realizations,
+        memory=cost.loaded
+        + max(batch * memory_per_realization(spec, design, workers) + held, record),
+        result=size,
+        parts=per_realization * design.realizations if cut else 0,
+    )
+
+
+def record_bytes(spec: SweepSpec, workers: Workers) -> tuple[int, int]:
+    """Bytes of the record of landings, and of the memory that making it takes; 0 without one.
+
+    Raises
+    ------
+    ParameterError
+        It does not fit into memory.
+    """
+    if spec.record is None:
+        return 0, 0
+    return landings.record_bytes(*recorded(spec.record, spec.impact_budget), workers)
+
+
+def has_room(output: Path, needed: float) -> bool:
+    """Whether the disk of an output has so many bytes free."""
+    return needed <= shutil.disk_usage(target_of(output).parent).free
+
+
+def require_disk(output: Path, needed: float) -> None:
+    """Refuse a run whose files do not fit on the disk of its output.
+
+    Raises
+    ------
+    OutputError
+        Naming what to change.
+    """
+    if not has_room(output, needed):
+        free = shutil.disk_usage(target_of(output).parent).free
+        raise OutputError(
+            f"{output}: the sweep needs {needed / 2**30:.3g} GiB of disk, but "
+            f"{target_of(output).parent} has {free / 2**30:.3g} GiB free: make room, choose "
+            f"another place with output=, or lower sample.realizations or what [measure] asks for"
+        )
+
+
+def _written(spec: SweepSpec, plan: Plan, threads: int) -> tuple[float, float]:
+    """Bytes of the file without its record, and seconds to write it, from two small files."""
+    design = plan.design
+    most = max(2, min(SAMPLE_ROWS, SAMPLE_BYTES // bytes_per_realization(spec, design)))
+    rows = min(design.realizations, most)
+    size, seconds = _sample_file(spec, plan, rows, threads)
+    if rows == design.realizations:
+        return size, seconds
+    smaller, sooner = _sample_file(spec, plan, rows // 2, threads)
+    more = (design.realizations - rows) / (rows - rows // 2)
+    return size + more * (size - smaller), seconds + more * max(seconds - sooner, 0.0)
+
+
+def _sample_file(spec: SweepSpec, plan: Plan, rows: int, threads: int) -> tuple[int, float]:
+    """Write a result of so many rows, drawn from those that were computed."""
+    columns = plan.cost.columns
+    drawn = np.random.default_rng(0).integers(columns["status"].size, size=rows)
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "sample.h5"
+        began = time.perf_counter()
+        with creating(path) as file:
+            declare(file, spec, replace(plan.design, realizations=rows), threads)
+            writer = Rows(file, kinds(columns), batch_size(spec))
+            writer.add({name: values[drawn] for name, values in columns.items()})
+            writer.flush()
+        return path.stat().st_size, time.perf_counter() - began
+
+
+def _record_file(
+    spec: SweepSpec, record: RecordSpec, size: int, workers: Workers
+) -> tuple[float, float]:
+    """Bytes that the record adds to the file, and seconds to compute and write it.
+
+    Measured on as many landings of each particle as make a small file.
+    """
+    budget = min(spec.impact_budget, 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * record.particles))
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "record.h5"
+        began = time.perf_counter()
+        sample, _ = landings.record_bytes(*recorded(record, budget), workers)  # as a run does
+        with creating(path) as file:
+            write_record(file.group("record"), record, budget, workers)
+        took = time.perf_counter() - began
+        growth = max(size / max(sample, 1), 1.0)
+        return path.stat().st_size * growth, took * growth
+
+
+def require_memory(needed: float) -> None:
+    """Refuse a run that does not fit into memory.
+
+    Raises
+    ------
+    ParameterError
+        Naming what to change.
+    """
+    available = physical_memory()
+    if needed > available:
+        raise ParameterError(
+            f"the sweep needs {needed / 2**30:.3g} GiB of memory, but this machine has "
+            f"{available / 2**30:.3g} GiB: lower chunk= where it was given, take fewer particles, "
+            f"or shorten the record"
+        )

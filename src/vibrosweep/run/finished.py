@@ -1,0 +1,48 @@
+"""What an output that exists already has to do with the sweep that is to be written there."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import h5netcdf
+
+from vibrosweep.errors import DataError
+from vibrosweep.run.identity import differences, identity
+from vibrosweep.run.result import IDENTITY
+from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.store.kinds import SWEEP, kind_of
+from vibrosweep.store.reading import reading
+
+__all__ = ["is_of", "origin"]
+
+
+def is_of(spec: SweepSpec, path: Path) -> bool:
+    """Whether a file is the finished result of this very sweep, by this version."""
+    return _changes(spec, path) == []
+
+
+def origin(spec: SweepSpec, path: Path) -> str:
+    """Say whether an existing file was made from this sweep, and if not, what differs."""
+    changes = _changes(spec, path)
+    if changes is None:
+        return "it is no result of a sweep, or is damaged"
+    if isinstance(changes, str):
+        return changes
+    if not changes:
+        return "it is the finished result of this very sweep"
+    return "it is the result of another sweep or version:\n  " + "\n  ".join(changes) + "\n"
+
+
+def _changes(spec: SweepSpec, path: Path) -> list[str] | str | None:
+    """How the sweep differs that made a file; words for other results, None for other files."""
+    try:
+        with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+            kind, text = kind_of(path, file.attrs), file.attrs.get("sweep_file")
+            before = json.loads(file.attrs[IDENTITY]) if kind is SWEEP else {}
+    except DataError:
+        return None
+    if kind is SWEEP:
+        return differences(before, identity(spec))
+    same = "this very" if text == spec.text else "another"
+    return f"it is a result of {kind.command} from {same} sweep file"

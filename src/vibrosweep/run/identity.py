@@ -1,0 +1,123 @@
+"""What the numbers of a sweep depend on, key by key: a run continues only with the same of it.
+
+The keys are read off the spec itself: whatever a spec holds is part of the identity, unless it
+stands among `EXEMPT` with the reason why it cannot change a number.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+from vibrosweep.errors import TableError
+from vibrosweep.spec.schema import MeasureTable, SampleTable, SceneTable
+from vibrosweep.spec.sweep import SweepSpec
+
+__all__ = ["EXEMPT", "differences", "identity", "programs"]
+
+# Fields of a spec that are no part of the identity, each with the reason.
+EXEMPT: Final[Mapping[str, str]] = {
+    "text": "wording and comments; what the text says stands in the other fields",
+    "source": "where the sweep file lies",
+    "given": "which parameters are stated and which are defaults; their values stand in `fixed`",
+    "table": "where the table lies; the digest of its contents takes its place",
+    "windows": "what `vibrosweep windows` looks for; a sweep computes nothing of it",
+}
+# numba and llvmlite compile the kernels, scipy draws two of the designs, and an arcsine of numpy
+# enters every realization
+LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
+# Whatever takes part in drawing, computing or storing a sweep, and more.
+SOURCES: Final = ("*.py", "kernels/**/*.py", "store/**/*.py", "sweep/**/*.py")
+# Mappings whose keys stand in the sweep file as they are.
+TRANSPARENT: Final = ("fixed", "sampled", "parameters")
+TABLES: Final = {"scene": SceneTable, "sample": SampleTable, "measure": MeasureTable}
+SECTIONS: Final = {
+    field.name: f"{section}.{field.name}"
+    for section, table in TABLES.items()
+    for field in fields(table)
+}
+LONGEST: Final = 200
+
+
+def identity(spec: SweepSpec) -> dict[str, str]:
+    """Return the identity of a sweep: keys of the sweep file, its table, and the programs.
+
+    The wording of the file plays no part: comments, order, and whether defaults are written out.
+
+    Raises
+    ------
+    TableError
+        The table cannot be read.
+    """
+    members = {f.name: getattr(spec, f.name) for f in fields(spec) if f.name not in EXEMPT}
+    found = {key: _short(value) for key, value in _entries("", members)}
+    if spec.table is not None:
+        found["contents of the table"] = _digest(spec.table)
+    found["programs"] = programs()
+    return found | {library: version(library) for library in LIBRARIES}
+
+
+def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    """Tell in a line each how two identities differ."""
+    keys = dict.fromkeys([*before, *now])
+    return [
+        f"{key}: was {before.get(key, 'not given')}, is {now.get(key, 'not given')}"
+        for key in keys
+        if before.get(key) != now.get(key)
+    ]
+
+
+def _entries(key: str, value: Any) -> Iterator[tuple[str, object]]:
+    """Give every plain value in a spec under a key of its own."""
+    if is_dataclass(value):
+        members = {field.name: getattr(value, field.name) for field in fields(value)}
+    elif isinstance(value, tuple) and hasattr(value, "_asdict"):
+        members = value._asdict()
+    elif isinstance(value, Mapping):
+        members = dict(value)
+    elif isinstance(value, str | int | float | tuple | None):
+        yield key, value
+        return
+    else:
+        raise TypeError(f"{key}: the identity of a sweep cannot hold a {type(value).__name__}")
+    if key and not isinstance(value, Mapping):  # two kinds may have fields of the same names
+        yield key, type(value).__name__
+    for name, member in members.items():
+        yield from _entries(_key(key, name), member)
+
+
+def _key(parent: str, name: str) -> str:
+    """Name a field as the sweep file does."""
+    if name in TRANSPARENT:
+        return parent
+    return f"{parent}.{name}" if parent else SECTIONS.get(name, name)
+
+
+def _short(value: object) -> str:
+    """Write a value exactly, or cut and with a digest where it is long."""
+    text = value if isinstance(value, str) else repr(value)
+    if len(text) <= LONGEST:
+        return text
+    return f"{text[:60]}... (digest {hashlib.blake2b(text.encode(), digest_size=8).hexdigest()})"
+
+
+def _digest(table: Path) -> str:
+    try:
+        return f"digest {hashlib.blake2b(table.read_bytes(), digest_size=8).hexdigest()}"
+    except OSError as error:
+        raise TableError(f"{table}: cannot be read: {error.strerror}") from error
+
+
+@lru_cache(maxsize=1)
+def programs() -> str:
+    """Digest of the sources that take part in a sweep."""
+    package = Path(__file__).parents[1]
+    digest = hashlib.blake2b(digest_size=8)
+    for path in sorted(path for pattern in SOURCES for path in package.glob(pattern)):
+        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()

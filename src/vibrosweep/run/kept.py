@@ -1,0 +1,158 @@
+"""A run whose chunks are kept: what is missing is computed, whatever ended it before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from vibrosweep.errors import Interruption, OutputError, RunError, TakenOutputError
+from vibrosweep.run.chunks import Columns, Job, Runner, compute_chunk
+from vibrosweep.run.identity import differences
+from vibrosweep.run.progress import Advance
+from vibrosweep.run.summary import Summary
+from vibrosweep.spec.design import Design
+from vibrosweep.store.disk import reporting
+from vibrosweep.store.parts import Manifest, Parts, read_manifest
+from vibrosweep.store.rundir import abandon, empty
+
+__all__ = ["KeptRun", "continued"]
+
+
+def continued(
+    output: Path, directory: Path, now: Callable[[], Mapping[str, str]]
+) -> Manifest | None:
+    """Return the manifest of the unfinished run of this very sweep, None where there is none.
+
+    Parameters
+    ----------
+    output, directory
+        The output and its run directory, which is emptied of what no run can continue with.
+    now
+        Gives the identity of the sweep that is to run.
+
+    Raises
+    ------
+    RunError
+        An unfinished run of another sweep stands there.
+    """
+    manifest = read_manifest(directory)
+    if manifest is None:
+        with reporting(output):
+            empty(directory)
+        return None
+    changes = differences(manifest.identity, now())
+    if changes:
+        finished = len(Parts(directory, manifest).finished())
+        raise RunError(
+            f"{output}: an unfinished run of another sweep stands in {directory}, "
+            f"{finished} of {manifest.chunks} chunks finished:\n  "
+            + "\n  ".join(changes)
+            + "\nfinish it with what it began with, write to another file with output=, or throw "
+            "it away and start again with force=True"
+        )
+    return manifest
+
+
+@dataclass(frozen=True)
+class KeptRun:
+    """A run whose chunks are kept.
+
+    Attributes
+    ----------
+    output
+        The file that it makes.
+    design
+        The realizations that it computes.
+    job
+        What computes them.
+    threads
+        Number of threads in this process.
+    """
+
+    output: Path
+    design: Design
+    job: Job
+    threads: int
+
+    @property
+    def directory(self) -> Path:
+        """The run directory."""
+        return self.job.parts.directory
+
+    def compute(self, runner: Runner, advance: Advance) -> None:
+        """Compute the chunks that are missing.
+
+        Raises
+        ------
+        RunError
+            Chunks failed; the others are finished.
+        """
+        manifest, finished = self.job.manifest, self.job.parts.finished()
+        missing = [index for index in range(manifest.chunks) if index not in finished]
+        sizes = (stop - start for start, stop in map(manifest.bounds, missing))
+        done = manifest.realizations - sum(sizes)
+        advance(done, manifest.realizations)
+
+        def tick(realizations: int) -> None:
+            nonlocal done
+            done += realizations
+            advance(done, manifest.realizations)
+
+        failed = runner(self.job, missing, tick)
+        if failed:
+            names = ", ".join(map(str, sorted(failed)[:10])) + (" ..." if len(failed) > 10 else "")
+            raise RunError(
+                f"{self.output}: {len(failed)} of {manifest.chunks} chunks failed twice (numbers "
+                f"{names}; the first: {failed[min(failed)]})"
+            )
+
+    def columns(self, summary: Summary) -> Iterator[Columns]:
+        """Give the columns of each chunk, in their order; what is damaged is computed again."""
+        finished = self.job.parts.finished()
+        for index in range(self.job.manifest.chunks):
+            yield self._part(index, finished.get(index), summary)
+
+    def _part(self, index: int, path: Path | None, summary: Summary) -> Columns:
+        """Read a part; one that is damaged is computed again."""
+        columns = None if path is None else self.job.parts.read(index, path)
+        if columns is not None:
+            return columns
+        if path is not None:
+            path.unlink(missing_ok=True)
+        summary.repaired += 1
+        compute_chunk(self.job, index, self.threads)
+        path = self.job.parts.finished()[index]
+        columns = self.job.parts.read(index, path)
+        if columns is None:
+            raise OutputError(
+                f"{path}: what was just written reads back differently: the disk is damaged; "
+                f"choose another place with output="
+            )
+        return columns
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Say of whatever ends the run early what was kept."""
+        try:
+            yield
+        except KeyboardInterrupt as error:
+            raise Interruption(f"interrupted; {self._remains()}") from error
+        except TakenOutputError:  # it is complete, under another name
+            abandon(self.directory)
+            raise
+        except (OutputError, RunError) as error:
+            raise type(error)(f"{error}; {self._remains()}") from error
+
+    def _remains(self) -> str:
+        directory = self.job.parts.directory
+        try:
+            finished = len(self.job.parts.finished())
+        except OSError:
+            return f"what was finished has gone with {directory}"
+        again = "without force=True " if self.job.manifest.replaces else ""
+        return (
+            f"{finished} of {self.job.manifest.chunks} chunks are finished and kept in "
+            f"{directory}: run the same command {again}again to continue"
+        )

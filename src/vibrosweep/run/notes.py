@@ -1,0 +1,62 @@
+"""What a reader of a result should know of how its sweep was asked for."""
+
+from __future__ import annotations
+
+import math
+
+from vibrosweep.engine.asked import observation_of
+from vibrosweep.model import theory
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.spec.design import Design
+from vibrosweep.spec.sweep import Range, SweepSpec
+
+__all__ = ["notes", "silent_defaults"]
+
+
+def notes(spec: SweepSpec, design: Design) -> dict[str, str]:
+    """Remarks on a sweep by their subject; nothing where there is nothing to say."""
+    found = {"defaults": _defaults(spec, design), "observation": _observation(spec, design)}
+    return {subject: text for subject, text in found.items() if text}
+
+
+def silent_defaults(spec: SweepSpec, design: Design) -> dict[str, float]:
+    """Parameters that a sweep leaves at their defaults although it states others."""
+    stated = {*spec.given, *design.sampled}
+    return {n: p.default for n, p in PARAMETERS.items() if stated and n not in stated}
+
+
+def _defaults(spec: SweepSpec, design: Design) -> str:
+    return ", ".join(
+        f"{name} {value:g} {PARAMETERS[name].units}".removesuffix(" 1")
+        for name, value in silent_defaults(spec, design).items()
+    )
+
+
+def _observation(spec: SweepSpec, design: Design) -> str:
+    """Say where locked orbits cannot be recognised before the observation ends."""
+    if not observation_of(spec).regimes:
+        return ""
+    restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
+    needed = float(theory.recognition_periods(restitution[1]))
+    if spec.duration * frequency[0] >= needed:
+        return ""
+    takes = f"up to {needed:.0f}" if math.isfinite(needed) else "more than any number of"
+    longer = f"; {needed / frequency[0]:.4g} s are enough" if math.isfinite(needed) else ""
+    return (
+        f"an orbit locked to one period takes {takes} periods to return bit for bit at restitution "
+        f"{restitution[1]:g}, and {spec.duration * frequency[0]:g} are observed: such orbits may "
+        f"be called unsettled{longer}"
+    )
+
+
+def _ends(spec: SweepSpec, design: Design, name: str) -> tuple[float, float]:
+    """Smallest and largest value of a parameter."""
+    spread = spec.sampled.get(name)
+    if isinstance(spread, Range):
+        return spread.low, spread.high
+    if spread is not None:
+        return min(spread.values), max(spread.values)
+    if name in design.sampled:  # a table
+        values = design.take(0, design.realizations)[name]
+        return float(values.min()), float(values.max())
+    return spec.fixed[name], spec.fixed[name]

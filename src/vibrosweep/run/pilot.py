@@ -1,0 +1,216 @@
+"""What a sweep costs, found by computing a few of its realizations."""
+
+from __future__ import annotations
+
+import math
+import resource
+import time
+import tracemalloc
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.asked import observation_of, parameters_of
+from vibrosweep.engine.measuring import measure_all
+from vibrosweep.engine.workers import Workers
+from vibrosweep.run.chunks import Columns, batch_size
+from vibrosweep.spec.design import Design
+from vibrosweep.spec.schema import DRAWN
+from vibrosweep.spec.sweep import SweepSpec
+
+__all__ = ["UNKNOWN", "Cost", "explore", "memory_per_realization"]
+
+Array = NDArray[np.float64]
+
+# A first look takes so many trajectories over so many periods or impacts: a millisecond or two.
+TRAJECTORIES: Final = 256
+PERIODS: Final = 64.0
+IMPACTS: Final = 1_000_000
+REALIZATIONS: Final = 4  # at least, for they differ
+STEP: Final = 4
+MEASURED_PARTICLES: Final = 4096
+MEASURED_TRAJECTORIES: Final = 1 << 14  # their arrays stand out from whatever else is allocated
+SECONDS_TO_LOAD: Final = 2.0
+GOLDEN: Final = 0.6180339887498949
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the realizations of a sweep cost on average.
+
+    Attributes
+    ----------
+    seconds, impacts
+        Of a realization.
+    error
+        Standard error of the impacts relative to their mean, by how much realizations differ;
+        NaN where the sample is too small to say.
+    share
+        Share of the observation that was computed; below 1 the rest is extrapolated.
+    start
+        Seconds to load or compile the kernels.
+    loaded
+        Bytes that the process held once the kernels were loaded.
+    columns
+        What was measured; nothing where the sample could not be computed.
+    """
+
+    seconds: float
+    impacts: float
+    error: float
+    share: float
+    start: float
+    loaded: float
+    columns: Columns
+
+    @property
+    def known(self) -> bool:
+        """Whether the sample could be computed."""
+        return bool(self.columns)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether kernels were compiled, which takes seconds, and not only loaded."""
+        return self.start > SECONDS_TO_LOAD
+
+
+UNKNOWN: Final = Cost(math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, {})
+
+
+def explore(
+    spec: SweepSpec, design: Design, workers: Workers, seconds: float, enough: float = 0.0
+) -> Cost:
+    """Estimate the cost of the realizations of a sweep.
+
+    A few are computed for a small share of their duration and impact budget, then for more of
+    both, and where these are reached, more realizations.
+
+    Parameters
+    ----------
+    spec, design
+        The sweep.
+    workers
+        Threads to use; the cost is that of a run with as many.
+    seconds
+        Time that this may take, about, beside loading or compiling kernels.
+    enough
+        Seconds below which the whole sweep need not be known more exactly.
+    """
+    most = min(design.realizations, batch_size(spec))
+    size = min(most, max(REALIZATIONS, -(-TRAJECTORIES // spec.particles)))
+    began = time.perf_counter()
+    shares = list(_shares(spec, design))
+    sampled = _sampled(spec, design, size)
+    start = loaded = 0.0
+    before = (0.0, 0.0, 0.0)
+    while True:
+        share = shares.pop(0)
+        # twice, for the first time may load or compile kernels, other ones for other durations
+        first, _ = _timed(spec, sampled, size, share, workers)
+        took, columns = _timed(spec, sampled, size, share, workers)
+        start += max(first - took, 0.0)
+        loaded = loaded or _memory_now()
+        now = (share, took / size, float(columns["impact_count"].mean()))
+        cost = _extrapolated(before, now, start, loaded, columns)
+        before = now
+        left = seconds - (time.perf_counter() - began - start)
+        settled = share == 1.0 and (size == most or cost.seconds * design.realizations < enough)
+        if settled or 2 * STEP * took > left:
+            return cost
+        if not shares:
+            shares, before = [1.0], (0.0, 0.0, 0.0)
+            size = min(most, STEP * size)
+            sampled = _sampled(spec, design, size)
+
+
+def memory_per_realization(spec: SweepSpec, design: Design, workers: Workers) -> float:
+    """Bytes that computing takes for each realization held in memory at a time."""
+    particles = min(spec.particles, MEASURED_PARTICLES)
+    launch = spec.launch if isinstance(spec.launch, str) else spec.launch[:particles]
+    few = replace(spec, particles=particles, launch=launch)
+    size = max(REALIZATIONS, -(-MEASURED_TRAJECTORIES // particles))
+    sizes, peaks = (size, STEP * size), []
+    share = next(_shares(spec, design)) / STEP**2  # arrays have one size for any duration
+    for size in sizes:
+        apart = 1.0 - 1e-9 * np.arange(size)  # what is equal would be computed once
+        sampled = {name: values * apart for name, values in design.take(0, 1).items()}
+        tracemalloc.start()
+        try:
+            with Workers(workers.threads) as fresh:  # that hold no memory yet
+                _timed(few, sampled, size, share, fresh)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+        finally:
+            tracemalloc.stop()
+    return (peaks[1] - peaks[0]) / (sizes[1] - sizes[0]) * spec.particles / particles
+
+
+def _shares(spec: SweepSpec, design: Design) -> Iterator[float]:
+    """Growing shares of the duration and of the impact budget, up to 1."""
+    frequency = design.take(0, 1).get("frequency", np.array([spec.fixed.get("frequency", 1.0)]))
+    periods = float(frequency[0]) * spec.duration
+    steps = 0
+    while max(periods / PERIODS, spec.impact_budget / IMPACTS) > STEP**steps:
+        steps += 1
+    return (float(STEP) ** -k for k in range(steps, -1, -1))
+
+
+def _extrapolated(
+    before: tuple[float, float, float],
+    now: tuple[float, float, float],
+    start: float,
+    loaded: float,
+    columns: Columns,
+) -> Cost:
+    """Continue the cost as it grew between two shares."""
+    (share, seconds, impacts), (first, *earlier) = now, before
+    steps = (1.0 - share) / (share - first)
+    counts = columns["impact_count"]
+    deviation = float(np.std(counts)) / max(float(counts.mean()), 1.0)
+    return Cost(
+        seconds=seconds + steps * max(seconds - earlier[0], 0.0),
+        impacts=impacts + steps * max(impacts - earlier[1], 0.0),
+        error=deviation / np.sqrt(counts.size - 1) if counts.size > 1 else np.nan,
+        share=share,
+        start=start,
+        loaded=loaded,
+        columns=columns,
+    )
+
+
+def _timed(
+    spec: SweepSpec, sampled: dict[str, Array], size: int, share: float, workers: Workers
+) -> tuple[float, Columns]:
+    """Compute realizations over a share of their duration; seconds, and what was found."""
+    short = spec
+    if share < 1.0:
+        short = replace(
+            spec,
+            duration=spec.duration * share,
+            transient=spec.transient * share,
+            impact_budget=max(1, int(spec.impact_budget * share)),
+        )
+    began = time.perf_counter()
+    measured = measure_all(parameters_of(short, sampled, size), observation_of(short), workers)
+    return time.perf_counter() - began, {**sampled, **measured}
+
+
+def _sampled(spec: SweepSpec, design: Design, size: int) -> dict[str, Array]:
+    """Realizations from all over the design: neighbours in a grid or a table are alike."""
+    if size == design.realizations or spec.design in DRAWN:
+        return design.take(0, size)
+    places = [int(design.realizations * (k * GOLDEN % 1.0)) for k in range(size)]
+    rows = [design.take(place, place + 1) for place in places]
+    return {name: np.concatenate([row[name] for row in rows]) for name in design.sampled}
+
+
+def _memory_now() -> float:
+    """Bytes that this process holds."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
+    return float(pages * resource.getpagesize())

@@ -1,0 +1,194 @@
+"""Compute again what a finished result could not settle, and write the result anew."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.asked import measured_variables
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import RunError
+from vibrosweep.run.chunks import Columns, Job, Runner, batch_size, column_kinds, in_process
+from vibrosweep.run.describe import summary_of
+from vibrosweep.run.identity import differences, identity
+from vibrosweep.run.kept import KeptRun, continued
+from vibrosweep.run.notes import notes
+from vibrosweep.run.plan import make_plan
+from vibrosweep.run.progress import Advance, silent
+from vibrosweep.run.result import IDENTITY, Rows, declare, write_record
+from vibrosweep.run.summary import SETTLING, Summary, unsettled
+from vibrosweep.spec.design import Design, open_design
+from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.store.dataset import creating
+from vibrosweep.store.disk import reporting
+from vibrosweep.store.parts import Manifest, Parts, write_manifest
+from vibrosweep.store.reading import reading
+from vibrosweep.store.rundir import abandon, empty, holding
+
+__all__ = ["retry_failed"]
+
+BUDGET = "measure.impact_budget"
+
+
+def retry_failed(
+    spec: SweepSpec,
+    output: Path,
+    *,
+    threads: int,
+    impact_budget: int | None = None,
+    chunk: int | None = None,
+    force: bool = False,
+    advance: Advance = silent,
+    runner: Runner | None = None,
+    at_least: int = 1,
+) -> tuple[Summary, int]:
+    """Compute again the realizations of a result that did not complete.
+
+    The result is then that of the sweep with the new impact budget.  It takes the place of the old
+    one when it is complete; finished chunks are kept as those of `run_sweep` are.
+
+    Parameters
+    ----------
+    spec
+        The sweep file of the result; only its impact budget may have changed.
+    output
+        The result.
+    threads
+        Number of threads; the result does not depend on it.
+    impact_budget
+        Impacts after which a particle is given up, by default that of `spec`.
+    chunk
+        Realizations in a chunk, by default some seconds of work.
+    force
+        Whether an unfinished run is thrown away.
+    advance
+        Called with the number of realizations done and that of all that are computed again.
+    runner, at_least
+        As for `run_sweep`.
+
+    Returns
+    -------
+    Summary, int
+        What the new result holds, and how many realizations were computed again.
+
+    Raises
+    ------
+    DataError
+        There is no such result.
+    RunError
+        It is of another sweep or version, a lower budget was asked for, or a run stands in the way.
+    """
+    spec = replace(spec, impact_budget=impact_budget or spec.impact_budget)
+    with holding(output) as directory:
+        if force:
+            with reporting(output):
+                empty(directory)
+        rows = _rows(spec, output)
+        design = open_design(spec)
+        now = {**identity(spec), "rows computed again": _digest(rows)}
+        manifest = continued(output, directory, lambda: now)
+        if manifest is None and rows:
+            with Workers(threads) as workers:
+                plan = make_plan(spec, workers, chunk, at_least=at_least, rows=rows)
+            columns = column_kinds(spec, design)
+            manifest = Manifest(now, len(rows), plan.chunk, columns, replaces=force)
+            write_manifest(directory, manifest)
+        if manifest is None:
+            with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
+                return summary_of(file), 0
+        job = Job(spec, manifest, Parts(directory, manifest), rows)
+        run = KeptRun(output, design, job, threads)
+        with run.kept():
+            run.compute(runner or in_process(threads), advance)
+            summary = _merged(run, np.asarray(rows))
+        abandon(directory)
+    return summary, len(rows)
+
+
+def _rows(spec: SweepSpec, output: Path) -> tuple[int, ...]:
+    """Indices of the realizations to compute again, in a result of this very sweep."""
+    with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
+        before = json.loads(file.attrs[IDENTITY])
+        budget = int(before[BUDGET])
+        names = [name for name in SETTLING if name in file.variables]
+        failed = unsettled({name: file.variables[name][...] for name in names})
+    now = identity(spec)
+    changes = differences({**before, BUDGET: ""}, {**now, BUDGET: ""})
+    if changes:
+        raise RunError(
+            f"{output}: is a result of another sweep or version:\n  "
+            + "\n  ".join(changes)
+            + "\nonly the impact budget may differ; compute the sweep anew with force=True"
+        )
+    if spec.impact_budget < budget:
+        raise RunError(
+            f"{output}: was computed with an impact budget of {budget}, which "
+            f"{spec.impact_budget} would not reach: raise it with impact_budget="
+        )
+    return tuple(np.flatnonzero(failed).tolist())
+
+
+def _digest(rows: tuple[int, ...]) -> str:
+    digest = hashlib.blake2b(np.asarray(rows, np.int64).tobytes(), digest_size=8).hexdigest()
+    return f"{len(rows)} (digest {digest})"
+
+
+def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Summary:
+    """Write the old result anew, with the realizations that were computed again."""
+    spec = run.job.spec
+    summary = Summary(notes=notes(spec, run.design))
+    with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
+        declare(file, spec, run.design, run.threads)
+        block = batch_size(spec)
+        writer, fresh = Rows(file, run.job.manifest.columns, block), _Stream(run.columns(summary))
+        for start, columns in _blocks(run.output, spec, run.design, block):
+            first, last = np.searchsorted(rows, (start, start + block))
+            replaced = fresh.take(int(last - first))
+            for name, values in replaced.items():
+                columns[name][rows[first:last] - start] = values
+            writer.add(columns)
+            summary.add(columns)
+        writer.flush()
+        if spec.record is not None:
+            write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+    return summary
+
+
+def _blocks(
+    path: Path, spec: SweepSpec, design: Design, size: int
+) -> Iterator[tuple[int, Columns]]:
+    """Give the rows of a result in blocks, each with the index of its first."""
+    names = [*design.sampled, *(v.name for v in measured_variables(spec))]
+    with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+        for start in range(0, design.realizations, size):
+            rows = slice(start, min(start + size, design.realizations))
+            yield start, {name: file.variables[name][rows] for name in names}
+
+
+class _Stream:
+    """Rows from pieces of any length, taken in their order."""
+
+    def __init__(self, pieces: Iterator[Columns]) -> None:
+        self._pieces = pieces
+        self._rest: Columns = {}
+
+    def take(self, rows: int) -> Columns:
+        """Take the next rows; nothing for none."""
+        taken: list[Columns] = []
+        while rows:
+            if not self._rest or not len(self._rest["status"]):
+                self._rest = next(self._pieces)
+            piece = {name: values[:rows] for name, values in self._rest.items()}
+            self._rest = {name: values[rows:] for name, values in self._rest.items()}
+            rows -= len(piece["status"])
+            taken.append(piece)
+        return (
+            {name: np.concatenate([t[name] for t in taken]) for name in taken[0]} if taken else {}
+        )

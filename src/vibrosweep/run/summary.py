@@ -1,0 +1,128 @@
+"""A sweep in a few lines: what the terminal shows of a result, gathered chunk by chunk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.model.status import Status
+from vibrosweep.model.variables import OF_REALIZATIONS, UNDETERMINED, Variable
+
+__all__ = ["SETTLING", "Summary", "unsettled"]
+
+# What tells whether a larger impact budget would give more, as far as a result holds it.
+SETTLING: Final = ("status", "base_shared", "landing_time_error")
+
+
+@dataclass
+class _Spread:
+    """Smallest, mean and largest of the finite values seen, and how many were infinite."""
+
+    count: int = 0
+    total: float = 0.0
+    low: float = np.inf
+    high: float = -np.inf
+    infinite: dict[float, int] = field(default_factory=dict)
+
+    def add(self, values: NDArray[Any]) -> None:
+        for sign in (-np.inf, np.inf):
+            if some := int(np.count_nonzero(values == sign)):
+                self.infinite[sign] = self.infinite.get(sign, 0) + some
+        finite = values[np.isfinite(values)]
+        if values.dtype.kind == "i":
+            finite = values[values != UNDETERMINED]
+        if finite.size:
+            self.count += finite.size
+            self.total += float(finite.sum())
+            self.low = min(self.low, float(finite.min()))
+            self.high = max(self.high, float(finite.max()))
+
+
+@dataclass
+class Summary:
+    """What the realizations of a sweep have in common; add chunks in their order.
+
+    `repaired` counts parts that were found damaged and computed again, `notes` are remarks on how
+    the sweep was asked for, by their subject.
+    """
+
+    realizations: int = 0
+    landings: int = 0
+    repaired: int = 0
+    notes: Mapping[str, str] = field(default_factory=dict)
+    spreads: dict[str, _Spread] = field(default_factory=dict)
+    codes: dict[str, dict[int, int]] = field(default_factory=dict)
+
+    def add(self, measured: Mapping[str, NDArray[Any]]) -> None:
+        """Add the measured variables of a chunk, each of shape (realization, ...)."""
+        self.realizations += measured["impact_count"].size
+        counts = measured["impact_count"]
+        self.landings += int(counts[counts != UNDETERMINED].sum())
+        for name, variable in OF_REALIZATIONS.items():
+            if name not in measured:
+                continue
+            if variable.flags:
+                codes, counts = np.unique(measured[name], return_counts=True)
+                known = self.codes.setdefault(name, {})
+                for code, count in zip(codes.tolist(), counts.tolist(), strict=True):
+                    known[code] = known.get(code, 0) + count
+            else:
+                self.spreads.setdefault(name, _Spread()).add(measured[name])
+
+    def lines(self) -> Iterator[str]:
+        """Give the summary as a table of text."""
+        yield f"{'':32}{'min':>12}{'mean':>12}{'max':>12}"
+        for name, spread in self.spreads.items():
+            label = (
+                f"{name} ({OF_REALIZATIONS[name].units})"
+                if OF_REALIZATIONS[name].units != "1"
+                else name
+            )
+            yield f"{label:32}{self._spread(spread)}"
+        for name, counts in self.codes.items():
+            yield f"{name:32}{_counted(OF_REALIZATIONS[name], counts)}"
+        for subject, text in self.notes.items():
+            yield f"{subject:32}{text}"
+        for code in sorted(self.codes.get("status", {})):
+            if code != Status.COMPLETED:
+                yield f"{Status(code).meaning}: {Status(code).sentence}"
+
+    def _spread(self, spread: _Spread) -> str:
+        """Ends and mean of what is finite, and how many realizations hold something else."""
+        undefined = self.realizations - spread.count - sum(spread.infinite.values())
+        others = {f"{value:g}": count for value, count in sorted(spread.infinite.items())}
+        words = ", ".join(
+            f"{what} in {'every realization' if count == self.realizations else count}"
+            for what, count in {**others, "undefined": undefined}.items()
+            if count
+        )
+        if not spread.count:
+            return f"{words:>36}"
+        mean = spread.total / spread.count
+        return f"{spread.low:12.5g}{mean:12.5g}{spread.high:12.5g}{words and '   '}{words}"
+
+
+def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
+    """How often each code occurs, in words."""
+    meanings = dict(variable.flags)
+    total = sum(counts.values())
+    parts = (
+        f"{meanings[code]} {count} ({count / total:.1%})" for code, count in sorted(counts.items())
+    )
+    return ", ".join(parts)
+
+
+def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+    """Tell which realizations did not complete, or lack a measure that a larger budget gives."""
+    failed = columns["status"] != Status.COMPLETED
+    if "base_shared" in columns:
+        # cycles are counted to the end for nothing, but separations must follow every landing
+        failed = failed | (columns["base_shared"] == UNDETERMINED)
+    if "landing_time_error" in columns:
+        # so must error bounds; infinite ones are final
+        failed = failed | np.isnan(columns["landing_time_error"])
+    return np.asarray(failed)

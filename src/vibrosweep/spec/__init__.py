@@ -1,0 +1,1 @@
+"""A sweep file to one checked, frozen description; designs and tables of realizations."""

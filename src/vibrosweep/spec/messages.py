@@ -1,0 +1,108 @@
+"""Mistakes of a sweep file: worded in the user's terms, gathered, and raised together."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from vibrosweep.errors import SpecError
+from vibrosweep.model.parameters import PARAMETERS
+
+__all__ = ["ABSENT", "Mistakes", "likely_parameter", "nearest", "quoted", "shown"]
+
+ABSENT = object()
+_LONGEST = 60
+
+
+@dataclass
+class Mistakes:
+    """All that is wrong with one sweep file.
+
+    Attributes
+    ----------
+    file
+        Name of the sweep file as messages print it.
+    lines
+        One line for each mistake.
+    broken
+        Keys, or whole tables, whose value is unusable.  A rule that involves one of them is not
+        judged, so that one slip of the user is never reported twice.
+    """
+
+    file: str
+    lines: list[str] = field(default_factory=list)
+    broken: set[str] = field(default_factory=set)
+
+    def add(
+        self, key: str, text: str, value: object = ABSENT, involves: Iterable[str] = ()
+    ) -> None:
+        """Note that ``key`` breaks a rule which also looks at the keys ``involves``."""
+        if not any(self.is_broken(k) for k in (key, *involves)):
+            self._note(key, text, value)
+
+    def add_broken(self, key: str, text: str, value: object) -> None:
+        """Note that the value of ``key`` is unusable in itself."""
+        self._note(key, text, value)
+        self.broken.add(key)
+
+    def is_broken(self, key: str) -> bool:
+        """Tell whether ``key`` or the table that holds it is unusable."""
+        return key in self.broken or key.partition(".")[0] in self.broken
+
+    def raise_any(self) -> None:
+        """Raise one `SpecError` that lists every mistake, if there are any."""
+        if len(self.lines) == 1:
+            raise SpecError(f"{self.file}: {self.lines[0]}")
+        if self.lines:
+            listed = "".join(f"\n  {line}" for line in self.lines)
+            raise SpecError(f"{self.file}: {len(self.lines)} mistakes{listed}")
+
+    def _note(self, key: str, text: str, value: object) -> None:
+        self.lines.append(
+            f"{key}: {text}" if value is ABSENT else f"{key} = {shown(value)}: {text}"
+        )
+
+
+def shown(value: object) -> str:
+    """Print a value as it would stand in the TOML file, cut to a readable length."""
+    text = _toml(value)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def quoted(words: Iterable[str]) -> str:
+    """List words in quotes: ``"a", "b" or "c"``."""
+    *first, last = (f'"{word}"' for word in words)
+    return f"{', '.join(first)} or {last}" if first else last
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that ``word`` was probably meant to be, or None."""
+    import difflib  # only a mistake needs it
+
+    found = difflib.get_close_matches(word.lower(), list(known), n=1)
+    return found[0] if found else None
+
+
+def likely_parameter(word: str) -> str | None:
+    """Return the physical parameter that a word which is none was probably meant to be."""
+    short = word.lower()
+    for name, parameter in PARAMETERS.items():
+        if short and (short == parameter.symbol.lower() or name.startswith(short)):
+            return name
+    return nearest(word, PARAMETERS)
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, list | tuple):
+        # what lies beyond the longest text is never printed
+        return f"[{', '.join(_toml(v) for v in value[:_LONGEST])}]"
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{k} = {_toml(v)}' for k, v in value.items())} }}"
+    if isinstance(value, int) and value.bit_length() > 1000:
+        return "a huge number"  # Python refuses to print integers of many thousand digits
+    return str(value)

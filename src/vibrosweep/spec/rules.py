@@ -1,0 +1,235 @@
+"""Rules between the keys of a sweep file: each notes what contradicts and how to mend it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED, dimensionless, launches
+from vibrosweep.spec.messages import Mistakes
+from vibrosweep.spec.schema import DRAWN, MAX_REALIZATIONS, SampleTable, SceneTable, Steps
+
+__all__ = [
+    "Axis",
+    "Range",
+    "RecordSpec",
+    "Setting",
+    "check_countable",
+    "columns",
+    "fixed_numbers",
+    "kind",
+    "realizations",
+    "record",
+    "sampled",
+    "setting",
+]
+
+
+@dataclass(frozen=True)
+class Range:
+    """A parameter is drawn from [low, high], low < high, in the parameter's unit."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The distinct values that a parameter takes along an axis of a grid, in its unit."""
+
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class RecordSpec:
+    """One scene whose every landing is kept beside the sweep.
+
+    Attributes
+    ----------
+    parameters
+        All physical parameters of `scene.PARAMETERS`, in their units.
+    particles
+        Number of particles.
+    launch
+        ``"staggered"`` or the launch times of all particles in s.
+    duration
+        End of the observation in s.
+    rebound
+        One of `scene.LAWS`.
+    """
+
+    parameters: dict[str, float]
+    particles: int
+    launch: str | tuple[float, ...]
+    duration: float
+    rebound: str
+
+
+class Setting(NamedTuple):
+    """What all realizations share beside their physical parameters."""
+
+    particles: int = 1
+    launch: str | tuple[float, ...] = STAGGERED
+    duration: float = 12.0
+    rebound: str = LAWS[0]
+
+
+def kind(sample: SampleTable) -> str:
+    """Return the kind of design; a path means ``"table"``."""
+    return sample.design if sample.design in (*DRAWN, "grid") else "table"
+
+
+def setting(name: str, table: SceneTable, base: Setting, mistakes: Mistakes) -> Setting:
+    """Return what the table ``name`` ([scene] or [record]) sets, the rest from ``base``."""
+    listed = len(table.launch) if isinstance(table.launch, tuple) else None
+    particles = table.particles or listed or base.particles
+    launch = base.launch if table.launch is None else table.launch
+    if table.particles and isinstance(launch, tuple) and len(launch) != particles:
+        holder = "scene.launch" if table.launch is None else f"{name}.launch"
+        mistakes.add(
+            f"{name}.particles",
+            f"contradicts the {len(launch)} launch times of {holder}; give one for each particle",
+            particles,
+            involves=[f"{name}.launch", "scene.launch"],
+        )
+    return Setting(
+        particles,
+        launch,
+        base.duration if table.duration is None else table.duration,
+        base.rebound if table.rebound is None else table.rebound,
+    )
+
+
+def fixed_numbers(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> dict[str, float]:
+    """Return the parameters that are given as a number, in [scene] or in [sample], not in both."""
+    in_scene, in_sample = scene.parameters, sample.parameters
+    for name in in_sample:
+        if name in in_scene:
+            text = f"is given as scene.{name} = {in_scene[name]} too; keep one of the two"
+            mistakes.add(f"sample.{name}", text, in_sample[name])
+    return {**in_scene} | {n: v for n, v in in_sample.items() if isinstance(v, float)}
+
+
+def sampled(sample: SampleTable, mistakes: Mistakes) -> dict[str, Range | Axis]:
+    """Ranges under a drawn design, axes under a grid; in the order of `scene.PARAMETERS`."""
+    found: dict[str, Range | Axis] = {}
+    for name, value in sample.parameters.items():
+        if isinstance(value, float):
+            continue
+        key = f"sample.{name}"
+        if kind(sample) == "table":
+            mistakes.add(key, "must be a number, because the table lists what is sampled", value)
+        elif kind(sample) == "grid":
+            found[name] = _axis(key, value, mistakes)
+        else:
+            found[name] = _range(key, value, sample.design, mistakes)
+    return found
+
+
+def _axis(key: str, value: tuple[float, ...] | Steps, mistakes: Mistakes) -> Axis:
+    if isinstance(value, Steps):
+        values = tuple(np.linspace(value.start, value.stop, value.num).tolist())
+    else:
+        values = value
+    if len(set(values)) < len(values):
+        mistakes.add(key, "names a value of the axis twice; name each once", value)
+    return Axis(values)
+
+
+def _range(key: str, value: tuple[float, ...] | Steps, design: str, mistakes: Mistakes) -> Range:
+    if isinstance(value, Steps) or len(value) != 2:
+        text = f'must be a number or [low, high] under design = "{design}"; an axis needs "grid"'
+        mistakes.add(key, text, asdict(value) if isinstance(value, Steps) else value)
+        return Range(0.0, 1.0)
+    low, high = value
+    allowed = PARAMETERS[key.partition(".")[2]].allowed
+    if low == high:
+        text = f"the range is empty: low must be less than high (allowed: {allowed}); to keep the "
+        mistakes.add(key, text + f"parameter fixed write the number {low}", value)
+    elif low > high:
+        text = f"the range is reversed: low must be less than high (allowed: {allowed}); write "
+        mistakes.add(key, text + f"[{high}, {low}]", value)
+    return Range(low, high)
+
+
+def columns(
+    sample: SampleTable, numbers: Collection[str], mistakes: Mistakes
+) -> tuple[str, ...] | None:
+    """Columns of the table to use; none of them may be a fixed number too."""
+    if sample.columns is None:
+        return None
+    if kind(sample) != "table":
+        text = 'needs a table: give its path as the design, as in design = "table.csv"'
+        mistakes.add("sample.columns", text, sample.columns, involves=["sample.design"])
+    for name in sample.columns:
+        if name in numbers:
+            text = f"{name} is a fixed number of this file too; keep one of the two"
+            mistakes.add("sample.columns", text, sample.columns)
+    return sample.columns
+
+
+def realizations(
+    sample: SampleTable, spreads: Mapping[str, Range | Axis], mistakes: Mistakes
+) -> int | None:
+    """Return the number of realizations; None for a table when the file does not state it."""
+    key, number, design = "sample.realizations", sample.realizations, kind(sample)
+    if design == "table":
+        return number
+    if design == "grid":
+        sizes = [len(axis.values) for axis in spreads.values() if isinstance(axis, Axis)]
+        product = math.prod(sizes)
+        if number is not None and number != product:
+            text = f"contradicts the grid, whose axes make {product}; leave this key out"
+            mistakes.add(key, text, number, involves=["sample.design"])
+        if product > MAX_REALIZATIONS:
+            text = f"the grid's axes make {product}, at most {MAX_REALIZATIONS} are allowed"
+            mistakes.add(key, text, involves=["sample.design"])
+        return product
+    if number is None and spreads:
+        text = "is missing; state how many realizations to draw, a whole number, at least 1"
+        mistakes.add(key, text, involves=["sample.design"])
+    return number or 1
+
+
+def record(
+    table: SceneTable,
+    base: Setting,
+    values: Mapping[str, float],
+    varied: Collection[str] | None,
+    mistakes: Mistakes,
+) -> RecordSpec:
+    """Return the recorded scene: [record] over the sweep's own ``values``.
+
+    ``varied`` names the sampled parameters, None where only the table knows them.
+    """
+    given = table.parameters
+    if varied is None:
+        text = (
+            "the recorded scene must state what the table samples; name the table's columns, as in "
+            'sample.columns = ["restitution", "amplitude"]'
+        )
+        mistakes.add("record", text, involves=["sample.design", "sample.columns"])
+    for name in varied or ():
+        if name in PARAMETERS and name not in given:
+            text = "is missing; the sweep samples it, so state the value of the recorded scene"
+            mistakes.add(f"record.{name}", f"{text} (allowed: {PARAMETERS[name].allowed})")
+    own = setting("record", table, base, mistakes)
+    return RecordSpec({**values, **given}, *own)
+
+
+def check_countable(
+    key: str, corner: Mapping[str, float], shared: Setting, mistakes: Mistakes
+) -> None:
+    """Note it if times cannot be counted in forcing periods for the most extreme realization."""
+    # the phase plays no part in what is counted
+    arrays = {name: np.array([corner[name]]) for name in PARAMETERS} | {"phase": np.zeros(1)}
+    try:
+        dimensionless(arrays, shared.duration)
+        launches(shared.launch, 1, arrays["frequency"])
+    except ParameterError as error:
+        mistakes.add(key, str(error))

@@ -1,0 +1,339 @@
+"""Structure of a sweep file: its tables and keys, their types and ranges, each by itself.
+
+What several keys say together is judged in `spec_rules`.  The checks are plain functions: building
+the models of a validation library took longer than reading, computing and writing a small sweep.
+"""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import PurePath
+from typing import Any, Final
+
+from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED, Parameter
+from vibrosweep.spec.messages import Mistakes, likely_parameter, nearest, quoted, shown
+from vibrosweep.spec.windows import WindowsTable, condition_names, tolerance
+
+__all__ = [
+    "DRAWN",
+    "MAX_REALIZATIONS",
+    "MeasureTable",
+    "SampleTable",
+    "SceneTable",
+    "SpecFile",
+    "Steps",
+    "is_plain",
+    "read_tables",
+]
+
+DRAWN: Final = ("uniform", "latin", "sobol")
+TABLES: Final = (".csv", ".nc")
+
+# Far beyond any disk; indices of realizations and of drawn values stay far below 2**63.
+MAX_REALIZATIONS: Final = 10**12
+# An axis is held in memory.
+MAX_STEPS: Final = 10**6
+
+# Returns the value of a key in its own type, or raises ValueError with what is allowed.
+Check = Callable[[object], Any]
+
+
+@dataclass(frozen=True)
+class Steps:
+    """An axis as ``{ start = ..., stop = ..., num = ... }``: num values, both ends included."""
+
+    start: float
+    stop: float
+    num: int
+
+
+Spread = float | tuple[float, ...] | Steps
+
+
+@dataclass(frozen=True)
+class SceneTable:
+    """[scene], and [record] whose keys override it.  None: not given."""
+
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    particles: int | None = None
+    launch: str | tuple[float, ...] | None = None
+    duration: float | None = None
+    rebound: str | None = None
+
+
+@dataclass(frozen=True)
+class SampleTable:
+    """[sample].  None: not given."""
+
+    parameters: Mapping[str, Spread] = field(default_factory=dict)
+    design: str = "uniform"
+    realizations: int | None = None
+    seed: int = 0
+    columns: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class MeasureTable:
+    """[measure]."""
+
+    transient: float = 0.0
+    separation: bool = False
+    per_particle: bool = False
+    regimes: bool = False
+    lyapunov: bool = False
+    trust: bool = False
+    tolerance: float = 1e-9
+    impact_budget: int = 10_000_000
+
+
+@dataclass(frozen=True)
+class SpecFile:
+    """The whole file.  None: not given."""
+
+    title: str | None
+    scene: SceneTable
+    sample: SampleTable
+    measure: MeasureTable
+    record: SceneTable | None
+    windows: WindowsTable | None
+
+
+def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
+    """Check each key of a parsed file by itself.
+
+    Keys with a mistake are noted in ``mistakes`` and then left out, so that the rules between
+    the remaining keys can still be judged.
+    """
+    top = _sound(
+        "", data, {"title": _title, **{name: partial(_table, name) for name in _KEYS}}, mistakes
+    )
+    tables = {
+        name: _sound(name, top[name], checks, mistakes)
+        for name, checks in _KEYS.items()
+        if name in top
+    }
+    return SpecFile(
+        title=top.get("title"),
+        scene=SceneTable(**_grouped(tables.get("scene", {}))),
+        sample=SampleTable(**_grouped(tables.get("sample", {}))),
+        measure=MeasureTable(**tables.get("measure", {})),
+        record=SceneTable(**_grouped(tables["record"])) if "record" in tables else None,
+        windows=WindowsTable(**tables["windows"]) if "windows" in tables else None,
+    )
+
+
+def _sound(
+    table: str, data: Mapping[str, Any], checks: Mapping[str, Check], mistakes: Mistakes
+) -> dict[str, Any]:
+    """Values of the known keys that pass their check; the others are noted."""
+    sound = {}
+    for name, value in data.items():
+        key = f"{table}.{name}" if table else name
+        if name not in checks:
+            _note_unknown(table, name, value, checks, mistakes)
+            continue
+        try:
+            sound[name] = checks[name](value)
+        except ValueError as error:
+            mistakes.add_broken(key, str(error), value)
+    return sound
+
+
+def _note_unknown(
+    table: str, name: str, value: object, known: Mapping[str, Check], mistakes: Mistakes
+) -> None:
+    """Say which key was probably meant, or where it belongs."""
+    homes = [f"[{t}]" for t, checks in _KEYS.items() if name in checks]
+    guess = None if homes else nearest(name, known)
+    hint = f"; it belongs in {' or '.join(homes)}." if homes else "."
+    hint = f'; did you mean "{guess}"?' if guess else hint
+    where = f"of [{table}]" if table else "at the top of the file"
+    prefix = f"{table}." if table else ""
+    text = f"is not a known key{hint} Known keys {where}: {', '.join(known)}"
+    mistakes.add_broken(prefix + name, text, value)
+    if guess:  # the key that was meant is neither missing nor at its default
+        mistakes.broken.add(prefix + guess)
+
+
+def _grouped(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Gather the physical parameters of a table under one name."""
+    own = {name: value for name, value in values.items() if name not in PARAMETERS}
+    physical = {name: values[name] for name in PARAMETERS if name in values}
+    return {**own, "parameters": physical}
+
+
+def _title(value: object) -> str:
+    if isinstance(value, str) and value.strip() and is_plain(value):
+        return value
+    raise ValueError("must be one line of text that is not empty and says what the sweep shows")
+
+
+def is_plain(text: str) -> bool:
+    """Whether a text has no control character, which a terminal might obey."""
+    return not any(unicodedata.category(character) == "Cc" for character in text)
+
+
+def _table(name: str, value: object) -> Mapping[str, Any]:
+    if isinstance(value, Mapping):
+        return value
+    raise ValueError(f"must be a table: write [{name}] on a line of its own")
+
+
+def _whole(allowed: str, low: int, high: int | None, value: object) -> int:
+    integer = isinstance(value, int) and not isinstance(value, bool)
+    if integer and low <= value and (high is None or value <= high):  # type: ignore[operator]
+        return int(value)  # type: ignore[call-overload, no-any-return]
+    raise ValueError(f"must be a whole number{allowed}")
+
+
+def _flag(value: object) -> bool:
+    if isinstance(value, bool):
+        return value
+    raise ValueError("must be true or false")
+
+
+def _positive_time(value: object) -> float:
+    if _is_finite_number(value) and value > 0:  # type: ignore[operator]
+        return float(value)  # type: ignore[arg-type]
+    raise ValueError("must be a number, finite and above 0 s")
+
+
+def _transient(value: object) -> float:
+    if _is_finite_number(value) and value >= 0:  # type: ignore[operator]
+        return float(value)  # type: ignore[arg-type]
+    raise ValueError("must be a number, finite and at least 0 s")
+
+
+def _launch(value: object) -> str | tuple[float, ...]:
+    if value == STAGGERED:
+        return STAGGERED
+    if isinstance(value, list) and value and all(_is_finite_number(v) for v in value):
+        return tuple(float(v) for v in value)
+    raise ValueError(f'must be "{STAGGERED}" or a list of finite launch times in s')
+
+
+def _rebound(value: object) -> str:
+    if isinstance(value, str) and value in LAWS:
+        return value
+    raise ValueError(f"must be {quoted(LAWS)}")
+
+
+def _spread(parameter: Parameter, value: object) -> Spread:
+    if isinstance(value, list):
+        if not value:
+            raise ValueError(
+                f"the list is empty: give [low, high], or under a grid the values "
+                f"(allowed: {parameter.allowed})"
+            )
+        return tuple(_within(parameter, v) for v in value)
+    if isinstance(value, Mapping):
+        return _steps(parameter, value)
+    return _within(parameter, value)
+
+
+def _design(value: object) -> str:
+    known = (*DRAWN, "grid")
+    guess = None
+    if isinstance(value, str):
+        if value in known or PurePath(value).suffix.lower() in TABLES:
+            return value
+        guess = nearest(value, known)
+    hint = f'; did you mean "{guess}"?' if guess else ""
+    raise ValueError(
+        f"is not a known design; it must be {quoted(known)}, or the path of a table that ends "
+        f"in {quoted(TABLES)}{hint}"
+    )
+
+
+def _columns(value: object) -> tuple[str, ...]:
+    if not (isinstance(value, list) and value and all(isinstance(v, str) for v in value)):
+        raise ValueError(
+            f"must be a list of columns of the table: {quoted(PARAMETERS)}, and labels"
+        )
+    for name in value:
+        guess = None if name in PARAMETERS else likely_parameter(name)
+        if guess:
+            raise ValueError(
+                f'"{name}" is not a physical parameter; did you mean "{guess}"? Known: '
+                f"{quoted(PARAMETERS)}; a label needs another name"
+            )
+    if not set(value) & PARAMETERS.keys():
+        raise ValueError(f"must name one or more of {quoted(PARAMETERS)}")
+    if len(set(value)) < len(value):
+        raise ValueError("names a column twice: name each once")
+    return tuple(sorted(value, key=[*PARAMETERS, *value].index))
+
+
+def _is_finite_number(value: object) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond double precision
+        return False
+
+
+def _within(parameter: Parameter, value: object) -> float:
+    """Return a number within the parameter's range, or raise ValueError with what is allowed."""
+    if not _is_finite_number(value):
+        raise ValueError(f"{shown(value)} is not a finite number (allowed: {parameter.allowed})")
+    number = float(value)  # type: ignore[arg-type]
+    if not parameter.accepts(number):
+        raise ValueError(
+            f"{shown(value)} is out of range: the {parameter.long_name} must be {parameter.allowed}"
+        )
+    return number
+
+
+def _steps(parameter: Parameter, value: Mapping[str, object]) -> Steps:
+    if set(value) != {"start", "stop", "num"}:
+        raise ValueError(
+            "an axis as an inline table has exactly start, stop and num, as in "
+            "{ start = 0.1, stop = 0.9, num = 9 }"
+        )
+    start, stop = _within(parameter, value["start"]), _within(parameter, value["stop"])
+    num = value["num"]
+    if isinstance(num, bool) or not isinstance(num, int) or not 2 <= num <= MAX_STEPS:
+        raise ValueError(f"num must be a whole number, at least 2 and at most {MAX_STEPS}")
+    if not start < stop:
+        raise ValueError("start must be less than stop")
+    return Steps(start, stop, num)
+
+
+_SCENE: Final[Mapping[str, Check]] = {
+    **{name: partial(_within, parameter) for name, parameter in PARAMETERS.items()},
+    "particles": partial(_whole, ", at least 1", 1, None),
+    "launch": _launch,
+    "duration": _positive_time,
+    "rebound": _rebound,
+}
+_KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
+    "scene": _SCENE,
+    "sample": {
+        "design": _design,
+        "realizations": partial(
+            _whole, f", at least 1 and at most {MAX_REALIZATIONS}", 1, MAX_REALIZATIONS
+        ),
+        "seed": partial(_whole, ", at least 0", 0, None),
+        "columns": _columns,
+        **{name: partial(_spread, parameter) for name, parameter in PARAMETERS.items()},
+    },
+    "measure": {
+        "transient": _transient,
+        "separation": _flag,
+        "per_particle": _flag,
+        "regimes": _flag,
+        "lyapunov": _flag,
+        "trust": _flag,
+        "tolerance": _positive_time,
+        "impact_budget": partial(
+            _whole, " of impacts per particle, at least 1 and at most 2**62", 1, 2**62
+        ),
+    },
+    "record": _SCENE,
+    "windows": {"conditions": condition_names, "continuation": _flag, "tolerance": tolerance},
+}

@@ -1,0 +1,215 @@
+"""TOML text -> validated, frozen `SweepSpec`; every mistake is found before anything runs."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from vibrosweep.errors import SpecError
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.spec import rules as rules
+from vibrosweep.spec.messages import Mistakes
+from vibrosweep.spec.rules import Axis, Range, RecordSpec, Setting
+from vibrosweep.spec.schema import SpecFile, read_tables
+from vibrosweep.spec.windows import WindowsTable
+
+__all__ = ["Axis", "Range", "RecordSpec", "SweepSpec", "parse_spec", "read_spec", "read_text"]
+
+
+@dataclass(frozen=True)
+class SweepSpec:
+    """A validated sweep.
+
+    Attributes
+    ----------
+    title
+        What the sweep shows.
+    text
+        The whole TOML text.
+    source
+        The file it was read from, None for a text.
+    fixed
+        Parameters that are not sampled, defaults included.  Under a table these are all that
+        ``columns`` does not name; a column of the table overrides the default that stands here.
+    given
+        Names of the parameters in ``fixed`` that the file states.
+    sampled
+        Sampled parameters in the order of `scene.PARAMETERS`: a `Range` under a drawn design, an
+        `Axis` under a grid; empty for a table, which decides by itself.
+    particles, launch, duration, rebound
+        As in `RecordSpec`.
+    design
+        ``"uniform"``, ``"latin"``, ``"sobol"``, ``"grid"`` or ``"table"``.
+    table
+        Path of the table, None for other designs.
+    columns
+        The columns of the table to use, parameters first and then labels; None for all.
+    realizations
+        Number of realizations; None for a table whose length the file does not state.
+    seed
+        Seed of the drawn designs.
+    transient
+        Time in s before the window that measures cover.
+    separation, per_particle, regimes, lyapunov, trust
+        Whether separations are measured, output per particle is kept, orbits that repeat are
+        recognised, Lyapunov exponents are found, and error bounds are carried along.
+    tolerance
+        Error of a landing time in s up to which it is trusted.
+    impact_budget
+        Most impacts of one particle.
+    record
+        The scene to record, or None.
+    windows
+        The stability windows to find, or None.
+    """
+
+    title: str
+    text: str
+    source: Path | None
+    fixed: Mapping[str, float]
+    given: frozenset[str]
+    sampled: Mapping[str, Range | Axis]
+    particles: int
+    launch: str | tuple[float, ...]
+    duration: float
+    rebound: str
+    design: str
+    table: Path | None
+    columns: tuple[str, ...] | None
+    realizations: int | None
+    seed: int
+    transient: float
+    separation: bool
+    per_particle: bool
+    regimes: bool
+    lyapunov: bool
+    trust: bool
+    tolerance: float
+    impact_budget: int
+    record: RecordSpec | None
+    windows: WindowsTable | None
+
+
+def read_spec(path: str | os.PathLike[str]) -> SweepSpec:
+    """Read and validate a sweep file.
+
+    Raises
+    ------
+    SpecError
+        The file cannot be read, or holds mistakes; all of them are listed.
+    """
+    source = Path(path)
+    return parse_spec(read_text(source), source)
+
+
+def read_text(source: Path) -> str:
+    """Read the text of a TOML file.
+
+    Raises
+    ------
+    SpecError
+        The file cannot be read.
+    """
+    try:
+        # utf-8-sig: editors on Windows put a byte order mark first, which TOML does not know
+        return source.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError as error:
+        raise SpecError(f"{source}: there is no such sweep file; check the path") from error
+    except IsADirectoryError as error:
+        raise SpecError(f"{source}: is a directory; give the path of a .toml file") from error
+    except UnicodeDecodeError as error:
+        raise SpecError(
+            f"{source}: is not UTF-8 text (byte {error.start}); save it as UTF-8"
+        ) from error
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise SpecError(f"{source}: cannot be read: {reason}") from error
+
+
+def parse_spec(text: str, source: Path | None = None) -> SweepSpec:
+    """Validate the TOML text of a sweep file.
+
+    Parameters
+    ----------
+    text
+        The whole file.
+    source
+        Its path: messages name it, and the path of a table is relative to its folder.
+
+    Raises
+    ------
+    SpecError
+        The text holds mistakes; all of them are listed.
+    """
+    mistakes = Mistakes("the sweep's text" if source is None else str(source))
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # too many digits, too deep
+        raise SpecError(f"{mistakes.file}: is not valid TOML: {error}") from error
+    spec = _assembled(read_tables(data, mistakes), text, source, mistakes)
+    mistakes.raise_any()
+    _check_countable(spec, mistakes)
+    mistakes.raise_any()
+    return spec
+
+
+def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistakes) -> SweepSpec:
+    """Apply the rules between keys; the result is sound if no mistake was noted."""
+    if file.title is None:
+        mistakes.add("title", 'is missing; begin with title = "..." that says what the sweep shows')
+    sample, measure = file.sample, file.measure
+    design = rules.kind(sample)
+    sampled = rules.sampled(sample, mistakes)
+    numbers = rules.fixed_numbers(file.scene, sample, mistakes)
+    columns = rules.columns(sample, numbers, mistakes)
+    varied = (*sampled, *(columns or ()))
+    shared = rules.setting("scene", file.scene, Setting(), mistakes)
+    if not measure.transient < shared.duration:
+        rule = f"must be less than scene.duration = {shared.duration} s"
+        mistakes.add("measure.transient", rule, measure.transient, involves=["scene.duration"])
+    values = {name: numbers.get(name, p.default) for name, p in PARAMETERS.items()}
+    record = None
+    if file.record is not None:
+        known = design != "table" or columns is not None
+        record = rules.record(file.record, shared, values, varied if known else None, mistakes)
+    return SweepSpec(
+        title=file.title or "",
+        text=text,
+        source=source,
+        fixed={name: value for name, value in values.items() if name not in varied},
+        given=frozenset(numbers),
+        sampled=sampled,
+        design=design,
+        table=(source or Path()).parent / sample.design if design == "table" else None,
+        columns=columns,
+        realizations=rules.realizations(sample, sampled, mistakes),
+        seed=sample.seed,
+        record=record,
+        windows=file.windows,
+        **shared._asdict(),
+        **asdict(measure),
+    )
+
+
+def _check_countable(spec: SweepSpec, mistakes: Mistakes) -> None:
+    """Judge the extreme corner of the sweep, and the recorded scene.
+
+    A table is judged when it is computed, for only then its values are known.
+    """
+    if spec.design != "table":
+        shared = Setting(spec.particles, spec.launch, spec.duration, spec.rebound)
+        corner = {**spec.fixed, **{n: _extreme(n, s) for n, s in spec.sampled.items()}}
+        rules.check_countable("scene", corner, shared, mistakes)
+    if spec.record is not None:
+        own = spec.record
+        shared = Setting(own.particles, own.launch, own.duration, own.rebound)
+        rules.check_countable("record", own.parameters, shared, mistakes)
+
+
+def _extreme(name: str, spread: Range | Axis) -> float:
+    """Return the end of the spread at which periods are shortest and kicks largest."""
+    ends = (spread.low, spread.high) if isinstance(spread, Range) else spread.values
+    return min(ends) if name == "gravity" else max(ends)

@@ -1,0 +1,318 @@
+"""Tables of realizations, from CSV or netCDF: columns named as the physical parameters, and labels.
+
+All mistakes of a table are reported at once, each with its column, row and value.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.errors import TableError
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.variables import RESERVED
+from vibrosweep.spec.messages import likely_parameter
+from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.spec.units import KNOWN_UNITS, factor
+from vibrosweep.store.trial import require_readable
+
+__all__ = ["Label", "Table", "read_table"]
+
+Array = NDArray[np.float64]
+# A sweep without them would run at the defaults, which nobody who writes a table means.
+_EXPECTED: Final = ("restitution", "amplitude")
+# Attributes of a label that go into the result.
+_KEPT: Final = ("units", "long_name", "comment")
+# Mistakes are listed, up to so many.
+_LISTED: Final = 20
+
+
+@dataclass(frozen=True)
+class Label:
+    """A column that is no parameter, shape (realization,): numbers, or texts as objects."""
+
+    values: NDArray[Any]
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    dims: tuple[str, ...] = ("realization",)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of realizations.
+
+    Attributes
+    ----------
+    parameters
+        Parameter name -> array of shape (realization,), in the order of `scene.PARAMETERS`, each
+        value within the parameter's range.
+    labels
+        The other columns by their names.
+    """
+
+    parameters: Mapping[str, Array]
+    labels: Mapping[str, Label]
+
+
+class _Mistakes:
+    """What is wrong with a table: the first mistakes in words, and the number of all."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lines: list[str] = []
+        self.total = 0
+
+    def add(self, text: str) -> None:
+        self.total += 1
+        if self.total <= _LISTED:
+            self.lines.append(text)
+
+    def raise_any(self) -> None:
+        if self.total == 1:
+            raise TableError(f"{self.path}: {self.lines[0]}")
+        if self.total:
+            more = self.total - len(self.lines)
+            lines = [*self.lines, *([f"... and {more} more"] if more else [])]
+            raise TableError(
+                f"{self.path}: {self.total} mistakes" + "".join(f"\n  {line}" for line in lines)
+            )
+
+
+def read_table(spec: SweepSpec) -> Table:
+    """Read the table of a sweep whole.
+
+    Raises
+    ------
+    TableError
+        The table cannot be read, lacks or repeats a column, holds a value that is no finite number
+        or out of range, has a column in an unknown unit or whose name is nearly that of a parameter
+        or that of a result, or contradicts the sweep file; all mistakes are listed.
+    """
+    path = spec.table
+    if path is None:
+        raise ValueError(f"design {spec.design!r} has no table")
+    if not path.is_file():
+        reason = "is not a file" if path.exists() else "there is no such table"
+        raise TableError(f"{path}: {reason}; check sample.design in {_sweep(spec)}")
+    mistakes = _Mistakes(path)
+    read = _read_netcdf if path.suffix.lower() == ".nc" else _read_csv
+    columns = read(path, mistakes)
+    chosen = _chosen(columns, spec, mistakes)
+    if chosen and not columns[chosen[0]].values.size:
+        mistakes.add("has no rows; give one for each realization")
+    parameters = {
+        name: _numbers(name, columns[name], mistakes) for name in PARAMETERS if name in chosen
+    }
+    labels = {name: _label(columns[name]) for name in chosen if name not in PARAMETERS}
+    mistakes.raise_any()
+    return Table(parameters, labels)
+
+
+def _sweep(spec: SweepSpec) -> str:
+    return str(spec.source or "the sweep")
+
+
+def _read_csv(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
+    """Return all columns as text; Python's float then rounds each cell correctly."""
+    try:
+        # utf-8-sig: spreadsheets put a byte order mark first
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = csv.reader(file)
+            names = [name.strip() for name in next(lines, [])]
+            _judge_header(names, mistakes)
+            rows = list(_rows(lines, len(names), mistakes))
+    except UnicodeDecodeError as error:
+        raise TableError(f"{path}: is not UTF-8 text; save it as UTF-8") from error
+    except csv.Error as error:
+        raise TableError(f"{path}: is not a table of comma-separated values: {error}") from error
+    except OSError as error:
+        raise TableError(f"{path}: cannot be read: {error.strerror}") from error
+    cells = np.array(rows, dtype=object).reshape(-1, len(names))
+    return {name: Label(cells[:, k]) for k, name in enumerate(names)}
+
+
+def _judge_header(names: list[str], mistakes: _Mistakes) -> None:
+    if not names:
+        raise TableError(f"{mistakes.path}: is empty; begin with a line of column names")
+    for mark, word in ((";", "semicolons"), ("\t", "tabulators")):
+        if len(names) == 1 and mark in names[0]:
+            raise TableError(
+                f"{mistakes.path}: its columns are separated by {word}; separate them by commas, "
+                f"and write decimals with a point"
+            )
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            mistakes.add(f'column "{name}" appears twice; keep one')
+
+
+def _rows(lines: Any, width: int, mistakes: _Mistakes) -> Iterator[list[str | None]]:
+    """Give the cells of each row that is not empty; only None where there are too many or few."""
+    for row in lines:
+        if row and len(row) != width:
+            mistakes.add(
+                f"line {lines.line_num} has {len(row)} values for {width} columns; give one for "
+                f"each"
+            )
+            yield [None] * width
+        elif row:
+            yield [cell.strip() for cell in row]
+
+
+def _read_netcdf(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
+    """Return all parameters, and what else has their dimension."""
+    import xarray as xr
+
+    try:
+        require_readable(path)
+        # times are not decoded: a contact_time in "s" would become a time span
+        with xr.open_dataset(
+            path, engine="h5netcdf", decode_times=False, phony_dims="access"
+        ) as dataset:
+            dataset.load()
+    except Exception as error:  # what a damaged file makes the libraries raise has no common base
+        raise TableError(f"{path}: is not a readable netCDF-4 file: {error}") from error
+    found = {str(name): variable for name, variable in dataset.variables.items()}
+    shared = next((v.dims for name, v in found.items() if name in PARAMETERS), None)
+    return {
+        name: Label(
+            variable.to_numpy(),
+            {key: str(variable.attrs[key]) for key in _KEPT if key in variable.attrs},
+            tuple(map(str, variable.dims)),
+        )
+        for name, variable in found.items()
+        # a running number of the realizations is no column
+        if name in PARAMETERS or (variable.dims == shared and name != "realization")
+    }
+
+
+def _chosen(columns: Mapping[str, Label], spec: SweepSpec, mistakes: _Mistakes) -> list[str]:
+    """Names of the columns to use."""
+    found = list(columns)
+    if spec.columns is not None:
+        for name in spec.columns:
+            if name not in columns:
+                mistakes.add(_lacking(name, found, "sample.columns names it"))
+        chosen = [name for name in spec.columns if name in columns]
+    else:
+        for name in found:
+            if name in spec.given:
+                mistakes.add(
+                    f'column "{name}" is also fixed, {name} = {spec.fixed[name]:g} in '
+                    f"{_sweep(spec)}; keep one of the two"
+                )
+        meant = [likely_parameter(name) for name in found if name not in PARAMETERS]
+        for name in _EXPECTED:
+            if name not in found and name not in spec.given and name not in meant:
+                mistakes.add(_lacking(name, found, f"{_sweep(spec)} does not fix it"))
+        chosen = found
+    for name in chosen:
+        _judge_name(name, spec.columns is not None, mistakes)
+    _judge_shapes({name: columns[name] for name in chosen if name in PARAMETERS}, mistakes)
+    return chosen
+
+
+def _judge_name(name: str, wanted: bool, mistakes: _Mistakes) -> None:
+    """A column that is no parameter must be meant as a label, and be usable as one."""
+    if name in PARAMETERS:
+        return
+    elsewhere = "; rename it, or list the columns to use in sample.columns"
+    guess = None if wanted else likely_parameter(name)
+    if guess:
+        mistakes.add(
+            f'column "{name}" is not a physical parameter; did you mean "{guess}"? Known columns: '
+            f"{', '.join(PARAMETERS)}; to keep it as a label rename it, to leave it out list the "
+            f"others in sample.columns"
+        )
+    elif name in RESERVED:
+        mistakes.add(f'column "{name}" has the name of something that a result holds{elsewhere}')
+    elif not name.isidentifier():
+        mistakes.add(
+            f'column "{name}" cannot be a label of a result, whose name is made of letters, digits '
+            f"and underscores{elsewhere}"
+        )
+
+
+def _judge_shapes(columns: Mapping[str, Label], mistakes: _Mistakes) -> None:
+    """Parameters lie along one dimension, the same for all."""
+    shared = next((column.dims for column in columns.values()), ())
+    for name, column in columns.items():
+        if len(column.dims) != 1 or column.dims != shared:
+            mistakes.add(
+                f'column "{name}" has the dimensions ({", ".join(column.dims)}); all columns must '
+                f"have the same single one"
+            )
+
+
+def _lacking(name: str, found: Iterable[str], reason: str) -> str:
+    has = ", ".join(found) or "none"
+    allowed = f"; allowed values: {PARAMETERS[name].allowed}" if name in PARAMETERS else ""
+    fixed = f" or write {name} as a number in [scene]" if name in PARAMETERS else ""
+    return (
+        f'column "{name}" is missing and {reason}; add the column (columns found: {has}{allowed})'
+        f"{fixed}"
+    )
+
+
+def _numbers(name: str, column: Label, mistakes: _Mistakes) -> Array:
+    """Return a column in the parameter's unit as float64; what is no such number is noted."""
+    parameter, values = PARAMETERS[name], column.values
+    if values.dtype.kind in "iuf":
+        numbers = values.astype(np.float64)
+    else:
+        numbers = np.array([_number(value) for value in values.ravel()], dtype=np.float64)
+    unit = column.attributes.get("units", parameter.units)
+    scale = factor(unit, parameter.units)
+    if scale is None:
+        mistakes.add(
+            f'column "{name}" is in {unit!r}, which is not known as a unit of the '
+            f"{parameter.long_name}, {parameter.units}; convert it; known are products of "
+            f"{', '.join(KNOWN_UNITS)}, as in mm s-1"
+        )
+        return numbers
+    numbers = numbers * scale[0] / scale[1]
+    for row in np.flatnonzero(~parameter.accepts(numbers)).tolist():
+        value = values.ravel()[row]
+        if value is not None:
+            in_unit = f" {unit}" if "units" in column.attributes else ""
+            mistakes.add(
+                f'column "{name}", row {row + 1} (the first row of values is 1): '
+                f"{f'{value}{in_unit}' if str(value) else 'nothing'} is not allowed; the "
+                f"{parameter.long_name} must be a number, {parameter.allowed}; correct the table"
+            )
+    return numbers
+
+
+def _number(value: object) -> float:
+    """Return the value as a float; NaN, which no parameter accepts, for what is no number."""
+    text = str(value)
+    # Python takes 1_2 for 12, and digits of any script
+    if isinstance(value, bool | np.bool_) or "_" in text or not text.isascii():
+        return np.nan
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
+def _label(column: Label) -> Label:
+    """Return a label as numbers where each of its values is one, or is missing; else as texts."""
+    values = column.values
+    if values.dtype.kind in "iuf":
+        numbers = values.astype(np.float64)
+        exact = values.dtype.kind == "f" or np.array_equal(numbers.astype(values.dtype), values)
+    else:
+        texts = [v.decode() if isinstance(v, bytes) else str(v) for v in values]
+        numbers = np.array([_number(text) for text in texts])
+        # 007 is a name, and so is a whole number of more digits than a double holds
+        exact = any(texts) and all(
+            not text or (abs(number) <= 2.0**53 and not re.match(r"[+-]?0\d", text))
+            for text, number in zip(texts, numbers, strict=True)
+        )
+        values = np.array(texts, dtype=object)
+    return Label(numbers if exact else values.astype(str).astype(object), column.attributes)

@@ -1,0 +1,82 @@
+"""Small sweeps in memory, for the claims: parameters in, one dataset out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.landings import all_parameters
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.workers import Workers
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.variables import LYAPUNOV, PER_PARTICLE, REGIMES, SWEEP
+from vibrosweep.run.result import coordinate_attributes
+
+__all__ = ["IMPACT_BUDGET", "SAMPLE_RANGES", "SAMPLE_SEED", "random_sample", "swept"]
+
+IMPACT_BUDGET: Final = 1_000_000
+# A choice of this package: the study states no ranges for its random realizations
+SAMPLE_RANGES: Final = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
+SAMPLE_SEED: Final = 1
+
+_REGISTRY: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **LYAPUNOV}
+
+
+def random_sample(realizations: int = 200) -> dict[str, Any]:
+    """Random restitutions and amplitudes in this package's ranges, always the same ones."""
+    random = np.random.default_rng(SAMPLE_SEED)
+    return {name: random.uniform(*ends, realizations) for name, ends in SAMPLE_RANGES.items()}
+
+
+def swept(
+    workers: Workers,
+    *,
+    particles: int = 20,
+    launch: str | tuple[float, ...] = "staggered",
+    duration: float = 12.0,
+    transient: float = 0.0,
+    separation: bool = False,
+    regimes: bool = False,
+    lyapunov: bool = False,
+    **parameters: ArrayLike,
+) -> xr.Dataset:
+    """Measure a batch of realizations.
+
+    Parameters
+    ----------
+    workers
+        Threads to use.
+    particles, launch, duration, transient, separation, regimes, lyapunov
+        As in a sweep file.
+    parameters
+        Physical parameters by their names: numbers, or arrays of shape (realization,).
+
+    Returns
+    -------
+    xarray.Dataset
+        As `vibrosweep.run` writes it, without provenance.
+    """
+    given = {name: np.atleast_1d(np.asarray(v, np.float64)) for name, v in parameters.items()}
+    complete = all_parameters(given)
+    plain = record_observation(particles, launch, duration, "rest", IMPACT_BUDGET)
+    observation = replace(
+        plain, transient=transient, separation=separation, regimes=regimes, lyapunov=lyapunov
+    )
+    measured = measure(complete, observation, workers)
+    coordinates = {
+        name: (("realization",), values, coordinate_attributes(PARAMETERS[name]))
+        for name, values in complete.items()
+    }
+    return xr.Dataset(
+        {
+            name: (_REGISTRY[name].dims, v, _REGISTRY[name].attributes)
+            for name, v in measured.items()
+        },
+        coords={**coordinates, "duration": duration, "transient": transient},
+        attrs={"particles": particles, "rebound": "rest"},
+    )

@@ -1,0 +1,1 @@
+"""Figures that only the judgement of the study draws."""

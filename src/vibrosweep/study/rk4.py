@@ -1,0 +1,231 @@
+"""The study's own scheme: fixed-step RK4, with contact seen at the first step below the base.
+
+Between steps nothing is looked for, so that a landing is late by up to one step and its speed too
+large by up to g times a step.  That error enters every impact: the scheme is of first order in the
+step, although RK4 itself is exact on a parabola.
+
+On contact the position is set to 0 and w = e |v| + A sin(2 pi f t + phi), its absolute value under
+the `reflect` law.  With w <= v_rest = g tau_c / 2 the particle stays on the base until the first
+step at which the kick A sin(2 pi f t + phi) alone exceeds v_rest, and leaves with it.  As the step
+goes to zero this becomes the `rest` law, where the lift-off is at the crossing itself.  That takes
+steps well below tau_c, and below v_rest / (2 pi f A): with larger ones the late contact feeds a
+particle that should rest g times a step at each impact, and it may bounce on the base for ever.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.kernels._jit import jit, kernel
+from vibrosweep.model.parameters import LAWS, PARAMETERS
+
+__all__ = ["MAX_STEPS", "Landings", "rk4", "rk4_range"]
+
+Array = NDArray[np.float64]
+
+# Time is a count of steps times the step; beyond this the count is no longer an exact double.
+MAX_STEPS = 2.0**53
+
+
+class Landings(NamedTuple):
+    """Landings seen by the fixed-step scheme.
+
+    Attributes
+    ----------
+    landing_time
+        Shape (trajectory, capacity), s; NaN past the last landing.
+    impact_count
+        Shape (trajectory,); all landings up to the end, even those past the capacity.
+    """
+
+    landing_time: Array
+    impact_count: NDArray[np.int64]
+
+
+@jit
+def _acceleration(y: float, v: float, gravity: float) -> float:
+    """Right-hand side of v' = -g; written as a field so that RK4 is what it is for any field."""
+    return -gravity
+
+
+@jit
+def _rk4_step(y: float, v: float, gravity: float, h: float) -> tuple[float, float]:
+    """One classical Runge-Kutta step of y' = v, v' = -g."""
+    half = 0.5 * h
+    v1 = v
+    a1 = _acceleration(y, v1, gravity)
+    v2 = v + half * a1
+    a2 = _acceleration(y + half * v1, v2, gravity)
+    v3 = v + half * a2
+    a3 = _acceleration(y + half * v2, v3, gravity)
+    v4 = v + h * a3
+    a4 = _acceleration(y + h * v3, v4, gravity)
+    sixth = h / 6.0
+    return (
+        y + sixth * (v1 + 2.0 * (v2 + v3) + v4),
+        v + sixth * (a1 + 2.0 * (a2 + a3) + a4),
+    )
+
+
+@jit
+def _integrate(
+    p: Array, duration: float, h: float, reflect: bool | None, landing_time: Array
+) -> int:
+    """Integrate one particle; fill its row of landing times and return how many there were."""
+    e, amplitude, omega, phase = p[0], p[1], 2.0 * math.pi * p[2], p[3]
+    gravity, y, v, rest, launch = p[4], 0.0, p[5], 0.5 * p[4] * p[6], p[7]
+    found, steps, resting = 0, 0, False
+    while True:
+        steps += 1
+        t = launch + steps * h
+        if t > duration:
+            return found
+        if resting:
+            v = amplitude * math.sin(omega * t + phase)
+            resting = v <= rest
+            continue
+        y, v = _rk4_step(y, v, gravity, h)
+        if y <= 0.0:
+            if found < landing_time.size:
+                landing_time[found] = t
+            found += 1
+            y = 0.0
+            v = e * abs(v) + amplitude * math.sin(omega * t + phase)
+            if reflect is not None:
+                v = abs(v)
+            resting = v <= rest
+
+
+@kernel
+def rk4_range(
+    parameters: Array,
+    duration: float,
+    h: float,
+    reflect: bool | None,
+    out: Landings,
+    start: int,
+    stop: int,
+) -> None:
+    """Integrate the trajectories `start` to `stop` - 1 into their own rows of `out`.
+
+    It holds no lock, so threads may share one batch by disjoint ranges.
+
+    Parameters
+    ----------
+    parameters
+        Shape (trajectory, 8): the seven of `vibrosweep.model.parameters.PARAMETERS` in their
+        order, then the launch time.
+    duration, h
+        End and step, s.
+    reflect
+        None for the `rest` law, True for `reflect`; chosen at compile time.
+    out
+        `Landings`, filled with NaN beforehand.
+    start, stop
+        Range of trajectories.
+    """
+    for i in range(start, stop):
+        row = out.landing_time[i]
+        out.impact_count[i] = _integrate(parameters[i], duration, h, reflect, row)
+
+
+def rk4(
+    *,
+    restitution: ArrayLike,
+    amplitude: ArrayLike,
+    frequency: ArrayLike,
+    phase: ArrayLike,
+    gravity: ArrayLike,
+    launch_velocity: ArrayLike,
+    contact_time: ArrayLike,
+    launch_time: ArrayLike,
+    duration: float,
+    step: float,
+    rebound: str = "rest",
+    capacity: int = 1000,
+    threads: int = 1,
+) -> Landings:
+    """Landing times by the study's fixed-step scheme.
+
+    Parameters
+    ----------
+    restitution, amplitude, frequency, phase, gravity, launch_velocity, contact_time, launch_time
+        As in `vibrosweep.model.parameters.PARAMETERS`; scalars or arrays of shape
+        (trajectory,), broadcast.
+    duration
+        End of the observation, s.
+    step
+        Step of the integration, s.
+    rebound
+        ``"rest"`` or ``"reflect"``.
+    capacity
+        Landings stored for each trajectory.
+    threads
+        Threads that share the trajectories; the result does not depend on it.
+
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range; the message names it.
+    """
+    values = {
+        "restitution": restitution,
+        "amplitude": amplitude,
+        "frequency": frequency,
+        "phase": phase,
+        "gravity": gravity,
+        "launch_velocity": launch_velocity,
+        "contact_time": contact_time,
+        "launch_time": launch_time,
+    }
+    parameters = _table(values)
+    _check(parameters, duration, step, rebound, capacity, threads)
+    n = len(parameters)
+    out = Landings(np.full((n, capacity), np.nan), np.zeros(n, np.int64))
+    reflect = True if rebound == "reflect" else None
+    edges = np.linspace(0, n, threads + 1).astype(int)
+
+    def work(start: int, stop: int) -> None:
+        rk4_range(parameters, float(duration), float(step), reflect, out, start, stop)
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(work, edges[:-1], edges[1:]))
+    return out
+
+
+def _table(values: dict[str, ArrayLike]) -> Array:
+    """One row per trajectory, one column per parameter."""
+    arrays = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in values.values()]
+    for name, array in zip(values, arrays, strict=True):
+        if name in PARAMETERS and not np.all(PARAMETERS[name].accepts(array)):
+            raise ParameterError(f"{name}: must be {PARAMETERS[name].allowed}")
+        if array.ndim > 1 or not np.all(np.isfinite(array)):
+            raise ParameterError(f"{name}: must be a finite number or a 1-D array of such")
+    return np.stack(np.broadcast_arrays(*arrays), axis=-1)
+
+
+def _check(
+    parameters: Array,
+    duration: float,
+    step: float,
+    rebound: str,
+    capacity: int,
+    threads: int,
+) -> None:
+    if not math.isfinite(duration):
+        raise ParameterError(f"duration = {duration!r}: must be any finite number (s)")
+    if not (step > 0.0 and math.isfinite(step)):
+        raise ParameterError(f"step = {step!r}: must be finite and greater than 0 s")
+    if rebound not in LAWS:
+        raise ParameterError(f"rebound = {rebound!r}: must be one of {', '.join(LAWS)}")
+    for name, number in (("capacity", capacity), ("threads", threads)):
+        if number < 1:
+            raise ParameterError(f"{name} = {number!r}: must be at least 1")
+    if parameters.size and (duration - np.min(parameters[:, 7])) / step > MAX_STEPS:
+        raise ParameterError(f"step = {step!r}: more than 2**53 steps; use a larger one")

@@ -1,1 +1,0 @@
-"""Sweeps: a TOML file becomes a validated spec, a design, a plan and a run."""

@@ -1,0 +1,62 @@
+"""Absurd parameters get a status, and harm no other realization."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep.run.describe import describe
+
+TABLE = """restitution,amplitude,frequency
+0.9,0.0,1.0
+0.9,1e30,1e9
+0.8,0.0,1.0
+0.9,1.0,1e9
+"""
+ROWS = """
+[scene]
+particles = 2
+duration = 1e7
+launch = [0.0, 0.25]
+[sample]
+design = "table.csv"
+[measure]
+transient = 0.5
+separation = true
+per_particle = true
+regimes = true
+trust = true
+"""
+
+
+@pytest.mark.parametrize("chunk", [1, 2, None])
+def test_absurd_rows_are_refused_and_harm_no_other(compute, tmp_path, chunk):
+    (tmp_path / "table.csv").write_text(TABLE)
+    mixed = xr.load_dataset(compute(ROWS, chunk=chunk))
+    assert mixed["status"].values.tolist() == [0, 3, 0, 3]
+    refused = mixed.isel(realization=[1, 3])
+    for name, variable in refused.data_vars.items():
+        if name in ("status", "particle_status"):
+            assert (variable == 3).all()
+        elif variable.dtype.kind == "f":
+            assert np.isnan(variable).all(), name
+        else:
+            assert (variable == -1).all(), name
+            assert -1 in variable.attrs.get("flag_values", [-1])
+    (tmp_path / "table.csv").write_text("restitution,amplitude,frequency\n0.9,0,1\n0.8,0,1\n")
+    alone = xr.load_dataset(compute(ROWS))
+    xr.testing.assert_identical(mixed.isel(realization=[0, 2]).drop_attrs(), alone.drop_attrs())
+
+
+def test_refused_rows_are_listed_and_not_verified(compute, tmp_path):
+    pytest.importorskip("flint")
+    from vibrosweep.proof.verify import verify
+
+    (tmp_path / "table.csv").write_text(TABLE)
+    path = compute(ROWS)
+    lines = list(describe(path))
+    assert "realizations that did not complete: 2; vibrosweep run --retry-failed" in lines
+    assert lines[-2].split()[:2] == ["1", "refused,"]
+    assert lines[-2].endswith("restitution 0.9, amplitude 1e+30, frequency 1e+09")
+    report = verify(path)
+    assert report.passed
+    assert [o.state.name for o in report.outcomes] == ["COMPARED", "NOT_COMPLETED"] * 2

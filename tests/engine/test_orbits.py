@@ -1,0 +1,163 @@
+"""Orbits and slots that particles share, against the times at which they land."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vibrosweep.engine.landings import all_parameters
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.orbits import NO_ORBIT
+from vibrosweep.engine.workers import Workers
+from vibrosweep.model.status import Regime
+from vibrosweep.model.variables import LYAPUNOV, REGIMES
+
+LATE = 12_000.0
+
+
+def late_landings(found, particle):
+    times = found["landing_time"][0, particle]
+    return times[times > LATE - 30.0]
+
+
+@pytest.mark.parametrize(("e", "amplitude"), [(0.98, 3.4), (0.9, 1.2), (0.8, 2.9)])
+def test_particles_share_orbit_and_slot_if_and_only_if_they_land_together_for_ever(
+    e, amplitude, parameters, observe, record, workers
+):
+    scene = parameters(restitution=e, amplitude=amplitude)
+    observation = observe(duration=LATE, lyapunov=True, separation=False)
+    found = measure(scene, observation, workers)
+    landings = record(scene, observation)
+    orbit, slot = found["orbit"][0], found["slot"][0]
+    assert (orbit != NO_ORBIT).all()
+    pairs = set(zip(orbit.tolist(), slot.tolist(), strict=True))
+    assert found["slot_count"].item() == len(pairs) > 1
+    assert found["orbit_count"].item() == len({o for o, _ in pairs})
+    for i in range(20):
+        for j in range(i):
+            own, other = late_landings(landings, i), late_landings(landings, j)
+            together = own.size == other.size and np.allclose(own, other, rtol=0, atol=1e-8)
+            assert together == (orbit[i] == orbit[j] and slot[i] == slot[j]), (i, j)
+
+
+def test_all_variables_are_measured_with_their_shapes(parameters, observe, workers):
+    scene = parameters(amplitude=np.linspace(0.0, 3.5, 6))
+    found = measure(scene, observe(lyapunov=True, separation=False), workers)
+    sizes = {"realization": 6, "particle": 20}
+    for name, variable in {**REGIMES, **LYAPUNOV}.items():
+        assert found[name].shape == tuple(sizes[d] for d in variable.dims), name
+        assert found[name].dtype == variable.dtype, name
+
+
+def test_the_result_does_not_depend_on_how_the_batch_is_cut(parameters, observe, workers):
+    scene = parameters(amplitude=np.linspace(0.5, 3.5, 200), restitution=0.95)
+    observation = observe(lyapunov=True, separation=False, duration=60.0)
+    whole = measure(scene, observation, workers)
+    half = measure({n: v[100:] for n, v in scene.items()}, observation, workers)
+    for name in LYAPUNOV:
+        assert np.array_equal(whole[name][100:], half[name], equal_nan=True), name
+
+
+def test_an_orbit_without_landings_in_the_window_has_no_exponent(parameters, observe, workers):
+    found = measure(parameters(launch_velocity=60.0), observe(lyapunov=True), workers)
+    assert np.isnan(found["lyapunov_largest"]).all()
+    assert np.isnan(found["lyapunov_max"]).all()
+    assert found["aperiodic_count"].item() == 0
+    assert found["unsettled_count"].item() == 20
+
+
+def test_one_particle_without_landings_leaves_the_exponents_of_the_others(
+    parameters, observe, workers
+):
+    scene = parameters(amplitude=1.2)
+    found = measure(scene, observe(launch=(0.0, 11.9), lyapunov=True), workers)
+    assert np.isnan(found["lyapunov_largest"]).tolist() == [[False, True]]
+    assert found["lyapunov_max"].item() == found["lyapunov_largest"][0, 0]
+
+
+REPEATS = (Regime.RESTING, Regime.LOCKED)
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_all_that_is_said_of_an_orbit_agrees_with_itself_and_with_a_longer_run(data):
+    rebound = data.draw(st.sampled_from(["rest", "reflect"]))
+    duration = data.draw(st.sampled_from([3.0, 12.0, 60.0, 300.0, 1000.0]))
+    transient = data.draw(st.sampled_from([0.0, 0.3])) * duration
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    scene = all_parameters(
+        {
+            "restitution": rng.uniform(0.0, 1.0, 12) ** 0.5,
+            "amplitude": rng.uniform(0.0, 4.0, 12),
+            "frequency": rng.choice([0.7, 1.0, 3.0], 12),
+            "contact_time": 10.0 ** rng.uniform(-5.0, -2.0, 12),
+        }
+    )
+    asked = Observation(
+        particles=4,
+        launch="staggered",
+        duration=duration,
+        rebound=rebound,
+        transient=transient,
+        separation=False,
+        per_particle=True,
+        regimes=True,
+        trust=False,
+        tolerance=1e-9,
+        impact_budget=10**6,
+        lyapunov=data.draw(st.booleans()),
+    )
+    with Workers(1) as one:
+        found = measure(scene, asked, one)
+        longer = measure(scene, replace(asked, duration=3.0 * duration), one)
+    repeats = np.isin(found["regime"], REPEATS)
+    for name in ("cycle_impacts", "cycle_periods"):
+        assert np.array_equal(found[name] > 0, repeats), name
+    assert np.array_equal(found["cycle_rests"] > 0, found["regime"] == Regime.RESTING)
+    assert np.array_equal(found["cycle_uncertain"] >= 0, repeats)
+    assert np.array_equal(~np.isnan(found["recurrent_from"]), repeats)
+    assert np.all(found["recurrent_from"][repeats] <= duration)
+    assert np.array_equal(found["regime"] == Regime.AT_REST, found["particle_at_rest"] == 1)
+    for regime in Regime:
+        counted = np.count_nonzero(found["regime"] == regime, axis=1)
+        assert np.array_equal(found[f"{regime.meaning}_count"], counted)
+    if asked.lyapunov:
+        for name in ("orbit", "slot"):
+            assert np.array_equal(found[name] >= 0, repeats), name
+        aperiodic = found["regime"] == Regime.APERIODIC
+        assert np.all(found["lyapunov_largest"][aperiodic] > 0.0)
+        assert np.all(found["lyapunov_largest_error"][found["cycle_uncertain"] == 1] == np.inf)
+    for name in ("regime", "cycle_impacts", "cycle_periods", "cycle_rests", "recurrent_from"):
+        assert np.array_equal(longer[name][repeats], found[name][repeats]), name
+    at_rest = found["regime"] == Regime.AT_REST
+    assert np.all(longer["regime"][at_rest] == Regime.AT_REST)
+
+
+def test_exponents_do_not_change_what_is_said_of_regimes(parameters, observe, workers):
+    rng = np.random.default_rng(8)
+    scene = parameters(
+        restitution=rng.uniform(0.5, 0.98, 100), amplitude=rng.uniform(0.5, 9.0, 100)
+    )
+    for rebound in ("rest", "reflect"):
+        asked = observe(duration=200.0, rebound=rebound, separation=False, launch=(0.0, 0.4))
+        plain = measure(scene, replace(asked, regimes=True), workers)
+        exponents = measure(scene, replace(asked, lyapunov=True), workers)
+        for name in REGIMES:
+            assert np.array_equal(plain[name], exponents[name], equal_nan=True), name
+
+
+def test_orbits_that_still_settle_are_told_from_those_that_do_not(parameters, observe, workers):
+    # locked orbits at e = 0.95 take 150 / 0.05 = 3000 periods to return bit for bit
+    settling = parameters(restitution=0.95, amplitude=np.linspace(1.0, 2.0, 20))
+    # far beyond the cascade
+    chaotic = parameters(restitution=0.5, amplitude=np.linspace(11.0, 13.0, 20), contact_time=1e-12)
+    asked = observe(launch=(0.41,), duration=600.0, regimes=True, separation=False)
+    asked = replace(asked, rebound="reflect")
+    found = measure(settling, asked, workers)["regime"]
+    assert np.mean(found == Regime.UNSETTLED) > 0.5
+    assert not np.any(found == Regime.APERIODIC)
+    found = measure(chaotic, asked, workers)["regime"]
+    assert np.mean(found == Regime.APERIODIC) > 0.8

@@ -1,0 +1,192 @@
+"""Everything that is skipped leaves the result as if it had been done: each skip off and on."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from vibrosweep.engine import trajectories
+from vibrosweep.engine.landings import record_landings
+from vibrosweep.engine.measure import measure
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.workers import Workers
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.status import Regime
+
+LAWS = ["rest", "reflect"]
+
+
+def observed(duration, particles, **options):
+    defaults = {
+        "launch": "staggered",
+        "rebound": "rest",
+        "transient": 0.0,
+        "separation": True,
+        "per_particle": True,
+        "regimes": True,
+        "trust": False,
+        "tolerance": 1e-9,
+        "impact_budget": 10_000_000,
+    }
+    return Observation(particles=particles, duration=duration, **{**defaults, **options})
+
+
+def drawn(seed, size, **given_):
+    rng = np.random.default_rng(seed)
+    ranges = {"restitution": (0.3, 0.98), "amplitude": (0.1, 3.5), "phase": (-3.0, 3.0)}
+    values = {name: rng.uniform(*bounds, size) for name, bounds in ranges.items()}
+    return {
+        name: np.full(size, given_.get(name, values.get(name, p.default)), float)
+        for name, p in PARAMETERS.items()
+    }
+
+
+def both(parameters, observation):
+    """What is measured with everything skipped that can be, and with everything followed."""
+    with Workers(2) as workers:
+        return [
+            measure(parameters, dataclasses.replace(observation, skip=skip), workers)
+            for skip in (True, False)
+        ]
+
+
+def assert_same(skipped, followed, *, rtol, rounded=("mean",)):
+    """Bit for bit, apart from means, whose sums are added in another order."""
+    assert skipped.keys() == followed.keys()
+    for name, values in followed.items():
+        if name.endswith(rounded):
+            np.testing.assert_allclose(skipped[name], values, rtol=rtol, err_msg=name)
+        else:
+            np.testing.assert_array_equal(skipped[name], values, err_msg=name)
+
+
+@pytest.mark.parametrize("rebound", LAWS)
+@pytest.mark.parametrize("transient", [0.0, 321.4])
+@pytest.mark.parametrize("particles", [2, 5, 20])
+def test_orbits_that_recur(rebound, transient, particles):
+    observation = observed(1500.0, particles, rebound=rebound, transient=transient)
+    skipped, followed = both(drawn(11, 120 // particles), observation)
+    recurrent = skipped["cycle_impacts"] > 0
+    assert recurrent.mean() > 0.2
+    # following adds up to 10^5 terms, each time with a rounding of half a unit
+    assert_same(skipped, followed, rtol=1e-11)
+
+
+@pytest.mark.parametrize("particles", [2, 6])
+def test_orbits_of_different_pace(particles):
+    # resting orbits of hundreds of impacts beside locked ones; those reach the window at impact
+    # numbers that are hundreds of times apart
+    launch = tuple(np.random.default_rng(5).uniform(0.0, 3.0, particles))
+    observation = observed(700.0, particles, launch=launch, transient=400.0)
+    parameters = drawn(12, 60, restitution=np.random.default_rng(6).uniform(0.7, 0.9, 60))
+    skipped, followed = both(parameters, observation)
+    regime = skipped["regime"]
+    mixed = (regime == Regime.LOCKED).any(axis=1) & (regime == Regime.RESTING).any(axis=1)
+    assert mixed.sum() >= 3
+    assert_same(skipped, followed, rtol=1e-11)
+
+
+def test_sums_are_closer_to_the_exact_ones_than_those_of_following():
+    parameters = drawn(13, 6, restitution=0.85, phase=0.0)
+    observation = observed(4000.0, 4, separation=False)
+    skipped, followed = both(parameters, observation)
+    with Workers(1) as workers:
+        record = record_landings(
+            parameters, dataclasses.replace(observation, transient=-math.inf), workers
+        )
+    flights = 2.0 * record["rebound_velocity"] / 9.81
+    exact = np.array(
+        [[math.fsum(p[~np.isnan(p)]) / np.sum(~np.isnan(p)) for p in r] for r in flights]
+    )
+    name = "particle_flight_time_mean"
+    np.testing.assert_allclose(skipped[name], exact, rtol=1e-12)
+    errors = [np.abs(found[name] - exact).max() for found in (skipped, followed)]
+    assert errors[0] <= errors[1]
+
+
+def test_a_late_end_costs_no_impact():
+    # so short a budget ends every trajectory that is followed
+    parameters = drawn(14, 30, restitution=np.random.default_rng(1).uniform(0.3, 0.8, 30))
+    observation = observed(1e9, 3, impact_budget=20_000)
+    skipped, followed = both(parameters, observation)
+    assert np.all(followed["status"] == 1)
+    assert np.mean(skipped["status"] == 0) > 0.9
+    known = (skipped["status"] == 0) & ~np.isnan(skipped["dt_min"])
+    assert known.mean() > 0.9
+    earlier = both(parameters, dataclasses.replace(observation, duration=6000.0))[0]
+    for name in ("dt_min", "base_shared", "regime", "rebound_height_max"):
+        np.testing.assert_array_equal(skipped[name][known], earlier[name][known], err_msg=name)
+
+
+@pytest.mark.parametrize("transient", [0.0, 2.5])
+def test_a_problem_is_followed_once(monkeypatch, transient):
+    # equal in e, a, r, x0, u0 and window, at three values of gravity
+    once = drawn(15, 7)
+    gravity = np.repeat([9.81, 1.62, 24.8], 7)
+    parameters = {name: np.tile(values, 3) for name, values in once.items()} | {"gravity": gravity}
+    for name in ("amplitude", "launch_velocity"):  # powers of two: the quotients are the same bits
+        parameters[name] = parameters[name] * np.repeat([1.0, 2.0, 4.0], 7)
+    parameters["gravity"] = 9.81 * np.repeat([1.0, 2.0, 4.0], 7)
+    observation = observed(9.0, 4, transient=transient, trust=True, regimes=False)
+    sizes = []
+    original = trajectories._follow
+
+    def counting(problem, *others):
+        sizes.append(problem.kick.size)
+        return original(problem, *others)
+
+    monkeypatch.setattr(trajectories, "_follow", counting)
+    skipped, followed = both(parameters, observation)
+    assert sizes == [7, 21]
+    assert_same(skipped, followed, rtol=0.0)
+
+
+def test_problems_with_launches_of_their_own_are_not_confused():
+    # the same launch times are other phases at another frequency
+    parameters = drawn(16, 2, restitution=0.8, amplitude=1.0, phase=0.0)
+    parameters["frequency"] = np.array([1.0, 2.0])
+    parameters["gravity"] = np.array([9.81, 19.62])
+    parameters["contact_time"] = np.array([2e-4, 1e-4])
+    observation = observed(5.0, 2, launch=(0.0, 0.3))
+    assert_same(*both(parameters, observation), rtol=0.0)
+
+
+def test_realizations_without_excitation_have_the_separations_of_their_landings():
+    """Particles that settle on a base at rest: gaps against those of every landing kept."""
+    rng = np.random.default_rng(18)
+    parameters = drawn(18, 40, amplitude=0.0, contact_time=0.01, restitution=0.5)
+    parameters["restitution"] = 1.0 - 10.0 ** rng.uniform(-6.0, -0.3, 40)
+    observation = observed(12.0, 2, launch=(0.0, 0.8))
+    skipped, followed = both(parameters, observation)
+    assert_same(skipped, followed, rtol=1e-11)
+    with Workers(1) as workers:
+        everything = dataclasses.replace(observation, transient=-math.inf)
+        landing = record_landings(parameters, everything, workers)["landing_time"]
+    for i, (one, other) in enumerate(landing):
+        gap = np.nanmin(np.abs(one[:, np.newaxis] - other))
+        np.testing.assert_allclose(skipped["dt_min"][i], gap, rtol=0.0, atol=1e-14)
+
+
+def test_particles_that_rounding_makes_one_are_told_from_those_that_meet():
+    """Table 1: launched 1 ms apart they approach by sqrt(e) per impact, and never rest."""
+    parameters = drawn(20, 1, restitution=0.9, amplitude=1.2, phase=0.0)
+    soon, late = (
+        both(parameters, observed(duration, 2, launch=(0.3, 0.301)))[0]
+        for duration in (200.0, 2000.0)
+    )
+    assert late["rest_count"].item() == 0
+    assert soon["dt_min"].item() > 0.0
+    assert soon["dt_min_resolved"].item() == 1
+    assert late["dt_min"].item() == 0.0
+    assert late["dt_min_resolved"].item() == 0
+    alone = both(parameters, observed(200.0, 1))[0]
+    assert alone["dt_min_resolved"].item() == -1
+
+
+def test_one_particle_has_no_separations(monkeypatch):
+    monkeypatch.setattr(trajectories, "separate", None)
+    skipped, _ = both(drawn(19, 5), observed(20.0, 1))
+    assert np.all(np.isnan(skipped["dt_min"]))
+    assert np.all(skipped["base_shared"] == 0)
+    assert np.all(skipped["collision_free"] == 1)

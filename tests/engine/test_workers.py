@@ -1,0 +1,62 @@
+"""Ranges of work handed to threads."""
+
+import threading
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vibrosweep.engine.workers import LARGEST_PIECE, SMALLEST_PIECE, Workers
+
+
+@given(threads=st.integers(1, 4), total=st.integers(1, 40_000))
+def test_a_stream_hands_out_every_range_once(threads, total):
+    calls = []
+
+    def begin():
+        own = []
+        calls.append(own)
+        return lambda first, last: own.append((first, last))
+
+    with Workers(threads) as workers:
+        workers.stream(begin, total)
+    assert 1 <= len(calls) <= threads
+    assert all(own[-1] == (total, total) for own in calls)
+    ranges = sorted(one for own in calls for one in own[:-1])
+    assert [first for first, _ in ranges] == [0, *(last for _, last in ranges[:-1])]
+    assert ranges[-1][1] == total
+    assert all(0 < last - first <= LARGEST_PIECE for first, last in ranges)
+
+
+def test_even_a_little_work_is_shared_among_all_threads():
+    # a thread that took both ranges would wait for the other one for ever
+    together = threading.Barrier(2, timeout=20.0)
+
+    def begin():
+        return lambda first, last: together.wait() if first < last else None
+
+    with Workers(2) as workers:
+        workers.stream(begin, 10)
+
+
+def test_threads_take_no_more_work_after_a_failure():
+    begun, failed, taken = threading.Event(), threading.Event(), []
+
+    def begin():
+        def task(first, last):
+            if first == 0:
+                assert begun.wait(20.0)
+                raise RuntimeError("the first range fails")
+            begun.set()
+            assert failed.wait(20.0)
+            taken.append(first)
+
+        return task
+
+    workers = Workers(2)
+    with pytest.raises(RuntimeError, match="the first range"):
+        workers.stream(begin, 100 * SMALLEST_PIECE)
+    workers.__exit__(RuntimeError, None, None)  # as on leaving a context with this error
+    failed.set()
+    workers._pool.shutdown()
+    assert len(taken) == 1  # what the other thread was at, of a hundred ranges

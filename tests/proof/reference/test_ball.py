@@ -1,0 +1,269 @@
+"""The proved reference: published trajectories, closed forms, ties, errors."""
+
+import importlib
+import math
+import sys
+
+import numpy as np
+import pytest
+from flint import arb, ctx
+
+from vibrosweep.errors import ParameterError, VibrosweepError
+from vibrosweep.model.status import Status
+from vibrosweep.proof.reference.ball import UndecidableError, sine, step, trajectory
+
+TABLE_1 = {
+    "restitution": 0.9,
+    "amplitude": 1.2,
+    "frequency": 1.0,
+    "phase": 0.0,
+    "gravity": 9.81,
+    "launch_velocity": 5.0,
+    "contact_time": 1e-4,
+    "launch_time": 0.0,
+    "duration": 12.0,
+}
+
+
+def run(**changes):
+    return trajectory(**(TABLE_1 | changes))
+
+
+@pytest.mark.parametrize(
+    ("launch_time", "n", "landing", "rebound"),
+    [
+        (0.125, 1, 1.144367991845056, 5.445257903944113),
+        (0.125, 2, 2.254512314769442, 6.100249854183906),
+        (0.125, 8, 8.374024148418671, 5.805960455572309),
+        (0.0, 4, 3.245842008111699, 3.309928793279521),
+        (0.0, 8, 5.468637186500151, 2.382765998128135),
+    ],
+)
+def test_published_impacts(launch_time, n, landing, rebound):
+    result = run(launch_time=launch_time)
+    assert result.landing_time[n - 1] == pytest.approx(landing, rel=0, abs=6e-16)
+    assert result.rebound_velocity[n - 1] == pytest.approx(rebound, rel=0, abs=6e-16)
+    assert not result.rested[n - 1]
+    assert result.liftoff_time[n - 1] == result.landing_time[n - 1]
+
+
+def test_published_rest():
+    result = run()
+    assert np.flatnonzero(result.rested)[0] == 17
+    assert result.landing_time[17] == pytest.approx(8.845289992383421, rel=0, abs=2e-15)
+    assert result.liftoff_time[17] == pytest.approx(9.000065054584800, rel=0, abs=2e-15)
+    assert result.rebound_velocity[17] == pytest.approx(9.81 * 1e-4 / 2, rel=1e-15)
+    assert not result.at_rest
+    assert result.status is Status.COMPLETED
+
+
+@pytest.mark.parametrize("rebound", ["rest", "reflect"])
+@pytest.mark.parametrize("digits", [5, 20, 60])
+def test_every_ball_is_as_narrow_as_asked(rebound, digits):
+    result = run(rebound=rebound, digits=digits, amplitude=3.4, contact_time=0.1, duration=30.0)
+    tolerance = arb(10) ** -digits
+    assert any(result.rested)
+    for impact in result.impacts:
+        assert impact.landing_time.rad() <= tolerance * impact.landing_time
+        assert impact.liftoff_time.rad() <= tolerance * impact.liftoff_time
+        assert impact.rebound_velocity.rad() <= tolerance * impact.rebound_velocity
+        assert impact.phase.rad() <= tolerance
+        assert abs(impact.phase.mid()) <= 0.5
+
+
+@pytest.mark.parametrize("rebound", ["rest", "reflect"])
+def test_more_digits_lie_inside_the_balls_of_fewer(rebound):
+    few, more = (run(rebound=rebound, amplitude=3.4, digits=d, duration=60.0) for d in (10, 80))
+    assert few.precision_bits < more.precision_bits
+    assert len(few.impacts) == len(more.impacts) > 50
+    for a, b in zip(few.impacts, more.impacts, strict=True):
+        assert (a.rested, a.count) == (b.rested, b.count)
+        assert a.landing_time.contains(b.landing_time)
+        assert a.liftoff_time.contains(b.liftoff_time)
+        assert a.phase.contains(b.phase)
+        # a lift-off velocity is one exact number, rounded here to two precisions
+        assert a.rebound_velocity.overlaps(b.rebound_velocity)
+
+
+def test_doubles_hold_their_radii():
+    coarse, fine = run(digits=3), run(digits=60)
+    for impact, value, radius in zip(
+        fine.impacts, coarse.landing_time, coarse.landing_time_radius, strict=True
+    ):
+        assert abs(impact.landing_time - value) <= radius
+    assert np.all(fine.landing_time_radius <= np.spacing(fine.landing_time))
+    assert np.all(fine.rebound_velocity_radius <= np.spacing(fine.rebound_velocity))
+
+
+def test_unforced_flights_shrink_by_the_restitution():
+    result = run(amplitude=0.0, restitution=0.7, launch_velocity=5.0, duration=100.0)
+    e, rest = arb(0.7), arb(9.81) * arb(1e-4) / 2
+    with ctx.workprec(300):
+        for n, impact in enumerate(result.impacts[:-1], start=1):
+            assert impact.rebound_velocity.overlaps(e**n * 5)
+            assert impact.landing_time.overlaps(arb(10) / arb(9.81) * (1 - e**n) / (1 - e))
+        last = len(result.impacts)
+        assert e**last * 5 <= rest < e ** (last - 1) * 5
+    assert result.at_rest
+    assert result.impacts[-1].rebound_velocity is None
+    assert math.isnan(result.liftoff_time[-1])
+    assert math.isnan(result.liftoff_time_radius[-1])
+
+
+def test_locked_orbit_attracts_and_needs_no_more_precision_in_time():
+    result = run(launch_time=0.42, launch_velocity=4.9, duration=3000.0)
+    assert len(result.impacts) > 2990
+    assert result.precision_bits == run(launch_time=0.42, launch_velocity=4.9).precision_bits
+    with ctx.workprec(300):
+        # launched on the locked orbit exactly this would hold at once; multipliers 0.9487
+        needed = (1 - arb(0.9)) * arb(9.81) / 2 / arb(1.2)
+        locked = 0.5 - needed.asin() / (2 * arb.pi())
+        distance = [abs(impact.phase - locked) for impact in result.impacts]
+        assert distance[0] > 1e-3
+        assert distance[999] < 1e-19
+        assert distance[-1] < 1e-20
+        assert abs(result.impacts[-1].flight - 1) < 1e-20
+
+
+def test_chaos_costs_precision_in_proportion():
+    # reflected at every push into the base: no rest erases the error
+    chaos = {"amplitude": 4.0, "rebound": "reflect", "duration": 1e6}
+    bits = [run(max_impacts=n, **chaos).precision_bits for n in (100, 1600)]
+    assert bits[0] < bits[1] <= 4096
+
+
+def test_ten_thousand_irregular_impacts():
+    chaos = {"restitution": 0.7, "amplitude": 1.6, "rebound": "reflect"}
+    result = run(duration=1e5, max_impacts=10_000, **chaos)
+    assert result.status is Status.BUDGET_EXCEEDED
+    assert len(result.impacts) == 10_000
+    assert np.all(np.diff(result.landing_time) > 0)
+    assert len(np.unique(np.round(result.rebound_velocity, 6))) > 5_000
+
+
+def test_time_shifted_by_a_thousand_million_periods_changes_no_phase():
+    near, far = run(), run(launch_time=1e9, duration=1e9 + 12.0)
+    assert len(near.impacts) == len(far.impacts)
+    for a, b in zip(near.impacts, far.impacts, strict=True):
+        assert b.count - a.count == 10**9
+        assert a.phase.overlaps(b.phase)
+        assert b.phase.rad() <= 1e-20
+        assert a.rebound_velocity.overlaps(b.rebound_velocity)
+
+
+@pytest.mark.parametrize("duration", [1.0, 1.5, 1.75])
+def test_landing_exactly_at_the_end_counts(duration):
+    # every landing is on a zero of the sine: flights of 1, 1/2, 1/4 s, each exact
+    changes = {"restitution": 0.5, "launch_velocity": 9.81 / 2, "duration": duration}
+    unforced = run(amplitude=0.0, **changes)
+    assert unforced.landing_time[-1] == duration
+    assert unforced.landing_time_radius[-1] == 0.0
+    forced = run(**changes)
+    assert forced.landing_time[-1] == duration
+    before = run(**(changes | {"duration": math.nextafter(duration, 0.0)}))
+    assert len(before.impacts) == len(forced.impacts) - 1
+
+
+def test_rest_on_equality_and_liftoff_only_above_it():
+    # e v = v_rest exactly rests; A = v_rest exactly never lifts
+    changes = {"restitution": 0.5, "gravity": 2.0, "launch_velocity": 1.0, "launch_time": 0.0}
+    equal = run(amplitude=0.0, contact_time=0.5, **changes)
+    assert equal.at_rest
+    assert len(equal.impacts) == 1
+    changes |= {"restitution": 0.0, "contact_time": 0.5}
+    assert run(amplitude=0.5, **changes).at_rest
+    lifted = run(amplitude=math.nextafter(0.5, 1.0), **changes)
+    assert not lifted.at_rest
+    assert lifted.liftoff_time[0] == pytest.approx(1.25, abs=1e-7)
+
+
+def test_rest_ends_at_the_first_rise_of_the_kick():
+    # at rest at phase 0 < lift-off phase: the same period; without kick at 3/4: the next one
+    same = run(launch_velocity=0.0, launch_time=0.0)
+    late = run(launch_velocity=0.0, launch_time=0.75)
+    assert same.liftoff_time[0] == pytest.approx(math.asin(9.81e-4 / 2.4) / (2 * math.pi))
+    assert late.liftoff_time[0] - same.liftoff_time[0] == pytest.approx(1.0, abs=1e-15)
+
+
+def test_laws_differ_where_the_kick_pushes_into_the_base():
+    # landing at phase 3/4 with little speed: w is near -A
+    changes = {"launch_time": 0.75 - 2 * 0.01 / 9.81, "launch_velocity": 0.01, "duration": 0.8}
+    resting, reflected = run(**changes), run(rebound="reflect", **changes)
+    assert resting.rested[0]
+    assert resting.liftoff_time[0] > 1.0
+    assert not reflected.rested[0]
+    assert reflected.rebound_velocity[0] == pytest.approx(1.2 - 0.009, abs=1e-4)
+
+
+def test_a_tie_through_a_sine_is_reported():
+    # gravity 3, v0 = 1/8: phase 1/12, kick 1.5 sin(pi / 6) = 0.75 = v_rest, through an inexact 1/3
+    with pytest.raises(UndecidableError, match="w > v_rest") as caught:
+        trajectory(
+            restitution=0.0,
+            amplitude=1.5,
+            frequency=1.0,
+            phase=0.0,
+            gravity=3.0,
+            launch_velocity=0.125,
+            contact_time=0.5,
+            launch_time=0.0,
+            duration=12.0,
+            max_bits=2048,
+        )
+    assert (caught.value.impact, caught.value.bits) == (1, 1536)
+    assert isinstance(caught.value, VibrosweepError)
+
+
+def test_too_little_precision_is_reported():
+    with pytest.raises(UndecidableError, match="raise max_bits"):
+        run(amplitude=4.0, rebound="reflect", duration=1e6, max_bits=512)
+
+
+def test_no_impact():
+    result = run(duration=1.0)
+    assert result.impacts == ()
+    assert result.landing_time.shape == result.rested.shape == (0,)
+    assert not result.at_rest
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "text"),
+    [
+        ("restitution", 1.5, "at least 0 and at most 1"),
+        ("gravity", 0.0, "greater than 0 m s-2"),
+        ("amplitude", math.nan, "at least 0"),
+        ("duration", math.inf, "finite"),
+        ("rebound", "bounce", "rest, reflect"),
+        ("digits", 0, "at least 1"),
+        ("max_impacts", 0, "at least 1"),
+    ],
+)
+def test_bad_arguments_are_named(key, value, text):
+    with pytest.raises(ParameterError, match=f"^{key} = .*{text}"):
+        run(**{key: value})
+
+
+def test_missing_flint_is_one_clear_error(monkeypatch):
+    monkeypatch.setitem(sys.modules, "flint", None)
+    for name in ("_flint", "ballmap", "results", "orbit", "ball"):
+        monkeypatch.delitem(sys.modules, f"vibrosweep.proof.reference.{name}", raising=False)
+    with pytest.raises(VibrosweepError, match=r'pip install "vibrosweep\[verify\]"'):
+        importlib.import_module("vibrosweep.proof.reference.ball")
+
+
+def test_step_separates_whole_periods():
+    phase, count, w = step(0.9, 0.25, 0.375, 1e9 + 0.25)
+    assert count == 10**9 + 1
+    assert phase == -0.375
+    with ctx.workprec(300):
+        expected = arb(0.9) * (10**9 + arb(0.25)) - arb(0.25) * arb(0.5).sqrt()
+    assert w.overlaps(expected)
+    assert w.rel_accuracy_bits() > 250
+
+
+def test_sine_of_special_phases():
+    assert sine(0.25) == 1
+    assert sine(-0.25) == -1
+    assert sine(0.5) == sine(0.0) == 0
+    assert abs(sine(0.125) ** 2 - 0.5) < 1e-15
+    assert float(sine(1e-300)) == pytest.approx(2e-300 * math.pi, rel=1e-15)

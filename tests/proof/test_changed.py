@@ -1,0 +1,182 @@
+"""Whatever is changed in a dataset by hand is found, and named."""
+
+import shutil
+from collections.abc import Mapping
+
+import h5py
+import numpy as np
+import pytest
+
+from vibrosweep.model import variables
+from vibrosweep.model.variables import LYAPUNOV, RECORD, REGIMES, Variable
+from vibrosweep.proof.judges import JUDGES
+from vibrosweep.proof.reading import VARIABLES
+from vibrosweep.proof.record import RECORDED
+from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
+from vibrosweep.proof.verify import verify
+
+NUMBERS = [name for name, v in VARIABLES.items() if v.dtype == "float64"]
+CODES = [name for name, v in VARIABLES.items() if v.flags]
+COUNTS = [name for name in VARIABLES if name not in NUMBERS + CODES]
+# What of a file is computed from others of its variables is outside with them.
+FOLLOW = {
+    "lyapunov_largest": {"lyapunov_max"},
+    "lyapunov_largest_error": {"lyapunov_largest"},
+    "lyapunov_sum_error": {"lyapunov_sum"},
+    "cycle_uncertain": {
+        "uncertain_cycle_count",
+        "lyapunov_largest_error",
+        "lyapunov_sum_error",
+    },
+    "orbit": {"orbit_count", "slot_count"},
+    "slot": {"slot_count"},
+}
+
+
+def everything(path):
+    return verify(path, sample=10**9)
+
+
+def moved(value):
+    """Move a number by a millionth, and further than zero."""
+    return value * (1 + 1e-6) + 1e-9
+
+
+def caught(change, name):
+    report = everything(change.path)
+    assert not report.passed
+    assert name in list(report.lines())[-1].partition("claimed for them: ")[2].split(", ")
+    found = report.variables()
+    assert found[name].outside == {change.place}
+    assert any(c.startswith(change.place) and f" {name} " in c for c in report.complaints())
+    return found
+
+
+def alone(found, name):
+    """Whether nothing is outside but a variable, and what follows from it."""
+    outside = {n for n in found if found[n].outside}
+    return name in outside <= {name} | FOLLOW.get(name, set())
+
+
+def test_every_variable_has_a_judge():
+    registries = [m for m in vars(variables).values() if is_registry(m)]
+    assert len(registries) >= 6
+    names = set().union(*(m for m in registries if m is not RECORD))
+    assert names == set(JUDGES) == set(VARIABLES)
+    assert {f"record/{name}" for name in RECORD} == set(RECORDED)
+
+
+def is_registry(value):
+    return isinstance(value, Mapping) and all(isinstance(v, Variable) for v in value.values())
+
+
+# The second particle has finite exponents, the first a cycle.
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("new", [moved, lambda _: np.nan])
+def test_changed_number(claimed, changed, name, new):
+    caught(changed(claimed, name, new, place=int(name in LYAPUNOV)), name)
+
+
+@pytest.mark.parametrize("name", COUNTS)
+@pytest.mark.parametrize("step", [-1, 1])
+def test_changed_count(claimed, changed, name, step):
+    assert alone(caught(changed(claimed, name, lambda n: n + step), name), name)
+
+
+@pytest.mark.parametrize("name", CODES)
+@pytest.mark.parametrize("new", [lambda code: 1 - code, lambda _: -1])
+def test_changed_code(claimed, changed, name, new):
+    assert alone(caught(changed(claimed, name, new), name), name)
+
+
+@pytest.mark.parametrize("name", [*LYAPUNOV, *REGIMES])
+def test_changed_number_of_a_locked_orbit(locked, changed, name):
+    change = changed(locked, name, lambda value: moved(value) if value % 1 else value + 1)
+    assert alone(caught(change, name), name)
+
+
+@pytest.mark.parametrize("name", SWEEP_COORDINATES)
+def test_changed_coordinate(claimed, tmp_path, name):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        where = (1,) * file[name].ndim
+        file[name][where] = moved(file[name][where])
+    outside = everything(path).variables()[name].outside
+    assert outside == {"realization 1" if name in ("restitution", "amplitude") else "dataset"}
+
+
+@pytest.mark.parametrize("name", RECORD_COORDINATES)
+def test_changed_coordinate_of_record(claimed, tmp_path, name):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        variable = file["record"][name]
+        where = (1,) * variable.ndim
+        variable[where] = moved(variable[where])
+    assert everything(path).variables()[f"record/{name}"].outside == {"record"}
+
+
+@pytest.mark.parametrize("name", ["restitution", "amplitude"])
+def test_changed_parameter(claimed, changed, name):
+    change = changed(claimed, name, lambda value: value * (1 + 1e-6))
+    caught(change, "rebound_height_mean")
+
+
+@pytest.mark.parametrize("name", ["dt_min", "rebound_height_max", "flight_time_mean"])
+def test_changed_number_without_bounds(bare, changed, name):
+    caught(changed(bare, name, moved, realization=3), name)
+
+
+@pytest.mark.parametrize("name", RECORD)
+def test_changed_record(claimed, tmp_path, name):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        variable = file["record"][name]
+        where = (0, 1, 1)[: variable.ndim]
+        integer = np.issubdtype(variable.dtype, np.integer)
+        variable[where] = 1 - variable[where] if integer else moved(variable[where])
+    report = everything(path)
+    assert [n for n, v in report.variables().items() if v.outside] == [f"record/{name}"]
+    assert next(report.complaints()).startswith("record, particle 1: ")
+
+
+def test_invented_landing_in_record(claimed, tmp_path):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        last = file["record"]["landing_time"][0]
+        particle = int(np.argmax(np.isnan(last[:, -1])))
+        file["record"]["landing_time"][0, particle, -1] = 7.9
+    assert not everything(path).passed
+
+
+@pytest.mark.parametrize("name", ["landing_time_error", "rebound_velocity_error"])
+def test_bound_that_is_too_small_is_disproved(claimed, tmp_path, name):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["source"] = "vibrosweep 0.0.1"  # which may have bounded otherwise
+        known_worst = int(np.argmax(file[name][...]))
+        file[name][known_worst] = 1e-18
+    found = everything(path).variables()[name]
+    assert found.outside == {f"realization {known_worst}"}
+    assert max(found.errors) > 1e-18
+
+
+def test_bounds_of_another_version_may_differ(claimed, changed):
+    change = changed(claimed, "landing_time_error", lambda bound: 3.0 * bound)
+    assert not everything(change.path).passed
+    with h5py.File(change.path, "r+") as file:
+        file.attrs["source"] = "vibrosweep 0.0.1"
+    assert everything(change.path).passed
+
+
+def test_tolerance_that_is_not_kept(claimed, tmp_path):
+    path = tmp_path / "changed.h5"
+    shutil.copy(claimed, path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["tolerance"] = 1e-18
+        file["landing_time_error"][...] = np.maximum(file["landing_time_error"][...], 1e-15)
+    assert everything(path).variables()["trusted_until"].outside

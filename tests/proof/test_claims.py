@@ -1,0 +1,115 @@
+"""What follows from the bounds of a dataset, and how a number is judged by it."""
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import pytest
+from flint import arb
+
+from vibrosweep.proof.judgement import judge
+from vibrosweep.proof.measured import Measures
+from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.tolerances import EPS, Bounds, claims, record_claims
+
+SCENE = Scene(
+    parameters={
+        "restitution": 0.9,
+        "amplitude": 1.2,
+        "frequency": 2.0,
+        "phase": 0.0,
+        "gravity": 10.0,
+        "launch_velocity": 5.0,
+        "contact_time": 1e-4,
+    },
+    launch_times=(Fraction(0), Fraction(1, 4)),
+    transient=1.0,
+    duration=9.0,
+    windowed=True,
+    launch_rounding=1e-15,
+    rebound="rest",
+)
+MEASURED = Measures(
+    values={"dt_min": arb("0.5"), "dt_min_same_index": None},
+    fastest=arb(4),
+    longest=30,
+    edge=arb("0.1"),
+    launch_depth=Fraction(-1, 4),
+    overlap=arb("0.2"),
+)
+BOUNDS = Bounds(1e-6, 1e-5)
+
+
+def test_claims_of_a_window_that_is_clear():
+    found = claims(BOUNDS, SCENE, MEASURED)
+    assert found["impact_count"] == found["status"] == found["base_shared"] == 0.0
+    assert found["rebound_height_max"] == pytest.approx((2 * 4 * 1e-5 + 1e-10) / 20, rel=1e-6)
+    assert found["flight_time_mean"] == pytest.approx(2 * 1e-5 / 10, rel=1e-6)
+    assert found["dt_min"] == pytest.approx(2e-6, rel=1e-6)
+    assert None not in found.values()
+
+
+def test_claims_without_errors_are_roundings():
+    found = claims(Bounds(0.0, 0.0), SCENE, MEASURED)
+    assert found["rebound_height_mean"] == pytest.approx(42 * EPS * 25 / 20)
+    assert found["flight_time_mean"] == pytest.approx(42 * EPS * 8 / 10)
+    assert found["dt_min"] == pytest.approx(EPS * (1.0 + 1.0))
+
+
+def test_nothing_is_claimed_of_a_window_whose_beginning_is_too_near_to_a_landing():
+    found = claims(BOUNDS, SCENE, replace(MEASURED, edge=arb("5e-7")))
+    unclaimed = {name for name, claim in found.items() if claim is None}
+    assert {"impact_count", "rest_count", "dt_min", "rebound_height_max"} <= unclaimed
+    assert not {"status", "at_rest_count", "base_shared"} & unclaimed
+
+
+@pytest.mark.parametrize("overlap", ["1e-6", "0", "-2e-6"])
+def test_touching_stays_are_not_decided(overlap):
+    found = claims(BOUNDS, SCENE, replace(MEASURED, overlap=arb(overlap)))
+    assert {n for n, claim in found.items() if claim is None} == {"base_shared", "collision_free"}
+
+
+@pytest.mark.parametrize("overlap", ["4e-6", "-4e-6", None])
+def test_stays_farther_apart_than_their_errors_are(overlap):
+    near = replace(MEASURED, overlap=None if overlap is None else arb(overlap))
+    assert claims(BOUNDS, SCENE, near)["base_shared"] == 0.0
+
+
+def test_launch_on_the_edge_of_the_window():
+    found = claims(BOUNDS, SCENE, replace(MEASURED, launch_depth=Fraction(1, 10**18)))
+    assert {n for n, claim in found.items() if claim is None} == {"flight_height_max"}
+
+
+def test_kick_that_barely_lifts_decides_no_stay():
+    weak = replace(SCENE, parameters=SCENE.parameters | {"amplitude": 5e-4 * (1 + 1e-15)})
+    assert claims(BOUNDS, weak, MEASURED)["base_shared"] is None
+    assert record_claims(BOUNDS, weak, 1.0)["liftoff_time"] == math.inf
+
+
+@pytest.mark.parametrize(
+    ("stored", "proved", "claim", "sound"),
+    [
+        (1.0, arb(1), 0.0, True),
+        (1.0 + 1e-9, arb(1), 1e-8, True),
+        (1.0 + 1e-9, arb(1), 1e-10, False),
+        (1.0 + 1e-9, arb(1, "2e-9"), 0.0, True),  # the proof does not exclude it
+        (math.nan, arb(1), 1.0, False),
+        (math.inf, arb(1), 1.0, False),
+        (math.nan, None, 0.0, True),
+        (0.0, None, 1.0, False),
+        (3.0, 3, 0.0, True),
+        (4.0, 3, 0.0, False),
+        (4.0, 3, None, True),
+    ],
+)
+def test_judge(stored, proved, claim, sound):
+    judgement = judge("dt_min", None, stored, proved, claim)
+    assert (judgement.complaint == "") is sound
+
+
+def test_digits():
+    assert judge("dt_min", None, 2.0, arb(2), 2e-6).digits == pytest.approx(6.0)
+    assert judge("dt_min", None, 2.0, arb(2, "1e-6"), 1e-6).digits == pytest.approx(6.0)
+    assert judge("dt_min", None, 2e-9, arb("2e-9"), 1e-6).digits == 0.0
+    assert judge("dt_min", None, 0.0, arb(0), 1e-6).digits is None
+    assert judge("impact_count", None, 5.0, 5, 0.0).digits is None

@@ -1,0 +1,325 @@
+"""Sweeps on Dask workers: the bytes of a local run, whatever dies."""
+
+import builtins
+import logging
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep.cli import main
+from vibrosweep.errors import OutputError, RunError
+from vibrosweep.run import cluster
+from vibrosweep.run.chunks import compute_chunk
+from vibrosweep.run.driver import run_sweep
+from vibrosweep.spec.sweep import parse_spec, read_spec
+
+distributed = pytest.importorskip("distributed")
+
+SWEEP = """
+title = "A sweep on a cluster"
+[scene]
+particles = 3
+launch_velocity = 2.0
+duration = 3.0
+[sample]
+design = "sobol"
+realizations = 40
+restitution = [0.8, 0.98]
+amplitude = [0.2, 3.5]
+[measure]
+separation = true
+per_particle = true
+regimes = true
+[record]
+restitution = 0.9
+amplitude = 1.2
+"""
+
+
+@pytest.fixture(scope="module")
+def two():
+    """Two worker processes."""
+    with cluster.local_workers(2) as client:
+        yield client
+
+
+@pytest.fixture
+def one():
+    """A scheduler and a worker of one thread in this process; gives the address."""
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp",
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        memory_limit=None,
+    ) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory):
+    """The result of a run without a cluster."""
+    path = tmp_path_factory.mktemp("local") / "local.h5"
+    run_sweep(parse_spec(SWEEP), path, threads=1)
+    return xr.load_dataset(path)
+
+
+def same_bytes(path, local):
+    """Compare every variable of a result byte by byte."""
+    found = xr.load_dataset(path)
+    assert set(found.variables) == set(local.variables)
+    for name, variable in local.variables.items():
+        assert found[name].values.tobytes() == variable.values.tobytes(), name
+    record = xr.load_dataset(path, group="record")
+    assert np.nansum(record["landing_time"]) > 0
+    return True
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 1000])
+def test_two_workers_give_the_bytes_of_a_local_run(two, local, tmp_path, chunk):
+    ticks = []
+    output = tmp_path / "out.h5"
+    run_sweep(
+        parse_spec(SWEEP),
+        output,
+        threads=1,
+        chunk=chunk,
+        runner=cluster.on_dask(two),
+        advance=lambda done, total: ticks.append((done, total)),
+    )
+    assert same_bytes(output, local)
+    assert ticks[0] == (0, 40)
+    assert ticks[-1] == (40, 40)
+    assert len(ticks) == 1 + -(-40 // chunk)
+    assert [path.name for path in tmp_path.iterdir()] == ["out.h5"]
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 1000])
+def test_one_worker_gives_the_bytes_of_a_local_run(one, local, tmp_path, chunk):
+    output = tmp_path / "out.h5"
+    with cluster.connected(one.scheduler_address) as client:
+        run_sweep(parse_spec(SWEEP), output, threads=1, chunk=chunk, runner=cluster.on_dask(client))
+    assert same_bytes(output, local)
+
+
+def test_a_table_is_found_by_workers_elsewhere(two, tmp_path, monkeypatch):
+    (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1.2\n0.8,1.1\n")
+    (tmp_path / "sweep.toml").write_text('title = "x"\n[sample]\ndesign = "table.csv"')
+    monkeypatch.chdir(tmp_path)
+    output = Path("out.h5")
+    run_sweep(read_spec("sweep.toml"), output, threads=1, chunk=1, runner=cluster.on_dask(two))
+    assert xr.load_dataset(output)["restitution"].values.tolist() == [0.9, 0.8]
+
+
+def test_a_worker_that_is_killed_costs_its_chunk_only(two, local, tmp_path):
+    """Every worker is killed once, each while it computes."""
+    output = tmp_path / "out.h5"
+    pids = set(two.run(os.getpid).values())
+    assert len(pids) == 2
+    killed = []
+
+    def advance(done, total):
+        if done >= 10 * (len(killed) + 1) and pids:
+            killed.append(pids.pop())
+            os.kill(killed[-1], signal.SIGKILL)
+
+    run_sweep(
+        parse_spec(SWEEP),
+        output,
+        threads=1,
+        chunk=1,
+        runner=cluster.on_dask(two),
+        advance=advance,
+    )
+    assert len(killed) == 2
+    assert same_bytes(output, local)
+
+
+def test_a_chunk_that_kills_every_worker_is_reported(two, tmp_path, monkeypatch):
+    def deadly(job, index):
+        if index == 3:
+            os.kill(os.getpid(), signal.SIGKILL)
+        compute_chunk(job, index, threads=1)
+
+    monkeypatch.setattr(cluster, "_compute", deadly)
+    with pytest.raises(RunError, match=r"1 of 6 chunks failed twice \(numbers 3; .* died"):
+        run_sweep(
+            parse_spec(SWEEP),
+            tmp_path / "out.h5",
+            threads=1,
+            chunk=7,
+            runner=cluster.on_dask(two),
+        )
+    assert len(list(tmp_path.glob("out.h5.parts/chunk-*.part"))) == 5
+
+
+@pytest.mark.parametrize(
+    ("error", "expected", "words"),
+    [
+        (ZeroDivisionError("no"), RunError, "6 of 6 chunks failed .*ZeroDivisionError: no"),
+        (OutputError("the disk is full"), OutputError, "the disk is full"),
+        (ModuleNotFoundError("No module"), RunError, "install the same version"),
+    ],
+)
+def test_what_goes_wrong_on_a_worker(one, tmp_path, monkeypatch, error, expected, words):
+    def failing(job, index):
+        raise error
+
+    monkeypatch.setattr(cluster, "_compute", failing)
+    with cluster.connected(one.scheduler_address) as client, pytest.raises(expected, match=words):
+        run_sweep(
+            parse_spec(SWEEP),
+            tmp_path / "out.h5",
+            threads=1,
+            chunk=7,
+            runner=cluster.on_dask(client),
+        )
+    assert not (tmp_path / "out.h5").exists()
+
+
+def test_parts_on_another_file_system(one, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "_compute", lambda job, index: None)
+    monkeypatch.setattr(cluster, "VISIBLE_WITHIN", 0.0)
+    with (
+        cluster.connected(one.scheduler_address) as client,
+        pytest.raises(RunError, match=r"6 parts .* need one file system that they share"),
+    ):
+        run_sweep(
+            parse_spec(SWEEP),
+            tmp_path / "out.h5",
+            threads=1,
+            chunk=7,
+            runner=cluster.on_dask(client),
+        )
+
+
+def test_a_scheduler_that_dies(local, tmp_path, monkeypatch):
+    """The run ends with one message; the same command without the cluster finishes it."""
+    monkeypatch.setattr(cluster, "PATIENCE", 2)
+    (tmp_path / "sweep.toml").write_text(SWEEP)
+    script = """
+import sys, time
+import distributed
+cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False,
+    protocol="tcp", host="127.0.0.1", dashboard_address="127.0.0.1:0", memory_limit=None)
+print(cluster.scheduler_address, flush=True)
+time.sleep(60)
+"""
+    scheduler = subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    output = tmp_path / "out.h5"
+
+    def advance(done, total):
+        if done >= 5:
+            scheduler.kill()
+            scheduler.wait()
+
+    spec = read_spec(tmp_path / "sweep.toml")
+    with (
+        cluster.connected(scheduler.stdout.readline().strip()) as client,
+        pytest.raises(RunError, match=r"the scheduler of the Dask cluster has gone; \d+ of 40"),
+    ):
+        run_sweep(spec, output, threads=1, chunk=1, runner=cluster.on_dask(client), advance=advance)
+    scheduler.stdout.close()
+    kept = len(list(tmp_path.glob("out.h5.parts/chunk-*.part")))
+    assert 5 <= kept < 40
+    done = []
+    run_sweep(spec, output, threads=1, advance=lambda number, total: done.append(number))
+    assert done[0] == kept
+    assert same_bytes(output, local)
+
+
+def test_the_command(tmp_path, local, capsys, one):
+    (tmp_path / "sweep.toml").write_text(SWEEP)
+    output = tmp_path / "out.h5"
+    words = ["run", str(tmp_path / "sweep.toml"), "-o", str(output)]
+    assert main([*words, "--scheduler", one.scheduler_address]) == 0
+    out, messages = capsys.readouterr()
+    assert f"on the workers of {one.scheduler_address}\n" in out
+    assert messages == ""
+    assert same_bytes(output, local)
+
+
+def any_left(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_the_command_interrupted_from_a_terminal(tmp_path):
+    """Ctrl-C reaches all processes of a terminal: one message, nobody is left, chunks are kept."""
+    (tmp_path / "sweep.toml").write_text(
+        SWEEP.replace("= 40", "= 1_000_000").replace("sobol", "uniform")
+    )
+    command = "import sys; from vibrosweep.cli import main; sys.exit(main())"
+    process = subprocess.Popen(
+        [sys.executable, "-c", command, "run", "sweep.toml", "--workers", "1", "--chunk", "100"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(cluster.__file__).parents[2])},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    until = time.monotonic() + 60
+    while len(list(tmp_path.glob("sweep.h5.parts/chunk-*.part"))) < 2:
+        assert time.monotonic() < until
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)
+    messages = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert messages.count("\n") == 1
+    assert messages.startswith("vibrosweep: interrupted; ")
+    while any_left(process.pid):
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    assert len(list(tmp_path.glob("sweep.h5.parts/chunk-*.part"))) >= 2
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"), [("nonsense", "missing port"), ("tcp://127.0.0.1:9", "Timed out")]
+)
+def test_no_scheduler_answers(monkeypatch, capsys, tmp_path, address, reason):
+    monkeypatch.setattr(cluster, "PATIENCE", 1)
+    (tmp_path / "sweep.toml").write_text(SWEEP)
+    words = ["run", str(tmp_path / "sweep.toml"), "-o", str(tmp_path / "out.h5")]
+    assert main([*words, "--scheduler", address]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f"vibrosweep: no Dask scheduler answers at {address} ({reason}")
+    assert [path.name for path in tmp_path.iterdir()] == ["sweep.toml"]
+
+
+def test_without_dask_one_message_says_what_to_install(monkeypatch, capsys, tmp_path):
+    real = builtins.__import__
+
+    def without(name, *arguments):
+        if name in ("dask", "distributed"):
+            raise ImportError(name)
+        return real(name, *arguments)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    (tmp_path / "sweep.toml").write_text(SWEEP)
+    words = ["run", str(tmp_path / "sweep.toml"), "-o", str(tmp_path / "out.h5")]
+    assert main([*words, "--workers", "2"]) == 2
+    assert 'pip install "vibrosweep[cluster]"' in capsys.readouterr().err
+
+
+def test_what_dask_logs_is_silent_only_meanwhile(one):
+    handlers = logging.getLogger("distributed").handlers
+    before = [handler.level for handler in handlers]
+    with cluster.connected(one.scheduler_address):
+        assert all(handler.level > logging.CRITICAL for handler in handlers)
+    assert [handler.level for handler in handlers] == before

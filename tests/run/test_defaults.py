@@ -1,0 +1,61 @@
+"""A parameter that a sweep file does not state is said to be at its default."""
+
+import math
+
+import pytest
+import xarray as xr
+
+from vibrosweep.cli import main
+from vibrosweep.run.describe import describe
+
+SHAKER = "[scene]\nfrequency = 17.0\nrestitution = 0.8\nphase = 0.0\n"
+TABLE = '[scene]\nphase = 0.0\n[sample]\ndesign = "rows.csv"\n'
+
+
+@pytest.mark.parametrize("text", [SHAKER, TABLE])
+@pytest.mark.parametrize("chunk", [None, 1])
+def test_defaults_are_told(compute, tmp_path, capsys, text, chunk):
+    (tmp_path / "rows.csv").write_text("restitution,amplitude,frequency\n0.8,1.0,17\n0.9,1.0,17\n")
+    expected = ["gravity", "launch_velocity", "contact_time"]
+    expected = expected if "rows" in text else ["amplitude", *expected]
+    path = compute(text, chunk=chunk)
+    assert xr.load_dataset(path).attrs["defaults"].split() == expected
+    told = [line.split()[0] for line in describe(path) if line.endswith(" (default)")]
+    assert told == expected
+    words = [str(path.with_suffix(".toml")), "-o", str(tmp_path / "new.h5")]
+    for command, head in (("plan", "defaults"), ("run", "defaults")):
+        assert main([command, *words]) == 0
+        said = next(x for x in capsys.readouterr().out.splitlines() if x.startswith(head))
+        values = said.removeprefix(head).split(", ")
+        assert [value.split()[0] for value in values] == expected
+        assert "gravity 9.81 m s-2" in said
+
+
+def test_nothing_is_said_of_table_1_as_it_stands(compute):
+    path = compute("")
+    assert xr.load_dataset(path).attrs["defaults"] == ""
+    assert not any("default" in line for line in describe(path))
+
+
+def test_an_observation_too_short_to_recognise_locked_orbits_is_told(compute, tmp_path, capsys):
+    text = """
+[scene]
+restitution = 0.9
+amplitude = 1.2
+duration = {duration}
+[measure]
+regimes = {regimes}
+"""
+    needed = 150.0 / abs(math.log(0.9))
+    for duration, regimes, told in (
+        (0.99 * needed, "true", True),
+        (1.01 * needed, "true", False),
+        (12.0, "false", False),
+    ):
+        path = compute(text.format(duration=duration, regimes=regimes))
+        assert ("unsettled" in xr.load_dataset(path).attrs["notes"]) == told
+        for command in ("plan", "run", "info"):
+            options = ["-o", str(tmp_path / "again.h5"), "--force"] if command == "run" else []
+            file = path if command == "info" else path.with_suffix(".toml")
+            assert main([command, str(file), *options]) == 0
+            assert ("may be called unsettled" in capsys.readouterr().out) == told

@@ -1,0 +1,238 @@
+"""From a sweep file to its result: the same bits however it is cut, and nothing unfinished."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep.api import has_record, open_record, open_sweep, simulate
+from vibrosweep.engine import measuring
+from vibrosweep.errors import ParameterError, TableError
+from vibrosweep.figures import FIGURES, available
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.variables import PER_PARTICLE
+from vibrosweep.run import chunks
+from vibrosweep.run import driver as module
+from vibrosweep.spec.sweep import read_spec
+from vibrosweep.store.parts import Parts
+
+SWEEPS = sorted((Path(__file__).parents[2] / "sweeps").glob("*.toml"))
+ALL_MEASURES = "[measure]\nseparation = true\nper_particle = true\ntrust = true\nregimes = true\n"
+DRAWN = """
+[scene]
+particles = 5
+duration = 8.0
+[sample]
+design = "uniform"
+seed = 3
+realizations = 40
+restitution = [0.8, 0.98]
+amplitude = [0.2, 3.5]
+frequency = [0.5, 3.0]
+"""
+DESIGNS = {
+    **{name: DRAWN.replace("uniform", name) for name in ("uniform", "latin", "sobol")},
+    "grid": '[sample]\ndesign = "grid"\nrestitution = [0.8, 0.9]\n'
+    "amplitude = { start = 0.5, stop = 3.0, num = 11 }\n",
+}
+
+
+def bits(path):
+    """Every variable and coordinate of a result, to the last bit."""
+    with open_sweep(path) as sweep:
+        return {name: (v.dims, v.dtype, v.values.tobytes()) for name, v in sweep.variables.items()}
+
+
+@pytest.mark.parametrize("law", ["rest", "reflect"])
+def test_bits_depend_on_neither_threads_nor_chunks(compute, law):
+    text = DRAWN.replace("particles", f'rebound = "{law}"\nparticles').replace("= 40", "= 11")
+    text += ALL_MEASURES
+    expected = bits(compute(text, threads=2))
+    for threads in (1, 2):
+        for chunk in (1, 7, 1000, None):
+            assert bits(compute(text, threads=threads, chunk=chunk)) == expected
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+def test_every_design_in_chunks(compute, design):
+    assert bits(compute(DESIGNS[design], threads=1, chunk=7)) == bits(compute(DESIGNS[design]))
+
+
+def test_the_seed_decides(compute):
+    assert bits(compute(DRAWN)) == bits(compute(DRAWN))
+    assert bits(compute(DRAWN)) != bits(compute(DRAWN.replace("seed = 3", "seed = 4")))
+
+
+def test_measures_are_those_of_the_landings(compute):
+    """Frequency-sampled and staggered: every realization against its own full record."""
+    path = compute(DRAWN + ALL_MEASURES + "transient = 2.0\n")
+    sweep = xr.load_dataset(path)
+    assert np.ptp(sweep["frequency"].values) > 1
+    for i in range(0, sweep.sizes["realization"], 5):
+        one = sweep.isel(realization=i)
+        scene = "".join(f"{name} = {float(one[name])!r}\n" for name in PARAMETERS)
+        alone = compute(f"[scene]\nparticles = 5\nduration = 8.0\n{scene}[record]\n")
+        found = open_record(alone).load().isel(realization=0)
+        seen = found["landing_time"] >= 2.0
+        speed = found["rebound_velocity"].where(seen)
+        height, flight = speed**2 / (2 * 9.81), 2 * speed / 9.81
+        assert one["status"] == 0
+        assert one["impact_count"] == seen.sum()
+        assert one["rest_count"] == found["rested"].where(seen).sum()
+        np.testing.assert_allclose(one["rebound_height_max"], height.max(), rtol=1e-12)
+        np.testing.assert_allclose(one["rebound_height_mean"], height.mean(), rtol=1e-12)
+        np.testing.assert_allclose(one["flight_time_mean"], flight.mean(), rtol=1e-12)
+        for name, expected in {
+            "particle_impact_count": seen.sum("impact"),
+            "particle_rest_count": found["rested"].where(seen).sum("impact"),
+            "particle_rebound_height_max": height.max("impact"),
+            "particle_rebound_height_mean": height.mean("impact"),
+            "particle_flight_time_mean": flight.mean("impact"),
+        }.items():
+            np.testing.assert_allclose(one[name], expected, rtol=1e-12)
+
+
+def test_the_launch_counts_for_the_height_of_flights_only(compute):
+    scene = "[scene]\namplitude = 0.1\nrestitution = 0.5\nlaunch = [0.5]\n"
+    launch = 5.0**2 / (2 * 9.81)
+    early = xr.load_dataset(compute(scene))
+    late = xr.load_dataset(compute(scene + "[measure]\ntransient = 0.6\n"))
+    assert early["flight_height_max"] == pytest.approx(launch)
+    assert early["rebound_height_max"] < launch
+    assert late["flight_height_max"] == late["rebound_height_max"] == early["rebound_height_max"]
+
+
+def test_without_landings_measures_of_flights_are_undefined(compute):
+    result = xr.load_dataset(compute("[scene]\nparticles = 2\nduration = 0.5\n" + ALL_MEASURES))
+    assert result["impact_count"] == 0
+    undefined = ("rebound_height_mean", "rebound_height_max", "flight_time_mean", "dt_min")
+    assert all(np.isnan(result[name]).all() for name in undefined)
+    assert result["flight_height_max"] == pytest.approx(5.0**2 / (2 * 9.81))
+    assert result["collision_free"] == 1
+
+
+def test_a_spent_budget_is_said_and_harms_no_other(compute):
+    text = "[scene]\nparticles = 2\n[sample]\nrealizations = 20\namplitude = [0.001, 3.0]\n"
+    limited = xr.load_dataset(compute(text + ALL_MEASURES + "impact_budget = 64\n"))
+    free = xr.load_dataset(compute(text + ALL_MEASURES))
+    spent = limited["status"] == 1
+    assert 0 < spent.sum() < 20
+    assert (limited["base_shared"].where(spent, -1) == -1).all()
+    assert np.isnan(limited["dt_min"].where(spent)).all()
+    kept = ~spent.values
+    assert limited["dt_min"][kept].equals(free["dt_min"][kept])
+
+
+# which figures a sweep of the repository is for
+RECORDED = ("height_time", "height_time_all", "return_map")
+SAMPLED = {
+    "paper": ("height_against_restitution", "parameter_plane"),
+    "population": ("height_against_restitution", "parameter_plane"),
+    "sensitivity": ("height_against_restitution",),
+    "separations": ("height_against_restitution", "parameter_plane"),
+}
+TABLE = {
+    "restitution": [0.8, 0.85, 0.9],
+    "amplitude": [1.0, 1.1, 1.2],
+    "frequency": [1.0, 2.0, 3.0],
+}
+
+
+@pytest.mark.parametrize("ending", ["csv", "nc"])
+def test_a_table(compute, tmp_path, ending):
+    table = xr.Dataset({name: ("row", values) for name, values in TABLE.items()})
+    if ending == "nc":
+        table.to_netcdf(tmp_path / "table.nc", engine="h5netcdf")
+    else:
+        table.to_dataframe().to_csv(tmp_path / "table.csv", index=False)
+    path = compute(f'[scene]\nparticles = 2\n[sample]\ndesign = "table.{ending}"\n', chunk=2)
+    result = xr.load_dataset(path)
+    for name, values in TABLE.items():
+        assert result[name].values.tolist() == values
+    assert result["restitution"].dims == ("realization",)
+    assert result.attrs["design"] == "table"
+    last = {name: values[-1] for name, values in TABLE.items()}
+    expected = simulate(**last, launch_time=[0.0, 1 / 6])["impact_count"].sum()
+    assert result["impact_count"][-1] == expected
+
+
+def test_a_bad_table_leaves_nothing(compute, tmp_path):
+    (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,nan\n")
+    with pytest.raises(TableError, match="nan is not allowed"):
+        compute('[sample]\ndesign = "table.csv"\n')
+    assert not list(tmp_path.glob("*.h5"))
+    assert not list(tmp_path.glob(".*"))
+
+
+# long ones, and those that are drawn by commands of their own
+NOT_RUN = re.compile("million|plane|basins|bifurcation|windows")
+
+
+@pytest.mark.parametrize("spec", SWEEPS, ids=lambda p: p.stem)
+def test_every_sweep_of_the_repository_is_valid(spec):
+    assert read_spec(spec).title
+
+
+@pytest.mark.parametrize(
+    "spec", [p for p in SWEEPS if not NOT_RUN.match(p.stem)], ids=lambda p: p.stem
+)
+def test_every_sweep_of_the_repository(spec, tmp_path):
+    path = tmp_path / "out.h5"
+    summary = module.run_sweep(read_spec(spec), path, threads=2)
+    with open_sweep(path) as sweep:
+        record = open_record(path) if has_record(path) else None
+        assert (sweep["status"] == 0).all()
+        assert sweep["impact_count"].sum() == summary.landings > 0
+        drawn = available(sweep, record)
+        sampled = SAMPLED.get(re.sub(r"_\d+$", "", spec.stem), ())
+        separated = ("separation_distribution",) if "dt_min" in sweep else ()
+        recorded = RECORDED if record is not None else ()
+        assert drawn == [name for name in FIGURES if name in (*recorded, *sampled, *separated)]
+        for name in drawn:
+            entry = FIGURES[name]
+            figure = entry.draw(sweep if entry.source == "sweep" else record)
+            figure.savefig(tmp_path / f"{name}.png", dpi=30)
+
+
+@pytest.mark.parametrize(("chunk", "steps"), [(None, [200]), (90, [0, 90, 180, 200]), (200, [200])])
+def test_progress_ends_with_all(tmp_path, chunk, steps):
+    seen = []
+    spec = read_spec(next(p for p in SWEEPS if p.stem == "paper"))
+    module.run_sweep(
+        spec, tmp_path / "out.h5", threads=1, chunk=chunk, advance=lambda *told: seen.append(told)
+    )
+    assert seen == [(done, 200) for done in steps]
+
+
+def test_a_chunk_beyond_memory_is_refused(compute, tmp_path):
+    with pytest.raises(ParameterError, match=r"1 realizations of 1000000000 particles.*GiB"):
+        compute("[scene]\nparticles = 1_000_000_000\n")
+    with pytest.raises(ParameterError, match="lower chunk="):
+        compute(DRAWN.replace("= 40", "= 1_000_000_000_000"), chunk=10**12)
+    assert [p.suffix for p in tmp_path.iterdir()] == [".toml", ".toml"]
+
+
+def test_a_huge_sweep_does_not_fill_memory_before_it_starts(compute, monkeypatch):
+    started = []
+
+    def measure(parameters, *arguments):
+        started.append(parameters["restitution"].size)
+        return original(parameters, *arguments)
+
+    def write(parts, index, columns):
+        assert sum(values.nbytes for values in columns.values()) < 100e6
+        raise KeyboardInterrupt
+
+    original = measuring.measure
+    monkeypatch.setattr(measuring, "measure", measure)
+    monkeypatch.setattr(Parts, "write", write)
+    with pytest.raises(KeyboardInterrupt):
+        compute(DRAWN.replace("= 40", "= 100_000_000"))
+    assert max(started) == chunks.TRAJECTORIES_PER_BATCH // 5
+
+
+def test_per_particle_variables_come_only_when_asked_for(compute):
+    assert not set(PER_PARTICLE) & set(bits(compute(DRAWN)))
+    assert set(PER_PARTICLE) <= set(bits(compute(DRAWN + ALL_MEASURES)))

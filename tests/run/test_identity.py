@@ -1,0 +1,133 @@
+"""What a sweep's numbers depend on is read off its spec, and nothing of it can be forgotten."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import pytest
+
+import vibrosweep
+from vibrosweep.run.identity import EXEMPT, SOURCES, differences, identity
+from vibrosweep.spec.sweep import SweepSpec, parse_spec
+
+PACKAGE = Path(vibrosweep.__file__).parent
+FULL = """title = "x"
+[scene]
+gravity = 9.8
+particles = 2
+{launch}
+[sample]
+design = {design}
+restitution = [0.8, 0.98]
+[measure]
+{switches}
+[record]
+restitution = 0.5
+[windows]
+conditions = ["periodic"]
+"""
+SWITCHES = "\n".join(
+    f"{name} = true" for name in ("separation", "per_particle", "regimes", "lyapunov", "trust")
+)
+TABLE = 'title = "x"\n[sample]\ndesign = "table.csv"\ncolumns = ["restitution", "amplitude"]\n'
+SPECS = {
+    "drawn": FULL.format(design='"sobol"\nrealizations = 8', launch="", switches=SWITCHES),
+    "grid": FULL.format(design='"grid"', launch="launch = [0.0, 0.5]", switches=""),
+    "bare": 'title = "x"\n',
+    "table": TABLE,
+}
+
+
+@pytest.fixture(params=SPECS)
+def spec(request, tmp_path):
+    (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1.2\n")
+    return parse_spec(SPECS[request.param], tmp_path / "sweep.toml")
+
+
+def changed(value):
+    """Give, by the name of what changes inside, other values of the kind of a field."""
+    if is_dataclass(value):
+        for field in fields(value):
+            for name, other in changed(getattr(value, field.name)):
+                yield f".{field.name}{name}", replace(value, **{field.name: other})
+        yield "", None
+    elif isinstance(value, Mapping):
+        for key, member in value.items():
+            for name, other in changed(member):
+                yield f".{key}{name}", {**value, key: other}
+            yield f".{key} left out", {k: v for k, v in value.items() if k != key}
+    elif isinstance(value, tuple):
+        for place, member in enumerate(value):
+            for name, other in changed(member):
+                yield f"[{place}]{name}", (*value[:place], other, *value[place + 1 :])
+        yield " shorter", value[:-1]
+    elif isinstance(value, bool):
+        yield "", not value
+    elif isinstance(value, int | float):
+        yield "", value * (1 + 2.0**-52) if isinstance(value, float) and value else value + 1
+    elif isinstance(value, str):
+        yield "", value + "x"
+    elif isinstance(value, frozenset):
+        yield "", value | {"another"}
+    elif isinstance(value, Path):
+        yield "", value.with_name("other.csv")
+    else:
+        assert value is None, f"a {type(value).__name__} in a spec is unknown to this test"
+        yield "", 1
+
+
+def test_every_field_is_in_the_identity_or_cannot_change_a_number(spec, tmp_path):
+    (tmp_path / "other.csv").write_bytes((tmp_path / "table.csv").read_bytes())
+    before = identity(spec)
+    for field in fields(SweepSpec):
+        value = getattr(spec, field.name)
+        others = [(n, o) for n, o in changed(value) if (field.name, n, o) != ("table", "", 1)]
+        for name, other in others:
+            now = identity(replace(spec, **{field.name: other}))
+            assert (now != before) is (field.name not in EXEMPT), f"{field.name}{name}"
+
+
+def test_what_is_exempt_is_a_field_and_has_a_reason():
+    assert EXEMPT.keys() <= {field.name for field in fields(SweepSpec)}
+    assert all(len(reason) > 20 for reason in EXEMPT.values())
+
+
+def test_a_field_of_an_unknown_kind_is_not_passed_over(spec):
+    with pytest.raises(TypeError, match=r"scene.rebound: the identity .* cannot hold a object"):
+        identity(replace(spec, rebound=object()))
+
+
+def test_differences_are_told_in_the_words_of_a_sweep_file(tmp_path):
+    before, now = (parse_spec(SPECS[name], tmp_path / "x.toml") for name in ("bare", "drawn"))
+    told = differences(identity(before), identity(now))
+    for line in (
+        "scene.particles: was 1, is 2",
+        "measure.lyapunov: was False, is True",
+        "sample.design: was uniform, is sobol",
+        "restitution: was 0.9, is Range",
+        "restitution.low: was not given, is 0.8",
+        "record.restitution: was not given, is 0.5",
+    ):
+        assert line in told
+
+
+def test_every_module_that_a_sweep_loads_is_in_the_digest(tmp_path):
+    spec = tmp_path / "sweep.toml"
+    spec.write_text(SPECS["drawn"] + "\n")
+    program = f"""
+import json, sys
+from pathlib import Path
+from vibrosweep.run.driver import run_sweep
+from vibrosweep.spec.sweep import read_spec
+run_sweep(read_spec({str(spec)!r}), Path({str(tmp_path / "out.h5")!r}), threads=1)
+modules = [m for name, m in sys.modules.items() if name.partition(".")[0] == "vibrosweep"]
+print(json.dumps([m.__file__ for m in modules]))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+    loaded = {Path(name) for name in json.loads(done.stdout)}
+    digested = {path for pattern in SOURCES for path in PACKAGE.glob(pattern)}
+    assert len(loaded) > 40
+    assert loaded - digested == set()

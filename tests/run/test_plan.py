@@ -1,0 +1,217 @@
+"""A plan: chunks of bounded work, and estimates that a run bears out."""
+
+import resource
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vibrosweep.errors import OutputError, ParameterError, RunError
+from vibrosweep.run import chunks, pilot, plan
+from vibrosweep.run import estimate as estimate_module
+from vibrosweep.run.driver import run_sweep
+from vibrosweep.run.estimate import estimate, require_disk, require_memory
+from vibrosweep.run.pilot import UNKNOWN, explore
+from vibrosweep.run.plan import make_plan
+from vibrosweep.spec.sweep import parse_spec, read_spec
+from vibrosweep.store.parts import Parts
+
+SWEEPS = Path(__file__).parents[2] / "sweeps"
+WIDE = """title = "x"
+[scene]
+particles = 20
+[sample]
+realizations = {}
+restitution = [0.8, 0.98]
+amplitude = [0.2, 3.5]
+[measure]
+"""
+
+
+@pytest.fixture
+def costs(monkeypatch):
+    """Say what a realization costs."""
+
+    def says(seconds):
+        def explored(spec, design, *rest):
+            return replace(UNKNOWN, seconds=seconds, impacts=1.0, columns={"status": np.zeros(1)})
+
+        monkeypatch.setattr(plan, "explore", explored)
+
+    return says
+
+
+@pytest.mark.parametrize(
+    ("realizations", "seconds", "chunk"),
+    [
+        (200, 1e-4, 200),  # short: not cut
+        (10**6, 2e-6, 10**6),
+        (10**6, 1e-3, 10_000),  # ten seconds each
+        (1000, 60.0, 1),  # never less than a realization
+        (10**9, 2e-6, (2**26 // 73) // 13107 * 13107),  # results of a chunk are held in memory
+    ],
+)
+def test_a_chunk_is_some_seconds_of_work(workers, costs, realizations, seconds, chunk):
+    costs(seconds)
+    spec = parse_spec(WIDE.format(realizations))
+    assert make_plan(spec, workers).chunk == chunk
+    assert make_plan(spec, workers, 7).chunk == 7
+    assert make_plan(spec, workers, at_least=10).chunks >= 10
+
+
+def test_the_results_of_a_chunk_have_the_bytes_that_are_planned(workers):
+    spec = parse_spec(WIDE.format(50) + "separation = true\nregimes = true\nper_particle = true\n")
+    design = chunks.open_design(spec)
+    columns = next(chunks.compute_rows(spec, design, 0, 50, workers))
+    assert sum(v.nbytes for v in columns.values()) == 50 * plan.bytes_per_realization(spec, design)
+
+
+def test_the_sample_is_drawn_from_all_over_a_grid(workers, monkeypatch):
+    """The first rows of a grid are those of its quietest corner."""
+    text = WIDE.replace("realizations = {}", 'design = "grid"')
+    text = text.replace("[0.8, 0.98]", "{ start = 0.0, stop = 0.98, num = 100 }")
+    spec = parse_spec(text.replace("[0.2, 3.5]", "{ start = 0.2, stop = 3.5, num = 100 }"))
+    design = chunks.open_design(spec)
+    few = explore(spec, design, workers, 1e-9).columns
+    assert few["status"].size < 20
+    for name, low, high in (("restitution", 0.2, 0.8), ("amplitude", 0.9, 2.8)):
+        assert few[name].min() < low
+        assert few[name].max() > high
+
+
+def test_hours_are_foreseen_in_a_moment(workers):
+    """Bounds of errors are carried along every landing, whatever orbits do."""
+    spec = parse_spec(WIDE.format(64) + "trust = true\nimpact_budget = 1_000_000_000_000\n")
+    spec = replace(spec, duration=1e9)
+    cost = explore(spec, chunks.open_design(spec), workers, 0.2)
+    assert cost.share < 0.01
+    assert cost.seconds > 1e-10 * cost.impacts > 10.0  # no processor is as fast as that
+    # some landings in each second of the scene
+    landings = cost.impacts / (spec.particles * spec.duration)
+    assert 1.0 < landings < 10.0
+
+
+def test_the_estimate_of_a_whole_sweep_is_exact_but_for_time(workers, tmp_path):
+    """Both are small enough that the sample is the sweep."""
+    for name in ("paper", "laboratory"):
+        spec = read_spec(SWEEPS / f"{name}.toml")
+        needs = estimate(spec, make_plan(spec, workers, seconds=5.0, enough=0.0), workers)
+        summary = run_sweep(spec, tmp_path / f"{name}.h5", threads=2)
+        assert needs.impacts == pytest.approx(summary.landings)
+        assert needs.result == pytest.approx((tmp_path / f"{name}.h5").stat().st_size, rel=0.2)
+
+
+def test_disk_is_foreseen_from_a_sample(workers, tmp_path):
+    spec = parse_spec(WIDE.format(150_000) + "per_particle = true\nregimes = true\n")
+    spec = replace(spec, particles=3, duration=3.0)
+    few = make_plan(spec, workers, 40_000, seconds=0.1)
+    assert few.cost.columns["status"].size < 150_000
+    needs = estimate(spec, few, workers)
+    sizes = []
+
+    def write(self, index, columns):
+        original(self, index, columns)
+        sizes.append(self.finished()[index].stat().st_size)
+
+    original = Parts.write
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Parts, "write", write)
+        summary = run_sweep(spec, tmp_path / "out.h5", threads=2, chunk=40_000)
+    assert needs.impacts == pytest.approx(summary.landings, rel=0.1)
+    assert needs.result == pytest.approx((tmp_path / "out.h5").stat().st_size, rel=0.2)
+    assert needs.parts == pytest.approx(sum(sizes), rel=0.2)
+
+
+MEMORY = """
+import re, sys
+from pathlib import Path
+from dataclasses import replace
+from vibrosweep.engine.workers import Workers
+from vibrosweep.run.estimate import estimate
+from vibrosweep.run.plan import make_plan
+from vibrosweep.run.driver import run_sweep
+from vibrosweep.spec.sweep import parse_spec
+spec = replace(parse_spec(sys.argv[1]), duration=1.0)
+if sys.argv[2] == "plan":
+    with Workers(2) as workers:
+        print(estimate(spec, make_plan(spec, workers, seconds=1.0), workers).memory)
+else:
+    run_sweep(spec, Path(sys.argv[3]), threads=2)
+    # not that of getrusage, which knows the process that started this one
+    peak = re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())
+    print(int(peak[1]) * 1024)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the peak of a process")
+@pytest.mark.parametrize("measures", ["", "regimes = true\nseparation = true\n"])
+def test_memory_is_foreseen(tmp_path, measures):
+    def told(what, output="out.h5"):
+        words = [sys.executable, "-c", MEMORY, WIDE.format(60_000) + measures, what]
+        words.append(tmp_path / output)
+        return float(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+
+    told("run", "first.h5")  # compiling, where that is still to be done, takes memory of its own
+    assert told("plan") == pytest.approx(told("run"), rel=0.2)
+
+
+RECORDS = {
+    "many particles": "particles = 400_000\nduration = 1.5",
+    "a spent budget": "duration = 1e12",
+    "early landings": "particles = 20\namplitude = 0.0\nrestitution = 0.9999\nduration = 1e9",
+}
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the peak of a process")
+@pytest.mark.parametrize("scene", RECORDS.values(), ids=RECORDS)
+def test_the_memory_of_a_record_is_foreseen(tmp_path, scene):
+    text = f'title = "x"\n[measure]\nimpact_budget = 2_000_000\n[record]\n{scene}\n'
+
+    def told(what, output="out.h5"):
+        words = [sys.executable, "-c", MEMORY, text, what, tmp_path / output]
+        return float(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+
+    told("run", "first.h5")
+    assert told("plan") == pytest.approx(told("run"), rel=0.2)
+
+
+@pytest.mark.parametrize("scene", RECORDS.values(), ids=RECORDS)
+def test_the_disk_for_a_record_is_foreseen(workers, tmp_path, monkeypatch, scene):
+    monkeypatch.setattr(estimate_module, "SAMPLE_BYTES", 1 << 20)
+    text = f'title = "x"\n[measure]\nimpact_budget = 200_000\n[record]\n{scene}\n'
+    spec = parse_spec(text)
+    needs = estimate(spec, make_plan(spec, workers), workers)
+    run_sweep(spec, tmp_path / "out.h5", threads=2)
+    assert needs.result == pytest.approx((tmp_path / "out.h5").stat().st_size, rel=0.2)
+
+
+def test_what_does_not_fit_is_refused(tmp_path):
+    with pytest.raises(OutputError, match=r"needs 9.31e\+05 GiB of disk.*lower sample.realiz"):
+        require_disk(tmp_path / "out.h5", 1e15)
+    with pytest.raises(ParameterError, match=r"needs 9.31e\+05 GiB of memory.*lower chunk="):
+        require_memory(1e15)
+
+
+def test_a_sample_that_cannot_be_computed(workers, monkeypatch):
+    def fail(*arguments):
+        raise FloatingPointError
+
+    monkeypatch.setattr(pilot, "measure_all", fail)
+    spec = parse_spec(WIDE.format(1000))
+    unknown = make_plan(spec, workers)
+    assert unknown.chunk == 10
+    with pytest.raises(RunError, match="the first realizations cannot be computed"):
+        estimate(spec, unknown, workers)
+
+
+def test_a_run_spends_little_on_a_plan(workers):
+    """A short sweep is planned from a few of its realizations."""
+    spec = read_spec(SWEEPS / "paper.toml")
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    cost = make_plan(spec, workers).cost
+    now = resource.getrusage(resource.RUSAGE_SELF)
+    assert cost.columns["status"].size < 20
+    assert now.ru_utime - used.ru_utime < 0.5  # some milliseconds where nothing else runs

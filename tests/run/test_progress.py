@@ -1,0 +1,90 @@
+import io
+from time import sleep
+
+import pytest
+
+from vibrosweep.run import progress
+from vibrosweep.run.progress import reporting, silent
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+class Gone(io.StringIO):
+    """A log or terminal that nobody reads any more."""
+
+    def __init__(self, terminal):
+        super().__init__()
+        self.terminal = terminal
+
+    def isatty(self):
+        return self.terminal
+
+    def write(self, text):
+        raise BrokenPipeError
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    return now
+
+
+def test_lines_now_and_then(clock):
+    stream = io.StringIO()
+    with reporting(stream) as advance:
+        for second in range(0, 31, 3):
+            clock[0] = float(second)
+            advance(second, 30)
+    assert stream.getvalue().splitlines() == [
+        "12 of 30 realizations, 1 per second, 18 s remaining",
+        "24 of 30 realizations, 1 per second, 6 s remaining",
+    ]
+
+
+def test_a_run_that_continues(clock):
+    """Its speed is that of its own work, and it says nothing until there is some."""
+    stream = io.StringIO()
+    with reporting(stream) as advance:
+        for second, done in ((15.0, 600), (30.0, 600), (45.0, 630), (60.0, 660)):
+            clock[0] = second
+            advance(done, 1000)
+    assert stream.getvalue().splitlines() == [
+        "630 of 1000 realizations, 1 per second, 370 s remaining",
+        "660 of 1000 realizations, 1.333 per second, 255 s remaining",
+    ]
+
+
+def test_a_short_run_says_nothing():
+    stream = io.StringIO()
+    with reporting(stream) as advance:
+        advance(1, 1)
+    assert stream.getvalue() == ""
+
+
+def test_a_terminal_gets_a_bar(monkeypatch):
+    monkeypatch.setattr(progress, "SECONDS_BEFORE_BAR", 1e-9)
+    stream = Terminal()
+    with reporting(stream) as advance:
+        sleep(0.2)  # the bar is drawn ten times a second
+        advance(3, 4)
+        advance(4, 4)
+    assert "75%" in stream.getvalue()
+    assert stream.getvalue().endswith("\r")  # wiped at the end
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_stream_that_has_gone_ends_no_run(clock, monkeypatch, terminal):
+    monkeypatch.setattr(progress, "SECONDS_BEFORE_BAR", 1e-9)
+    with reporting(Gone(terminal)) as advance:
+        clock[0] = 100.0
+        advance(1, 2)
+        clock[0] = 200.0
+        advance(2, 2)
+
+
+def test_silence():
+    silent(1, 2)

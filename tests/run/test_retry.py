@@ -1,0 +1,185 @@
+"""What a result could not settle is computed again, as a run with the larger budget would."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep.engine import measuring
+from vibrosweep.errors import DataError, Interruption, RunError
+from vibrosweep.run.describe import describe
+from vibrosweep.run.driver import run_sweep
+from vibrosweep.run.retry import retry_failed
+from vibrosweep.spec.schema import MeasureTable
+from vibrosweep.spec.sweep import parse_spec, read_spec
+from vibrosweep.store.parts import Parts
+from vibrosweep.store.rundir import run_directory
+
+SWEEP = """title = "Some particles bounce on small kicks for long"
+[scene]
+particles = 2
+[sample]
+design = "{design}"
+realizations = 16
+amplitude = [0.001, 3.0]
+restitution = [0.5, 0.99]
+[measure]
+separation = true
+{regimes}
+impact_budget = {budget}
+[record]
+amplitude = 1.2
+restitution = 0.9
+"""
+
+
+@pytest.fixture
+def sweep(tmp_path):
+    def spec(budget, design="uniform", regimes=""):
+        path = tmp_path / f"{budget}.toml"
+        path.write_text(SWEEP.format(budget=budget, design=design, regimes=regimes))
+        return read_spec(path)
+
+    return spec
+
+
+@pytest.fixture
+def output(tmp_path):
+    return tmp_path / "out.h5"
+
+
+def bits(path):
+    found = {}
+    for group in (None, "record"):
+        with xr.open_dataset(path, group=group) as result:
+            found |= {(group, n): v.values.tobytes() for n, v in result.variables.items()}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("design", "regimes"), [("uniform", "regimes = true"), ("sobol", ""), ("latin", "")]
+)
+def test_the_result_is_that_of_the_larger_budget(sweep, output, tmp_path, design, regimes):
+    small, large = (sweep(budget, design, regimes) for budget in (32, 1000))
+    run_sweep(small, output, threads=1)
+    failed = int(np.sum(xr.load_dataset(output)["base_shared"] == -1))
+    assert 0 < failed < 16
+    run_sweep(large, tmp_path / "large.h5", threads=1)
+    summary, again = retry_failed(small, output, threads=2, impact_budget=1000, chunk=3)
+    assert again == failed
+    assert summary.realizations == 16
+    assert bits(output) == bits(tmp_path / "large.h5")
+    attributes = xr.open_dataset(output).attrs
+    assert attributes["impact_budget"] == 1000
+    assert not run_directory(output).exists()
+    # of the sweep file with the new budget, too
+    summary, again = retry_failed(large, output, threads=1)
+    left = int(np.sum(xr.load_dataset(output)["base_shared"] == -1))
+    assert again == left
+    assert summary.landings == int(xr.load_dataset(output)["impact_count"].sum())
+
+
+def test_only_what_failed_is_computed(sweep, output, monkeypatch):
+    run_sweep(sweep(32), output, threads=1)
+    failed = xr.load_dataset(output).isel(realization=xr.load_dataset(output)["status"] != 0)
+    seen = []
+
+    def measure(parameters, *rest):
+        seen.extend(parameters["amplitude"].tolist())
+        return original(parameters, *rest)
+
+    original = measuring.measure
+    monkeypatch.setattr(measuring, "measure", measure)
+    retry_failed(sweep(32), output, threads=1, impact_budget=1000)
+    assert set(seen) == set(failed["amplitude"].values.tolist())
+
+
+def test_a_retry_that_is_ended_continues(sweep, output, tmp_path):
+    run_sweep(sweep(32), output, threads=1)
+    old = output.read_bytes()
+    written, original = [], Parts.write
+
+    def write(self, index, columns):
+        if len(written) == 2:
+            raise KeyboardInterrupt
+        written.append(index)
+        original(self, index, columns)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Parts, "write", write)
+        with pytest.raises(Interruption, match="2 of"):
+            retry_failed(sweep(32), output, threads=1, impact_budget=1000, chunk=1)
+    assert output.read_bytes() == old
+    with pytest.raises(RunError, match=r"rows computed again: was \d+ .*, is not given"):
+        run_sweep(sweep(1000), output, threads=1)
+    told = []
+    retry_failed(
+        sweep(32), output, threads=1, impact_budget=1000, advance=lambda *now: told.append(now)
+    )
+    assert told[0][0] == 2
+    run_sweep(sweep(1000), tmp_path / "large.h5", threads=1)
+    assert bits(output) == bits(tmp_path / "large.h5")
+
+
+def test_what_is_not_the_same_sweep(sweep, output, tmp_path):
+    with pytest.raises(DataError, match="no such result"):
+        retry_failed(sweep(32), output, threads=1)
+    run_sweep(sweep(32), output, threads=1)
+    with pytest.raises(RunError, match=r"another sweep or version:\n  sample.design: was uniform"):
+        retry_failed(sweep(64, "sobol"), output, threads=1)
+    with pytest.raises(RunError, match="raise it with impact_budget="):
+        retry_failed(sweep(8), output, threads=1)
+    with xr.load_dataset(output) as result:
+        del result.attrs["identity"]
+        result.to_netcdf(tmp_path / "foreign.h5", engine="h5netcdf")
+    with pytest.raises(DataError, match="is not a result"):
+        retry_failed(sweep(32), tmp_path / "foreign.h5", threads=1)
+    assert not run_directory(output).exists()
+
+
+LONG = """title = "Bounds that a small budget does not carry to the end"
+[scene]
+duration = 1000.0
+[sample]
+realizations = 12
+amplitude = [1.19, 1.21]
+restitution = [0.8, 0.95]
+[measure]
+trust = true
+{other}
+impact_budget = {budget}
+"""
+
+
+@pytest.mark.parametrize("other", ["", "regimes = true\nlyapunov = true\nper_particle = true"])
+def test_bounds_that_the_budget_cut_off_are_said_and_computed_again(tmp_path, output, other):
+    """Where a cycle lets the status complete, its error bounds still follow every landing."""
+    small, large = (parse_spec(LONG.format(budget=budget, other=other)) for budget in (300, 10**6))
+    run_sweep(small, output, threads=1)
+    before = xr.load_dataset(output)
+    cut = np.isnan(before["landing_time_error"]).values
+    completed = (before["status"] == 0).values
+    assert (cut & completed).sum() > 3
+    assert (before["trusted_until"].values[cut] < 1000.0).all()
+    listed = [line for line in describe(output) if "error bounds undetermined" in line]
+    assert len(listed) == (cut & completed).sum()
+    run_sweep(large, tmp_path / "large.h5", threads=1)
+    _, again = retry_failed(small, output, threads=1, impact_budget=10**6)
+    assert again == (cut | ~completed).sum()
+    assert not np.isnan(xr.load_dataset(output)["landing_time_error"]).any()
+    xr.testing.assert_identical(
+        xr.load_dataset(output).drop_attrs(), xr.load_dataset(tmp_path / "large.h5").drop_attrs()
+    )
+
+
+def test_a_retry_with_any_other_measure_is_refused(tmp_path, output):
+    run_sweep(parse_spec(LONG.format(budget=300, other="")), output, threads=1)
+    for field in fields(MeasureTable):
+        if field.name == "impact_budget":
+            continue
+        spec = parse_spec(LONG.format(budget=300, other=""))
+        value = getattr(spec, field.name)
+        spec = replace(spec, **{field.name: not value if isinstance(value, bool) else value + 1})
+        with pytest.raises(RunError, match=rf"another sweep or version:\n  measure.{field.name}: "):
+            retry_failed(spec, output, threads=1, impact_budget=1000)

@@ -1,0 +1,87 @@
+import re
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from vibrosweep.model.status import Status
+from vibrosweep.run.summary import Summary
+
+COUNTS = np.array([3, 4, 5])
+HEIGHTS = np.array([1.0, np.nan, 2.5])
+CODES = np.array([0, 0, 1], np.int8)
+
+
+def chunk(first, last):
+    rows = slice(first, last)
+    return {
+        "impact_count": COUNTS[rows],
+        "rebound_height_max": HEIGHTS[rows],
+        "dt_min": np.full(3, np.nan)[rows],
+        "landing_time_error": np.array([1e-9, np.inf, 1e-8])[rows],
+        "status": CODES[rows],
+        "particle_status": np.zeros((3, 2))[rows],
+    }
+
+
+def lines(*cuts):
+    summary = Summary()
+    for first, last in pairwise(cuts):
+        summary.add(chunk(first, last))
+    return summary, list(summary.lines())
+
+
+def test_a_table_of_what_is_known():
+    summary, text = lines(0, 3)
+    assert (summary.realizations, summary.landings) == (3, 12)
+    assert [line.split() for line in text[:5]] == [
+        ["min", "mean", "max"],
+        ["impact_count", "3", "4", "5"],
+        ["rebound_height_max", "(m)", "1", "1.75", "2.5", "undefined", "in", "1"],
+        ["dt_min", "(s)", "undefined", "in", "every", "realization"],
+        ["landing_time_error", "(s)", "1e-09", "5.5e-09", "1e-08", "inf", "in", "1"],
+    ]
+    assert text[5].split(maxsplit=1) == [
+        "status",
+        "completed 2 (66.7%), budget_exceeded 1 (33.3%)",
+    ]
+    assert text[6] == f"budget_exceeded: {Status.BUDGET_EXCEEDED.sentence}"
+    assert len(text) == 7
+
+
+def test_chunks_add_up():
+    assert lines(0, 1, 3)[1] == lines(0, 1, 2, 3)[1] == lines(0, 3)[1]
+
+
+def test_columns_stand_below_their_heads():
+    head, *rows = lines(0, 3)[1]
+    assert (
+        len({len(re.split("   (undefined|inf) in", row)[0]) for row in (head, rows[0], rows[1])})
+        == 1
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ([-np.inf, -np.inf], "-inf in every realization"),
+        ([np.nan, np.nan], "undefined in every realization"),
+        ([-np.inf, np.nan], "-inf in 1, undefined in 1"),
+        ([-np.inf, np.inf], "-inf in 1, inf in 1"),
+        ([-np.inf, 2.0], "2 2 2 -inf in 1"),
+        ([np.nan, 2.0], "2 2 2 undefined in 1"),
+        ([2.0, 2.0], "2 2 2"),
+    ],
+)
+def test_what_is_stored_is_what_is_said(values, said):
+    """An infinite number is not undefined; how chunks are cut plays no part."""
+    summary = Summary()
+    for value in values:
+        one = {"impact_count": np.ones(1, np.int64), "lyapunov_max": np.array([value])}
+        summary.add(one)
+    line = next(text for text in summary.lines() if text.startswith("lyapunov_max"))
+    assert line.split() == ["lyapunov_max", *said.split()]
+
+
+def test_nothing_is_not_an_error():
+    assert len(list(Summary().lines())) == 1

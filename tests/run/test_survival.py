@@ -1,0 +1,482 @@
+"""What is finished is kept, whatever ends a run, and nothing wrong is kept with it."""
+
+import errno
+import os
+import resource
+import shutil
+from contextlib import contextmanager
+from dataclasses import fields
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep.engine import measuring
+from vibrosweep.errors import Interruption, OutputError, RunError
+from vibrosweep.run import chunks, identity, result
+from vibrosweep.run.driver import run_sweep
+from vibrosweep.spec.schema import MeasureTable
+from vibrosweep.spec.sweep import read_spec
+from vibrosweep.store.disk import Disk
+from vibrosweep.store.parts import Parts, read_manifest
+from vibrosweep.store.rundir import holding, run_directory
+
+SWEEP = """title = "A sweep of a test"
+[scene]
+particles = 3
+duration = 4.0
+[sample]
+seed = 3
+realizations = 11
+restitution = [0.8, 0.98]
+frequency = [0.5, 3.0]
+[measure]
+separation = true
+[record]
+restitution = 0.9
+frequency = 1.0
+"""
+CHUNKS = 6  # of two realizations
+
+
+class Killed(BaseException):
+    """The process ends here."""
+
+
+@pytest.fixture
+def sweep(tmp_path, monkeypatch):
+    """Run the sweep in chunks of two; what the file says of time and threads is fixed."""
+    monkeypatch.setattr(result, "provenance", lambda threads: {"threads": 1})
+
+    def compute(text=SWEEP, output="out.h5", **options):
+        spec = tmp_path / "sweep.toml"
+        spec.write_text(text)
+        return run_sweep(
+            read_spec(spec), tmp_path / output, **({"threads": 1, "chunk": 2} | options)
+        )
+
+    return compute
+
+
+@pytest.fixture
+def expected(sweep, tmp_path):
+    """The bytes of the result of a run that nothing disturbs."""
+    sweep(output="whole.h5", chunk=None)
+    return (tmp_path / "whole.h5").read_bytes()
+
+
+@pytest.fixture
+def computed(monkeypatch):
+    """Numbers of the chunks that are computed, in their order."""
+    numbers = []
+
+    def compute(job, index, *rest):
+        numbers.append(index)
+        return original(job, index, *rest)
+
+    original = chunks.compute_chunk
+    monkeypatch.setattr(chunks, "compute_chunk", compute)
+    monkeypatch.setattr("vibrosweep.run.kept.compute_chunk", compute)
+    return numbers
+
+
+def ending(monkeypatch, name, after, error, owner=Parts):
+    """Make a method raise an error after so many calls."""
+
+    def call(*arguments):
+        calls.append(arguments)
+        if len(calls) > after:
+            raise error
+        return original(*arguments)
+
+    calls, original = [], getattr(owner, name)
+    monkeypatch.setattr(owner, name, call)
+
+
+@contextmanager
+def unfinished(sweep, after=3, error=Killed, **options):
+    """End a run after some chunks; what follows is as before."""
+    with pytest.MonkeyPatch.context() as patch:
+        ending(patch, "write", after, error())
+        with pytest.raises((error, Interruption)):
+            sweep(**options)
+    yield
+
+
+def parts(tmp_path):
+    return sorted(p.name for p in run_directory(tmp_path / "out.h5").glob("chunk-*"))
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("chunk", [1, 7, 1000])
+def test_the_same_file_however_it_is_cut(sweep, expected, tmp_path, threads, chunk):
+    sweep(threads=threads, chunk=chunk)
+    assert (tmp_path / "out.h5").read_bytes() == expected
+    assert not run_directory(tmp_path / "out.h5").exists()
+
+
+@pytest.mark.parametrize("after", [0, 3, CHUNKS - 1])
+def test_a_run_continues_with_what_is_missing(sweep, expected, computed, tmp_path, after):
+    with unfinished(sweep, after):
+        assert len(parts(tmp_path)) == after
+        assert not (tmp_path / "out.h5").exists()
+    computed.clear()
+    # other threads and chunks are asked for: the run keeps its own cut
+    told = []
+    sweep(threads=2, chunk=5, advance=lambda *now: told.append(now))
+    assert computed == list(range(after, CHUNKS))
+    assert told[0] == (2 * after, 11)
+    assert told[-1] == (11, 11)
+    assert (tmp_path / "out.h5").read_bytes() == expected
+    assert not run_directory(tmp_path / "out.h5").exists()
+
+
+def test_an_interruption_says_what_is_kept(sweep, tmp_path, monkeypatch):
+    ending(monkeypatch, "write", 2, KeyboardInterrupt())
+    with pytest.raises(Interruption, match=r"2 of 6 chunks are finished.*same command again"):
+        sweep()
+    with pytest.raises(Interruption, match=r"same command without force=True again"):
+        sweep(force=True)
+
+
+def test_a_replacing_run_continues_without_force(sweep, expected, computed, tmp_path):
+    old = tmp_path / "out.h5"
+    old.write_bytes(b"old")
+    with unfinished(sweep, 4, force=True):
+        assert old.read_bytes() == b"old"
+    computed.clear()
+    sweep()
+    assert computed == [4, 5]
+    assert old.read_bytes() == expected
+
+
+def test_an_output_that_appeared_meanwhile_is_kept(sweep, tmp_path):
+    with unfinished(sweep):
+        (tmp_path / "out.h5").write_bytes(b"other")
+    with pytest.raises(OutputError, match="exists and is kept"):
+        sweep()
+    assert len(parts(tmp_path)) == 3
+
+
+@pytest.mark.parametrize("place", [0.0, 0.4, 0.999])
+def test_a_flipped_bit_is_noticed(sweep, expected, computed, tmp_path, place):
+    with unfinished(sweep, 5):
+        directory = run_directory(tmp_path / "out.h5")
+        path = directory / parts(tmp_path)[1]
+        data = bytearray(path.read_bytes())
+        data[int(place * len(data))] ^= 4
+        path.write_bytes(data)
+    computed.clear()
+    summary = sweep()
+    assert summary.repaired == 1
+    assert computed == [5, 1]
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+def test_a_disk_that_changes_what_it_holds_is_said(sweep, tmp_path, monkeypatch):
+    monkeypatch.setattr(Parts, "read", lambda *arguments: None)
+    with pytest.raises(OutputError, match="the disk is damaged"):
+        sweep()
+    assert not (tmp_path / "out.h5").exists()
+
+
+# identity
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("particles = 3", "particles = 4", ["scene.particles: was 3, is 4"]),
+        ("[0.8, 0.98]", "[0.8, 0.99]", ["restitution.high: was 0.98, is 0.99"]),
+        ("seed = 3\n", "", ["sample.seed: was 3, is 0"]),
+        ("[record]\nrestitution = 0.9", "[record]\nrestitution = 0.91", ["record.restitution"]),
+        (SWEEP[SWEEP.index("[record]") :], "", ["record.restitution: was 0.9, is not given"]),
+        (
+            "separation = true",
+            "trust = true",
+            ["measure.separation: was True, is False", "measure.trust: was False, is True"],
+        ),
+    ],
+)
+def test_a_changed_sweep_does_not_continue(sweep, tmp_path, old, new, words):
+    assert old in SWEEP
+    with unfinished(sweep):
+        before = parts(tmp_path)
+    with pytest.raises(RunError, match=r"3 of 6 chunks finished") as caught:
+        sweep(SWEEP.replace(old, new))
+    lines = [line.strip() for line in str(caught.value).splitlines()]
+    assert all(any(line.startswith(word) for line in lines) for word in words)
+    assert "kernels" not in str(caught.value)
+    assert "force=True" in lines[-1]
+    assert parts(tmp_path) == before
+    sweep(SWEEP.replace(old, new), force=True)
+    assert (tmp_path / "out.h5").exists()
+
+
+def test_what_changes_no_number_is_no_change(sweep, computed, tmp_path):
+    with unfinished(sweep):
+        computed.clear()
+    sweep("# a comment\n" + SWEEP.replace("[sample]", 'rebound = "rest"\n[sample]'))
+    assert computed == [3, 4, 5]
+    assert xr.load_dataset(tmp_path / "out.h5").attrs["sweep_file"].startswith("# a comment")
+
+
+@pytest.mark.parametrize("name", ["programs", "version"])
+def test_another_version_does_not_continue(sweep, tmp_path, monkeypatch, name):
+    with unfinished(sweep):
+        monkeypatch.setattr(identity, name, lambda *arguments: "another")
+    with pytest.raises(RunError, match="is another"):
+        sweep()
+    assert len(parts(tmp_path)) == 3
+
+
+def test_the_contents_of_a_table_are_part_of_the_sweep(sweep, tmp_path):
+    table = tmp_path / "table.csv"
+    rows = "restitution,amplitude\n" + "".join(f"0.9,{k}\n" for k in range(1, 9))
+    text = 'title = "x"\n[sample]\ndesign = "table.csv"\n'
+    table.write_text(rows)
+    with unfinished(sweep, text=text):
+        table.write_text(rows.replace("0.9,8", "0.9,7"))
+    with pytest.raises(RunError, match=r"contents of the table: was digest \w+, is digest \w+"):
+        sweep(text)
+    table.write_text(rows)
+    sweep(text)
+    assert xr.load_dataset(tmp_path / "out.h5")["amplitude"].values.tolist() == list(range(1, 9))
+
+
+def test_a_table_that_changes_while_it_runs_is_noticed(sweep, tmp_path, monkeypatch):
+    """As a worker on another machine may see it."""
+    (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1\n0.9,2\n0.9,3\n")
+
+    def elsewhere(job, numbers, tick):
+        monkeypatch.setattr(chunks, "_opened", None)
+        (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1\n0.9,2\n0.9,4\n")
+        return chunks.in_process(1)(job, numbers, tick)
+
+    with pytest.raises(RunError, match=r"would compute another sweep.*contents of the table"):
+        sweep('title = "x"\n[sample]\ndesign = "table.csv"\n', runner=elsewhere)
+    assert parts(tmp_path) == []
+
+
+def test_two_runs_on_one_output(sweep, expected, tmp_path):
+    with (
+        holding(tmp_path / "out.h5"),
+        pytest.raises(RunError, match="computed by another run"),
+    ):
+        sweep(force=True)
+    sweep()
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+def test_a_damaged_manifest_needs_force(sweep, expected, tmp_path):
+    with unfinished(sweep):
+        (run_directory(tmp_path / "out.h5") / "manifest.json").write_bytes(b"{}")
+    with pytest.raises(RunError, match=r"manifest.json: is damaged.*force=True"):
+        sweep()
+    sweep(force=True)
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+# failures
+
+
+def test_a_chunk_that_fails_once_is_computed_again(sweep, expected, tmp_path, monkeypatch):
+    def measure(*arguments):
+        failed.append(arguments)
+        if len(failed) == 6:
+            raise FloatingPointError("a moment")
+        return original(*arguments)
+
+    failed, original = [], measuring.measure
+    monkeypatch.setattr(measuring, "measure", measure)
+    sweep()
+    assert len(failed) > 6
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+@pytest.fixture
+def failing(sweep, tmp_path):
+    """Let no batch be measured that holds certain realizations, while a block lasts."""
+    sweep(output="column.h5")
+    restitution = xr.load_dataset(tmp_path / "column.h5")["restitution"].values
+    (tmp_path / "column.h5").unlink()
+
+    @contextmanager
+    def fail(*realizations, but_for=0):
+        def measure(parameters, *rest):
+            calls.append(parameters)
+            if len(calls) > but_for and np.isin(parameters["restitution"], bad).any():
+                raise FloatingPointError("always")
+            return original(parameters, *rest)
+
+        calls, original, bad = [], measuring.measure, restitution[list(realizations)]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(measuring, "measure", measure)
+            yield calls
+
+    return fail
+
+
+@pytest.mark.parametrize("pilot", [4, 0], ids=["planned", "unplanned"])
+def test_a_chunk_that_fails_does_not_end_the_others(
+    sweep, expected, computed, failing, tmp_path, pilot
+):
+    with (
+        failing(4, 9, but_for=pilot),
+        pytest.raises(RunError, match=r"2 of 6 chunks failed twice \(numbers 2, 4; .*Floating"),
+    ):
+        sweep()
+    assert len(parts(tmp_path)) == 4
+    assert not (tmp_path / "out.h5").exists()
+    computed.clear()
+    sweep()
+    assert computed == [2, 4]
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+def test_a_sweep_of_one_chunk_that_fails(sweep, failing, tmp_path):
+    with failing(4, but_for=4), pytest.raises(RunError, match=r"failed twice after 0 of 11 .*Floa"):
+        sweep(chunk=11)
+    assert {p.name for p in tmp_path.iterdir()} == {"sweep.toml"}
+
+
+def test_a_sweep_whose_sample_fails_is_cut(sweep, failing, tmp_path):
+    with failing(3), pytest.raises(RunError, match=r"1 of 11 chunks failed twice \(numbers 3"):
+        sweep(chunk=None)
+    assert len(parts(tmp_path)) == 10
+
+
+@contextmanager
+def limited(size):
+    """Make the system refuse to write beyond that many bytes, as a full disk does."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("room", [1000, 12_000])
+def test_a_full_disk_loses_nothing(sweep, expected, computed, tmp_path, room):
+    """It fills up while parts are written, or while the result is."""
+    with unfinished(sweep):
+        before = parts(tmp_path)
+        largest = max(p.stat().st_size for p in run_directory(tmp_path / "out.h5").iterdir())
+        assert 1000 < largest < 12_000 < len(expected)
+    with limited(room), pytest.raises(OutputError, match=r"too large.*\d of 6 chunks are finished"):
+        sweep()
+    assert set(before) <= set(parts(tmp_path))
+    assert not (tmp_path / "out.h5").exists()
+    assert not list(tmp_path.rglob("*.partial"))
+    computed.clear()
+    sweep()
+    assert len(computed) == (3 if room == 1000 else 0)
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+def test_a_directory_that_becomes_read_only(sweep, expected, computed, tmp_path):
+    """The tests may run as a user whom no permission stops."""
+
+    def refuse(self, partial, path):
+        if partial.parent.suffix == ".parts" and len(parts(tmp_path)) == 4:
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        original(self, partial, path)
+
+    original = Disk.__init__
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Disk, "__init__", refuse)
+        with pytest.raises(OutputError, match=r"Read-only file system.*4 of 6 chunks are finished"):
+            sweep()
+    computed.clear()
+    sweep()
+    assert computed == [4, 5]
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+@pytest.mark.parametrize("what", ["out.h5.parts", "."])
+def test_a_directory_that_is_removed(sweep, expected, tmp_path, what):
+    place = tmp_path / "place"
+    place.mkdir()
+
+    def write(self, index, columns):
+        if index == 3:
+            shutil.rmtree(place / what)
+        original(self, index, columns)
+
+    original = Parts.write
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Parts, "write", write)
+        with pytest.raises(OutputError, match=r"has gone.*what was finished has gone with"):
+            sweep(output="place/out.h5")
+    assert not run_directory(place / "out.h5").exists()
+    place.mkdir(exist_ok=True)
+    sweep(output="place/out.h5")
+    assert (place / "out.h5").read_bytes() == expected
+
+
+def test_killed_between_the_result_and_its_parts(sweep, expected, tmp_path):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "vibrosweep.run.driver.abandon", lambda directory: exec("raise Killed", globals())
+        )
+        with pytest.raises(Killed):
+            sweep()
+    assert (tmp_path / "out.h5").read_bytes() == expected
+    with pytest.raises(OutputError, match="exists and is kept"):
+        sweep()
+    sweep(force=True)
+    assert not run_directory(tmp_path / "out.h5").exists()
+
+
+def test_killed_while_the_parts_are_removed(sweep, expected, computed, tmp_path):
+    with unfinished(sweep):
+        (run_directory(tmp_path / "out.h5") / "manifest.json").unlink()
+        assert len(parts(tmp_path)) == 3
+    computed.clear()
+    sweep()
+    assert computed == list(range(CHUNKS))  # parts without a manifest are nobody's
+    assert read_manifest(run_directory(tmp_path / "out.h5")) is None
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+# columns
+
+
+def another(value):
+    """Another value of the type of a measure."""
+    return str(not value).lower() if isinstance(value, bool) else repr(type(value)(value + 1))
+
+
+@pytest.mark.parametrize("field", fields(MeasureTable), ids=lambda field: field.name)
+def test_a_resume_with_any_other_measure_is_refused(sweep, expected, tmp_path, field):
+    text = f"{field.name} = {another(field.default)}\n"
+    text = SWEEP.replace("separation = true\n", text if field.name != "separation" else "")
+    with unfinished(sweep):
+        before = parts(tmp_path)
+    with pytest.raises(RunError, match=f"\n  measure.{field.name}: was ") as caught:
+        sweep(text)
+    assert "programs" not in str(caught.value)
+    assert parts(tmp_path) == before
+    sweep()
+    assert (tmp_path / "out.h5").read_bytes() == expected
+
+
+@pytest.mark.parametrize("lost", ["dt_min", "restitution", "status"])
+@pytest.mark.parametrize("chunk", [2, None])
+def test_a_column_that_is_not_computed_is_never_filled(sweep, tmp_path, monkeypatch, lost, chunk):
+    """As a fault in the engine, or of the sweep that made some of the parts, would lose it."""
+
+    def batch(*arguments):
+        columns = original(*arguments)
+        calls.append(columns)
+        if len(calls) > 2:
+            del columns[lost]
+        return columns
+
+    calls, original = [], chunks._batch
+    monkeypatch.setattr(chunks, "_batch", batch)
+    monkeypatch.setattr(chunks, "TRAJECTORIES_PER_BATCH", 3)
+    with pytest.raises(RunError, match=r"other columns|failed twice|is not what the result"):
+        sweep(chunk=chunk)
+    assert not (tmp_path / "out.h5").exists()

@@ -1,0 +1,437 @@
+"""Every kind of mistake is named by file, key, value and what is allowed; sound files are read."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vibrosweep.errors import SpecError
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.spec.schema import _KEYS
+from vibrosweep.spec.sweep import Axis, Range, parse_spec, read_spec
+
+SWEEPS = sorted((Path(__file__).parents[2] / "sweeps").glob("*.toml"))
+TITLE = 'title = "x"\n'
+
+
+def message(text: str) -> str:
+    with pytest.raises(SpecError) as caught:
+        parse_spec(text, Path("dir/bad.toml"))
+    return str(caught.value)
+
+
+def test_paper():
+    spec = read_spec(next(p for p in SWEEPS if p.name == "paper.toml"))
+    assert spec.design == "uniform"
+    assert (spec.realizations, spec.seed, spec.particles) == (200, 1, 20)
+    assert dict(spec.sampled) == {"restitution": Range(0.80, 0.98), "amplitude": Range(0.2, 3.5)}
+    assert spec.fixed["gravity"] == 9.81
+    assert spec.fixed.keys() | spec.sampled.keys() == PARAMETERS.keys()
+    assert spec.given == {"frequency", "launch_velocity"}
+    assert spec.separation
+    assert spec.record is not None
+    assert spec.record.duration == 120.0
+    assert spec.record.particles == 20
+    assert list(spec.record.parameters) == list(PARAMETERS)
+
+
+@pytest.mark.parametrize("path", SWEEPS, ids=lambda p: p.stem)
+def test_every_sweep_of_the_repository_is_sound(path):
+    spec = read_spec(path)
+    assert spec.text == path.read_text(encoding="utf-8")
+    assert spec.source == path
+    assert len(spec.title) > 20
+
+
+def test_all_sweeps_are_there():
+    names = "basins bifurcation bifurcation_reflect laboratory million paper plane population"
+    names += (
+        " return_map sensitivity separations single_ball twenty_balls windows windows_hysteresis"
+    )
+    fewer = [f"population_{n:03}" for n in (5, 10, 20, 50)]
+    assert [p.stem for p in SWEEPS] == sorted([*names.split(), *fewer])
+
+
+def test_populations_differ_in_the_number_of_particles_alone():
+    specs = [read_spec(p) for p in SWEEPS if p.stem.startswith("population")]
+    assert sorted(s.particles for s in specs) == [5, 10, 20, 50, 100]
+    same = {"title": "", "text": "", "source": None, "particles": 1, "record": None}
+    assert len({str(replace(s, **same)) for s in specs}) == 1
+
+
+def test_laboratory_keeps_the_dimensionless_kick_of_the_paper():
+    spec = read_spec(next(p for p in SWEEPS if p.stem == "laboratory"))
+    f, amplitude = spec.sampled["frequency"], spec.sampled["amplitude"]
+    kicks = [2 * f.low * amplitude.low / 9.81, 2 * f.high * amplitude.high / 9.81]
+    assert 2 * 0.2 / 9.81 <= kicks[0] <= kicks[1] <= 2 * 3.5 / 9.81
+
+
+def test_defaults():
+    spec = parse_spec(TITLE)
+    assert dict(spec.fixed) == {name: p.default for name, p in PARAMETERS.items()}
+    assert (spec.particles, spec.launch, spec.duration, spec.rebound) == (
+        1,
+        "staggered",
+        12.0,
+        "rest",
+    )
+    assert (spec.design, spec.realizations, spec.seed, spec.record) == ("uniform", 1, 0, None)
+    assert (spec.transient, spec.separation, spec.per_particle) == (0.0, False, False)
+    assert spec.impact_budget == 10_000_000
+    assert spec.given == frozenset()
+
+
+def test_an_integer_serves_as_a_number_and_stays_float():
+    spec = parse_spec(f"{TITLE}[scene]\namplitude = 2\nduration = 3\nlaunch = [0, 1]")
+    assert isinstance(spec.fixed["amplitude"], float)
+    assert isinstance(spec.duration, float)
+    assert spec.launch == (0.0, 1.0)
+    assert spec.particles == 2
+
+
+def test_sampled_parameters_keep_the_order_of_the_registry():
+    text = f"{TITLE}[sample]\nrealizations = 3\namplitude = [1, 2]\nrestitution = [0, 1]\ngravity=2"
+    spec = parse_spec(text)
+    assert list(spec.sampled) == ["restitution", "amplitude"]
+    assert spec.fixed["gravity"] == 2.0
+
+
+def test_grid():
+    spec = parse_spec(
+        f'{TITLE}[sample]\ndesign = "grid"\nrestitution = {{ start = 0.8, stop = 0.9, num = 3 }}\n'
+        "amplitude = [2.0, 1.0]\nphase = [0.5]\nrealizations = 6"
+    )
+    assert spec.sampled["amplitude"] == Axis((2.0, 1.0))
+    assert spec.sampled["restitution"].values == pytest.approx((0.8, 0.85, 0.9))
+    assert spec.realizations == 6
+
+
+def test_table_path_is_relative_to_the_file():
+    text = f'{TITLE}[sample]\ndesign = "t/rows.csv"\ncolumns = ["amplitude", "restitution"]'
+    spec = parse_spec(text, Path("dir/sweep.toml"))
+    assert spec.design == "table"
+    assert spec.table == Path("dir/t/rows.csv")
+    assert spec.columns == ("restitution", "amplitude")
+    assert spec.realizations is None
+    assert "amplitude" not in spec.fixed
+
+
+def test_record_overrides_the_scene():
+    spec = parse_spec(
+        f"{TITLE}[scene]\nparticles = 3\namplitude = 2.0\n[record]\nlaunch = [0.0, 0.5]\n"
+        'rebound = "reflect"\nphase = 1.0'
+    )
+    assert spec.record is not None
+    assert (spec.record.particles, spec.record.rebound) == (2, "reflect")
+    assert spec.record.parameters["phase"] == 1.0
+    assert spec.record.parameters["amplitude"] == 2.0
+    assert spec.fixed["phase"] == 0.0
+
+
+def test_tables_of_the_schema_know_every_parameter():
+    for table in ("scene", "sample", "record"):
+        assert [name for name in _KEYS[table] if name in PARAMETERS] == list(PARAMETERS)
+
+
+MISTAKES = {
+    "no title": ("", ["title: is missing"]),
+    "title type": ("title = 3", ["title = 3: must be one line of text"]),
+    "empty title": ('title = " "', ['title = " ": must be one line of text', "not empty"]),
+    "title that a terminal obeys": (r'title = "a\u001b[2J"', [r"a\u001b[2J", "one line of text"]),
+    "unknown table": ("[sampel]", ["sampel", 'did you mean "sample"?', "scene", "record"]),
+    "unknown key": (
+        "[scene]\nfrequencey = 3",
+        ["scene.frequencey = 3", 'did you mean "frequency"?', "Known keys of [scene]", "gravity"],
+    ),
+    "key of another table": ("[measure]\nseed = 3", ["measure.seed = 3", "belongs in [sample]"]),
+    "top-level key": ("seed = 3", ["seed = 3", "belongs in [sample]", "top of the file"]),
+    "table type": ("scene = 3", ["scene = 3: must be a table", "[scene]"]),
+    "table array": ("[[record]]", ["record = [{", "must be a table"]),
+    "number type": ('[scene]\ngravity = "9"', ['scene.gravity = "9"', "not a finite number"]),
+    "bool is no number": ("[scene]\ngravity = true", ["scene.gravity = true", "not a finite"]),
+    "nan": (
+        "[scene]\nphase = nan",
+        ["scene.phase = nan", "not a finite number", "at most 1e+09 rad"],
+    ),
+    "inf": ("[scene]\namplitude = inf", ["scene.amplitude = inf", "at most 1e+30 m s-1"]),
+    "huge integer": (f"[scene]\nphase = {'9' * 400}", ["scene.phase", "a huge number"]),
+    "range": (
+        "[scene]\nrestitution = 1.2",
+        ["scene.restitution = 1.2", "at least 0 and at most 1"],
+    ),
+    "open range": (
+        "[record]\nfrequency = 0",
+        ["record.frequency = 0", "at least 1e-30 and at most 1e+09 Hz"],
+    ),
+    "particles": ("[scene]\nparticles = 0", ["scene.particles = 0", "whole number, at least 1"]),
+    "particles type": ("[scene]\nparticles = 2.0", ["scene.particles = 2.0", "whole number"]),
+    "launch word": ('[scene]\nlaunch = "now"', ['scene.launch = "now"', '"staggered" or a list']),
+    "launch value": ("[scene]\nlaunch = [0.0, inf]", ["scene.launch = [0.0, inf]", "finite"]),
+    "launch empty": ("[scene]\nlaunch = []", ["scene.launch = []", "finite launch times"]),
+    "launch length": (
+        "[scene]\nparticles = 3\nlaunch = [0.0, 1.0]",
+        ["scene.particles = 3", "2 launch times of scene.launch"],
+    ),
+    "record launch length": (
+        "[scene]\nlaunch = [0.0, 1.0]\n[record]\nparticles = 5",
+        ["record.particles = 5", "2 launch times of scene.launch"],
+    ),
+    "duration": ("[scene]\nduration = 0", ["scene.duration = 0", "finite and above 0 s"]),
+    "rebound": ('[scene]\nrebound = "stick"', ['scene.rebound = "stick"', '"rest" or "reflect"']),
+    "design": (
+        '[sample]\ndesign = "sobel"',
+        ['sample.design = "sobel"', 'did you mean "sobol"?', '"latin"', '".csv" or ".nc"'],
+    ),
+    "design type": ("[sample]\ndesign = 3", ["sample.design = 3", '"uniform"', '"grid"']),
+    "no realizations": (
+        "[sample]\nphase = [0.0, 1.0]",
+        ["sample.realizations: is missing", "at least 1"],
+    ),
+    "realizations": (
+        "[sample]\nrealizations = 0",
+        ["sample.realizations = 0", "at least 1 and at most 1000000000000"],
+    ),
+    "seed": ("[sample]\nseed = -1", ["sample.seed = -1", "whole number, at least 0"]),
+    "empty range": (
+        "[sample]\nrealizations = 2\nrestitution = [0.9, 0.9]",
+        ["sample.restitution = [0.9, 0.9]", "range is empty", "at least 0 and at most 1", "0.9"],
+    ),
+    "reversed range": (
+        "[sample]\nrealizations = 2\nrestitution = [0.98, 0.8]",
+        ["sample.restitution = [0.98, 0.8]", "reversed", "at most 1", "write [0.8, 0.98]"],
+    ),
+    "range end": (
+        "[sample]\nrealizations = 2\nrestitution = [0.8, 1.2]",
+        ["sample.restitution = [0.8, 1.2]", "1.2 is out of range", "at most 1"],
+    ),
+    "three numbers": (
+        "[sample]\nrealizations = 2\nphase = [0.8, 1.2, 3.0]",
+        ["sample.phase = [0.8, 1.2, 3.0]", "[low, high]", '"uniform"', '"grid"'],
+    ),
+    "empty list": ("[sample]\nphase = []", ["sample.phase = []", "list is empty"]),
+    "steps without grid": (
+        "[sample]\nrealizations = 2\nphase = { start = 0, stop = 1, num = 2 }",
+        ["sample.phase = { start = 0.0, stop = 1.0, num = 2 }", '"grid"'],
+    ),
+    "given twice": (
+        "[scene]\nphase = 1.0\n[sample]\nphase = 2.0",
+        ["sample.phase = 2.0", "scene.phase = 1.0", "keep one"],
+    ),
+    "grid count": (
+        '[sample]\ndesign = "grid"\nrealizations = 3\nphase = [1, 2]',
+        ["sample.realizations = 3", "contradicts the grid", "2"],
+    ),
+    "grid too large": (
+        '[sample]\ndesign = "grid"\n'
+        + "\n".join(
+            f"{n} = {{ start = 0.1, stop = 0.2, num = 100000 }}"
+            for n in ("phase", "gravity", "amplitude")
+        ),
+        ["sample.realizations", "1000000000000000", "at most 1000000000000"],
+    ),
+    "grid duplicate": (
+        '[sample]\ndesign = "grid"\nphase = [1, 2, 1]',
+        ["sample.phase = [1.0, 2.0, 1.0]", "twice"],
+    ),
+    "steps keys": (
+        '[sample]\ndesign = "grid"\nphase = { start = 1, end = 2 }',
+        ["sample.phase = { start = 1, end = 2 }", "start, stop and num"],
+    ),
+    "steps order": (
+        '[sample]\ndesign = "grid"\nphase = { start = 2, stop = 1, num = 3 }',
+        ["sample.phase", "start must be less than stop"],
+    ),
+    "steps number": (
+        '[sample]\ndesign = "grid"\nphase = { start = 1, stop = 2, num = 1 }',
+        ["sample.phase", "at least 2 and at most 1000000"],
+    ),
+    "columns without table": (
+        '[sample]\ncolumns = ["phase"]',
+        ['sample.columns = ["phase"]', "needs a table"],
+    ),
+    "columns unknown": (
+        '[sample]\ndesign = "a.csv"\ncolumns = ["fase"]',
+        ['sample.columns = ["fase"]', 'did you mean "phase"?', '"gravity"'],
+    ),
+    "columns type": ('[sample]\ndesign = "a.csv"\ncolumns = []', ["sample.columns = []", "list"]),
+    "columns twice": (
+        '[sample]\ndesign = "a.csv"\ncolumns = ["phase", "phase"]',
+        ["sample.columns", "twice"],
+    ),
+    "column fixed": (
+        '[scene]\nphase = 1.0\n[sample]\ndesign = "a.csv"\ncolumns = ["phase"]',
+        ["sample.columns", "phase is a fixed number", "keep one"],
+    ),
+    "range under a table": (
+        '[sample]\ndesign = "a.csv"\nphase = [0.0, 1.0]',
+        ["sample.phase = [0.0, 1.0]", "must be a number", "table"],
+    ),
+    "transient": (
+        "[scene]\nduration = 5.0\n[measure]\ntransient = 5.0",
+        ["measure.transient = 5.0", "less than scene.duration = 5.0 s"],
+    ),
+    "negative transient": ("[measure]\ntransient = -1", ["measure.transient = -1", "at least 0 s"]),
+    "bool": ("[measure]\nseparation = 1", ["measure.separation = 1", "true or false"]),
+    "bool text": (
+        '[measure]\nper_particle = "yes"',
+        ['measure.per_particle = "yes"', "true or false"],
+    ),
+    "budget": ("[measure]\nimpact_budget = 0", ["measure.impact_budget = 0", "at least 1"]),
+    "record lacks": (
+        "[sample]\nrealizations = 2\nrestitution = [0.8, 0.9]\n[record]",
+        ["record.restitution: is missing", "the sweep samples it", "at most 1"],
+    ),
+    "record of a table": (
+        '[sample]\ndesign = "a.csv"\n[record]',
+        ["record: ", "sample.columns = "],
+    ),
+    "uncountable": (
+        "[scene]\nduration = 1e20",
+        ["scene: duration = 1e+20 s", "forcing periods", "lower it"],
+    ),
+    "uncountable corner": (
+        "[scene]\nduration = 1e14\n[sample]\nrealizations = 2\nfrequency = [1.0, 100.0]",
+        ["scene: duration = 1e+14 s", "lower it or the frequency"],
+    ),
+    "uncountable record": (
+        "[record]\nlaunch = [1e20]",
+        ["record: launch time = 1e+20 s", "lower it"],
+    ),
+    "beyond double precision": (
+        "[scene]\nfrequency = 1e-157",
+        ["scene.frequency = 1e-157", "at least 1e-30 and at most 1e+09 Hz"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "parts"), MISTAKES.values(), ids=MISTAKES)
+def test_each_mistake_is_one_clear_line(text, parts):
+    said = message(text if "title" in text or not text else TITLE + text)
+    assert said.startswith(f"{Path('dir/bad.toml')}: ")
+    assert "\n" not in said
+    for part in parts:
+        assert part in said
+
+
+@pytest.mark.parametrize("text", [t for t, _ in MISTAKES.values()], ids=list(MISTAKES))
+def test_no_message_speaks_of_the_machinery(text):
+    said = message(text).lower()
+    for word in ("pydantic", "value error", "input should", "validation", "type=", "nonetype"):
+        assert word not in said
+
+
+def test_all_mistakes_at_once():
+    said = message(
+        'tilte = "x"\n[scene]\nrestitution = 1.2\nparticles = 3\nlaunch = [0.0]\nduration = "1"\n'
+        "[sample]\namplitude = [2.0, 1.0]\nrealizations = -1\n[measure]\ntransient = 20.0\n"
+        "[record]\nphase = nan"
+    )
+    head, *lines = said.splitlines()
+    assert head == f"{Path('dir/bad.toml')}: 8 mistakes"
+    keys = {line.split()[0].rstrip(":") for line in lines}
+    # the transient is not judged by the default of a duration that was meant otherwise
+    assert keys == {
+        "tilte",
+        "scene.restitution",
+        "scene.particles",
+        "scene.duration",
+        "sample.amplitude",
+        "sample.realizations",
+        "record.amplitude",
+        "record.phase",
+    }
+
+
+def test_a_misspelt_key_is_not_missing_too():
+    said = message(f"{TITLE}[sample]\nphase = [0.0, 1.0]\nrealisations = 3")
+    assert "\n" not in said
+    assert 'did you mean "realizations"?' in said
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("a b", "line 1, column 3"),
+        ("title = 'x'\n[scene\n", "line 2"),
+        ("[a]\n[a]\n", "line 2"),
+        (f"a = {'9' * 5000}", "digits"),
+        (f"a = {'[' * 100_000}", "valid TOML"),
+    ],
+)
+def test_broken_toml(text, part):
+    said = message(text)
+    assert "is not valid TOML" in said
+    assert part in said
+
+
+def test_unreadable_files(tmp_path):
+    latin = tmp_path / "latin.toml"
+    latin.write_bytes('title = "\xe9"'.encode("latin-1"))
+    cases = {
+        tmp_path / "none.toml": "no such sweep file",
+        tmp_path: "is a directory",
+        latin: "not UTF-8",
+        latin / "below.toml": "cannot be read",
+        Path("a\0b"): "cannot be read",
+    }
+    for path, part in cases.items():
+        with pytest.raises(SpecError) as caught:
+            read_spec(path)
+        assert str(path) in str(caught.value)
+        assert part in str(caught.value)
+
+
+def test_byte_order_mark(tmp_path):
+    path = tmp_path / "windows.toml"
+    path.write_bytes(b'\xef\xbb\xbftitle = "x"\r\n')
+    assert read_spec(path).title == "x"
+
+
+def test_text_without_a_file():
+    with pytest.raises(SpecError, match="the sweep's text: title"):
+        parse_spec("")
+
+
+JSON_LIKE = st.recursive(
+    st.booleans()
+    | st.integers(-(2**70), 2**70)
+    | st.floats()
+    | st.text(st.characters(codec="ascii", exclude_characters="'", categories=["L"]), max_size=5),
+    lambda inner: st.lists(inner, max_size=3),
+    max_leaves=4,
+)
+KEYS = sorted(
+    {f"scene.{k}" for k in _KEYS["scene"]}
+    | {f"sample.{k}" for k in _KEYS["sample"]}
+    | {"measure.transient", "record.launch", "title", "scene", "record.what"}
+)
+
+
+@given(st.dictionaries(st.sampled_from(KEYS), JSON_LIKE, max_size=4))
+def test_any_value_gives_a_spec_or_a_spec_error(entries):
+    lines = [f"{key} = {toml(value)}" for key, value in entries.items()]
+    try:
+        parse_spec("\n".join(lines))
+    except SpecError as error:
+        assert str(error)  # noqa: PT017 - either outcome is right
+
+
+def toml(value: object) -> str:
+    if isinstance(value, str):
+        return f"'{value}'"
+    if isinstance(value, list):
+        return f"[{', '.join(toml(v) for v in value)}]"
+    return str(value).lower()
+
+
+def test_import_is_light():
+    code = (
+        "import sys, vibrosweep.spec.sweep;"
+        "print({'numba', 'xarray', 'scipy', 'matplotlib', 'pandas', 'h5py'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"

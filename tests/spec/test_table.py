@@ -1,0 +1,322 @@
+"""Tables: each mistake is named by file, column, row, value and what is allowed."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from vibrosweep.errors import TableError
+from vibrosweep.run.retry import retry_failed
+from vibrosweep.spec.design import open_design
+from vibrosweep.spec.sweep import parse_spec
+
+
+def opened(path, extra=""):
+    text = f'title = "x"\n[sample]\ndesign = "{path.name}"\n{extra}'
+    return open_design(parse_spec(text, path.parent / "sweep.toml"))
+
+
+@pytest.fixture
+def csv(tmp_path):
+    def write(text):
+        path = tmp_path / "rows.csv"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+@pytest.fixture
+def netcdf(tmp_path):
+    def write(**variables):
+        path = tmp_path / "rows.nc"
+        xr.Dataset(variables).to_netcdf(path, engine="h5netcdf")
+        return path
+
+    return write
+
+
+def test_csv_exactly(csv):
+    design = opened(csv("amplitude, restitution\n1.2000000000000002,0.9\n3,0.30000000000000004\n"))
+    assert design.realizations == 2
+    assert design.sampled == ("restitution", "amplitude")
+    values = design.take(0, 2)
+    assert values["amplitude"].tolist() == [1.2000000000000002, 3.0]
+    assert values["restitution"].tolist() == [0.9, 0.30000000000000004]
+    assert design.take(1, 2)["amplitude"].tolist() == [3.0]
+
+
+def test_netcdf(netcdf):
+    rows = np.array([1e-4, 2e-4, 3e-4])
+    path = netcdf(
+        restitution=("realization", [0.9, 0.8, 0.7]),
+        amplitude=("realization", np.array([1, 2, 3], dtype=np.int32)),
+        contact_time=("realization", rows, {"units": "s"}),
+        realization=("realization", [7, 8, 9]),
+    )
+    design = opened(path)
+    assert design.sampled == ("restitution", "amplitude", "contact_time")
+    assert np.array_equal(design.take(0, 3)["contact_time"], rows)
+    assert design.take(0, 3)["amplitude"].dtype == np.float64
+
+
+def test_columns_choose(csv, netcdf):
+    path = csv("label,amplitude,gravity\na,1.0,x\nb,2.0,y\n")
+    assert opened(path, 'columns = ["amplitude"]').sampled == ("amplitude",)
+    path = netcdf(amplitude=("realization", [1.0]), gravity=9.81, label=("other", ["a", "b"]))
+    assert opened(path, 'columns = ["amplitude"]').sampled == ("amplitude",)
+
+
+def test_a_fixed_number_stands_for_a_column(csv):
+    assert opened(csv("restitution\n0.9\n"), "amplitude = 1.0").sampled == ("restitution",)
+
+
+GOOD = "restitution,amplitude\n"
+BAD_CSV = {
+    "empty": ("", "", ["is empty", "column names"]),
+    "no rows": (GOOD, "", ["has no rows"]),
+    "unknown": (
+        "restitution,amplitud\n0.9,1\n",
+        "",
+        ['column "amplitud"', 'did you mean "amplitude"?', "gravity", "sample.columns"],
+    ),
+    "lacking": (
+        "restitution\n0.9\n",
+        "",
+        ['column "amplitude" is missing', "sweep.toml", "restitution", "at most 1e+30"],
+    ),
+    "lacking chosen": (
+        GOOD + "0.9,1\n",
+        'columns = ["phase"]',
+        ['column "phase" is missing', "sample.columns", "columns found: restitution, amplitude"],
+    ),
+    "twice": ("amplitude,restitution,amplitude\n1,0.9,1\n", "", ['"amplitude" appears twice']),
+    "fixed too": (
+        "restitution,amplitude,phase\n0.9,1,2\n",
+        "phase = 1.5",
+        ['column "phase" is also fixed', "phase = 1.5", "keep one"],
+    ),
+    "empty cell": (
+        GOOD + "0.9,1\n0.8,\n",
+        "",
+        ['column "amplitude", row 2', "nothing is not allowed"],
+    ),
+    "nan": (GOOD + "nan,1\n", "", ['column "restitution", row 1', "nan", "at most 1"]),
+    "inf": (GOOD + "0.9,inf\n", "", ['column "amplitude", row 1', "inf", "at most 1e+30"]),
+    "text": (GOOD + "0.9,1\nhigh,1\n", "", ['column "restitution", row 2', "high is not allowed"]),
+    "bool": (GOOD + "0.9,True\n", "", ['column "amplitude", row 1', "True is not allowed"]),
+    "range": (
+        GOOD + "0.9,1\n1.5,1\n",
+        "",
+        ['column "restitution", row 2', "1.5", "at least 0 and at most 1"],
+    ),
+    "underscore": (GOOD + "0.9,1_2\n", "", ['column "amplitude", row 1', "1_2 is not allowed"]),
+    "other digits": (GOOD + "0.9,\u0661\n", "", ["row 1", "\u0661 is not allowed"]),
+    "semicolons": ("restitution;amplitude\n0,9;1\n", "", ["semicolons", "by commas", "point"]),
+    "tabulators": ("restitution\tamplitude\n0.9\t1\n", "", ["tabulators", "by commas"]),
+    "nearly": (
+        "restitution,amplitude,restitutoin\n0.9,1,1\n",
+        "",
+        ['column "restitutoin"', 'did you mean "restitution"?', "rename it"],
+    ),
+    "abbreviated": (
+        "restitution,amplitude,freq\n0.9,1,17\n",
+        "",
+        ['column "freq"', 'did you mean "frequency"?'],
+    ),
+    "symbol": ("restitution,amplitude,f\n0.9,1,17\n", "", ['did you mean "frequency"?']),
+    "name of a result": (
+        "restitution,amplitude,dt_min\n0.9,1,a\n",
+        "",
+        ['column "dt_min"', "a result holds", "rename it"],
+    ),
+    "no name": (",restitution,amplitude\n0,0.9,1\n", "", ['column ""', "letters, digits"]),
+    "long row": (GOOD + "0.9,1\n0.9,1,3\n", "", ["line 3 has 3 values for 2 columns"]),
+    "short row": (GOOD + "0.9,1\n\n0.9\n", "", ["line 4 has 1 values for 2 columns"]),
+    "not text": (b"\xff\xfe\x00", "", ["not UTF-8"]),
+    "count": (GOOD + "0.9,1\n", "realizations = 2", ["1 rows", "sample.realizations = 2"]),
+}
+
+
+@pytest.mark.parametrize(("text", "extra", "parts"), BAD_CSV.values(), ids=BAD_CSV)
+def test_bad_csv(csv, text, extra, parts):
+    path = csv(text)
+    with pytest.raises(TableError) as caught:
+        opened(path, extra)
+    said = str(caught.value)
+    assert said.startswith(str(path))
+    assert "\n" not in said
+    for part in parts:
+        assert part in said
+
+
+def test_all_mistakes_of_a_table_are_told_at_once(csv):
+    path = csv("restitution,phase,amplitude,dt_min\n1.5,0,x,1\n0.9,0\n0.9,0,-2,1\n0.9,inf,2,1\n")
+    with pytest.raises(TableError) as caught:
+        opened(path, "phase = 1.0")
+    head, *lines = str(caught.value).splitlines()
+    assert head == f"{path}: 7 mistakes"
+    for line, parts in zip(
+        lines,
+        [
+            ["line 3 has 2 values for 4 columns"],
+            ['column "phase" is also fixed'],
+            ['column "dt_min"'],
+            ['"restitution", row 1 ', ": 1.5 is not"],
+            ['"amplitude", row 1 ', ": x is not"],
+            ['"amplitude", row 3 ', ": -2 is not"],
+            ['"phase", row 4 ', "inf is not"],
+        ],
+        strict=False,
+    ):
+        assert all(part in line for part in parts), line
+    assert len(lines) == 7
+
+
+def test_very_many_mistakes_are_counted(csv):
+    with pytest.raises(TableError, match=r"1000 mistakes(?s:.*)\.\.\. and 980 more$"):
+        opened(csv(GOOD + "0.9,-1\n" * 1000))
+
+
+LABELS = "run,restitution,day,amplitude,number,note,code\n"
+LABELLED = LABELS + "a,0.9,3,1,,x y,007\n,0.8,4.5,2,7,,008\nc,0.7,5,3,8,z,009\n"
+
+
+def test_labels_reach_the_result(csv, compute):
+    """In one piece or in chunks."""
+    csv(LABELLED)
+    expected = {
+        "run": ["a", "", "c"],
+        "day": [3.0, 4.5, 5.0],
+        "number": [np.nan, 7.0, 8.0],
+        "note": ["x y", "", "z"],
+        "code": ["007", "008", "009"],
+    }
+    for chunk in (None, 1):
+        for engine in ("h5netcdf", "netcdf4"):
+            path = compute('[sample]\ndesign = "rows.csv"\n', chunk=chunk)
+            found = xr.load_dataset(path, engine=engine)
+            for name, values in expected.items():
+                assert found[name].dims == ("realization",)
+                assert name in found.coords
+                assert name in found["impact_count"].coords
+                np.testing.assert_array_equal(found[name].values, np.array(values))
+
+
+def test_a_result_computed_again_keeps_its_labels(csv, compute, tmp_path):
+    csv(LABELLED)
+    text = (
+        '[scene]\nduration = 50.0\n[sample]\ndesign = "rows.csv"\n[measure]\nimpact_budget = {}\n'
+    )
+    path = compute(text.format(6))
+    assert xr.load_dataset(path)["status"].any()
+    spec = parse_spec('title = "A sweep of a test"\n' + text.format(6), tmp_path / "again.toml")
+    retry_failed(spec, path, threads=1, impact_budget=10**6)
+    found = xr.load_dataset(path)
+    assert not found["status"].any()
+    assert found["run"].values.tolist() == ["a", "", "c"]
+
+
+def test_chosen_columns_may_be_labels(csv):
+    path = csv(LABELLED)
+    design = opened(path, 'columns = ["run", "amplitude", "restitution"]')
+    assert design.sampled == ("restitution", "amplitude")
+    assert list(design.labels) == ["run"]
+
+
+UNITS = {
+    "amplitude": {
+        "m s-1": 1.0,
+        "m/s": 1.0,
+        "mm s-1": 1e3,
+        "cm/s": 1e2,
+        "mm.s^-1": 1e3,
+        "m min-1": 60,
+    },
+    "frequency": {"Hz": 1.0, "kHz": 1e-3, "rpm": 60.0, "s-1": 1.0, "1/s": 1.0, "min**-1": 60.0},
+    "phase": {"rad": 1.0, "deg": 180.0 / np.pi, "degrees": 180.0 / np.pi, "mrad": 1e3},
+    "gravity": {"m s-2": 1.0, "mm/s2": 1e3, "cm s^-2": 1e2, "m/s/s": 1.0},
+    "contact_time": {"s": 1.0, "ms": 1e3, "us": 1e6, "\N{MICRO SIGN}s": 1e6},
+    "restitution": {"1": 1.0, "%": 1e2, "percent": 1e2},
+}
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_units_of_a_netcdf_table_are_honoured(netcdf, name):
+    plain = np.array([0.25, 0.75])
+    for unit, factor in UNITS[name].items():
+        columns = {"restitution": plain, "amplitude": plain} | {name: plain * factor}
+        given = {n: ("run", v, {"units": unit} if n == name else {}) for n, v in columns.items()}
+        found = opened(netcdf(**given)).take(0, 2)
+        np.testing.assert_allclose(found[name], plain, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("amplitude", "m"),
+        ("amplitude", "furlong s-1"),
+        ("amplitude", "m s-2"),
+        ("amplitude", ""),
+        ("frequency", "rad s-1"),
+        ("frequency", "s"),
+        ("phase", "1"),
+        ("gravity", "g"),
+    ],
+)
+def test_an_unknown_unit_is_refused(netcdf, name, unit):
+    columns = {"restitution": [0.9], "amplitude": [0.5]} | {name: [0.5]}
+    given = {n: ("run", v, {"units": unit} if n == name else {}) for n, v in columns.items()}
+    with pytest.raises(TableError) as caught:
+        opened(netcdf(**given))
+    said = str(caught.value)
+    assert f'column "{name}" is in {unit!r}' in said
+    assert "convert it; known are products of m, km, cm, mm" in said
+
+
+def test_labels_of_a_netcdf_table(netcdf):
+    path = netcdf(
+        restitution=("run", [0.9, 0.8]),
+        amplitude=("run", np.array([1200.0, 900.0]), {"units": "mm s-1"}),
+        run=("run", ["first", "second"]),
+        mass=("run", [3, 4], {"units": "g", "long_name": "mass of the ball"}),
+        apparatus="shaker",
+        spectrum=(("run", "line"), [[1.0, 2.0], [3.0, 4.0]]),
+    )
+    design = opened(path)
+    assert design.take(0, 2)["amplitude"].tolist() == [1.2, 0.9]
+    assert {name: label.values.tolist() for name, label in design.labels.items()} == {
+        "run": ["first", "second"],
+        "mass": [3.0, 4.0],
+    }
+    assert design.labels["mass"].attributes == {"units": "g", "long_name": "mass of the ball"}
+
+
+def test_missing_table(tmp_path):
+    for name, part in {"none.csv": "no such table", "dir.nc": "is not a file"}.items():
+        (tmp_path / "dir.nc").mkdir(exist_ok=True)
+        with pytest.raises(TableError, match=part) as caught:
+            opened(tmp_path / name)
+        assert str(tmp_path / name) in str(caught.value)
+
+
+def test_broken_netcdf(tmp_path):
+    path = tmp_path / "rows.nc"
+    path.write_text("restitution,amplitude\n")
+    with pytest.raises(TableError, match="not a readable netCDF-4 file") as caught:
+        opened(path)
+    assert str(path) in str(caught.value)
+
+
+def test_bad_netcdf(netcdf):
+    path = netcdf(restitution=("n", [0.9, 0.8]), amplitude=(("n", "m"), [[1.0], [2.0]]))
+    with pytest.raises(TableError, match=r'column "amplitude" has the dimensions \(n, m\)'):
+        opened(path)
+    path = netcdf(restitution=("n", [0.9, 0.8]), amplitude=("m", [1.0, 2.0]))
+    with pytest.raises(TableError, match=r'column "amplitude" has the dimensions \(m\)'):
+        opened(path)
+    path = netcdf(restitution=("n", [0.9, np.nan]), amplitude=("n", [1.0, 2.0]))
+    with pytest.raises(TableError, match='column "restitution", row 2'):
+        opened(path)
+    path = netcdf(restitution=("n", ["a"]), amplitude=("n", [1.0]))
+    with pytest.raises(TableError, match=r'column "restitution", row 1.*: a is not allowed'):
+        opened(path)
