@@ -52,11 +52,11 @@ OPTIONS = {"error_model": "numpy", "nogil": True}
 def sources_digest() -> str:
     """Digest of every kernel source: numba's own check sees only the file of the entry point.
 
-    The order of the fields in `scene` and the codes of `status` are part of the machine code too.
+    The order of fields in `vibrosweep.model`, and its codes, are part of the machine code too.
     """
     digest = hashlib.sha256(numba.__version__.encode())
     kernels = Path(__file__).parent
-    beside = [kernels.parent / "scene.py", kernels.parent / "status.py"]
+    beside = sorted((kernels.parent / "model").glob("*.py"))
     for path in [*sorted(kernels.rglob("*.py")), *beside]:
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]

@@ -18,7 +18,7 @@ from vibrosweep.errors import TableError
 from vibrosweep.spec.schema import MeasureTable, SampleTable, SceneTable
 from vibrosweep.spec.sweep import SweepSpec
 
-__all__ = ["EXEMPT", "differences", "identity", "programs"]
+__all__ = ["EXEMPT", "differences", "identity", "programs", "sources"]
 
 # Fields of a spec that are no part of the identity, each with the reason.
 EXEMPT: Final[Mapping[str, str]] = {
@@ -32,7 +32,7 @@ EXEMPT: Final[Mapping[str, str]] = {
 # enters every realization
 LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
 # Whatever takes part in drawing, computing or storing a sweep, and more.
-SOURCES: Final = ("*.py", "kernels/**/*.py", "store/**/*.py", "sweep/**/*.py")
+ROOMS: Final = ("model", "kernels", "engine", "spec", "store", "run")
 # Mappings whose keys stand in the sweep file as they are.
 TRANSPARENT: Final = ("fixed", "sampled", "parameters")
 TABLES: Final = {"scene": SceneTable, "sample": SampleTable, "measure": MeasureTable}
@@ -113,11 +113,17 @@ def _digest(table: Path) -> str:
         raise TableError(f"{table}: cannot be read: {error.strerror}") from error
 
 
+def sources() -> list[Path]:
+    """Sources that take part in a sweep, and more."""
+    package = Path(__file__).parents[1]
+    inside = (path for room in ROOMS for path in (package / room).rglob("*.py"))
+    return sorted([*package.glob("*.py"), *inside])
+
+
 @lru_cache(maxsize=1)
 def programs() -> str:
     """Digest of the sources that take part in a sweep."""
-    package = Path(__file__).parents[1]
     digest = hashlib.blake2b(digest_size=8)
-    for path in sorted(path for pattern in SOURCES for path in package.glob(pattern)):
-        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
+    for path in sources():
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
