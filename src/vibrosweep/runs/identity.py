@@ -32,7 +32,7 @@ EXEMPT: Final[Mapping[str, str]] = {
 # enters every realization
 LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
 # Whatever takes part in drawing, computing or storing a sweep, and more.
-ROOMS: Final = ("model", "kernels", "engine", "spec", "store", "run")
+ROOMS: Final = ("model", "kernels", "engine", "spec", "store", "runs")
 # Mappings whose keys stand in the sweep file as they are.
 TRANSPARENT: Final = ("fixed", "sampled", "parameters")
 TABLES: Final = {"scene": SceneTable, "sample": SampleTable, "measure": MeasureTable}
