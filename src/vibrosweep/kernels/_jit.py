@@ -130,14 +130,11 @@ def question(declared: F) -> F:
     def ask(first: Any, *others: Any) -> Any:
         return answer_of(type(first))(first, *others)
 
-    @overload(ask)
+    # not strict: the answers name their arguments, which here are any
+    @overload(ask, strict=False)
     def choose(first: Any, *others: Any) -> Any:
         code = answer_of(getattr(first, "instance_class", type(first)))
-
-        def compiled(first: Any, *others: Any) -> Any:
-            return code(first, *others)
-
-        return compiled
+        return getattr(code, "py_func", code)
 
     _answers[ask] = {}
     return ask  # type: ignore[return-value]
