@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -52,17 +53,21 @@ def two():
 
 @pytest.fixture
 def one():
-    """A scheduler and a worker of one thread in this process; gives the address."""
-    with distributed.LocalCluster(
-        n_workers=1,
+    """A scheduler and a worker of one thread in this process."""
+    with in_this_process(1) as running:
+        yield running
+
+
+def in_this_process(workers):
+    return distributed.LocalCluster(
+        n_workers=workers,
         threads_per_worker=1,
         processes=False,
         protocol="tcp",
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",
         memory_limit=None,
-    ) as running:
-        yield running
+    )
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +196,7 @@ def test_parts_on_another_file_system(one, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "VISIBLE_WITHIN", 0.0)
     with (
         cluster.connected(one.scheduler_address) as client,
-        pytest.raises(RunError, match=r"6 parts .* need one file system that they share"),
+        pytest.raises(RunError, match=r"6 parts .* must share one file system"),
     ):
         run_sweep(
             parse_spec(SWEEP),
@@ -236,6 +241,40 @@ time.sleep(60)
     done = []
     run_sweep(spec, output, threads=1, advance=lambda number, total: done.append(number))
     assert done[0] == kept
+    assert same_bytes(output, local)
+
+
+def test_a_run_whose_workers_have_all_gone_ends(one, local, tmp_path):
+    """The message says what is kept; the same call without the cluster finishes the run."""
+
+    def advance(done, total):
+        if done >= 5:
+            one.scale(0)
+
+    output = tmp_path / "out.h5"
+    words = r"all workers .* have gone, .* for 1 s; (\d+) of 40 chunks .* kept in .* again"
+    with cluster.connected(one.scheduler_address) as client:
+        runner = cluster.on_dask(client, absence=1.0)
+        with pytest.raises(RunError, match=words) as error:
+            run_sweep(parse_spec(SWEEP), output, threads=1, chunk=1, runner=runner, advance=advance)
+    kept = len(list(tmp_path.glob("out.h5.parts/chunk-*.part")))
+    assert 5 <= kept < 40
+    assert f"; {kept} of 40" in str(error.value)
+    done = []
+    run_sweep(parse_spec(SWEEP), output, threads=1, advance=lambda now, total: done.append(now))
+    assert done[0] == kept
+    assert same_bytes(output, local)
+
+
+def test_a_run_waits_for_its_first_worker(local, tmp_path):
+    """Jobs of a batch system start late: the limit counts only after workers were there."""
+    output = tmp_path / "out.h5"
+    with in_this_process(0) as late, cluster.connected(late.scheduler_address) as client:
+        starting = threading.Timer(2 * cluster.LOOK, late.scale, [1])
+        starting.start()
+        runner = cluster.on_dask(client, absence=0.0)
+        run_sweep(parse_spec(SWEEP), output, threads=1, chunk=7, runner=runner)
+        starting.join()
     assert same_bytes(output, local)
 
 
