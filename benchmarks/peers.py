@@ -20,7 +20,7 @@ from methods.contest import available, measure, write_table
 from methods.peers_report import draw, read_rows, section
 from methods.scenes import Point
 from methods.sweeps import SWEEPS
-from vibrosweep.run.driver import available_threads
+from vibrosweep.runs.driver import available_threads
 from vibrosweep.store.provenance import provenance
 
 ROOT = Path(__file__).parents[1]

@@ -16,8 +16,8 @@ import pytest
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import dimensionless, launches
-from vibrosweep.run import driver as run
-from vibrosweep.run.chunks import batch_size
+from vibrosweep.runs import driver as run
+from vibrosweep.runs.chunks import batch_size
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import read_spec
 

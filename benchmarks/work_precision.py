@@ -18,7 +18,7 @@ from methods.contest import available, measure, write_table
 from methods.figure import draw
 from methods.report import report
 from methods.scenes import SCENES
-from vibrosweep.run.driver import available_threads
+from vibrosweep.runs.driver import available_threads
 
 OPTIONAL = (
     ("heyoka", "methods.taylor", "heyoka_events"),

@@ -17,7 +17,7 @@ from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model import theory
-from vibrosweep.run.driver import observation_of
+from vibrosweep.runs.driver import observation_of
 from vibrosweep.spec.sweep import read_spec
 
 PLANE = Path(__file__).parents[1] / "sweeps" / "plane.toml"

@@ -18,7 +18,7 @@ import numpy as np
 
 from vibrosweep.proof.report import State
 from vibrosweep.proof.verify import verify
-from vibrosweep.run.driver import run_sweep
+from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec
 
 DESIGNS = ("uniform", "latin", "sobol", "grid")

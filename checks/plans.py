@@ -22,9 +22,9 @@ from accuracy import processor, table, write_section
 from kills import REPORT
 from vibrosweep.commands.start import leave_linear_algebra_out
 from vibrosweep.engine.workers import Workers
-from vibrosweep.run.driver import run_sweep
-from vibrosweep.run.estimate import estimate
-from vibrosweep.run.plan import make_plan
+from vibrosweep.runs.driver import run_sweep
+from vibrosweep.runs.estimate import estimate
+from vibrosweep.runs.plan import make_plan
 from vibrosweep.spec.sweep import read_spec
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"

@@ -28,10 +28,10 @@ import numpy as np
 
 from accuracy import processor, table, write_section
 from vibrosweep.errors import RunError
-from vibrosweep.run import driver as run
-from vibrosweep.run.driver import run_sweep
-from vibrosweep.run.result import Rows
-from vibrosweep.run.retry import retry_failed
+from vibrosweep.runs import driver as run
+from vibrosweep.runs.driver import run_sweep
+from vibrosweep.runs.result import Rows
+from vibrosweep.runs.retry import retry_failed
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
 from vibrosweep.store.parts import Parts
 from vibrosweep.store.rundir import run_directory

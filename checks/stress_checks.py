@@ -18,7 +18,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.impact import launch
 from vibrosweep.model.status import Status
-from vibrosweep.run.driver import record_observation
+from vibrosweep.runs.driver import record_observation
 
 BITS = 256
 CAPACITY = 24  # landings of the first particle that are compared with the proved reference

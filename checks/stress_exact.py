@@ -24,7 +24,7 @@ from vibrosweep.kernels.impact import base_of, land
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Status
-from vibrosweep.run.driver import record_observation
+from vibrosweep.runs.driver import record_observation
 
 Outcome = tuple[int, list[str]]
 CAPACITY = 400

@@ -10,7 +10,7 @@ import xarray as xr
 import vibrosweep as vs
 from vibrosweep.cli import main
 from vibrosweep.errors import OPTIONS, ExistingOutputError, ParameterError, TakenOutputError
-from vibrosweep.run.driver import run_sweep
+from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import read_spec
 from vibrosweep.store.rundir import run_directory
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import resumes
-from vibrosweep.run import driver as run
+from vibrosweep.runs import driver as run
 
 
 def test_interrupted_and_changed_sweeps_are_refused_or_come_out_the_same(tmp_path):
@@ -15,7 +15,7 @@ def test_interrupted_and_changed_sweeps_are_refused_or_come_out_the_same(tmp_pat
 
 
 def test_the_campaign_sees_a_resume_that_is_wrong(tmp_path, monkeypatch):
-    monkeypatch.setattr("vibrosweep.run.kept.differences", lambda before, now: [])
+    monkeypatch.setattr("vibrosweep.runs.kept.differences", lambda before, now: [])
     findings = resumes.campaign(tmp_path, 3, seed=3)
     assert findings.wrongly_taken + findings.harmed > 0
 

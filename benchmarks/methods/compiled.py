@@ -21,7 +21,7 @@ from vibrosweep.kernels import bases
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
 from vibrosweep.model.parameters import dimensionless, launches
-from vibrosweep.run.driver import record_observation
+from vibrosweep.runs.driver import record_observation
 from vibrosweep.study.rk4 import rk4
 
 MARGIN = 1.0  # s past the end, so that a late landing is compared rather than missed

@@ -17,7 +17,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.run.driver import record_observation
+from vibrosweep.runs.driver import record_observation
 
 STATISTICS = "vibrosweep, statistics"
 NOTHING_SKIPPED = "vibrosweep, nothing skipped"

@@ -19,9 +19,9 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ExistingOutputError, ParameterError
 from vibrosweep.model.parameters import LAWS, PARAMETERS, refuse_masked
 from vibrosweep.model.variables import RECORD
-from vibrosweep.run.driver import available_threads, run_sweep
-from vibrosweep.run.finished import is_of, origin
-from vibrosweep.run.result import DURATION, LAUNCH_TIME, coordinate_attributes
+from vibrosweep.runs.driver import available_threads, run_sweep
+from vibrosweep.runs.finished import is_of, origin
+from vibrosweep.runs.result import DURATION, LAUNCH_TIME, coordinate_attributes
 from vibrosweep.spec.sweep import read_spec
 from vibrosweep.store.disk import check_output
 from vibrosweep.store.kinds import SWEEP, kind_of

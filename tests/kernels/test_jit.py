@@ -166,9 +166,10 @@ def test_machine_code_is_kept_on_disk_and_never_stale(package):
     assert value == pytest.approx(2.25, abs=1e-12)
     assert hits == [0, 0]
     # a code that a kernel has as a constant, and the order of the arrays it is given
-    edit(package / "status.py", "BUDGET_EXCEEDED = 1", "BUDGET_EXCEEDED = 5")
-    edit(package / "scene.py", "    kick: Array\n", "")
-    edit(package / "scene.py", "    end_phase: Array\n", "    end_phase: Array\n    kick: Array\n")
+    edit(package / "model" / "status.py", "BUDGET_EXCEEDED = 1", "BUDGET_EXCEEDED = 5")
+    parameters = package / "model" / "parameters.py"
+    edit(parameters, "    kick: Array\n", "")
+    edit(parameters, "    end_phase: Array\n", "    end_phase: Array\n    kick: Array\n")
     value, field, hits = use(package)
     assert value == pytest.approx(6.25, abs=1e-12)
     assert field == 1.0
@@ -194,7 +195,7 @@ from vibrosweep.kernels.separation import separate
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.engine.landings import all_parameters
-from vibrosweep.run.driver import record_observation
+from vibrosweep.runs.driver import record_observation
 from dataclasses import replace
 observation = record_observation(3, "staggered", 12.0, "rest", 10**6)
 observation = replace(observation, transient=0.0, separation=True)

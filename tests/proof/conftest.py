@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from vibrosweep.run.driver import run_sweep
+from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec
 
 CLAIMED = """

@@ -19,7 +19,7 @@ from vibrosweep.proof.reading import VARIABLES, read_sample
 from vibrosweep.proof.report import State
 from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.verify import verify
-from vibrosweep.run.driver import run_sweep
+from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec
 
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from vibrosweep.errors import TableError
-from vibrosweep.run.retry import retry_failed
+from vibrosweep.runs.retry import retry_failed
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import parse_spec
 

@@ -135,7 +135,7 @@ def test_files_are_replaced_as_a_whole(awkward, tmp_path):
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "taken").write_text("")
-    with pytest.raises(OutputError, match=r"taken.*choose another directory with -o"):
+    with pytest.raises(OutputError, match=r"taken.*choose another directory with output="):
         report.prepare(tmp_path / "taken")
 
 

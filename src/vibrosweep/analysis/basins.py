@@ -19,7 +19,7 @@ from vibrosweep.kernels.orbits import Orbits
 from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless, reduced_turns
 from vibrosweep.model.status import Regime
 from vibrosweep.model.variables import LYAPUNOV, REGIMES
-from vibrosweep.run.result import coordinate_attributes
+from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:
     from vibrosweep.spec.sweep import SweepSpec

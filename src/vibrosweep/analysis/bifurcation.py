@@ -21,7 +21,7 @@ from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
 from vibrosweep.model.status import Regime
 from vibrosweep.model.variables import LYAPUNOV, REGIMES
-from vibrosweep.run.result import coordinate_attributes
+from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:
     from vibrosweep.spec.sweep import SweepSpec

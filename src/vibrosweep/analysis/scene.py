@@ -15,8 +15,8 @@ from vibrosweep.engine.landings import physical_memory
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED, refuse_masked
-from vibrosweep.run.driver import available_threads
-from vibrosweep.run.result import coordinate_attributes
+from vibrosweep.runs.driver import available_threads
+from vibrosweep.runs.result import coordinate_attributes
 from vibrosweep.spec.rules import Axis
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.kernels.fixed import END_ERROR
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.variables import Variable
-from vibrosweep.run.result import coordinate_attributes
+from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:
     from vibrosweep.analysis.bisection import Codes

@@ -27,8 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
-    from vibrosweep.run.driver import available_threads
-    from vibrosweep.run.progress import reporting
+    from vibrosweep.runs.driver import available_threads
+    from vibrosweep.runs.progress import reporting
     from vibrosweep.study.collect import judge_all
     from vibrosweep.study.report import plain, prepare, write
 

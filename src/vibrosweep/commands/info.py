@@ -19,6 +19,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
-    from vibrosweep.run.describe import describe
+    from vibrosweep.runs.describe import describe
 
     print("\n".join(describe(options.result)))

@@ -162,7 +162,7 @@ def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.lab.compare import compare
     from vibrosweep.lab.report import table_lines
     from vibrosweep.lab.twin import Comparison
-    from vibrosweep.run.driver import available_threads
+    from vibrosweep.runs.driver import available_threads
     from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.saving import save_dataset
 

@@ -53,7 +53,7 @@ def produce(
     _check(options, spec, output, picture)
     leave_linear_algebra_out()
     from vibrosweep.figures.registry import save
-    from vibrosweep.run.driver import available_threads
+    from vibrosweep.runs.driver import available_threads
     from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.provenance import provenance
     from vibrosweep.store.saving import save_dataset
@@ -83,7 +83,7 @@ def _check(options: argparse.Namespace, spec: SweepSpec, output: Path, picture: 
     try:
         check_output(output, force=options.force, inputs=(options.spec,))
     except ExistingOutputError as error:
-        from vibrosweep.run.finished import origin
+        from vibrosweep.runs.finished import origin
 
         raise ExistingOutputError(output, origin(spec, output)) from error
     check_output(picture, force=options.force, inputs=(options.spec,))

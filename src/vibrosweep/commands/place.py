@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from vibrosweep.commands.arguments import positive, some
 
 if TYPE_CHECKING:
-    from vibrosweep.run.chunks import Runner
+    from vibrosweep.runs.chunks import Runner
 
 __all__ = ["Place", "add_place", "opened_place"]
 
@@ -46,12 +46,12 @@ class Place(NamedTuple):
 def opened_place(options: argparse.Namespace) -> Iterator[Place]:
     """Open what computes the chunks: threads of this process, or workers of a cluster."""
     if options.workers is None and options.scheduler is None:
-        from vibrosweep.run.driver import available_threads
+        from vibrosweep.runs.driver import available_threads
 
         threads = options.threads or available_threads()
         yield Place(some(threads, "thread"), threads)
         return
-    from vibrosweep.run import cluster
+    from vibrosweep.runs import cluster
 
     if options.workers is not None:
         opened, absence = cluster.local_workers(options.workers), cluster.LOCAL_ABSENCE

@@ -12,8 +12,8 @@ from vibrosweep.commands.arguments import positive, some
 from vibrosweep.commands.start import leave_linear_algebra_out
 
 if TYPE_CHECKING:
-    from vibrosweep.run.estimate import Needs
-    from vibrosweep.run.plan import Plan
+    from vibrosweep.runs.estimate import Needs
+    from vibrosweep.runs.plan import Plan
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
@@ -40,10 +40,10 @@ def perform(options: argparse.Namespace) -> None:
     spec = read_spec(options.spec)
     leave_linear_algebra_out()
     from vibrosweep.engine.workers import Workers
-    from vibrosweep.run.driver import available_threads
-    from vibrosweep.run.estimate import estimate, require_disk, require_memory
-    from vibrosweep.run.notes import notes
-    from vibrosweep.run.plan import make_plan
+    from vibrosweep.runs.driver import available_threads
+    from vibrosweep.runs.estimate import estimate, require_disk, require_memory
+    from vibrosweep.runs.notes import notes
+    from vibrosweep.runs.plan import make_plan
 
     output = options.output or Path(f"{options.spec.stem}.h5")
     with Workers(options.threads or available_threads()) as workers:

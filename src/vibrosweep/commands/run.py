@@ -58,8 +58,8 @@ def perform(options: argparse.Namespace) -> None:
     gc.disable()  # importing makes many objects and hardly any garbage
     _check(options, spec, output)
     leave_linear_algebra_out()
-    from vibrosweep.run.driver import run_sweep
-    from vibrosweep.run.progress import reporting
+    from vibrosweep.runs.driver import run_sweep
+    from vibrosweep.runs.progress import reporting
 
     gc.enable()
     print(spec.title)
@@ -74,7 +74,7 @@ def perform(options: argparse.Namespace) -> None:
             "at_least": place.at_least,
         }
         if options.retry_failed:
-            from vibrosweep.run.retry import retry_failed
+            from vibrosweep.runs.retry import retry_failed
 
             budget = options.impact_budget
             summary, again = retry_failed(spec, output, impact_budget=budget, **settings)
@@ -108,6 +108,6 @@ def _check(options: argparse.Namespace, spec: SweepSpec, output: Path) -> None:
     try:
         check_output(output, force=replace or replaces(output), inputs=(spec.source, spec.table))
     except ExistingOutputError as error:
-        from vibrosweep.run.finished import origin
+        from vibrosweep.runs.finished import origin
 
         raise ExistingOutputError(output, origin(spec, output)) from error

@@ -36,7 +36,7 @@ def perform(options: argparse.Namespace) -> int:
     """Carry the command out; return 1 if a number is outside its claim."""
     leave_linear_algebra_out()
     from vibrosweep.proof.verify import verify
-    from vibrosweep.run.progress import reporting
+    from vibrosweep.runs.progress import reporting
 
     with reporting(sys.stderr) as advance:
         report = verify(

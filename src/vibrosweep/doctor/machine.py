@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Final
 
 from vibrosweep.doctor.finding import Finding
-from vibrosweep.run.chunks import TRAJECTORIES_PER_BATCH
-from vibrosweep.run.driver import available_threads
-from vibrosweep.run.plan import BYTES_PER_TRAJECTORY
+from vibrosweep.runs.chunks import TRAJECTORIES_PER_BATCH
+from vibrosweep.runs.driver import available_threads
+from vibrosweep.runs.plan import BYTES_PER_TRAJECTORY
 
 __all__ = ["disk", "memory", "processors"]
 

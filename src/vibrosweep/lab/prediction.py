@@ -14,7 +14,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.run.driver import record_observation
+from vibrosweep.runs.driver import record_observation
 
 __all__ = ["DRAWS", "Prediction", "draw", "predict"]
 

@@ -31,7 +31,7 @@ from vibrosweep.proof.setting import (
     Setting,
     asked,
 )
-from vibrosweep.run.driver import record_observation
+from vibrosweep.runs.driver import record_observation
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
 

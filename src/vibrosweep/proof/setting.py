@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.errors import SpecError, TableError
 from vibrosweep.model.parameters import PARAMETERS, STAGGERED
-from vibrosweep.run.result import IDENTITY
+from vibrosweep.runs.result import IDENTITY
 from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
 

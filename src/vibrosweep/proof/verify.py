@@ -31,7 +31,7 @@ from vibrosweep.proof.report import Outcome, Report, State
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.setting import Setting
 from vibrosweep.proof.tolerances import EPS, Bounds
-from vibrosweep.run.progress import Advance, silent
+from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.store.kinds import read_kind
 
 __all__ = ["MAX_LANDINGS", "verify"]

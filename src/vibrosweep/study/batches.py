@@ -15,7 +15,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.variables import LYAPUNOV, PER_PARTICLE, REGIMES, SWEEP
-from vibrosweep.run.result import coordinate_attributes
+from vibrosweep.runs.result import coordinate_attributes
 
 __all__ = ["IMPACT_BUDGET", "SAMPLE_RANGES", "SAMPLE_SEED", "random_sample", "swept"]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from importlib.resources import files
 from typing import Any, Final
 
-from vibrosweep.run.progress import Advance, silent
+from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.study import contact, energy, heights, laboratory, order, scheme, stability
 from vibrosweep.study.verdict import Claim, Outcome
 

@@ -12,15 +12,15 @@ from vibrosweep.engine.asked import (
 )
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
-from vibrosweep.run.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
-from vibrosweep.run.estimate import estimate, has_room, record_bytes, require_disk
-from vibrosweep.run.identity import identity
-from vibrosweep.run.kept import KeptRun, continued
-from vibrosweep.run.notes import notes
-from vibrosweep.run.plan import Plan, bytes_per_realization, make_plan
-from vibrosweep.run.progress import Advance, silent
-from vibrosweep.run.result import Rows, declare, write_record
-from vibrosweep.run.summary import Summary
+from vibrosweep.runs.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
+from vibrosweep.runs.estimate import estimate, has_room, record_bytes, require_disk
+from vibrosweep.runs.identity import identity
+from vibrosweep.runs.kept import KeptRun, continued
+from vibrosweep.runs.notes import notes
+from vibrosweep.runs.plan import Plan, bytes_per_realization, make_plan
+from vibrosweep.runs.progress import Advance, silent
+from vibrosweep.runs.result import Rows, declare, write_record
+from vibrosweep.runs.summary import Summary
 from vibrosweep.spec.design import Design, open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.dataset import creating

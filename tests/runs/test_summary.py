@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.model.status import Status
-from vibrosweep.run.summary import Summary
+from vibrosweep.runs.summary import Summary
 
 COUNTS = np.array([3, 4, 5])
 HEIGHTS = np.array([1.0, np.nan, 2.5])

@@ -17,8 +17,8 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.model.parameters import PARAMETERS, Parameter
 from vibrosweep.model.variables import RECORD
-from vibrosweep.run.identity import identity
-from vibrosweep.run.notes import notes, silent_defaults
+from vibrosweep.runs.identity import identity
+from vibrosweep.runs.notes import notes, silent_defaults
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.sweep import RecordSpec, SweepSpec
 from vibrosweep.store.dataset import Group

@@ -13,7 +13,7 @@ from vibrosweep.engine.asked import measured_variables, observation_of, paramete
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
-from vibrosweep.run.identity import differences, identity
+from vibrosweep.runs.identity import differences, identity
 from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.parts import Manifest, Parts, kinds

@@ -13,8 +13,8 @@ from vibrosweep.engine.asked import measured_variables
 from vibrosweep.engine.landings import physical_memory
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, VibrosweepError
-from vibrosweep.run.chunks import batch_size
-from vibrosweep.run.pilot import UNKNOWN, Cost, explore
+from vibrosweep.runs.chunks import batch_size
+from vibrosweep.runs.pilot import UNKNOWN, Cost, explore
 from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec
 

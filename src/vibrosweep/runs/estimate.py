@@ -15,10 +15,10 @@ from vibrosweep.engine import landings
 from vibrosweep.engine.landings import BYTES_PER_LANDING, physical_memory
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError
-from vibrosweep.run.chunks import batch_size
-from vibrosweep.run.pilot import memory_per_realization
-from vibrosweep.run.plan import Plan, bytes_per_realization
-from vibrosweep.run.result import Rows, declare, recorded, write_record
+from vibrosweep.runs.chunks import batch_size
+from vibrosweep.runs.pilot import memory_per_realization
+from vibrosweep.runs.plan import Plan, bytes_per_realization
+from vibrosweep.runs.result import Rows, declare, recorded, write_record
 from vibrosweep.spec.sweep import RecordSpec, SweepSpec
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import target_of

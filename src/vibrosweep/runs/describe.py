@@ -13,7 +13,7 @@ import numpy as np
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Status
 from vibrosweep.model.variables import OF_REALIZATIONS
-from vibrosweep.run.summary import SETTLING, Summary, unsettled
+from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.store.kinds import SWEEP, Kind, kind_of, load_dataset
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.reading import no_result, reading

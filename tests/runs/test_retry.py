@@ -8,9 +8,9 @@ import xarray as xr
 
 from vibrosweep.engine import measuring
 from vibrosweep.errors import DataError, Interruption, RunError
-from vibrosweep.run.describe import describe
-from vibrosweep.run.driver import run_sweep
-from vibrosweep.run.retry import retry_failed
+from vibrosweep.runs.describe import describe
+from vibrosweep.runs.driver import run_sweep
+from vibrosweep.runs.retry import retry_failed
 from vibrosweep.spec.schema import MeasureTable
 from vibrosweep.spec.sweep import parse_spec, read_spec
 from vibrosweep.store.parts import Parts

@@ -8,8 +8,8 @@ from pathlib import Path
 import h5netcdf
 
 from vibrosweep.errors import DataError
-from vibrosweep.run.identity import differences, identity
-from vibrosweep.run.result import IDENTITY
+from vibrosweep.runs.identity import differences, identity
+from vibrosweep.runs.result import IDENTITY
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.reading import reading

@@ -3,8 +3,8 @@ from time import sleep
 
 import pytest
 
-from vibrosweep.run import progress
-from vibrosweep.run.progress import reporting, silent
+from vibrosweep.runs import progress
+from vibrosweep.runs.progress import reporting, silent
 
 
 class Terminal(io.StringIO):

@@ -16,9 +16,9 @@ import xarray as xr
 
 from vibrosweep.cli import main
 from vibrosweep.errors import OutputError, RunError
-from vibrosweep.run import cluster
-from vibrosweep.run.chunks import compute_chunk
-from vibrosweep.run.driver import run_sweep
+from vibrosweep.runs import cluster
+from vibrosweep.runs.chunks import compute_chunk
+from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec, read_spec
 
 distributed = pytest.importorskip("distributed")

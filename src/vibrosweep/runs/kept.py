@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vibrosweep.errors import Interruption, OutputError, RunError, TakenOutputError
-from vibrosweep.run.chunks import Columns, Job, Runner, compute_chunk
-from vibrosweep.run.identity import differences
-from vibrosweep.run.progress import Advance
-from vibrosweep.run.summary import Summary
+from vibrosweep.runs.chunks import Columns, Job, Runner, compute_chunk
+from vibrosweep.runs.identity import differences
+from vibrosweep.runs.progress import Advance
+from vibrosweep.runs.summary import Summary
 from vibrosweep.spec.design import Design
 from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Manifest, Parts, read_manifest

@@ -13,8 +13,8 @@ import xarray as xr
 
 from vibrosweep.engine import measuring
 from vibrosweep.errors import Interruption, OutputError, RunError
-from vibrosweep.run import chunks, identity, result
-from vibrosweep.run.driver import run_sweep
+from vibrosweep.runs import chunks, identity, result
+from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.schema import MeasureTable
 from vibrosweep.spec.sweep import read_spec
 from vibrosweep.store.disk import Disk
@@ -76,7 +76,7 @@ def computed(monkeypatch):
 
     original = chunks.compute_chunk
     monkeypatch.setattr(chunks, "compute_chunk", compute)
-    monkeypatch.setattr("vibrosweep.run.kept.compute_chunk", compute)
+    monkeypatch.setattr("vibrosweep.runs.kept.compute_chunk", compute)
     return numbers
 
 
@@ -418,7 +418,7 @@ def test_a_directory_that_is_removed(sweep, expected, tmp_path, what):
 def test_killed_between_the_result_and_its_parts(sweep, expected, tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "vibrosweep.run.driver.abandon", lambda directory: exec("raise Killed", globals())
+            "vibrosweep.runs.driver.abandon", lambda directory: exec("raise Killed", globals())
         )
         with pytest.raises(Killed):
             sweep()

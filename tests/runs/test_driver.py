@@ -13,8 +13,8 @@ from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.figures import FIGURES, available
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.variables import PER_PARTICLE
-from vibrosweep.run import chunks
-from vibrosweep.run import driver as module
+from vibrosweep.runs import chunks
+from vibrosweep.runs import driver as module
 from vibrosweep.spec.sweep import read_spec
 from vibrosweep.store.parts import Parts
 

@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from vibrosweep.errors import RunError, VibrosweepError
-from vibrosweep.run.chunks import Job, Runner, Tick, compute_chunk
+from vibrosweep.runs.chunks import Job, Runner, Tick, compute_chunk
 
 if TYPE_CHECKING:
     from distributed import Client, Future

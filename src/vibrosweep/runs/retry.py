@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from vibrosweep.engine.asked import measured_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
-from vibrosweep.run.chunks import Columns, Job, Runner, batch_size, column_kinds, in_process
-from vibrosweep.run.describe import summary_of
-from vibrosweep.run.identity import differences, identity
-from vibrosweep.run.kept import KeptRun, continued
-from vibrosweep.run.notes import notes
-from vibrosweep.run.plan import make_plan
-from vibrosweep.run.progress import Advance, silent
-from vibrosweep.run.result import IDENTITY, Rows, declare, write_record
-from vibrosweep.run.summary import SETTLING, Summary, unsettled
+from vibrosweep.runs.chunks import Columns, Job, Runner, batch_size, column_kinds, in_process
+from vibrosweep.runs.describe import summary_of
+from vibrosweep.runs.identity import differences, identity
+from vibrosweep.runs.kept import KeptRun, continued
+from vibrosweep.runs.notes import notes
+from vibrosweep.runs.plan import make_plan
+from vibrosweep.runs.progress import Advance, silent
+from vibrosweep.runs.result import IDENTITY, Rows, declare, write_record
+from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.spec.design import Design, open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.dataset import creating

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from vibrosweep.engine.asked import observation_of, parameters_of
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
-from vibrosweep.run.chunks import Columns, batch_size
+from vibrosweep.runs.chunks import Columns, batch_size
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.schema import DRAWN
 from vibrosweep.spec.sweep import SweepSpec

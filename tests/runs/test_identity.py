@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from vibrosweep.run.identity import EXEMPT, differences, identity, sources
+from vibrosweep.runs.identity import EXEMPT, differences, identity, sources
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
 
 FULL = """title = "x"
@@ -118,7 +118,7 @@ def test_every_module_that_a_sweep_loads_is_in_the_digest(tmp_path):
     program = f"""
 import json, sys
 from pathlib import Path
-from vibrosweep.run.driver import run_sweep
+from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import read_spec
 run_sweep(read_spec({str(spec)!r}), Path({str(tmp_path / "out.h5")!r}), threads=1)
 modules = [m for name, m in sys.modules.items() if name.partition(".")[0] == "vibrosweep"]

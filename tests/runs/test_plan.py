@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import OutputError, ParameterError, RunError
-from vibrosweep.run import chunks, pilot, plan
-from vibrosweep.run import estimate as estimate_module
-from vibrosweep.run.driver import run_sweep
-from vibrosweep.run.estimate import estimate, require_disk, require_memory
-from vibrosweep.run.pilot import UNKNOWN, explore
-from vibrosweep.run.plan import make_plan
+from vibrosweep.runs import chunks, pilot, plan
+from vibrosweep.runs import estimate as estimate_module
+from vibrosweep.runs.driver import run_sweep
+from vibrosweep.runs.estimate import estimate, require_disk, require_memory
+from vibrosweep.runs.pilot import UNKNOWN, explore
+from vibrosweep.runs.plan import make_plan
 from vibrosweep.spec.sweep import parse_spec, read_spec
 from vibrosweep.store.parts import Parts
 
@@ -130,9 +130,9 @@ import re, sys
 from pathlib import Path
 from dataclasses import replace
 from vibrosweep.engine.workers import Workers
-from vibrosweep.run.estimate import estimate
-from vibrosweep.run.plan import make_plan
-from vibrosweep.run.driver import run_sweep
+from vibrosweep.runs.estimate import estimate
+from vibrosweep.runs.plan import make_plan
+from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec
 spec = replace(parse_spec(sys.argv[1]), duration=1.0)
 if sys.argv[2] == "plan":

@@ -4,8 +4,8 @@ import pytest
 import xarray as xr
 
 from vibrosweep.errors import DataError
-from vibrosweep.run import describe as inspect
-from vibrosweep.run.describe import describe
+from vibrosweep.runs import describe as inspect
+from vibrosweep.runs.describe import describe
 
 
 def test_what_a_result_holds(paper):
