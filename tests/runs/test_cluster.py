@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,9 @@ import xarray as xr
 from vibrosweep.cli import main
 from vibrosweep.errors import OutputError, RunError
 from vibrosweep.runs import cluster
-from vibrosweep.runs.chunks import compute_chunk
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec, read_spec
+from vibrosweep.store.parts import Parts
 
 distributed = pytest.importorskip("distributed")
 
@@ -149,20 +150,34 @@ def test_a_worker_that_is_killed_costs_its_chunk_only(two, local, tmp_path):
     assert same_bytes(output, local)
 
 
-def test_a_chunk_that_kills_every_worker_is_reported(two, tmp_path, monkeypatch):
-    def deadly(job, index):
+def writing(client, write):
+    """Return a runner whose workers write parts by ``write(self, index, columns)``."""
+
+    class Writing(Parts):  # inside a function: Dask then sends its code to the workers
+        pass
+
+    Writing.write = write
+
+    def run(job, indices, tick):
+        parts = Writing(job.parts.directory, job.parts.manifest)
+        return cluster.on_dask(client)(replace(job, parts=parts), indices, tick)
+
+    return run
+
+
+def test_a_chunk_that_kills_every_worker_is_reported(two, tmp_path):
+    def deadly(parts, index, columns):
         if index == 3:
             os.kill(os.getpid(), signal.SIGKILL)
-        compute_chunk(job, index, threads=1)
+        Parts.write(parts, index, columns)
 
-    monkeypatch.setattr(cluster, "_compute", deadly)
     with pytest.raises(RunError, match=r"1 of 6 chunks failed twice \(numbers 3; .* died"):
         run_sweep(
             parse_spec(SWEEP),
             tmp_path / "out.h5",
             threads=1,
             chunk=7,
-            runner=cluster.on_dask(two),
+            runner=writing(two, deadly),
         )
     assert len(list(tmp_path.glob("out.h5.parts/chunk-*.part"))) == 5
 
@@ -175,24 +190,23 @@ def test_a_chunk_that_kills_every_worker_is_reported(two, tmp_path, monkeypatch)
         (ModuleNotFoundError("No module"), RunError, "install the same version"),
     ],
 )
-def test_what_goes_wrong_on_a_worker(one, tmp_path, monkeypatch, error, expected, words):
-    def failing(job, index):
+def test_what_goes_wrong_on_a_worker(one, tmp_path, error, expected, words):
+    def failing(parts, index, columns):
         raise error
 
-    monkeypatch.setattr(cluster, "_compute", failing)
     with cluster.connected(one.scheduler_address) as client, pytest.raises(expected, match=words):
         run_sweep(
             parse_spec(SWEEP),
             tmp_path / "out.h5",
             threads=1,
             chunk=7,
-            runner=cluster.on_dask(client),
+            runner=writing(client, failing),
         )
     assert not (tmp_path / "out.h5").exists()
 
 
 def test_parts_on_another_file_system(one, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "_compute", lambda job, index: None)
+    """What the worker writes is not seen here."""
     monkeypatch.setattr(cluster, "VISIBLE_WITHIN", 0.0)
     with (
         cluster.connected(one.scheduler_address) as client,
@@ -203,7 +217,7 @@ def test_parts_on_another_file_system(one, tmp_path, monkeypatch):
             tmp_path / "out.h5",
             threads=1,
             chunk=7,
-            runner=cluster.on_dask(client),
+            runner=writing(client, lambda parts, index, columns: None),
         )
 
 
