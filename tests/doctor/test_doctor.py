@@ -1,5 +1,6 @@
 """`vibrosweep doctor` on healthy and on broken installations."""
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -142,23 +143,20 @@ def test_a_processor_without_fused_multiply_add(monkeypatch):
     assert "this processor has no fused multiply-add" in compiled.vector_registers().trouble
 
 
-def test_layers_that_are_loaded_are_seen(monkeypatch):
+def test_layers_that_are_loaded_are_seen():
     assert "no threading layer of numba is loaded" in compiled.threads().state
-    monkeypatch.setitem(sys.modules, "numba.np.ufunc.omppool", numba)
-    monkeypatch.setattr(compiled, "_openmp", lambda: ["libgomp.so.1"])
-    state = compiled.threads().state
-    assert "threading layer of numba loaded, not used: OpenMP; OpenMP library loaded" in state
+    layer = importlib.util.find_spec("numba.np.ufunc.omppool")
+    if layer is None or not Path("/proc/self/maps").exists():
+        pytest.skip("numba has no OpenMP layer here, or the system does not show what is loaded")
+    code = (
+        "import numba.np.ufunc.omppool; from vibrosweep.doctor.compiled import threads; "
+        "print(threads().state)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "threading layer of numba loaded, not used: OpenMP; OpenMP library loaded" in done.stdout
 
 
 def test_a_finding_as_text():
     assert list(Finding("disk", "full").lines()) == ["disk                full"]
     wrong = list(Finding("disk", "full", "free some space").lines())
     assert wrong[1] == f"{'':20}WRONG: free some space"
-
-
-@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="the system does not show it")
-def test_openmp_in_memory_is_found(monkeypatch, tmp_path):
-    maps = tmp_path / "maps"
-    maps.write_text("7f r-xp 0 0 /usr/lib/x86_64/libgomp.so.1.0.0\n7f r-xp 0 0 /lib/libm.so.6\n")
-    monkeypatch.setattr(compiled, "Path", lambda path: maps)
-    assert compiled._openmp() == ["libgomp.so.1.0.0"]

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from vibrosweep.engine import trajectories
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
@@ -49,6 +48,24 @@ def both(parameters, observation):
             measure(parameters, dataclasses.replace(observation, skip=skip), workers)
             for skip in (True, False)
         ]
+
+
+def work(parameters, observation, *, skip=True):
+    """Sizes of the tasks that are handed to threads, in their order: first all trajectories."""
+    sizes = []
+
+    class Counting(Workers):
+        def stream(self, begin, total):
+            sizes.append(total)
+            super().stream(begin, total)
+
+        def each(self, task, total, size):
+            sizes.append(total)
+            super().each(task, total, size)
+
+    with Counting(1) as workers:
+        measure(parameters, dataclasses.replace(observation, skip=skip), workers)
+    return sizes
 
 
 def assert_same(skipped, followed, *, rtol, rounded=("mean",)):
@@ -120,7 +137,7 @@ def test_a_late_end_costs_no_impact():
 
 
 @pytest.mark.parametrize("transient", [0.0, 2.5])
-def test_a_problem_is_followed_once(monkeypatch, transient):
+def test_duplicate_realizations_are_computed_once(transient):
     # equal in e, a, r, x0, u0 and window, at three values of gravity
     once = drawn(15, 7)
     gravity = np.repeat([9.81, 1.62, 24.8], 7)
@@ -129,16 +146,8 @@ def test_a_problem_is_followed_once(monkeypatch, transient):
         parameters[name] = parameters[name] * np.repeat([1.0, 2.0, 4.0], 7)
     parameters["gravity"] = 9.81 * np.repeat([1.0, 2.0, 4.0], 7)
     observation = observed(9.0, 4, transient=transient, trust=True, regimes=False)
-    sizes = []
-    original = trajectories._follow
-
-    def counting(problem, *others):
-        sizes.append(problem.kick.size)
-        return original(problem, *others)
-
-    monkeypatch.setattr(trajectories, "_follow", counting)
     skipped, followed = both(parameters, observation)
-    assert sizes == [7, 21]
+    assert [work(parameters, observation, skip=skip)[0] for skip in (True, False)] == [28, 84]
     assert_same(skipped, followed, rtol=0.0)
 
 
@@ -184,9 +193,12 @@ def test_particles_that_rounding_makes_one_are_told_from_those_that_meet():
     assert alone["dt_min_resolved"].item() == -1
 
 
-def test_one_particle_has_no_separations(monkeypatch):
-    monkeypatch.setattr(trajectories, "separate", None)
-    skipped, _ = both(drawn(19, 5), observed(20.0, 1))
+def test_one_particle_has_no_separations():
+    parameters = drawn(19, 5)
+    skipped, _ = both(parameters, observed(20.0, 1))
+    without = work(parameters, observed(20.0, 1, separation=False))
+    assert work(parameters, observed(20.0, 1)) == without
+    assert len(work(parameters, observed(20.0, 2))) == len(without) + 1
     assert np.all(np.isnan(skipped["dt_min"]))
     assert np.all(skipped["base_shared"] == 0)
     assert np.all(skipped["collision_free"] == 1)

@@ -53,10 +53,12 @@ def test_threads_take_no_more_work_after_a_failure():
 
         return task
 
+    before = set(threading.enumerate())
     workers = Workers(2)
     with pytest.raises(RuntimeError, match="the first range"):
         workers.stream(begin, 100 * SMALLEST_PIECE)
     workers.__exit__(RuntimeError, None, None)  # as on leaving a context with this error
     failed.set()
-    workers._pool.shutdown()
+    for thread in set(threading.enumerate()) - before:
+        thread.join()
     assert len(taken) == 1  # what the other thread was at, of a hundred ranges

@@ -6,7 +6,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +18,9 @@ import xarray as xr
 from vibrosweep.cli import main
 from vibrosweep.errors import OutputError, RunError
 from vibrosweep.runs import cluster
-from vibrosweep.runs.chunks import compute_chunk
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec, read_spec
+from vibrosweep.store.parts import Parts
 
 distributed = pytest.importorskip("distributed")
 
@@ -52,17 +54,21 @@ def two():
 
 @pytest.fixture
 def one():
-    """A scheduler and a worker of one thread in this process; gives the address."""
-    with distributed.LocalCluster(
-        n_workers=1,
+    """A scheduler and a worker of one thread in this process."""
+    with in_this_process(1) as running:
+        yield running
+
+
+def in_this_process(workers):
+    return distributed.LocalCluster(
+        n_workers=workers,
         threads_per_worker=1,
         processes=False,
         protocol="tcp",
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",
         memory_limit=None,
-    ) as running:
-        yield running
+    )
 
 
 @pytest.fixture(scope="module")
@@ -144,20 +150,34 @@ def test_a_worker_that_is_killed_costs_its_chunk_only(two, local, tmp_path):
     assert same_bytes(output, local)
 
 
-def test_a_chunk_that_kills_every_worker_is_reported(two, tmp_path, monkeypatch):
-    def deadly(job, index):
+def writing(client, write):
+    """Return a runner whose workers write parts by ``write(self, index, columns)``."""
+
+    class Writing(Parts):  # inside a function: Dask then sends its code to the workers
+        pass
+
+    Writing.write = write
+
+    def run(job, indices, tick):
+        parts = Writing(job.parts.directory, job.parts.manifest)
+        return cluster.on_dask(client)(replace(job, parts=parts), indices, tick)
+
+    return run
+
+
+def test_a_chunk_that_kills_every_worker_is_reported(two, tmp_path):
+    def deadly(parts, index, columns):
         if index == 3:
             os.kill(os.getpid(), signal.SIGKILL)
-        compute_chunk(job, index, threads=1)
+        Parts.write(parts, index, columns)
 
-    monkeypatch.setattr(cluster, "_compute", deadly)
     with pytest.raises(RunError, match=r"1 of 6 chunks failed twice \(numbers 3; .* died"):
         run_sweep(
             parse_spec(SWEEP),
             tmp_path / "out.h5",
             threads=1,
             chunk=7,
-            runner=cluster.on_dask(two),
+            runner=writing(two, deadly),
         )
     assert len(list(tmp_path.glob("out.h5.parts/chunk-*.part"))) == 5
 
@@ -170,35 +190,34 @@ def test_a_chunk_that_kills_every_worker_is_reported(two, tmp_path, monkeypatch)
         (ModuleNotFoundError("No module"), RunError, "install the same version"),
     ],
 )
-def test_what_goes_wrong_on_a_worker(one, tmp_path, monkeypatch, error, expected, words):
-    def failing(job, index):
+def test_what_goes_wrong_on_a_worker(one, tmp_path, error, expected, words):
+    def failing(parts, index, columns):
         raise error
 
-    monkeypatch.setattr(cluster, "_compute", failing)
     with cluster.connected(one.scheduler_address) as client, pytest.raises(expected, match=words):
         run_sweep(
             parse_spec(SWEEP),
             tmp_path / "out.h5",
             threads=1,
             chunk=7,
-            runner=cluster.on_dask(client),
+            runner=writing(client, failing),
         )
     assert not (tmp_path / "out.h5").exists()
 
 
 def test_parts_on_another_file_system(one, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "_compute", lambda job, index: None)
+    """What the worker writes is not seen here."""
     monkeypatch.setattr(cluster, "VISIBLE_WITHIN", 0.0)
     with (
         cluster.connected(one.scheduler_address) as client,
-        pytest.raises(RunError, match=r"6 parts .* need one file system that they share"),
+        pytest.raises(RunError, match=r"6 parts .* must share one file system"),
     ):
         run_sweep(
             parse_spec(SWEEP),
             tmp_path / "out.h5",
             threads=1,
             chunk=7,
-            runner=cluster.on_dask(client),
+            runner=writing(client, lambda parts, index, columns: None),
         )
 
 
@@ -236,6 +255,40 @@ time.sleep(60)
     done = []
     run_sweep(spec, output, threads=1, advance=lambda number, total: done.append(number))
     assert done[0] == kept
+    assert same_bytes(output, local)
+
+
+def test_a_run_whose_workers_have_all_gone_ends(one, local, tmp_path):
+    """The message says what is kept; the same call without the cluster finishes the run."""
+
+    def advance(done, total):
+        if done >= 5:
+            one.scale(0)
+
+    output = tmp_path / "out.h5"
+    words = r"all workers .* have gone, .* for 1 s; (\d+) of 40 chunks .* kept in .* again"
+    with cluster.connected(one.scheduler_address) as client:
+        runner = cluster.on_dask(client, absence=1.0)
+        with pytest.raises(RunError, match=words) as error:
+            run_sweep(parse_spec(SWEEP), output, threads=1, chunk=1, runner=runner, advance=advance)
+    kept = len(list(tmp_path.glob("out.h5.parts/chunk-*.part")))
+    assert 5 <= kept < 40
+    assert f"; {kept} of 40" in str(error.value)
+    done = []
+    run_sweep(parse_spec(SWEEP), output, threads=1, advance=lambda now, total: done.append(now))
+    assert done[0] == kept
+    assert same_bytes(output, local)
+
+
+def test_a_run_waits_for_its_first_worker(local, tmp_path):
+    """Jobs of a batch system start late: the limit counts only after workers were there."""
+    output = tmp_path / "out.h5"
+    with in_this_process(0) as late, cluster.connected(late.scheduler_address) as client:
+        starting = threading.Timer(2 * cluster.LOOK, late.scale, [1])
+        starting.start()
+        runner = cluster.on_dask(client, absence=0.0)
+        run_sweep(parse_spec(SWEEP), output, threads=1, chunk=7, runner=runner)
+        starting.join()
     assert same_bytes(output, local)
 
 

@@ -8,15 +8,13 @@ import pytest
 import xarray as xr
 
 from vibrosweep.api import has_record, open_record, open_sweep, simulate
-from vibrosweep.engine import measuring
 from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.figures import FIGURES, available
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.variables import PER_PARTICLE
 from vibrosweep.runs import chunks
 from vibrosweep.runs import driver as module
-from vibrosweep.spec.sweep import read_spec
-from vibrosweep.store.parts import Parts
+from vibrosweep.spec.sweep import parse_spec, read_spec
 
 SWEEPS = sorted((Path(__file__).parents[2] / "sweeps").glob("*.toml"))
 ALL_MEASURES = "[measure]\nseparation = true\nper_particle = true\ntrust = true\nregimes = true\n"
@@ -214,23 +212,19 @@ def test_a_chunk_beyond_memory_is_refused(compute, tmp_path):
     assert [p.suffix for p in tmp_path.iterdir()] == [".toml", ".toml"]
 
 
-def test_a_huge_sweep_does_not_fill_memory_before_it_starts(compute, monkeypatch):
-    started = []
+def test_a_huge_sweep_does_not_fill_memory_before_it_starts(tmp_path):
+    batches = []
 
-    def measure(parameters, *arguments):
-        started.append(parameters["restitution"].size)
-        return original(parameters, *arguments)
-
-    def write(parts, index, columns):
+    def first_chunk(job, indices, tick):
+        chunks.compute_chunk(job, indices[0], 1, batches.append)
+        columns = job.parts.read(indices[0], job.parts.finished()[indices[0]])
         assert sum(values.nbytes for values in columns.values()) < 100e6
         raise KeyboardInterrupt
 
-    original = measuring.measure
-    monkeypatch.setattr(measuring, "measure", measure)
-    monkeypatch.setattr(Parts, "write", write)
+    spec = parse_spec('title = "x"' + DRAWN.replace("= 40", "= 100_000_000"))
     with pytest.raises(KeyboardInterrupt):
-        compute(DRAWN.replace("= 40", "= 100_000_000"))
-    assert max(started) == chunks.TRAJECTORIES_PER_BATCH // 5
+        module.run_sweep(spec, tmp_path / "out.h5", threads=2, runner=first_chunk)
+    assert max(batches) == chunks.TRAJECTORIES_PER_BATCH // 5
 
 
 def test_per_particle_variables_come_only_when_asked_for(compute):

@@ -1,6 +1,5 @@
 """A plan: chunks of bounded work, and estimates that a run bears out."""
 
-import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -210,8 +209,6 @@ def test_a_sample_that_cannot_be_computed(workers, monkeypatch):
 def test_a_run_spends_little_on_a_plan(workers):
     """A short sweep is planned from a few of its realizations."""
     spec = read_spec(SWEEPS / "paper.toml")
-    used = resource.getrusage(resource.RUSAGE_SELF)
     cost = make_plan(spec, workers).cost
-    now = resource.getrusage(resource.RUSAGE_SELF)
     assert cost.columns["status"].size < 20
-    assert now.ru_utime - used.ru_utime < 0.5  # some milliseconds where nothing else runs
+    assert cost.columns["impact_count"].sum() < 0.1 * spec.realizations * cost.impacts

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.engine import measuring
 from vibrosweep.errors import DataError, Interruption, RunError
+from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.retry import retry_failed
 from vibrosweep.spec.schema import MeasureTable
 from vibrosweep.spec.sweep import parse_spec, read_spec
-from vibrosweep.store.parts import Parts
 from vibrosweep.store.rundir import run_directory
 
 SWEEP = """title = "Some particles bounce on small kicks for long"
@@ -80,36 +79,37 @@ def test_the_result_is_that_of_the_larger_budget(sweep, output, tmp_path, design
     assert summary.landings == int(xr.load_dataset(output)["impact_count"].sum())
 
 
-def test_only_what_failed_is_computed(sweep, output, monkeypatch):
+def test_only_what_failed_is_computed(sweep, output):
     run_sweep(sweep(32), output, threads=1)
-    failed = xr.load_dataset(output).isel(realization=xr.load_dataset(output)["status"] != 0)
-    seen = []
+    status = xr.load_dataset(output)["status"].values
+    told, rows = [], []
 
-    def measure(parameters, *rest):
-        seen.extend(parameters["amplitude"].tolist())
-        return original(parameters, *rest)
+    def noting(job, indices, tick):
+        rows.extend(job.rows)
+        return in_process(1)(job, indices, tick)
 
-    original = measuring.measure
-    monkeypatch.setattr(measuring, "measure", measure)
-    retry_failed(sweep(32), output, threads=1, impact_budget=1000)
-    assert set(seen) == set(failed["amplitude"].values.tolist())
+    retry_failed(
+        sweep(32),
+        output,
+        threads=1,
+        impact_budget=1000,
+        runner=noting,
+        advance=lambda *now: told.append(now),
+    )
+    assert rows == np.flatnonzero(status).tolist()
+    assert told[-1] == (len(rows), len(rows))
 
 
 def test_a_retry_that_is_ended_continues(sweep, output, tmp_path):
     run_sweep(sweep(32), output, threads=1)
     old = output.read_bytes()
-    written, original = [], Parts.write
 
-    def write(self, index, columns):
-        if len(written) == 2:
-            raise KeyboardInterrupt
-        written.append(index)
-        original(self, index, columns)
+    def ending(job, indices, tick):
+        in_process(1)(job, indices[:2], tick)
+        raise KeyboardInterrupt
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Parts, "write", write)
-        with pytest.raises(Interruption, match="2 of"):
-            retry_failed(sweep(32), output, threads=1, impact_budget=1000, chunk=1)
+    with pytest.raises(Interruption, match="2 of"):
+        retry_failed(sweep(32), output, threads=1, impact_budget=1000, chunk=1, runner=ending)
     assert output.read_bytes() == old
     with pytest.raises(RunError, match=r"rows computed again: was \d+ .*, is not given"):
         run_sweep(sweep(1000), output, threads=1)

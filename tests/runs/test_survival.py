@@ -4,8 +4,10 @@ import errno
 import os
 import resource
 import shutil
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import fields
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -66,40 +68,36 @@ def expected(sweep, tmp_path):
 
 
 @pytest.fixture
-def computed(monkeypatch):
-    """Numbers of the chunks that are computed, in their order."""
-    numbers = []
-
-    def compute(job, index, *rest):
-        numbers.append(index)
-        return original(job, index, *rest)
-
-    original = chunks.compute_chunk
-    monkeypatch.setattr(chunks, "compute_chunk", compute)
-    monkeypatch.setattr("vibrosweep.runs.kept.compute_chunk", compute)
-    return numbers
+def computed():
+    """Numbers of the chunks that runs with `noting` compute, in their order."""
+    return []
 
 
-def ending(monkeypatch, name, after, error, owner=Parts):
-    """Make a method raise an error after so many calls."""
+def noting(numbers, threads=1):
+    """Return a runner that notes the chunks which it computes."""
 
-    def call(*arguments):
-        calls.append(arguments)
-        if len(calls) > after:
-            raise error
-        return original(*arguments)
+    def run(job, indices, tick):
+        numbers.extend(indices)
+        return chunks.in_process(threads)(job, indices, tick)
 
-    calls, original = [], getattr(owner, name)
-    monkeypatch.setattr(owner, name, call)
+    return run
+
+
+def ending(after, error):
+    """Return a runner that ends with an error after some chunks."""
+
+    def run(job, indices, tick):
+        chunks.in_process(1)(job, indices[:after], tick)
+        raise error
+
+    return run
 
 
 @contextmanager
 def unfinished(sweep, after=3, error=Killed, **options):
-    """End a run after some chunks; what follows is as before."""
-    with pytest.MonkeyPatch.context() as patch:
-        ending(patch, "write", after, error())
-        with pytest.raises((error, Interruption)):
-            sweep(**options)
+    """End a run after some chunks."""
+    with pytest.raises((error, Interruption)):
+        sweep(runner=ending(after, error()), **options)
     yield
 
 
@@ -120,10 +118,10 @@ def test_a_run_continues_with_what_is_missing(sweep, expected, computed, tmp_pat
     with unfinished(sweep, after):
         assert len(parts(tmp_path)) == after
         assert not (tmp_path / "out.h5").exists()
-    computed.clear()
     # other threads and chunks are asked for: the run keeps its own cut
     told = []
-    sweep(threads=2, chunk=5, advance=lambda *now: told.append(now))
+    runner = noting(computed, threads=2)
+    sweep(threads=2, chunk=5, runner=runner, advance=lambda *now: told.append(now))
     assert computed == list(range(after, CHUNKS))
     assert told[0] == (2 * after, 11)
     assert told[-1] == (11, 11)
@@ -131,12 +129,12 @@ def test_a_run_continues_with_what_is_missing(sweep, expected, computed, tmp_pat
     assert not run_directory(tmp_path / "out.h5").exists()
 
 
-def test_an_interruption_says_what_is_kept(sweep, tmp_path, monkeypatch):
-    ending(monkeypatch, "write", 2, KeyboardInterrupt())
+def test_an_interruption_says_what_is_kept(sweep):
+    runner = ending(2, KeyboardInterrupt())
     with pytest.raises(Interruption, match=r"2 of 6 chunks are finished.*same command again"):
-        sweep()
+        sweep(runner=runner)
     with pytest.raises(Interruption, match=r"same command without force=True again"):
-        sweep(force=True)
+        sweep(runner=runner, force=True)
 
 
 def test_a_replacing_run_continues_without_force(sweep, expected, computed, tmp_path):
@@ -144,8 +142,7 @@ def test_a_replacing_run_continues_without_force(sweep, expected, computed, tmp_
     old.write_bytes(b"old")
     with unfinished(sweep, 4, force=True):
         assert old.read_bytes() == b"old"
-    computed.clear()
-    sweep()
+    sweep(runner=noting(computed))
     assert computed == [4, 5]
     assert old.read_bytes() == expected
 
@@ -166,10 +163,9 @@ def test_a_flipped_bit_is_noticed(sweep, expected, computed, tmp_path, place):
         data = bytearray(path.read_bytes())
         data[int(place * len(data))] ^= 4
         path.write_bytes(data)
-    computed.clear()
-    summary = sweep()
+    summary = sweep(runner=noting(computed))
     assert summary.repaired == 1
-    assert computed == [5, 1]
+    assert computed == [5]
     assert (tmp_path / "out.h5").read_bytes() == expected
 
 
@@ -215,8 +211,8 @@ def test_a_changed_sweep_does_not_continue(sweep, tmp_path, old, new, words):
 
 def test_what_changes_no_number_is_no_change(sweep, computed, tmp_path):
     with unfinished(sweep):
-        computed.clear()
-    sweep("# a comment\n" + SWEEP.replace("[sample]", 'rebound = "rest"\n[sample]'))
+        text = "# a comment\n" + SWEEP.replace("[sample]", 'rebound = "rest"\n[sample]')
+    sweep(text, runner=noting(computed))
     assert computed == [3, 4, 5]
     assert xr.load_dataset(tmp_path / "out.h5").attrs["sweep_file"].startswith("# a comment")
 
@@ -244,14 +240,14 @@ def test_the_contents_of_a_table_are_part_of_the_sweep(sweep, tmp_path):
     assert xr.load_dataset(tmp_path / "out.h5")["amplitude"].values.tolist() == list(range(1, 9))
 
 
-def test_a_table_that_changes_while_it_runs_is_noticed(sweep, tmp_path, monkeypatch):
-    """As a worker on another machine may see it."""
+def test_a_table_that_changes_while_it_runs_is_noticed(sweep, tmp_path):
+    """As a worker on another machine may see it: here, in another process."""
     (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1\n0.9,2\n0.9,3\n")
 
     def elsewhere(job, numbers, tick):
-        monkeypatch.setattr(chunks, "_opened", None)
         (tmp_path / "table.csv").write_text("restitution,amplitude\n0.9,1\n0.9,2\n0.9,4\n")
-        return chunks.in_process(1)(job, numbers, tick)
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as workers:
+            workers.submit(chunks.compute_chunk, job, numbers[0], threads=1).result()
 
     with pytest.raises(RunError, match=r"would compute another sweep.*contents of the table"):
         sweep('title = "x"\n[sample]\ndesign = "table.csv"\n', runner=elsewhere)
@@ -328,8 +324,7 @@ def test_a_chunk_that_fails_does_not_end_the_others(
         sweep()
     assert len(parts(tmp_path)) == 4
     assert not (tmp_path / "out.h5").exists()
-    computed.clear()
-    sweep()
+    sweep(runner=noting(computed))
     assert computed == [2, 4]
     assert (tmp_path / "out.h5").read_bytes() == expected
 
@@ -369,8 +364,7 @@ def test_a_full_disk_loses_nothing(sweep, expected, computed, tmp_path, room):
     assert set(before) <= set(parts(tmp_path))
     assert not (tmp_path / "out.h5").exists()
     assert not list(tmp_path.rglob("*.partial"))
-    computed.clear()
-    sweep()
+    sweep(runner=noting(computed))
     assert len(computed) == (3 if room == 1000 else 0)
     assert (tmp_path / "out.h5").read_bytes() == expected
 
@@ -388,8 +382,7 @@ def test_a_directory_that_becomes_read_only(sweep, expected, computed, tmp_path)
         patch.setattr(Disk, "__init__", refuse)
         with pytest.raises(OutputError, match=r"Read-only file system.*4 of 6 chunks are finished"):
             sweep()
-    computed.clear()
-    sweep()
+    sweep(runner=noting(computed))
     assert computed == [4, 5]
     assert (tmp_path / "out.h5").read_bytes() == expected
 
@@ -399,16 +392,13 @@ def test_a_directory_that_is_removed(sweep, expected, tmp_path, what):
     place = tmp_path / "place"
     place.mkdir()
 
-    def write(self, index, columns):
-        if index == 3:
-            shutil.rmtree(place / what)
-        original(self, index, columns)
+    def removing(job, indices, tick):
+        chunks.in_process(1)(job, indices[:3], tick)
+        shutil.rmtree(place / what)
+        return chunks.in_process(1)(job, indices[3:], tick)
 
-    original = Parts.write
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Parts, "write", write)
-        with pytest.raises(OutputError, match=r"has gone.*what was finished has gone with"):
-            sweep(output="place/out.h5")
+    with pytest.raises(OutputError, match=r"has gone.*what was finished has gone with"):
+        sweep(output="place/out.h5", runner=removing)
     assert not run_directory(place / "out.h5").exists()
     place.mkdir(exist_ok=True)
     sweep(output="place/out.h5")
@@ -433,9 +423,8 @@ def test_killed_while_the_parts_are_removed(sweep, expected, computed, tmp_path)
     with unfinished(sweep):
         (run_directory(tmp_path / "out.h5") / "manifest.json").unlink()
         assert len(parts(tmp_path)) == 3
-    computed.clear()
-    sweep()
-    assert computed == list(range(CHUNKS))  # parts without a manifest are nobody's
+    sweep(runner=noting(computed))
+    assert computed == list(range(CHUNKS))  # parts without a manifest are invalid
     assert read_manifest(run_directory(tmp_path / "out.h5")) is None
     assert (tmp_path / "out.h5").read_bytes() == expected
 

@@ -1,5 +1,6 @@
 """A run directory: one process at a time, and none that is dead."""
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -8,7 +9,6 @@ import sys
 import pytest
 
 from vibrosweep.errors import OutputError, RunError
-from vibrosweep.store import rundir
 from vibrosweep.store.parts import Manifest, write_manifest
 from vibrosweep.store.rundir import abandon, holding, replaces, run_directory
 
@@ -69,13 +69,13 @@ def test_a_lock_file_that_was_removed_is_none(output, monkeypatch):
     locked = []
 
     def lock(*arguments):
-        original(*arguments)
         if not locked:
             (run_directory(output) / "lock").unlink()
         locked.append(arguments)
+        original(*arguments)
 
-    original = rundir._lock
-    monkeypatch.setattr(rundir, "_lock", lock)
+    original = fcntl.flock
+    monkeypatch.setattr("fcntl.flock", lock)
     with holding(output) as directory:
         assert (directory / "lock").exists()
     assert len(locked) == 2

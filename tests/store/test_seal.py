@@ -1,7 +1,6 @@
 """Seals of result files, and the trial of files that have none."""
 
 import shutil
-import time
 
 import h5py
 import netCDF4
@@ -105,7 +104,5 @@ def test_files_that_hdf5_cannot_read(sound, tmp_path, monkeypatch):
         require_readable(cut)
     fake.write_text("import time; time.sleep(60)")
     monkeypatch.setattr(trial, "PATIENCE", 0.3)
-    began = time.monotonic()
     with pytest.raises(ValueError, match="does not come to an end"):
-        require_readable(cut)
-    assert time.monotonic() - began < 30
+        require_readable(cut)  # which would read it, without an error, in a minute

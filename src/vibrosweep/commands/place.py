@@ -51,14 +51,17 @@ def opened_place(options: argparse.Namespace) -> Iterator[Place]:
         threads = options.threads or available_threads()
         yield Place(some(threads, "thread"), threads)
         return
-    from vibrosweep.runs.cluster import CHUNKS_PER_THREAD, connected, local_workers, on_dask
+    from vibrosweep.runs import cluster
 
     if options.workers is not None:
-        opened, name = local_workers(options.workers), some(options.workers, "worker")
+        opened, absence = cluster.local_workers(options.workers), cluster.LOCAL_ABSENCE
+        name = some(options.workers, "worker")
     else:
-        opened, name = connected(options.scheduler), f"the workers of {options.scheduler}"
+        opened, absence = cluster.connected(options.scheduler), cluster.ABSENCE
+        name = f"the workers of {options.scheduler}"
     with opened as client:
         threads = sum(client.nthreads().values())
         if not threads:
             print("the cluster has no workers yet: waiting for them", file=sys.stderr, flush=True)
-        yield Place(name, 1, on_dask(client), max(1, CHUNKS_PER_THREAD * threads))
+        runner = cluster.on_dask(client, absence)
+        yield Place(name, 1, runner, max(1, cluster.CHUNKS_PER_THREAD * threads))

@@ -1,1 +1,1 @@
-"""Arrays of parameters to measured arrays: one batch in memory, on all threads."""
+"""The engine: measures one batch in memory, from arrays of parameters, on all threads."""

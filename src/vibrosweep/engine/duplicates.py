@@ -1,4 +1,4 @@
-"""Realizations that are one and the same problem."""
+"""Duplicate realizations of a batch, which need to be computed only once."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ __all__ = ["find_equal"]
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-AT_ONCE = Launches(np.zeros((1, 1)), np.zeros((1, 1)))  # the same for all
+AT_ONCE = Launches(np.zeros((1, 1)), np.zeros((1, 1)))  # one for the whole batch
 
 
 def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Places | None:
-    """Find realizations that are the same problem.
+    """Find duplicate realizations.
 
     Parameters
     ----------
     problem, launch
         The batch.
     others
-        What else has to be equal, each of shape (realization,).
+        Further arrays that have to agree, each of shape (realization,).
 
     Returns
     -------
     numpy.ndarray or None
-        For each realization the first one that is the same; None where all differ.
+        For each realization the index of the first equal one; None if all are distinct.
     """
     if _firsts([problem.kick], AT_ONCE) is None:  # as is plain where they are drawn
         return None
@@ -37,6 +37,6 @@ def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Plac
 
 
 def _firsts(columns: list[Array], launch: Launches) -> Places | None:
-    """The first place that agrees in all columns and launches, for each; None where all differ."""
+    """Index of the first equal row of columns and launches, for each; None if all differ."""
     first = np.empty(columns[0].size, np.int64)
     return first if first_of_each(np.stack(columns), launch, first) < first.size else None

@@ -33,7 +33,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
-# Beside its landings, measured on many trajectories without any: launch, statistics, copies.
+# Bytes per trajectory apart from its landings, measured: launch, statistics, copies.
 BYTES_PER_TRAJECTORY: Final = 120
 BYTES_PER_REALIZATION: Final = 160
 
@@ -55,7 +55,7 @@ def record_landings(
     parameters
         Every parameter of `PARAMETERS`, each of shape (realization,).
     observation
-        What is launched and how long it is watched; its transient is -inf.
+        Launches and duration; its transient is -inf.
     workers
         Threads to use.
 
@@ -91,7 +91,7 @@ def record_landings(
 def record_bytes(
     parameters: Mapping[str, Array], observation: Observation, workers: Workers
 ) -> tuple[int, int]:
-    """Bytes of a record's landings, and of the memory that making it takes.
+    """Bytes of a record of landings, and of memory while it is made.
 
     Arguments and errors are those of `record_landings`.
     """
@@ -104,7 +104,7 @@ def record_bytes(
 
 
 def require_room(realizations: int, particles: int, landings: int = 0) -> None:
-    """Refuse a record that does not fit into half of this machine's memory.
+    """Raise if a record needs more than half of this machine's memory.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def require_room(realizations: int, particles: int, landings: int = 0) -> None:
 
 
 def _needed(realizations: int, particles: int, landings: int) -> int:
-    """Bytes of memory for a record with so many landings of each trajectory."""
+    """Bytes of memory for a record with this many landings of each trajectory."""
     each = BYTES_PER_TRAJECTORY + BYTES_PER_LANDING * landings
     return realizations * (BYTES_PER_REALIZATION + particles * each)
 
@@ -130,15 +130,15 @@ def _needed(realizations: int, particles: int, landings: int) -> int:
 def _counted(
     parameters: Mapping[str, Array], observation: Observation, workers: Workers
 ) -> tuple[Dimensionless, Launches, Statistics]:
-    """Count the landings that a record would hold, and refuse one beyond memory."""
+    """Count the landings of a record; raise if it does not fit into memory."""
     realizations, particles = parameters["frequency"].size, observation.particles
     require_room(realizations, particles)
     problem = dimensionless(parameters, observation.duration, observation.transient)
     launch = launches(observation.launch, particles, parameters["frequency"])
     most = physical_memory() // (2 * BYTES_PER_LANDING * realizations * particles)
-    # a trajectory with more than `most` is followed no further: the record is refused anyway
+    # stop a trajectory with more than `most` landings: its record does not fit anyway
     budget = min(observation.impact_budget, most + LOOK_AFTER)
-    # counted as they will be kept: one by one
+    # without skipping cycles, since every landing is recorded
     enough = replace(observation, impact_budget=budget, skip=False)
     each = statistics(problem, launch, enough, workers)
     require_room(realizations, particles, int(each.landings.max()))
@@ -146,14 +146,14 @@ def _counted(
 
 
 def physical_memory() -> int:
-    """Bytes of memory of this machine."""
+    """Total memory of this machine in bytes."""
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:
-    """Complete some parameters, broadcast to a common shape (realization,), by the defaults."""
+    """Fill in default parameters and broadcast all to a common shape (realization,)."""
     size = max((values.size for values in given.values()), default=1)
-    return {  # copies: a read-only array would compile the kernels once more
+    return {  # copies: numba would compile the kernels again for read-only arrays
         name: np.array(np.broadcast_to(given.get(name, p.default), (size,)), float)
         for name, p in PARAMETERS.items()
     }

@@ -1,4 +1,4 @@
-"""A batch of realizations through the kernels: parameters in, measured variables out."""
+"""Measure a batch of realizations: parameters in, measured variables out."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def measure(
     parameters
         Every parameter of `vibrosweep.model.parameters.PARAMETERS`, each of shape (realization,).
     observation
-        What is watched and measured.
+        Launches, duration, and what to measure.
     workers
         Threads to use.
 
@@ -48,7 +48,7 @@ def measure(
     Raises
     ------
     ParameterError
-        Parameters leave the range in which periods can be counted exactly.
+        Parameters are outside the range in which forcing periods can be counted exactly.
     """
     problem = dimensionless(parameters, observation.duration, observation.transient)
     frequency, particles = parameters["frequency"], observation.particles
@@ -82,12 +82,13 @@ def _physical(
     frequency = parameters["frequency"]
     # height of a flight that lasts one forcing period: g / (8 f^2)
     height = parameters["gravity"] / (8.0 * frequency * frequency)
-    # where nothing lifts a resting particle, its last landing is followed by no flight
+    # a particle that rests for good has no flight after its last landing
     lifts = problem.kick > problem.rest_flight
     flights = found.landings - np.where(lifts, 0, found.rests)
     some = flights > 0
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        # one NaN for all: that of 0 / 0 has a sign which depends on the length of the batch
+        # the same NaN everywhere: the sign of 0 / 0 depends on the length of the batch (vector
+        # code)
         return {
             "impact_count": found.landings,
             "rest_count": found.rests,
@@ -114,12 +115,12 @@ def _per_particle(
     )
     measured = _physical(each, repeated, lanes)
     measured["at_rest"] = each.at_rest.astype(np.int8)
-    # a copy: `each` is written over by the next batch
+    # a copy: the next batch overwrites `each`
     return {f"particle_{name}": values.reshape(shape).copy() for name, values in measured.items()}
 
 
 def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:
-    """Whether any particle of a realization is launched inside the window; shape (realization,)."""
+    """Whether any particle is launched inside the window; shape (realization,)."""
     begin, end = observation.transient, observation.duration
     if isinstance(observation.launch, str):
         per_second = observation.particles * frequency

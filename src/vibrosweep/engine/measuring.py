@@ -1,4 +1,4 @@
-"""Measure realizations, whatever their parameters: what cannot be computed gets a status."""
+"""Measure realizations; those that cannot be computed get a status instead of an error."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 def measure_all(
     parameters: Mapping[str, Array], observation: Observation, workers: Workers
 ) -> dict[str, NDArray[Any]]:
-    """Do as `measure` does, but refuse no batch for a realization that cannot be computed.
+    """Measure a batch; realizations that cannot be computed do not fail the others.
 
-    Its floats are then NaN, its counts and flags undetermined, and its status says so.
+    Their floats are NaN, their counts and flags undetermined, and their status gives the reason.
 
     Parameters and result are those of `vibrosweep.engine.measure.measure`.
     """
@@ -48,7 +48,7 @@ def _times(observation: Observation) -> tuple[float, ...]:
 
 
 def _refused(variable: Variable, realizations: int, particles: int) -> NDArray[Any]:
-    """Values of a variable where nothing was computed."""
+    """Values of a variable for realizations that were not computed."""
     shape = tuple({"realization": realizations, "particle": particles}[d] for d in variable.dims)
     codes = [code for code, _ in variable.flags]
     if np.issubdtype(np.dtype(variable.dtype), np.floating):

@@ -1,4 +1,4 @@
-"""What trajectories settle on, which of them share an orbit or a slot, and Lyapunov exponents."""
+"""Orbits of trajectories, those shared by several particles, and Lyapunov exponents."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ NO_ORBIT: Final = -1
 def find_orbits(
     problem: Dimensionless, launch: Launches, observation: Observation, workers: Workers
 ) -> Orbits:
-    """What every trajectory settles on, in the order of realizations and within them of particles.
+    """Orbit that each trajectory settles on, ordered by realization, then by particle.
 
     Parameters
     ----------
     problem, launch
-        Realizations and launches; exponents of orbits that do not recur are means over the window
+        Realizations and launches; exponents of orbits that are not cycles are means over the window
         of the problem.
     observation
-        Its particles are those of the launches, and its window begins after a launch where that of
-        the problem does.
+        Must agree with the launches in the number of particles, and with the problem in whether the
+        window begins after a launch.
     workers
         Threads to use.
 
@@ -57,10 +57,10 @@ def find_orbits(
 
 
 def label_orbits(orbits: Orbits, realizations: int) -> Codes:
-    """Number the distinct orbits of each realization in the order of the particles on them.
+    """Number the distinct orbits of each realization, in the order of their first particles.
 
-    Two cycles are one orbit if their numbers of impacts, periods and rests agree and their
-    representatives differ by less than `SAME_ORBIT`.
+    Two cycles are the same orbit if their numbers of impacts, periods and rests agree and their
+    representative states differ by less than `SAME_ORBIT`.
 
     Returns
     -------
@@ -88,11 +88,11 @@ def label_orbits(orbits: Orbits, realizations: int) -> Codes:
 
 
 def slots(orbits: Orbits) -> Codes:
-    """Which of the time-shifted copies of its orbit each particle is on; same shape as `orbits`.
+    """Slot of each particle: the phase-shifted copy of its orbit; same shape as `orbits`.
 
-    The orbits of a cycle of q forcing periods are q copies of one, shifted by whole periods.  The
-    slot is the period, modulo q, in which the representative of the cycle falls; `NO_ORBIT` where
-    no recurrence was found.
+    A cycle of q forcing periods exists in q phase-shifted copies, shifted by whole periods.  The
+    slot is the period, modulo q, that contains the representative state of the cycle; `NO_ORBIT`
+    where no recurrence was found.
     """
     found = orbits.impacts > 0
     slot = np.mod(orbits.whole, np.maximum(orbits.periods, 1))
@@ -100,19 +100,19 @@ def slots(orbits: Orbits) -> Codes:
 
 
 def slot_count(labels: Codes, slot: Codes) -> Codes:
-    """Number of distinct slots, of all orbits, that the particles of each realization occupy."""
+    """Number of distinct slots, over all orbits, occupied by the particles of each realization."""
     pairs = np.sort(np.where(labels == NO_ORBIT, NO_ORBIT, labels * (slot.max() + 1) + slot))
     steps = np.diff(pairs, axis=1, prepend=NO_ORBIT) != 0
     return np.asarray(np.count_nonzero(steps, axis=1))
 
 
 def orbit_variables(orbits: Orbits, frequency: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
-    """What orbits say of each particle and of each realization.
+    """Measured variables of regimes and exponents, per particle and per realization.
 
     Parameters
     ----------
     orbits
-        Of all trajectories, those of a realization side by side.
+        Of all trajectories, ordered by realization.
     frequency
         Hz, shape (realization,).
 

@@ -1,7 +1,7 @@
-"""A batch of dimensionless problems through the kernels, without doing anything twice.
+"""Run the kernels on a batch of dimensionless problems, duplicates only once.
 
-Threads call the compiled kernels on ranges that are theirs alone; results therefore do not depend
-on the number of threads, nor on how a sweep is cut into batches.
+Each thread calls the compiled kernels on ranges of its own; results therefore depend neither on the
+number of threads nor on how a sweep is cut into batches.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ __all__ = ["PERIODS_TO_RECUR", "Followed", "follow", "settled", "statistics"]
 Array = NDArray[np.float64]
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
-# Over fewer periods hardly an orbit repeats early enough for its recognition to pay.
+# In fewer periods hardly any orbit repeats early enough for cycle detection to save time.
 PERIODS_TO_RECUR = 32.0
 
 
 @dataclass(frozen=True)
 class Followed:
-    """What is known of a batch of trajectories, in forcing periods; None where not asked for.
+    """Results of a batch of trajectories, in forcing periods; None for what was not requested.
 
     Attributes
     ----------
     each
-        Of the trajectories, those of a realization side by side; in the workers' memory until its
-        next use. Only for measures per particle.
+        Statistics of trajectories, ordered by realization, in memory that the workers reuse for the
+        next batch. Only for measures per particle.
     whole
         Of the realizations.
     orbits
-        What the trajectories settle on.
+        Orbits that the trajectories settle on.
     separations
         Of the realizations.
     bounds
@@ -70,17 +70,16 @@ def follow(
     observation: Observation,
     workers: Workers,
 ) -> Followed:
-    """Follow all trajectories of a batch; realizations that are one problem only once.
+    """Simulate all trajectories of a batch, duplicate realizations only once.
 
     Parameters
     ----------
     problem, launch
         The batch.
     tolerance
-        Error of a landing instant up to which it is trusted, in forcing periods; shape
-        (realization,).
+        Largest error of a trusted landing time, in forcing periods; shape (realization,).
     observation
-        What is measured.
+        What to measure.
     workers
         Threads to use.
     """
@@ -136,14 +135,14 @@ def statistics(
     workers: Workers,
     cycles: Cycles | None = None,
 ) -> Statistics:
-    """Statistics of every trajectory, in the order of realizations and within them of particles.
+    """Statistics of every trajectory, ordered by realization, then by particle.
 
-    They stand in the workers' memory until its next use.  Where `cycles` are given, they are
-    written, and trajectories that recur are followed no further.
+    The result is in memory that the workers reuse for the next batch.  If `cycles` is given, it is
+    filled, and simulation of a trajectory stops where it recurs.
     """
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
-    window = observation.window  # goes through all launches
+    window = observation.window  # loops over all launches
     batch = Batch(base_of(observation.rebound), problem, launch)
     options = Options(
         observation.budget, PERIODS_TO_RECUR, int(observation.regimes), int(observation.skip)
@@ -168,9 +167,9 @@ def statistics(
 def settled(
     problem: Dimensionless, launch: Launches, observation: Observation, workers: Workers
 ) -> Orbits:
-    """What every trajectory settles on, in the order of realizations and within them of particles.
+    """Orbit that each trajectory settles on, ordered by realization, then by particle.
 
-    Arguments as of `statistics`.
+    Arguments are those of `statistics`.
     """
     cycles = workers.cycles(problem.kick.size * observation.particles)
     each = statistics(problem, launch, observation, workers, cycles)
@@ -198,7 +197,7 @@ def _orbits(
 
 
 def _lasts(problem: Dimensionless, launch: Launches, periods: float) -> bool:
-    """Whether any trajectory may last for more than so many periods."""
+    """Whether any trajectory may last for more than this many periods."""
     return bool(np.max(problem.end_count) - np.min(launch.whole) + 2.0 > periods)
 
 
@@ -212,14 +211,14 @@ def _separations(
 ) -> Separations:
     size, particles = problem.kick.size, observation.particles
     found = empty_separations(size)
-    if particles == 1:  # nothing to be separated from
+    if particles == 1:  # a single particle has no separations
         found.shared[:] = np.where(whole.status == Status.COMPLETED, 0, found.shared)
         return found
     complete = whole.status == Status.COMPLETED
     known = cycles if cycles is not None and observation.skip else workers.cycles(0)
-    window = observation.window  # goes through all launches
+    window = observation.window  # loops over all launches
     batch = Batch(base_of(observation.rebound), problem, launch)
-    rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to make
+    rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to allocate
 
     def task(first: int, last: int) -> None:
         room = rooms.pop()
@@ -254,14 +253,14 @@ def _taken(problem: Dimensionless, which: NDArray[Any]) -> Dimensionless:
 
 
 def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
-    """Launches of some realizations, where they do not share them all."""
+    """Launches of some realizations; unchanged if all realizations share theirs."""
     if launch.whole.shape[0] == 1:
         return launch
     return Launches._make(values[which] for values in launch)
 
 
 def _repeated(found: Followed, source: NDArray[np.intp], observation: Observation) -> Followed:
-    """The results of realizations for all those that are the same problem."""
+    """Copy the results of distinct realizations to all their duplicates."""
 
     def realizations(values: Fields) -> Fields:
         return type(values)(*(v[source] for v in values))

@@ -1,4 +1,4 @@
-"""Threads that run compiled kernels, which release the interpreter, and memory that they share."""
+"""Threads for compiled kernels, which release the GIL, and memory reused between batches."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vibrosweep.kernels.statistics import Statistics, empty_statistics
 __all__ = ["TRAJECTORIES_PER_TASK", "Workers"]
 
 TRAJECTORIES_PER_TASK = 1 << 16
-# Of a stream: large beside what a call costs, and so many that threads end at about the same time.
+# Range size of a stream: large against the cost of a call, small enough to balance the threads.
 PIECES_PER_THREAD = 16
 SMALLEST_PIECE, LARGEST_PIECE = 1 << 9, 1 << 13
 
@@ -38,18 +38,18 @@ class Workers:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
-        # a running kernel cannot be stopped: after an interruption nobody waits for it
+        # a running kernel cannot be stopped: after an interruption do not wait for it
         self._interrupted = kind is not None
         self._pool.shutdown(wait=kind is None, cancel_futures=True)
 
     def statistics(self, trajectories: int) -> Statistics:
-        """Memory for statistics, the same at each call: fresh pages cost a third of a sweep."""
+        """Memory for statistics, reused at each call: fresh pages cost a third of the time."""
         if self._statistics.status.size < trajectories:
             self._statistics = empty_statistics(trajectories)
         return Statistics._make(values[:trajectories] for values in self._statistics)
 
     def cycles(self, trajectories: int) -> Cycles:
-        """Memory for cycles, the same at each call."""
+        """Memory for cycles, reused at each call."""
         if self._cycles.shape[1] < trajectories:
             self._cycles = empty_cycles(trajectories)
         fields = self._cycles.shape[0]
@@ -63,16 +63,17 @@ class Workers:
             pass
 
     def stream(self, begin: Callable[[], Callable[[int, int], object]], total: int) -> None:
-        """Let each thread take ranges of ``range(total)`` one after the other, while there are any.
+        """Let each thread take ranges of ``range(total)``, one after the other, until none is left.
 
-        A thread calls its own ``task = begin()`` as ``task(first, last)`` for each of them, and at
-        last as ``task(total, total)``: what is left of one range may go on beside the next.
+        A thread calls its own ``task = begin()`` as ``task(first, last)`` for each range, and
+        finally as ``task(total, total)``: trajectories of one range may still be in progress with
+        the next range.
         """
         piece = total // (PIECES_PER_THREAD * self.threads)
         piece = max(SMALLEST_PIECE, min(piece, LARGEST_PIECE))
         piece = max(1, min(piece, -(-total // self.threads)))
         starts = range(0, total, piece)
-        # one for each thread, however soon another one might have time for it
+        # one first range for each thread, so that a fast thread does not take all
         own, others = starts[: self.threads], iter(starts[self.threads :])
 
         def run(first: int, task: Callable[[int, int], object]) -> None:

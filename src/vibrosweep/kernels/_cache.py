@@ -1,8 +1,9 @@
 """Numba's disk cache of machine code, made safe for several processes and for damaged files.
 
-Numba numbers the files of a kernel's variants by an index that it reads, extends and writes back.
-Two processes that do so at once can both take one number, and one variant is then found under the
-other's name: a wrong law of rebound, with no error.  So only one process at a time writes.
+Numba numbers the files of a kernel's compiled variants in an index that it reads, extends and
+writes back.  Two processes that do this at once can take the same number; one variant is then
+loaded in place of the other, for example with a wrong law of rebound, and without an error.
+Therefore only one process at a time may write.
 """
 
 from __future__ import annotations
@@ -22,18 +23,18 @@ __all__ = ["KernelCache", "Variants", "variants"]
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The cache of one kernel: a file that cannot be read counts as none."""
+    """The cache of one kernel; an unreadable file counts as missing."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the machine code of a variant, or None."""
         try:
             return super().load_overload(sig, target_context)
-        except Exception:  # what unpickling of damaged bytes raises has no common base
+        except Exception:  # the exceptions of unpickling damaged bytes have no common base class
             self._discard()
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the machine code of a variant; a disk that takes nothing costs only time."""
+        """Save the machine code of a variant; without a writable disk it is compiled again."""
         with contextlib.suppress(OSError), self._alone():
             super().save_overload(sig, data)
 

@@ -1,8 +1,8 @@
-"""Trajectories through time with running statistics; no landing is stored.
+"""Advance trajectories in time with running statistics; landings are not stored.
 
-The inner loop runs over a block of lanes (see `lanes`) without a branch and becomes vector code;
-every `LOOK_AFTER` impacts the lanes whose next landing lies past the end are written out and their
-places are filled again.
+The inner loop over a block of lanes (see `lanes`) has no branches and compiles to vector code.
+Every `LOOK_AFTER` impacts, lanes are checked: those whose next landing is past the end are written
+out and refilled with new trajectories.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from vibrosweep.kernels.cycles import (
     Cycles,
     Rests,
     close_cycle,
-    forget_anchor,
-    has_returned,
     no_cycle,
+    recurs,
     saves_work,
+    stop_search,
 )
 from vibrosweep.kernels.impact import Batch, Instant, land, launch
 from vibrosweep.kernels.lanes import (
@@ -40,23 +40,23 @@ from vibrosweep.model.parameters import Dimensionless
 
 __all__ = ["LOOK_AFTER", "Options", "advance"]
 
-LOOK_AFTER = 6  # impacts between two looks at what is done
+LOOK_AFTER = 6  # impacts between two checks of which lanes are done
 
 
 class Options(NamedTuple):
-    """How far trajectories are followed.
+    """Limits and cycle detection.
 
     Attributes
     ----------
     budget
-        Impacts after which a trajectory is given up; a multiple of `LOOK_AFTER`.
+        Largest number of impacts of a trajectory; a multiple of `LOOK_AFTER`.
     patience
-        Forcing periods; where fewer remain at the launch no recurrence is looked for, unless all
-        are asked for.
+        Forcing periods: cycles of trajectories shorter than this are not searched for, unless
+        `all_cycles` is 1.
     all_cycles
-        1 to look for every cycle, 0 for those only that save work.
+        1 to find every cycle, 0 to find only those that save work.
     jump
-        0 to find cycles and to follow the trajectories nevertheless.
+        1 to skip repetitions of cycles, 0 to simulate every impact nevertheless.
     """
 
     budget: int
@@ -66,7 +66,7 @@ class Options(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """What the trajectories of a realization have in common."""
+    """Data shared by the trajectories of a realization: scene and window."""
 
     fixed: Scene
     flight: float
@@ -76,17 +76,17 @@ class Watch(NamedTuple):
 
 @jit
 def _step(s: Floats, lanes: int, base: Base, window: int | None) -> None:
-    """One impact of every lane; a lane past its end goes on harmlessly and counts nothing."""
+    """One impact of every lane; a lane past its end continues without being counted."""
     for j in range(lanes):
         fixed = take(base, s, j)
         flight, v = fly(fixed, s[ROW.X + j], s[ROW.U + j])
         x, passed = land(s[ROW.X + j], flight)
         n = s[ROW.N + j] + passed
         seen = n <= s[ROW.X_END + j] - x
-        # a rest for good leaves no phase, and what has none is never again before any end
+        # after a rest for good the phase is NaN, which is never before the end
         n_off, x_off, u, leaves = lift_off(fixed, n, x, rebound(fixed, x, v))
         if window is not None:
-            # after the end it is not observed; at 1/2 nothing is before an end that x is behind
+            # not counted after the end; a phase of 1/2 is never before an end with x behind it
             x_off = 0.5 if n > s[ROW.X_END + j] - x else x_off
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
         counted = u if seen else 0.0
@@ -102,16 +102,16 @@ def _step(s: Floats, lanes: int, base: Base, window: int | None) -> None:
 
 @jit
 def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
-    """Mark the lanes that have ended, returned or spent their budget; move anchors that are due."""
+    """Mark lanes that have ended, recur, or have spent their budget; save anchors that are due."""
     for j in range(lanes):
         s[ROW.AGE + j] += LOOK_AFTER
-        # sums of sums, which over a long orbit are rounded a sixth as often
+        # partial sums: over a long orbit a sixth of the rounding errors
         s[ROW.SUM + j] += s[ROW.NEW_SUM + j]
         s[ROW.SQUARES + j] += s[ROW.NEW_SQUARES + j]
         s[ROW.NEW_SUM + j] = s[ROW.NEW_SQUARES + j] = 0.0
         why = SPENT if s[ROW.AGE + j] >= budget else GOES_ON
         if cycles is not None:
-            # the same bits again: from here on the orbit repeats, later by whole periods
+            # exactly the same state: from here on the orbit repeats, whole periods later
             again = (s[ROW.X + j] == s[ROW.X_ANCHOR + j]) & (s[ROW.U + j] == s[ROW.U_ANCHOR + j])
             why = RETURNED if again else why
             if (s[ROW.AGE + j] >= s[ROW.NEXT_ANCHOR + j]) & (not again):
@@ -125,9 +125,9 @@ def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
 
 @jit
 def _find_done(s: Floats, lanes: int, places: Integers) -> int:
-    """List the places of the lanes that are marked; return their number."""
+    """List the marked lanes; return their number."""
     done = 0
-    for j in range(lanes):  # without a branch, which no processor could predict
+    for j in range(lanes):  # branch-free: the branch would be unpredictable
         places[done] = j
         done += 1 if s[ROW.DONE + j] != GOES_ON else 0
     return done
@@ -154,7 +154,7 @@ def _load(
     cycles: Cycles | None,
     patience: float,
 ) -> None:
-    """Put trajectory `lane`, which leaves the base at `start`, into place j."""
+    """Load trajectory `lane`, which leaves the base at `start`, into lane j of the block."""
     n, x = start
     n_end, x_end = watch.end
     s[ROW.X + j] = x
@@ -178,8 +178,8 @@ def _load(
 
 @jit
 def _close_gaps(s: Floats, lanes: int, places: Integers, fresh: int, done: int) -> int:
-    """Move the last lanes to the places that were not filled again; return how many are left."""
-    for q in range(done - 1, fresh - 1, -1):  # the last one first
+    """Move the last lanes into the gaps that were not refilled; return the number of lanes left."""
+    for q in range(done - 1, fresh - 1, -1):  # from the last gap to the first
         lanes -= 1
         for row in range(ROWS):
             s[row * STRIDE + places[q]] = s[row * STRIDE + lanes]
@@ -199,14 +199,14 @@ def advance(
 ) -> int:
     """Advance trajectories of a batch to the end of their window.
 
-    Those that are under way when there are too few to fill the block stay in it until the next
-    call, which therefore takes the same arguments, apart from the span.
+    When too few new ones are left to fill the block, trajectories in progress stay in it until the
+    next call, which must therefore take the same arguments, apart from the span.
 
     Parameters
     ----------
     span
-        Trajectories ``span[0] ... span[1] - 1`` are begun, while ``span[2]`` are under way: 0, or
-        what the call before returned.  With none to begin, those that are under way are finished.
+        Trajectories ``span[0] ... span[1] - 1`` are started; ``span[2]`` are in progress: 0, or the
+        value returned by the previous call.  With none to start, those in progress are finished.
     batch : vibrosweep.kernels.impact.Batch
     options : Options
     window
@@ -214,18 +214,18 @@ def advance(
     s
         From `scratch`; not shared between threads.
     out : Statistics
-        Only the slots of trajectories that were begun by this caller are written.
+        Only the entries of trajectories started by this caller are written.
     cycles
-        From `empty_cycles`, or None.  Where given, a trajectory whose state returns bit for bit is
-        not followed any further: the rest is counted from one cycle.  Sums then differ from those
-        of going on by rounding only.
+        From `empty_cycles`, or None.  If given, simulation of a trajectory stops when its state
+        recurs bit for bit, and the rest is counted from one cycle.  Sums then differ from those of
+        a full simulation by rounding only.
     rests
         From `empty_rests`, or None.  Not shared between threads; given with `cycles`.
 
     Returns
     -------
     int
-        Number of trajectories under way.
+        Number of trajectories in progress.
     """
     base, problem, launches = batch
     first, last, lanes = span
@@ -241,7 +241,7 @@ def advance(
         fresh = min(done, last - following)
         for q in range(fresh):
             lane = following + q
-            if i < 0 or p < 0 or places[q] < 0:  # never, see `write`
+            if i < 0 or p < 0 or places[q] < 0:  # never true, see `write`
                 return 0
             start = launch(launches, i, p, problem.phase[i])
             _load(s, places[q], lane, start, watch, window, cycles, patience)
@@ -254,24 +254,24 @@ def advance(
         lanes = _close_gaps(s, lanes, places, fresh, done)
         if lanes < LANES and first < last:
             return lanes
-        # whole vectors only: the places behind the last lane hold stale, harmless numbers
+        # whole vectors only: lanes behind the last one hold stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for _ in range(LOOK_AFTER):
             _step(s, padded, base, window)
         _mark(s, padded, options.budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:
-            # here and not in a function: numba would count references to all arrays that it takes
+            # not in a function of its own: numba would count references to all its array arguments
             listed, done = done, 0
             for q in range(listed):
                 j = places[q]
                 if s[ROW.DONE + j] == RETURNED:
-                    later = has_returned(s, j)
+                    later = recurs(s, j)
                     if later and (options.all_cycles == 1 or saves_work(s, j, options.jump)):
                         realization = int(s[ROW.LANE + j]) // particles
                         close_cycle(s, j, realization, base, window, options.jump, cycles, rests)
                     elif later:
-                        forget_anchor(s, j)
+                        stop_search(s, j)
                     if s[ROW.AGE + j] < options.budget:
                         continue
                     s[ROW.DONE + j] = SPENT

@@ -10,7 +10,7 @@ __all__ = ["combine"]
 
 @kernel
 def combine(first: int, last: int, particles: int, each: Statistics, out: Statistics) -> None:
-    """Combine the particles of realizations first ... last - 1, always in the same order.
+    """Combine the particles of realizations first ... last - 1, in a fixed order.
 
     Parameters
     ----------

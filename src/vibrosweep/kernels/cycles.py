@@ -1,8 +1,9 @@
-"""Orbits that repeat: the rest of a trajectory counted from one cycle instead of followed.
+"""Cycle detection: the rest of a periodic trajectory is counted from one cycle.
 
-A contracting orbit returns, in floating point, to the very same state (x, u); from there on it is
-known for all time.  A lane remembers an earlier state, its anchor, at ages that double (Brent
-1980), and compares with it when it is looked at anyway.
+A contracting orbit eventually returns, in floating point, to exactly the same state (x, u); from
+then on it repeats for all time.  This recurrence is found by Brent's algorithm (1980): each lane
+saves a state, its anchor, at ages that double, and compares its current state with the anchor
+whenever lanes are checked.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ __all__ = [
     "close_cycle",
     "empty_cycles",
     "empty_rests",
-    "forget_anchor",
-    "has_returned",
     "no_cycle",
     "once_round",
+    "recurs",
     "saves_work",
+    "stop_search",
 ]
 
-FIRST_ANCHOR = 64  # age in impacts at which recurrence begins to be looked for
-# A cycle is worth its finding where so many times the time since the anchor remains.
+FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
+# A cycle saves work if the remaining time is this many times the time since the anchor.
 WORTH = 4.0
-# Instants of the window that rounding might decide are left to be followed.
+# Distance kept from the ends of the window, where rounding might decide what is inside.
 MARGIN = 2.0**-20  # periods
 
 Totals = tuple[int, float, int, float, float, float]  # impacts, periods, rests and of the flights
@@ -45,13 +46,13 @@ Cycles = Floats
 
 
 class CycleRows(NamedTuple):
-    """Rows of an array that holds the cycles which trajectories have entered, a column for each.
+    """Rows of the array of cycles that trajectories have entered; one column per trajectory.
 
-    One array, because numba counts references to each.  Where no recurrence was found there are 0
-    impacts, and the other rows hold anything.
+    A single array, because numba counts references to each array.  Where no recurrence was found,
+    IMPACTS is 0 and the other rows are undefined.
     """
 
-    IMPACTS: int = 0  # until the same bits return
+    IMPACTS: int = 0  # of one cycle, until exactly the same state returns
     PERIODS: int = 1
     RESTS: int = 2
     WHOLE: int = 3  # whole periods from the end's, phase and speed of a state on the cycle
@@ -64,13 +65,13 @@ CYCLE: Final = CycleRows()
 
 
 def empty_cycles(trajectories: int) -> Cycles:
-    """Room for the cycles of a batch."""
+    """Allocate the cycles of a batch."""
     return np.empty((len(CYCLE), trajectories))
 
 
 @jit
 def no_cycle(cycles: Cycles, lane: int) -> None:
-    """Note that trajectory `lane` has not been seen to recur."""
+    """Record that no recurrence of trajectory `lane` was found."""
     cycles[CYCLE.IMPACTS, lane] = 0.0
 
 
@@ -78,7 +79,7 @@ def no_cycle(cycles: Cycles, lane: int) -> None:
 def _note(
     cycles: Cycles, lane: int, found: Found, state: tuple[float, float, float], age: float
 ) -> None:
-    """Note the cycle that trajectory `lane` is on, and a state of it."""
+    """Store the cycle of trajectory `lane`, and a state on it."""
     impacts, periods, rests = found
     cycles[CYCLE.IMPACTS, lane], cycles[CYCLE.PERIODS, lane] = impacts, periods
     cycles[CYCLE.RESTS, lane], cycles[CYCLE.AGE, lane] = rests, age
@@ -87,22 +88,22 @@ def _note(
     cycles[CYCLE.FLIGHT, lane] = flight
 
 
-# Of the orbit from one rest to the next, which all rested particles of a realization share: its
-# totals and the realization, a line for each of those that are at hand.  Another one may take the
-# line: then the orbit is gone through again.
+# Cache of the orbit from one rest to the next, which all particles of a realization share once they
+# have rested: its totals, and the realization they belong to.  Another realization may overwrite
+# the line; the orbit is then computed again.
 Rests = Floats
 ROOM_FOR_RESTS = 1024
-REST_IMPACTS, REST_PERIODS, REST_SUM, REST_SQUARES, REST_LARGEST, WHOSE = range(6)
+REST_IMPACTS, REST_PERIODS, REST_SUM, REST_SQUARES, REST_LARGEST, REST_REALIZATION = range(6)
 
 
 def empty_rests() -> Rests:
-    """Memory of which nothing is known."""
-    return np.full((ROOM_FOR_RESTS, WHOSE + 1), -1.0)
+    """Return an empty cache of orbits with rests."""
+    return np.full((ROOM_FOR_RESTS, REST_REALIZATION + 1), -1.0)
 
 
 @jit
 def once_round(fixed: Scene, x_start: float, u_start: float) -> Totals:
-    """Totals of the cycle through a state; those of no impacts where a rest lies on the way."""
+    """Totals of the cycle through a state; all zero if a rest interrupts it."""
     n, x, u = 0.0, x_start, u_start
     impacts, total, squares, largest = 0, 0.0, 0.0, 0.0
     while impacts == 0 or x != x_start or u != u_start:
@@ -121,18 +122,18 @@ def once_round(fixed: Scene, x_start: float, u_start: float) -> Totals:
 
 @jit
 def _count_cycle(s: Floats, j: int, realization: int, fixed: Scene, rests: Rests) -> None:
-    """Note the totals of the cycle that lane j has entered."""
+    """Compute and store the totals of the cycle that lane j has entered."""
     p, q, rested, total, squares, largest = 0, 0.0, 0, 0.0, 0.0, 0.0
-    if s[ROW.RESTS + j] == s[ROW.RESTS_ANCHOR + j]:  # no rest is known on the way
+    if s[ROW.RESTS + j] == s[ROW.RESTS_ANCHOR + j]:  # no rest since the anchor
         p, q, rested, total, squares, largest = once_round(fixed, s[ROW.X + j], s[ROW.U + j])
     if p == 0 or rested > 0:
         line = realization % ROOM_FOR_RESTS
-        if rests[line, WHOSE] != realization:
+        if rests[line, REST_REALIZATION] != realization:
             x_lift, u_lift = after_rest(fixed)
             p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift)
             rests[line, REST_IMPACTS], rests[line, REST_PERIODS] = p, q
             rests[line, REST_SUM], rests[line, REST_SQUARES] = total, squares
-            rests[line, REST_LARGEST], rests[line, WHOSE] = largest, realization
+            rests[line, REST_LARGEST], rests[line, REST_REALIZATION] = largest, realization
         rested = 1
         p, q = int(rests[line, REST_IMPACTS]), rests[line, REST_PERIODS]
         total, squares = rests[line, REST_SUM], rests[line, REST_SQUARES]
@@ -144,9 +145,9 @@ def _count_cycle(s: Floats, j: int, realization: int, fixed: Scene, rests: Rests
 
 @jit
 def _jump(s: Floats, j: int, window: int | None) -> bool:
-    """Pass over whole cycles of lane j; return whether they were the last ones.
+    """Skip whole cycles of lane j; return whether they were the last ones.
 
-    The landings that are passed over are all inside the window, or all before it.
+    The skipped landings are either all inside the window or all before it.
     """
     periods = s[ROW.CYCLE_PERIODS + j]
     n, x = s[ROW.N + j], s[ROW.X + j]
@@ -155,7 +156,7 @@ def _jump(s: Floats, j: int, window: int | None) -> bool:
         if begin > -MARGIN:
             times = np.floor((begin - MARGIN) / periods)
             s[ROW.N + j] = n + max(0.0, times) * periods
-            s[ROW.N_ANCHOR + j] = s[ROW.N + j]  # where it returns, and is looked at again
+            s[ROW.N_ANCHOR + j] = s[ROW.N + j]  # it recurs here, and is checked again
             return False
     times = max(0.0, np.floor(((s[ROW.X_END + j] - x) - n - MARGIN) / periods))
     s[ROW.N + j] = n + times * periods
@@ -168,22 +169,22 @@ def _jump(s: Floats, j: int, window: int | None) -> bool:
 
 
 @jit
-def has_returned(s: Floats, j: int) -> bool:
-    """Whether the state of lane j is that of its anchor, at a later time."""
+def recurs(s: Floats, j: int) -> bool:
+    """Whether lane j recurs: its state equals its anchor, at a later time."""
     same = s[ROW.X + j] == s[ROW.X_ANCHOR + j] and s[ROW.U + j] == s[ROW.U_ANCHOR + j]
     return bool(same and s[ROW.N + j] > s[ROW.N_ANCHOR + j])
 
 
 @jit
-def forget_anchor(s: Floats, j: int) -> None:
-    """Look no more for a cycle of lane j."""
+def stop_search(s: Floats, j: int) -> None:
+    """Stop the search for a cycle of lane j: no state equals NaN, and no anchor is due."""
     s[ROW.X_ANCHOR + j] = np.nan
     s[ROW.NEXT_ANCHOR + j] = np.inf
 
 
 @jit
 def saves_work(s: Floats, j: int, jump: int) -> bool:
-    """Whether the cycle of lane j, whose state has returned, may and should be passed over."""
+    """Whether skipping cycles of lane j, which recurs, is allowed and saves work."""
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
     return bool(jump == 1 and since > 0.0 and -s[ROW.N + j] > WORTH * since)
 
@@ -199,18 +200,18 @@ def close_cycle(
     cycles: Cycles,
     rests: Rests,
 ) -> None:
-    """Find the cycle of lane j, whose state has returned, and pass over it where that saves work.
+    """Determine the cycle of lane j, which recurs, and skip its repetitions if that saves work.
 
     Parameters
     ----------
     s, j, realization
-        Scratch memory, lane, and which realization it is of.
+        Scratch memory, lane, and index of its realization.
     base, window
         As in `vibrosweep.kernels.advance.advance`.
     jump
-        1 where cycles are to be passed over.
+        1 to skip repetitions of cycles.
     cycles
-        Where the cycle is noted, if none has been.
+        Filled with the cycle, unless it holds one already.
     rests
         From `empty_rests`.
     """
@@ -219,7 +220,7 @@ def close_cycle(
     rested = s[ROW.RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
     if window is None and rested > 0.0 and not jumps:
-        # from rest to rest there is but one orbit, so many times since the anchor
+        # the orbit from rest to rest is unique, and was passed `rested` times since the anchor
         impacts = age - 0.5 * s[ROW.NEXT_ANCHOR + j]
         found = impacts / rested, since / rested, 1.0
     else:
@@ -229,10 +230,10 @@ def close_cycle(
         if jumps:
             last = _jump(s, j, window)
             if last:
-                s[ROW.AGE + j] = -np.inf  # what is left is less than a cycle
+                s[ROW.AGE + j] = -np.inf  # less than a cycle is left
     lane = int(s[ROW.LANE + j])
     if cycles[CYCLE.IMPACTS, lane] == 0.0:
         _note(cycles, lane, found, state, age)
     s[ROW.NEXT_ANCHOR + j] = np.inf
     if last:
-        forget_anchor(s, j)
+        stop_search(s, j)

@@ -1,4 +1,4 @@
-"""Realizations that are one and the same problem."""
+"""Search for duplicate realizations by hashing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LEFT, RIGHT, AGAIN = np.uint64(13), np.uint64(7), np.uint64(17)
 
 @jit
 def _mixed(code: np.uint64, word: np.uint64) -> np.uint64:
-    """Let every bit of a word change many of the code: one step of xorshift (Marsaglia 2003)."""
+    """Mix a word into a hash code by one step of xorshift (Marsaglia 2003)."""
     code ^= word
     code ^= code << LEFT
     code ^= code >> RIGHT
@@ -40,12 +40,12 @@ def _same(bits: Words, launches: Launches, i: int, j: int) -> bool:
 
 @kernel
 def first_of_each(columns: Floats, launches: Launches, first: Integers) -> int:
-    """Find the first realization that is the same problem, for each; return how many are first.
+    """Find the first duplicate of each realization; return the number of distinct ones.
 
     Parameters
     ----------
     columns
-        Shape (quantity, realization): numbers that decide a trajectory, compared bit by bit.
+        Shape (quantity, realization): all numbers that determine a trajectory, compared bit by bit.
     launches : vibrosweep.model.parameters.Launches
         Compared too.
     first

@@ -1,6 +1,6 @@
-"""One impact, for every kernel: flight, landing, rebound, and lift-off at once or after a rest.
+"""One impact, as used by every kernel: flight, landing, rebound, lift-off (perhaps after a rest).
 
-Phases stay in [-1/2, 1/2]; whole periods are counted apart, as integers held in float64.  The
+Phases stay in [-1/2, 1/2]; whole periods are counted separately, as integers in float64.  The
 reduction of a flight s to s - rint(s) is exact, so nothing is lost as time grows.
 """
 
@@ -22,7 +22,7 @@ Instant = tuple[float, float]  # whole periods and phase
 
 
 class Batch(NamedTuple):
-    """Realizations and launches, and what they bounce on.
+    """Realizations, their launches, and the base.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ def land(x: float, s: float) -> tuple[float, float]:
 
 @jit
 def impact(fixed: Scene, n: float, x: float, u: float) -> Impact:
-    """Landing and lift-off after leaving the base at (n, x) with speed u."""
+    """Landing and next lift-off of a particle that leaves the base at (n, x) with speed u."""
     s, v = fly(fixed, x, u)
     x, passed = land(x, s)
     n += passed

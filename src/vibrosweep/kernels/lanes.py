@@ -1,10 +1,10 @@
 """Layout of the scratch memory in which blocks of lanes are advanced.
 
-A block of lanes (trajectories) lives in one flat array, one row per quantity.  One array with
-constant row offsets, rather than one array per quantity, lets the compiler prove that rows do not
-overlap, and the padding keeps equal lanes of different rows off the same sets of the first-level
-cache.  The rows that every impact touches lie side by side: with others between them, one placement
-in memory out of six made the same code half as fast.
+A block of lanes (trajectories) is stored in one flat array, one row per quantity.  With one array
+and constant row offsets, rather than one array per quantity, the compiler can prove that rows do
+not overlap; padding keeps equal lanes of different rows out of the same sets of the first-level
+cache.  The rows that every impact uses are contiguous: with other rows between them, the code was
+half as fast for one out of six placements in memory.
 """
 
 from __future__ import annotations
@@ -20,40 +20,40 @@ __all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "Rows", "aligned", "scrat
 LANES: Final = 192
 VECTOR: Final = 8
 STRIDE: Final = LANES + VECTOR
-OF_SCENE: Final = 5  # rows that a base has for its scene
+OF_SCENE: Final = 5  # rows for the scene of a base
 
 GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of the row DONE
 
 
 class Rows(NamedTuple):
-    """Where the rows of the scratch memory begin, in their order; SCENE is the first of several.
+    """Offsets of the rows of the scratch memory, in order; SCENE is the first of several.
 
-    Those up to LARGEST take part in every impact.
+    Those up to LARGEST are used by every impact.
     """
 
     SCENE: int
     X_END: int
     X: int  # phase
-    N: int  # whole periods from the end's
-    U: int  # speed, as the time of the next flight
+    N: int  # whole periods, counted from the end of the window
+    U: int  # speed, as the duration of the next flight
     LANDINGS: int
     RESTS: int
-    NEW_SUM: int  # of the flight times since the last look, and of their squares
+    NEW_SUM: int  # of flight times since the last check, and of their squares
     NEW_SQUARES: int
     LARGEST: int
-    SUM: int  # up to the last look
+    SUM: int  # up to the last check
     SQUARES: int
-    X_ANCHOR: int  # an earlier state, and the rests before it
+    X_ANCHOR: int  # the saved state, and the number of rests before it
     N_ANCHOR: int
     U_ANCHOR: int
     RESTS_ANCHOR: int
-    NEXT_ANCHOR: int  # age at which the next one is taken
+    NEXT_ANCHOR: int  # age at which the next anchor is saved
     AGE: int  # impacts so far
     N_BEGIN: int  # of the window
     X_BEGIN: int
-    DONE: int  # why the trajectory leaves its place
-    LANE: int  # which trajectory it is
-    CYCLE_IMPACTS: int  # totals of the cycle that it has entered; 0 impacts while none is known
+    DONE: int  # reason why the trajectory leaves its lane
+    LANE: int  # index of the trajectory
+    CYCLE_IMPACTS: int  # totals of the cycle that it has entered; 0 impacts if none is known
     CYCLE_PERIODS: int
     CYCLE_RESTS: int
     CYCLE_SUM: int
@@ -66,7 +66,7 @@ ROW: Final = Rows(0, *(row * STRIDE for row in range(OF_SCENE, ROWS)))
 
 
 def aligned(numbers: int) -> Floats:
-    """Zeros that begin on a line of the cache, so that no vector spans two."""
+    """Zeros aligned to a cache line, so that no vector crosses one."""
     memory = np.zeros(numbers + VECTOR)
     offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
     return memory[offset : offset + numbers]

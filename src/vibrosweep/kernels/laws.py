@@ -1,8 +1,8 @@
-"""Laws of rebound: the speed at which a particle leaves, from that of its arrival and the kick.
+"""Laws of rebound: the speed after an impact, from the arrival speed and the kick.
 
-A law is an empty named tuple, whose type numba knows when it compiles.  A new one is a class here,
-its two functions, and its
-name, here and in `vibrosweep.model.parameters.LAWS`.
+A law is an empty named tuple: numba selects its functions by type, at compile time.  To add a law,
+write a class with its two functions here, and add its name here and in
+`vibrosweep.model.parameters.LAWS`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the compiler makes of the kernels on this processor."""
+"""Inspection of the machine code of the kernels on this processor."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ __all__ = ["MachineCode", "inspect_sine", "read_assembly"]
 
 
 class MachineCode(NamedTuple):
-    """What the machine code of a loop uses.
+    """Vector registers and instructions used by a loop.
 
     Attributes
     ----------
     vector_bits
-        Width of its widest registers that hold several doubles; 64 where it holds single ones.
+        Bits of the widest registers that hold several doubles; 64 for scalar code.
     fused
-        Whether products and sums are fused by an instruction, and not by a call of a function.
+        Whether a multiply-add is one instruction, rather than a function call.
     """
 
     vector_bits: int
@@ -29,9 +29,9 @@ class MachineCode(NamedTuple):
 
 
 def inspect_sine() -> MachineCode:
-    """Compile a loop over the sine of the kernels, their hottest part, and read its machine code.
+    """Compile a loop over the kernels' sine, their hottest part, and inspect its machine code.
 
-    Machine code that was loaded from the disk cannot be read as text: this loop is compiled anew,
+    Machine code loaded from the disk cache is not available as text, so this loop is compiled anew,
     with the options of the kernels, in 0.4 s.
     """
     loop = njit("void(float64[::1], float64[::1])", **OPTIONS)(_sines)
@@ -40,7 +40,7 @@ def inspect_sine() -> MachineCode:
 
 
 def read_assembly(assembly: str) -> MachineCode:
-    """Find out what a text of assembly uses, of x86-64 or of AArch64."""
+    """Find registers and instructions in assembly text of x86-64 or AArch64."""
     packed = re.findall(r"\bvfn?m(?:add|sub)\w+pd\b.*%([xyz])mm", assembly)
     if packed:
         return MachineCode({"x": 128, "y": 256, "z": 512}[max(packed)], fused=True)

@@ -1,9 +1,9 @@
-"""What each trajectory settles on: its regime, its cycle, multipliers and Lyapunov exponents.
+"""The orbit that each trajectory settles on: regime, cycle, multipliers, Lyapunov exponents.
 
-Cycles are those that were recognised while the trajectory was advanced (see `cycles`); nothing here
-looks for a recurrence.  The exponents of a cycle follow from its multipliers, the eigenvalues of
-the product of the Jacobians of its impacts; those of any other orbit are means along the orbit,
-over the landings in the window.
+Cycles were found while the trajectory was advanced (see `cycles`); there is no search for
+recurrence here.  The exponents of a cycle follow from its multipliers, the eigenvalues of the
+product of the Jacobians of its impacts; those of any other orbit are means along the orbit, over
+the landings in the window.
 """
 
 from __future__ import annotations
@@ -40,9 +40,10 @@ __all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle
 State = tuple[float, float, float]  # whole periods, phase, and the flight that follows
 Pair = tuple[float, float]
 
-# Periods.  Two particles on one orbit differ by the rounding of an impact over
-# 1 - |leading multiplier|, and so do the rounds of an orbit whose bits return after several only;
-# distinct points of one cycle are never this close, unless it has just split.
+# Periods.  Two particles on the same orbit differ by the rounding error of an impact divided by 1 -
+# |leading multiplier|, and so do successive rounds of a cycle whose exact bits return only after
+# several rounds.  Distinct points of a cycle are never this close, except right after a period
+# doubling.
 SAME_ORBIT = 2.0**-30
 TINY = 2.0**-500
 CERTAIN = 3.0  # standard errors by which the exponent of an aperiodic orbit exceeds zero
@@ -55,7 +56,7 @@ APERIODIC = int(Regime.APERIODIC)
 
 
 class Orbits(NamedTuple):
-    """Where trajectories settle, each array of shape (trajectory,).
+    """Orbits that trajectories settle on, each array of shape (trajectory,).
 
     Attributes
     ----------
@@ -67,12 +68,12 @@ class Orbits(NamedTuple):
         1 where rounding may have changed a decision along the cycle, 0 where it cannot have, -1
         where there is no cycle.
     since
-        Instant in forcing periods from which on the orbit is known to repeat; NaN where it is not.
+        Time in forcing periods from which on the orbit is known to repeat; NaN if it is not.
     whole, phase, flight
-        A state to go on from: whole periods and phase of a lift-off, and the flight that follows.
-        Of a cycle, the member with the shortest flight, so that particles on one orbit agree in it
-        up to rounding; at rest for good, the last landing with a flight of 0; NaN where the
-        trajectory was not followed.
+        A state from which the orbit can be continued: whole periods and phase of a lift-off, and
+        the duration of the flight that follows.  On a cycle, the representative: the state with the
+        shortest flight, which is the same for all particles on one orbit, up to rounding.  At rest
+        for good, the last landing, with a flight of 0.  NaN if the trajectory was not simulated.
     multiplier
         The leading multiplier of the cycle, 0 if it has a rest; NaN where there is no cycle.
     largest, largest_error
@@ -101,7 +102,7 @@ class Orbits(NamedTuple):
 
 
 def empty_orbits(trajectories: int) -> Orbits:
-    """Room for the orbits of a batch."""
+    """Allocate the orbits of a batch."""
     impacts, periods, rests = (np.empty(trajectories, np.int64) for _ in range(3))
     regime, uncertain = (np.empty(trajectories, np.int8) for _ in range(2))
     since, whole, phase, flight, *exponents = (np.empty(trajectories) for _ in range(8))
@@ -125,7 +126,7 @@ def empty_orbits(trajectories: int) -> Orbits:
 def _follow(
     fixed: Scene, launched: State, begin: Instant, end: Instant, budget: int, g: Floats
 ) -> tuple[State, int, float, float]:
-    """Follow a trajectory to its end.
+    """Simulate a trajectory to its end.
 
     Returns the state reached and, of the impacts in the window, the number of rests, the sum of the
     logarithms of areas, and the bound of its rounding error.
@@ -159,7 +160,7 @@ def _next(fixed: Scene, state: State) -> State:
 
 @jit
 def _periods_of(fixed: Scene, x: float, u: float, impacts: int, shorter: int) -> int:
-    """Periods of the shorter cycle that a cycle is up to rounding; 0 if it is none."""
+    """Periods of the shorter cycle that a cycle repeats, up to rounding; 0 if it does not."""
     state = ahead = (0.0, x, u)
     for _ in range(shorter):
         ahead = _next(fixed, ahead)
@@ -174,10 +175,10 @@ def _periods_of(fixed: Scene, x: float, u: float, impacts: int, shorter: int) ->
 
 @jit
 def _shortest(fixed: Scene, x: float, u: float, impacts: int, periods: int) -> tuple[int, int]:
-    """Impacts and periods of a cycle with states closer than `SAME_ORBIT` taken as one.
+    """Impacts and periods of a cycle if states closer than `SAME_ORBIT` are identified.
 
-    Rounding lets an orbit alternate between neighbouring numbers; the cycle of its bits is then a
-    multiple of the orbit's.
+    Rounding can make an orbit alternate between neighbouring doubles; its exact bits then repeat
+    only after a multiple of the true period.
     """
     for shorter in range(1, impacts // 2 + 1):
         if impacts % shorter == 0:
@@ -189,7 +190,7 @@ def _shortest(fixed: Scene, x: float, u: float, impacts: int, periods: int) -> t
 
 @jit
 def _representative(fixed: Scene, state: State, impacts: int) -> State:
-    """Member of the cycle with the shortest flight; of equal ones that with the first phase."""
+    """State of the cycle with the shortest flight; among equal ones, that of lowest phase."""
     n_best, x_best, u_best = state
     for _ in range(impacts):
         state = _next(fixed, state)
@@ -197,7 +198,7 @@ def _representative(fixed: Scene, state: State, impacts: int) -> State:
         tie = abs(u - u_best) <= SAME_ORBIT
         if u < u_best - SAME_ORBIT or (tie and x < x_best - SAME_ORBIT):
             n_best, x_best, u_best = n, x, u
-    if x_best < SAME_ORBIT - 0.5:  # phases of -1/2 and 1/2 are one
+    if x_best < SAME_ORBIT - 0.5:  # -1/2 and 1/2 are the same phase
         return n_best - 1.0, x_best + 1.0, u_best
     return n_best, x_best, u_best
 
@@ -222,7 +223,7 @@ def _eigenvalue_error(
     if discriminant < -change:  # the modulus is the root of the determinant
         return determinant_error / math.sqrt(determinant)
     root = math.sqrt(abs(discriminant))
-    # at a double eigenvalue an error enters by its square root
+    # near a double eigenvalue an error enters as its square root
     return 0.5 * (trace_error + min(change / max(root, TINY), math.sqrt(change)))
 
 
@@ -237,8 +238,9 @@ def _spread(frame: Pair, box: Pair) -> Pair:
 def _state_error(fixed: Scene, state: State, impacts: int) -> Pair:
     """Distance of a state of a cycle of rounded impacts from the exact cycle, to first order.
 
-    What rounding adds in one round, each part carried on to its end, is b; a distance d returns as
-    M d + b, and it is its own image: d = (1 - M)^-1 b.
+    In one round, the distance d from the exact cycle becomes M d + b, where M is the product of the
+    Jacobians and b the accumulated rounding error, carried to the end of the round.  It must map to
+    itself: d = (1 - M)^-1 b.
     """
     n, x, u = state
     frame, box = (1.0, 0.0), (0.0, 0.0)
@@ -275,7 +277,7 @@ def _cycle_exponents(
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
     scale, turned = 0.0, 1.0
-    # errors of the state and of both columns, each in a frame of its own
+    # errors of the state and of both columns, each in its own frame
     frame, box = (1.0, 0.0), _state_error(fixed, state, impacts)
     frame_0, box_0, frame_1, box_1 = (1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 0.0)
     for _ in range(impacts):
@@ -312,7 +314,7 @@ def _cycle_exponents(
     largest = (growth.logarithm(modulus) + scale) / impacts
     relative = error / modulus if modulus > 0.0 else 0.0
     relative += HALF_ULP * impacts * (abs(scale) + 2.0)  # of the sum of logarithms
-    if not relative < np.inf:  # a state that is lost at a multiplier of 1
+    if not relative < np.inf:  # the error is unbounded at a multiplier of 1
         relative = np.inf
     return value * math.exp(scale), largest, relative / impacts, area / impacts, slack / impacts
 
@@ -332,7 +334,7 @@ def _write_exponents(
 def _write_cycle(fixed: Scene, t: int, state: State, out: Orbits) -> None:
     """Write a cycle through a state: its representative, multiplier and exponents.
 
-    Its impacts and rests stand in `out` already, and whether it is uncertain if it rests.
+    `out` already holds its impacts and rests and, if it has rests, whether it is uncertain.
     """
     impacts = out.impacts[t]
     state = _representative(fixed, state, impacts)
@@ -354,7 +356,7 @@ def _write_cycle(fixed: Scene, t: int, state: State, out: Orbits) -> None:
 def _write_mean(
     t: int, fixed: Scene, rests: int, area: float, slack: float, g: Floats, out: Orbits
 ) -> None:
-    """Write the exponents of an orbit that does not recur; some of its landings rested."""
+    """Write the exponents of an orbit that does not recur, which may have `rests` rests."""
     if rests > 0:
         _write_exponents(t, fixed, (-np.inf, 0.0), (-np.inf, 0.0), out)
         return
@@ -368,7 +370,7 @@ def _write_mean(
 
 @jit
 def _write_nothing(t: int, out: Orbits) -> None:
-    """Write an orbit of which nothing is known."""
+    """Write an undetermined orbit."""
     out.regime[t] = UNSETTLED
     out.impacts[t] = out.periods[t] = out.rests[t] = 0
     out.uncertain[t], out.since[t] = -1, np.nan
@@ -388,7 +390,7 @@ def settle(
     exponents: int,
     out: Orbits,
 ) -> None:
-    """Tell what trajectories first ... last - 1 of a batch settle on.
+    """Determine the orbits that trajectories first ... last - 1 of a batch settle on.
 
     Parameters
     ----------
@@ -399,17 +401,17 @@ def settle(
     cycles
         From `vibrosweep.kernels.cycles.empty_cycles`; both as `advance` left them.
     budget
-        Impacts after which a trajectory is given up.
+        Largest number of impacts of a trajectory.
     exponents
-        1 where the exponents of every orbit are wanted; with 0 those that do not recur are only
-        followed again where that may show that they are aperiodic.
+        1 to compute the exponents of every orbit; 0 to compute, among orbits that do not recur,
+        only those that may turn out to be aperiodic.
     out : Orbits
         Only the slots first ... last - 1 are written.
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]
     g = np.empty(growth.ROOM)
-    judged, doubtful = -1, 0  # realization whose orbit from rest to rest is known, and what of it
+    judged, doubtful = -1, 0  # realization whose orbit with rests was judged, and the result
     for t in range(first, last):
         i = t // particles
         fixed = scene(base, problem, i)
@@ -419,7 +421,7 @@ def settle(
             n = cycles[CYCLE.WHOLE, t] + problem.end_count[i]
             impacts, periods = int(cycles[CYCLE.IMPACTS, t]), int(cycles[CYCLE.PERIODS, t])
             out.rests[t] = int(cycles[CYCLE.RESTS, t])
-            if out.rests[t] > 0:  # a rest sets the state exactly
+            if out.rests[t] > 0:  # a rest resets the state exactly
                 if judged != i:
                     judged = i
                     x_lift, u_lift = after_rest(fixed)

@@ -33,7 +33,7 @@ class Record(NamedTuple):
 
 
 def empty_record(trajectories: int, impacts: int) -> Record:
-    """Room for at most `impacts` landings of each trajectory."""
+    """Allocate at most `impacts` landings of each trajectory."""
     shape = (trajectories, impacts)
     landing, liftoff, velocity = (np.full(shape, np.nan) for _ in range(3))
     return Record(landing, liftoff, velocity, np.zeros(shape, np.int8))
@@ -65,7 +65,7 @@ def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> No
     batch : vibrosweep.kernels.impact.Batch
     units : Units
     out : Record
-        Its capacity ends a trajectory that is longer.
+        A trajectory with more landings than its capacity is cut off.
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]

@@ -1,4 +1,4 @@
-"""Errors of a rounding, and of what enters the kernels from outside, for the bounds of errors."""
+"""Rounding errors of operations and of the kernels' inputs, for rigorous error bounds."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Separations(NamedTuple):
 
 
 def empty_separations(realizations: int) -> Separations:
-    """Room for the separations of a batch of which nothing is known."""
+    """Allocate the separations of a batch, all undetermined."""
     gap, same = (np.full(realizations, np.nan) for _ in range(2))
     return Separations(gap, same, np.full(realizations, UNKNOWN, np.int8))
 
@@ -56,7 +56,7 @@ def empty_separations(realizations: int) -> Separations:
 def _until(
     window: int | None, begin: Instant, x_end: float, joint: Joint
 ) -> tuple[Instant, Instant]:
-    """Window of two joint cycles, at most, in which every gap and stay of the true one occurs."""
+    """Window of at most two joint cycles that contains every gap and stay of the full one."""
     n_begin, n_end = begin[0], 0.0
     known = joint.known
     if window is not None:
@@ -67,7 +67,7 @@ def _until(
     return (n_begin, begin[1]), (min(n_end, known + 2.0 * joint.periods + 2.0), x_end)
 
 
-# whether it can be measured, the joint cycle, and begin and end of what is to be followed
+# whether it can be measured, the joint cycle, and begin and end of the part to simulate
 Window = tuple[bool, Joint, Instant, Instant]
 
 
@@ -81,7 +81,7 @@ def _window(
     cycles: Cycles,
     pace: Floats,
 ) -> Window:
-    """Window of realization i in which every gap and stay occurs."""
+    """Window of realization i that contains every gap and stay."""
     begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
     x_end = problem.end_phase[i]
     joint, opening, end = no_joint(pace), begin, (0.0, x_end)

@@ -1,4 +1,4 @@
-"""Sine of a reduced phase in turns, as inlined arithmetic: it vectorises where a call cannot."""
+"""Sine of a reduced phase in turns, as inlined arithmetic, which vectorises unlike a call."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def sin_turns(x: float) -> float:
     far = 0.5 - near
     y = math.copysign(far if far < near else near, x)
     z = y * y
-    # even and odd coefficients apart: half the chain of dependent operations
+    # even and odd coefficients separately: halves the chain of dependent operations
     z2 = z * z
     even = fma(z2, C8, C6)
     odd = fma(z2, C7, C5)

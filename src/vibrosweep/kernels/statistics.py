@@ -1,4 +1,4 @@
-"""Statistics of trajectories over the window, and how the kernel puts them down."""
+"""Statistics of trajectories over the window, and how the kernel writes them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vibrosweep.model.status import Status
 
 __all__ = ["Statistics", "empty_statistics", "expect", "write"]
 
-LINE = 8  # numbers in a line of the cache
+LINE = 8  # numbers in a cache line
 
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
@@ -29,7 +29,8 @@ class Statistics(NamedTuple):
     landings, rests
         Number of landings, and of those after which the particle rested.
     at_rest
-        1 where the particle came to rest for good before the end; summed, the number of those.
+        1 if the particle came to rest for good before the end; in sums, the number of such
+        particles.
     flight_sum, flight_squares, flight_max
         Of the flights that follow the landings: sum, sum of squares and maximum of the flight
         time, in forcing periods and their square; a particle at rest for good adds nothing.
@@ -47,7 +48,7 @@ class Statistics(NamedTuple):
 
 
 def empty_statistics(trajectories: int) -> Statistics:
-    """Room for the statistics of a batch."""
+    """Allocate the statistics of a batch."""
     landings, rests = (np.empty(trajectories, np.int64) for _ in range(2))
     total, squares, largest = (np.empty(trajectories) for _ in range(3))
     at_rest, status = (np.empty(trajectories, np.int8) for _ in range(2))
@@ -56,8 +57,8 @@ def empty_statistics(trajectories: int) -> Statistics:
 
 @jit
 def expect(out: Statistics, lane: int) -> None:
-    """Fetch the memory for statistics that will be written a block of lanes later."""
-    if lane % LINE > 0:  # the trajectory before has done it
+    """Prefetch the memory of statistics that will be written a block of lanes later."""
+    if lane % LINE > 0:  # the previous trajectory has prefetched this cache line
         return
     prefetch(out.landings, lane)
     prefetch(out.rests, lane)
@@ -70,9 +71,9 @@ def expect(out: Statistics, lane: int) -> None:
 
 @jit
 def write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -> None:
-    """Write the statistics of the trajectory in place j to its own slot."""
+    """Write the statistics of the trajectory in lane j to its own index."""
     lane = int(s[ROW.LANE + j]) if j >= 0 else -1
-    if lane < 0:  # never, which spares the compiler the look at it for each index below
+    if lane < 0:  # never true; saves the test for negative indices in each access below
         return
     out.landings[lane] = int(s[ROW.LANDINGS + j])
     out.rests[lane] = int(s[ROW.RESTS + j])
@@ -80,7 +81,7 @@ def write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) ->
     out.flight_squares[lane] = s[ROW.SQUARES + j]
     out.flight_max[lane] = s[ROW.LARGEST + j]
     for_good = np.isnan(s[ROW.X + j])
-    if window is None:  # it may have come after the end, but not where it was counted
+    if window is None:  # the rest may be after the end; then it was not counted
         for_good = for_good and s[ROW.RESTS + j] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
     out.status[lane] = COMPLETED

@@ -35,7 +35,7 @@ def stretch(c: float, s: float, jacobian: Jacobian) -> tuple[float, float, float
     ax, ay = carry(c, s, jacobian)
     bx, by = carry(-s, c, jacobian)
     along = math.sqrt(ax * ax + ay * ay)
-    if along == 0.0:  # without restitution alone: the first axis is lost
+    if along == 0.0:  # only at zero restitution: the first axis collapses
         return c, s, 0.0, 0.0, 0.0
     c, s = ax / along, ay / along
     across = abs(c * by - s * bx)

@@ -1,4 +1,4 @@
-"""How far a trajectory can be trusted: a bound of its error, carried along with it.
+"""Rigorous error bounds, carried along with each trajectory.
 
 The error of the state (x, u) is enclosed in a box in a frame that turns with the orbit (Lohner's
 method): the Jacobian of each impact is applied to the frame, its larger image becomes the first
@@ -6,9 +6,9 @@ axis of the next frame, and the box grows by the triangular factor that remains,
 the step and by a bound of what the linearisation leaves out.  An error therefore grows as the orbit
 itself stretches it, not as a sum of absolute values would.
 
-The bound is against the exact model at the exact doubles of the physical parameters.  It ends
-where a decision (rest or not, landing before the end or not, this period or the next) lies within
-the error: what follows is then unknown.
+The bound is relative to the exact orbit of the model for the exact values of the given doubles.  It
+becomes infinite when a decision (rest or not, landing before the end or not, this period or the
+next) is within the error, since the exact orbit may then continue differently.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ __all__ = ["Trust", "empty_trust", "is_certain", "landing_error", "trust", "turn
 
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40
-LOST = 0.125  # turns; beyond, a linearisation says nothing
+LOST = 0.125  # turns; beyond this, a linearisation is useless
 
 
 class Trust(NamedTuple):
@@ -65,7 +65,7 @@ class Trust(NamedTuple):
 
 
 def empty_trust(trajectories: int) -> Trust:
-    """Room for the bounds of a batch."""
+    """Allocate the bounds of a batch."""
     until, landing, flight = (np.empty(trajectories) for _ in range(3))
     return Trust(until, landing, flight)
 
@@ -95,7 +95,7 @@ def turn_box(frame: Frame, box: Box, derivative: Jacobian) -> tuple[Frame, Box]:
     if (bx * bx + by * by) * (second * second) > (ax * ax + ay * ay) * (first * first):
         ax, ay, bx, by = bx, by, ax, ay
         first, second = second, first
-    # differences above and below may cancel: their rounding is relative to the terms
+    # the differences above may cancel, so their rounding is bounded relative to their terms
     slack = ROUNDING * derivative[4] * (first + second)
     length = math.sqrt(ax * ax + ay * ay)
     if length == 0.0:
@@ -247,7 +247,7 @@ def trust(first: int, last: int, batch: Batch, tolerance: Floats, budget: int, o
     tolerance
         Largest error of a landing time that is trusted, in forcing periods, shape (realization,).
     budget
-        Impacts after which a trajectory is given up.
+        Largest number of impacts of a trajectory.
     out : Trust
         Only the slots first ... last - 1 are written.
     """

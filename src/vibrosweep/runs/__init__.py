@@ -1,1 +1,1 @@
-"""A sweep from its description to its file: plan, chunks, resume, cluster, progress."""
+"""Running a sweep: plan, chunks, resuming, cluster, progress, and the result file."""

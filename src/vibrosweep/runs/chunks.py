@@ -1,4 +1,4 @@
-"""Chunks of a sweep: each is computed by itself, and may be computed again to the same bits."""
+"""Chunks of a sweep, computed independently of each other and reproducible bit for bit."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 Tick = Callable[[int], object]
 
-# Statistics of so many trajectories take 22 MB; what is done once for a batch takes no time then.
+# The statistics of this many trajectories take 22 MB, and the fixed cost per batch is negligible.
 TRAJECTORIES_PER_BATCH: Final = 1 << 19
 
 
 @dataclass(frozen=True)
 class Job:
-    """All that a process, on whatever machine, needs to compute a chunk; it can be pickled.
+    """Everything a process on any machine needs to compute a chunk; can be pickled.
 
     Attributes
     ----------
     spec
         The sweep.
     manifest
-        How it is cut.
+        How the sweep is cut into chunks.
     parts
-        Where its parts go.
+        Where its parts are written.
     rows
-        The realizations of the sweep that are computed, where not all are.
+        Indices of the realizations to compute; None for all.
     """
 
     spec: SweepSpec
@@ -60,13 +60,13 @@ class Job:
     rows: tuple[int, ...] = ()
 
     def open(self) -> Design:
-        """Open the design of what is computed."""
+        """Open the design of the realizations to compute."""
         design = open_design(self.spec)
         return chosen(design, self.rows) if self.rows else design
 
 
 class Runner(Protocol):
-    """Computes chunks somewhere, in any order."""
+    """Computes chunks in any order: in this process or on other machines."""
 
     def __call__(self, job: Job, chunks: Sequence[int], tick: Tick, /) -> Mapping[int, str]:
         """Compute chunks and write their parts.
@@ -78,7 +78,7 @@ class Runner(Protocol):
         chunks
             Numbers of the chunks to compute.
         tick
-            Called with the number of realizations that were computed since its last call.
+            Called with the number of realizations computed since its last call.
 
         Returns
         -------
@@ -88,12 +88,12 @@ class Runner(Protocol):
         Raises
         ------
         VibrosweepError
-            What concerns all chunks, such as a full disk.
+            An error that concerns all chunks, such as a full disk.
         """
 
 
 def in_process(threads: int) -> Runner:
-    """Return a runner that computes chunks here, one after the other."""
+    """Return a runner that computes chunks in this process, one after the other."""
 
     def run(job: Job, chunks: Sequence[int], tick: Tick) -> dict[int, str]:
         failed = {}
@@ -102,7 +102,7 @@ def in_process(threads: int) -> Runner:
                 compute_chunk(job, index, threads, tick)
             except VibrosweepError:
                 raise
-            except Exception as error:  # a bad chunk must not end the others
+            except Exception as error:  # a failing chunk must not stop the others
                 failed[index] = f"{type(error).__name__}: {error}"
         return failed
 
@@ -112,7 +112,7 @@ def in_process(threads: int) -> Runner:
 def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) -> int:
     """Compute a chunk and write its part; return the number of its realizations.
 
-    Safe to repeat, and to do twice at a time: the same bits go to the same name.
+    Repeated or simultaneous calls are safe: the same bits are written under the same name.
 
     Parameters
     ----------
@@ -123,12 +123,12 @@ def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) 
     threads
         Number of threads; the part does not depend on it.
     tick
-        As for a `Runner`.
+        See `Runner`.
 
     Raises
     ------
     VibrosweepError
-        The part cannot be written, or this is not the sweep or the version that the run began with.
+        The part cannot be written, or the sweep or the version is not that of the run.
     Exception
         The computation failed twice.
     """
@@ -157,8 +157,8 @@ _opened: tuple[Job, Design] | None = None
 
 
 def _design(job: Job) -> Design:
-    """Open the design of a job; it is kept for the next chunk of the same job."""
-    global _opened  # to open a table or a Latin hypercube may take a second
+    """Open the design of a job; cached for the next chunk of the same job."""
+    global _opened  # opening a table or a Latin hypercube may take a second
     opened = _opened
     if opened is None or opened[0] != job:
         same = {key: job.manifest.identity.get(key, "") for key in identity(job.spec)}
@@ -193,7 +193,7 @@ def compute_rows(
         of `column_kinds`.
     """
     for first in range(start, stop, batch_size(spec)):
-        # not held here while the next ones are computed
+        # free the memory before the next batch is computed
         yield _batch(spec, design, first, min(first + batch_size(spec), stop), workers)
 
 
@@ -205,11 +205,11 @@ def _batch(spec: SweepSpec, design: Design, start: int, stop: int, workers: Work
         measured = measure_all(parameters, observation, workers)
     except VibrosweepError:
         raise
-    except Exception:  # once more: what failed may have been the moment
+    except Exception:  # try once more: the failure may have been temporary
         measured = measure_all(parameters, observation, workers)
     return {**sampled, **measured}
 
 
 def batch_size(spec: SweepSpec) -> int:
-    """Realizations that are computed at a time."""
+    """Number of realizations in a batch, computed together."""
     return max(1, TRAJECTORIES_PER_BATCH // spec.particles)

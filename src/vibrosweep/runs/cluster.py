@@ -1,8 +1,8 @@
 """Chunks on the workers of a Dask cluster, each of which writes the parts that it computes.
 
-Only numbers of chunks travel: what is finished stands in the run directory, on a file system that
-all machines share.  So a worker that dies costs the chunks it was at, and after the death of the
-scheduler or of this process the same call computes what is missing.
+Only chunk numbers are sent over the network: finished chunks are files in the run directory, on a
+file system that all machines share.  If a worker dies, only the chunks it was computing are lost;
+if the scheduler or this process dies, the same call computes the missing chunks.
 """
 
 from __future__ import annotations
@@ -30,19 +30,27 @@ __all__ = [
     "on_dask",
 ]
 
-# Seconds until a scheduler answers, or is given up once it does not.
+# Seconds to wait for an answer of the scheduler.
 PATIENCE: Final = 30
-# Seconds in which a part that a worker has written must be seen here: file servers may be slow.
+# Seconds to wait for a new worker once all have gone.  Dask restarts a local worker within seconds,
+# but not always: a worker that dies while it starts may stay away for good.  Jobs of a batch system
+# may have to queue.
+LOCAL_ABSENCE: Final = 120.0
+ABSENCE: Final = 1800.0
+# Seconds between two looks at futures, and between two looks at workers.
+POLL: Final = 0.05
+LOOK: Final = 1.0
+# Seconds until a part written by a worker must be visible here: file servers may be slow.
 VISIBLE_WITHIN: Final = 60.0
-# A sweep is cut into so many chunks for each thread, so that all have about equally much to do.
+# Chunks per thread into which a sweep is cut, so that all threads get about equal work.
 CHUNKS_PER_THREAD: Final = 4
-# So many chunks are handed out for each thread: it is never idle, and the scheduler never full.
+# Chunks per thread that are submitted ahead: no thread is idle, and the scheduler's queue is short.
 AHEAD: Final = 3
 GONE: Final = "the scheduler of the Dask cluster has gone"
 
 
 class MissingDaskError(VibrosweepError, ImportError):
-    """A cluster was asked for, and Dask is not installed."""
+    """Dask, which a cluster needs, is not installed."""
 
 
 @contextmanager
@@ -54,7 +62,7 @@ def local_workers(count: int) -> Iterator[Client]:
     MissingDaskError
         Dask is not installed.
     RunError
-        They do not start.
+        The workers do not start.
     """
     with _settings() as distributed:
         try:
@@ -70,8 +78,12 @@ def local_workers(count: int) -> Iterator[Client]:
             )
         except (OSError, RuntimeError, TimeoutError) as error:
             raise RunError(f"{count} workers cannot be started here: {error}") from error
-        with cluster, distributed.Client(cluster, set_as_default=False) as client:
-            yield client
+        try:
+            with distributed.Client(cluster, set_as_default=False) as client:
+                yield client
+        finally:
+            with suppress(TimeoutError):  # a worker that never started does not close either
+                cluster.close(timeout=PATIENCE)
 
 
 @contextmanager
@@ -99,10 +111,10 @@ def connected(address: str) -> Iterator[Client]:
 
 @contextmanager
 def _settings() -> Iterator[Any]:
-    """Import Dask, with settings that hold while it is used.
+    """Import Dask, and change its settings for the time of the run.
 
-    Workers are started afresh and not forked: a fork would copy threads in the middle of their
-    work.  What Dask logs of a lost worker is no news: the chunk is computed again.
+    Workers are spawned, not forked: a fork would copy threads in the middle of their work.  Dask's
+    messages about lost workers are silenced, since lost chunks are computed again.
     """
     try:
         import dask
@@ -132,19 +144,27 @@ def _settings() -> Iterator[Any]:
 def dask_setup(worker: object) -> None:
     """Prepare a worker that `local_workers` starts; Dask finds this function by its name.
 
-    A terminal sends an interruption to all processes at once: only the first one is to act on it.
+    A terminal sends Ctrl-C to all processes at once: only the main process must act on it.
     """
     for ending in (signal.SIGINT, signal.SIGHUP):
         signal.signal(ending, signal.SIG_IGN)
 
 
-def on_dask(client: Client) -> Runner:
-    """Return a runner that computes chunks on the workers of a cluster, each in one thread."""
+def on_dask(client: Client, absence: float = ABSENCE) -> Runner:
+    """Return a runner that computes chunks on the workers of a cluster, each in one thread.
+
+    Parameters
+    ----------
+    client
+        Of the cluster.  If it has no workers yet, the run waits for the first one.
+    absence
+        Seconds to wait for a new worker once all have gone; then the run ends with a RunError.
+    """
 
     def run(job: Job, chunks: Sequence[int], tick: Tick) -> Mapping[int, str]:
-        if job.spec.table is not None:  # workers stand in other directories
+        if job.spec.table is not None:  # workers have other working directories
             job = replace(job, spec=replace(job.spec, table=job.spec.table.resolve()))
-        waiting = _Chunks(client, job, list(reversed(chunks)))
+        waiting = _Chunks(client, job, list(reversed(chunks)), absence)
         try:
             for size in waiting.sizes():
                 tick(size)
@@ -161,39 +181,65 @@ def on_dask(client: Client) -> Runner:
 
 
 def _compute(job: Job, index: int) -> None:
-    """Compute a chunk on a worker, unless one that died since has finished it."""
+    """Compute a chunk on a worker, unless a worker that has died since finished it."""
     if index not in job.parts.finished():
         compute_chunk(job, index, threads=1)
 
 
 class _Chunks:
-    """Chunks that are to be computed; a few of them are with the scheduler at a time."""
+    """The chunks to compute; only a few of them are submitted to the scheduler at a time."""
 
-    def __init__(self, client: Client, job: Job, queue: list[int]) -> None:
+    def __init__(self, client: Client, job: Job, queue: list[int], absence: float) -> None:
         self.failed: dict[int, str] = {}
         self._client = client
         self._job = job
         self._queue = queue
+        self._absence = absence
+        self._seen: float | None = None
         self._suspects: list[int] = []
         self._alone: int | None = None
         self._submitted: dict[Future, int] = {}
 
     def sizes(self) -> Iterator[int]:
-        """Compute all; give the number of realizations of each chunk that is finished."""
+        """Compute all chunks; yield the number of realizations of each finished chunk."""
         from distributed import as_completed
 
         done = as_completed(loop=self._client.loop, raise_errors=False)
         self._submit(done)
-        for future in done:
+        while self._submitted:
+            self._await(done)
+            future = next(done)
             index = self._submitted.pop(future)
             size = self._judge(future, index)
             if size is not None:
                 yield size
             self._submit(done)
 
+    def _await(self, done: Any) -> None:
+        """Wait until a chunk has ended, but not for ever where all workers have gone."""
+        looked = time.monotonic()
+        while not done.has_ready():
+            time.sleep(POLL)
+            now = time.monotonic()
+            if now - looked < LOOK:
+                continue
+            looked = now
+            if not self._threads() and self._seen is not None and now - self._seen > self._absence:
+                raise RunError(
+                    f"all workers of the Dask cluster have gone, and no new one has come for "
+                    f"{self._absence:.0f} s"
+                )
+
+    def _threads(self) -> int:
+        """Return the number of threads of all workers; remember when there were any."""
+        threads: int = sum(self._client.nthreads().values())
+        if threads:
+            self._seen = time.monotonic()
+        return threads
+
     def _submit(self, done: Any) -> None:
-        """Hand out as many chunks as keep all workers busy, and suspects one by one at the end."""
-        threads = sum(self._client.nthreads().values())
+        """Submit enough chunks to keep all workers busy; at the end suspects, one at a time."""
+        threads = self._threads()
         batch = min(len(self._queue), max(1, AHEAD * threads) - len(self._submitted))
         indices = [self._queue.pop() for _ in range(batch)]
         if not indices and not self._submitted and self._suspects:
@@ -205,7 +251,7 @@ class _Chunks:
             done.add(future)
 
     def _judge(self, future: Future, index: int) -> int | None:
-        """Return the size of a finished chunk; put others back, or note why they failed."""
+        """Return the size of a finished chunk; set others aside, or note why they failed."""
         from distributed import KilledWorker
 
         if future.status == "finished":
@@ -217,8 +263,8 @@ class _Chunks:
         if isinstance(error, VibrosweepError):
             raise error
         if isinstance(error, KilledWorker):
-            # Dask gives up all chunks that were with four workers when these died; which of them
-            # is to blame is seen once each is computed with no other at work.
+            # Dask gives up every chunk that was submitted to four workers when they died.  Which of
+            # them kills workers shows when each is computed alone.
             if index == self._alone:
                 self.failed[index] = "the workers that computed it died, time after time"
             else:
@@ -233,19 +279,19 @@ class _Chunks:
         return None
 
     def cancel(self) -> None:
-        """Let what has not begun be forgotten."""
+        """Cancel the chunks that no worker has begun."""
         if self._submitted and self._client.status == "running":
             with suppress(OSError):
                 self._client.cancel(list(self._submitted), force=True)
 
 
 def _await_visible(job: Job, chunks: set[int]) -> None:
-    """Wait until the parts that workers have written are seen here."""
+    """Wait until the parts written by workers are visible here."""
     until = time.monotonic() + VISIBLE_WITHIN
     while missing := chunks - job.parts.finished().keys():
         if time.monotonic() > until:
             raise RunError(
-                f"{job.parts.directory}: {len(missing)} parts that workers have written are not "
-                f"seen here; workers and this process need one file system that they share"
+                f"{job.parts.directory}: {len(missing)} parts written by workers are not "
+                f"visible here; workers and this process must share one file system"
             )
         time.sleep(0.5)

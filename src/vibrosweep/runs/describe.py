@@ -1,4 +1,4 @@
-"""What a result file holds, in a few lines, without loading it into memory."""
+"""Short description of a result file, without loading it into memory."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from vibrosweep.store.seal import State, state_of
 __all__ = ["describe"]
 
 ROWS_AT_A_TIME: Final = 1 << 18
-# Realizations that did not complete are listed, up to so many.
+# Largest number of incomplete realizations that are listed.
 LISTED: Final = 20
 PROVENANCE: Final = ("source", "created", "git_revision", "libraries", "python", "cpu", "threads")
 
 
 def describe(path: Path) -> Iterator[str]:
-    """Describe a result file, or the unfinished run of one that is not there yet.
+    """Describe a result file, or an unfinished run if the file does not exist yet.
 
     Yields
     ------
@@ -43,7 +43,7 @@ def describe(path: Path) -> Iterator[str]:
     RunError
         The manifest of an unfinished run is damaged.
     """
-    # not Path.exists, which raises where a name is too long
+    # not Path.exists, which raises if the name is too long
     if not os.path.exists(path) and os.path.exists(run_directory(path)):  # noqa: PTH110
         yield from _unfinished(path)
         return
@@ -57,7 +57,7 @@ def describe(path: Path) -> Iterator[str]:
 
 
 def _other(path: Path, kind: Kind) -> Iterator[str]:
-    """Describe a result that is no sweep."""
+    """Describe a result other than a sweep."""
     dataset = load_dataset(path)
     yield str(dataset.attrs.get("title", path.name))
     yield f"result of {kind.command}"
@@ -67,7 +67,7 @@ def _other(path: Path, kind: Kind) -> Iterator[str]:
 
 
 def _unfinished(path: Path) -> Iterator[str]:
-    """Describe the run that has not finished a result yet."""
+    """Describe an unfinished run."""
     directory = run_directory(path)
     manifest = read_manifest(directory)
     if manifest is None:
@@ -116,7 +116,7 @@ def _range(variable: Any) -> tuple[float, float]:
 
 
 def summary_of(file: Any) -> Summary:
-    """Summarise an open result."""
+    """Summarise an open result file."""
     summary = Summary()
     names = [name for name in OF_REALIZATIONS if name in file.variables]
     for rows in _rows(file.dimensions["realization"].size):
@@ -136,7 +136,7 @@ def _unsettled(file: Any) -> Iterator[str]:
         total += places.size
         for place in places[: LISTED - len(lines)].tolist():
             status = Status(int(codes["status"][place]))
-            # completed by counting the landings of a cycle, which other measures had to follow
+            # the rest was counted from the cycle, but these measures need every landing
             meaning = status.meaning if status else "separations or error bounds undetermined"
             values = (f"{name} {file.variables[name][rows.start + place]:g}" for name in sampled)
             lines.append(f"  {rows.start + place:<10}{', '.join((meaning, *values))}")

@@ -1,4 +1,4 @@
-"""A sweep from its spec to its file: what is finished is kept, memory does not grow."""
+"""Run a sweep from its spec to its result file, resumable and in bounded memory."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ __all__ = [
 
 
 def available_threads() -> int:
-    """Number of processors that this process may use."""
+    """Number of processors available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -53,36 +53,36 @@ def run_sweep(
     runner: Runner | None = None,
     at_least: int = 1,
 ) -> Summary:
-    """Compute a sweep and write it to `output`, which appears when it is complete.
+    """Compute a sweep and write it to `output`, which appears only when complete.
 
-    A sweep of more than one chunk keeps each finished chunk in a directory beside the output; if
-    it was ended early, the same call computes what is missing.
+    A sweep of more than one chunk saves each finished chunk in a run directory next to the output;
+    if the run is interrupted, the same call resumes it and computes the missing chunks.
 
     Parameters
     ----------
     spec
-        What to compute.
+        The sweep.
     output
         Path of the file.
     threads
         Number of threads; the result does not depend on it.
     chunk
         Realizations in a chunk, by default some seconds of work; the result does not depend on it.
-        A run that continues keeps the chunks that it began with.
+        A resumed run keeps its original chunks.
     force
-        Whether an existing output is replaced, and an unfinished run thrown away.
+        Whether to replace an existing output and to discard an unfinished run.
     advance
-        Called with the number of realizations done and that of all.
+        Called with the number of finished realizations and the total.
     runner
-        What computes the chunks; by default this process.
+        Computes the chunks; by default in this process.
     at_least
-        Number of chunks that are wanted, for a runner that computes several at a time.
+        Smallest number of chunks, for a runner that computes several at once.
 
     Raises
     ------
     RunError
-        Another run makes this output, an unfinished run of another sweep stands in the way, or
-        chunks failed.
+        Another run is writing this output, the run directory holds an unfinished run of another
+        sweep, or chunks failed.
     OutputError, TableError, ParameterError
         The file cannot be written, a table cannot be used, or the sweep does not fit into memory.
     """
@@ -116,7 +116,7 @@ def run_sweep(
 
 
 def _consolidated(run: KeptRun) -> Summary:
-    """Write all parts into one file, in their order."""
+    """Merge all parts, in order, into the result file."""
     spec, force = run.job.spec, run.job.manifest.replaces
     summary = Summary(notes=notes(spec, run.design))
     with (
@@ -141,10 +141,10 @@ def _planned(
     chunk: int | None,
     at_least: int,
 ) -> Plan:
-    """Cut the sweep, and refuse it before it starts if its files or its record cannot fit."""
+    """Plan the chunks; raise before the start if the files or the record cannot fit."""
     plan = make_plan(spec, workers, chunk, at_least=at_least)
     record, _ = record_bytes(spec, workers)
-    # without compression, and with every part beside the result
+    # uncompressed, with all parts next to the result
     most = record + 2 * bytes_per_realization(spec, plan.design) * plan.design.realizations
     if not has_room(output, most):
         needs = estimate(spec, plan, workers)
@@ -162,7 +162,7 @@ def _run_at_once(
     *,
     force: bool,
 ) -> Summary:
-    """Compute a sweep of one chunk straight into its file: there would be nothing to continue."""
+    """Compute a sweep of one chunk directly into its file: there is nothing to resume."""
     summary = Summary(notes=notes(spec, design))
     with creating(output, directory, force=force) as file:
         declare(file, spec, design, workers.threads)

@@ -1,4 +1,4 @@
-"""What a planned sweep will take: time, memory and disk, from a sample of it that was computed."""
+"""Estimate time, memory and disk space of a planned sweep from a computed sample."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ SAMPLE_BYTES: Final = 1 << 25
 
 @dataclass(frozen=True)
 class Needs:
-    """What a run needs.
+    """Resources that a run needs.
 
     Attributes
     ----------
     seconds
-        From reading the design to the end of writing, without compiling kernels.
+        Wall time from reading the design to the end of writing, without compiling kernels.
     impacts
-        Of all particles.
+        Number of impacts of all particles.
     memory
-        Bytes, at most at a time, of the whole process.
+        Peak memory of the whole process in bytes.
     result, parts
-        Bytes of the result file, and of the parts beside it while it is written.
+        Bytes of the result file, and of the parts next to it while it is written.
     """
 
     seconds: float
@@ -78,7 +78,7 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
     cut = plan.chunks > 1
     loading = 0.0 if cost.compiled else cost.start
     batch = min(batch_size(spec), plan.chunk)
-    # results that wait to be written while the next ones are computed
+    # results waiting to be written while the next batch is computed
     next_ones = 0 if batch == design.realizations else batch
     held = per_realization * (2 * plan.chunk if cut else next_ones)
     return Needs(
@@ -92,7 +92,7 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
 
 
 def record_bytes(spec: SweepSpec, workers: Workers) -> tuple[int, int]:
-    """Bytes of the record of landings, and of the memory that making it takes; 0 without one.
+    """Bytes of the record of landings on disk, and of memory while it is made; 0 without one.
 
     Raises
     ------
@@ -105,12 +105,12 @@ def record_bytes(spec: SweepSpec, workers: Workers) -> tuple[int, int]:
 
 
 def has_room(output: Path, needed: float) -> bool:
-    """Whether the disk of an output has so many bytes free."""
+    """Whether the disk of an output has this many bytes free."""
     return needed <= shutil.disk_usage(target_of(output).parent).free
 
 
 def require_disk(output: Path, needed: float) -> None:
-    """Refuse a run whose files do not fit on the disk of its output.
+    """Raise if the files of a run do not fit on the disk of its output.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def _written(spec: SweepSpec, plan: Plan, threads: int) -> tuple[float, float]:
 
 
 def _sample_file(spec: SweepSpec, plan: Plan, rows: int, threads: int) -> tuple[int, float]:
-    """Write a result of so many rows, drawn from those that were computed."""
+    """Write a result file with this many rows, drawn from the computed sample."""
     columns = plan.cost.columns
     drawn = np.random.default_rng(0).integers(columns["status"].size, size=rows)
     with tempfile.TemporaryDirectory() as directory:
@@ -159,7 +159,7 @@ def _record_file(
 ) -> tuple[float, float]:
     """Bytes that the record adds to the file, and seconds to compute and write it.
 
-    Measured on as many landings of each particle as make a small file.
+    Measured on a shorter record: as many landings of each particle as fill a small file.
     """
     budget = min(spec.impact_budget, 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * record.particles))
     with tempfile.TemporaryDirectory() as directory:
@@ -174,7 +174,7 @@ def _record_file(
 
 
 def require_memory(needed: float) -> None:
-    """Refuse a run that does not fit into memory.
+    """Raise if a run does not fit into memory.
 
     Raises
     ------

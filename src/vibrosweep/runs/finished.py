@@ -1,4 +1,4 @@
-"""What an output that exists already has to do with the sweep that is to be written there."""
+"""Compare an existing output file with the sweep that is to be written there."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["is_of", "origin"]
 
 
 def is_of(spec: SweepSpec, path: Path) -> bool:
-    """Whether a file is the finished result of this very sweep, by this version."""
+    """Whether a file is the finished result of exactly this sweep and version."""
     return _changes(spec, path) == []
 
 
@@ -35,7 +35,7 @@ def origin(spec: SweepSpec, path: Path) -> str:
 
 
 def _changes(spec: SweepSpec, path: Path) -> list[str] | str | None:
-    """How the sweep differs that made a file; words for other results, None for other files."""
+    """Differences from the sweep that made a file, or its kind; None for foreign files."""
     try:
         with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
             kind, text = kind_of(path, file.attrs), file.attrs.get("sweep_file")

@@ -1,7 +1,7 @@
-"""What the numbers of a sweep depend on, key by key: a run continues only with the same of it.
+"""The resume key (identity) of a sweep: everything that its results depend on.
 
-The keys are read off the spec itself: whatever a spec holds is part of the identity, unless it
-stands among `EXEMPT` with the reason why it cannot change a number.
+A run is resumed only if its identity is unchanged.  Every field of the spec is part of the
+identity, unless `EXEMPT` lists it with the reason why it cannot change a number.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from vibrosweep.spec.sweep import SweepSpec
 
 __all__ = ["EXEMPT", "differences", "identity", "programs", "sources"]
 
-# Fields of a spec that are no part of the identity, each with the reason.
+# Fields of a spec that are not part of the identity, each with the reason.
 EXEMPT: Final[Mapping[str, str]] = {
     "text": "wording and comments; what the text says stands in the other fields",
     "source": "where the sweep file lies",
@@ -31,9 +31,9 @@ EXEMPT: Final[Mapping[str, str]] = {
 # numba and llvmlite compile the kernels, scipy draws two of the designs, and an arcsine of numpy
 # enters every realization
 LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
-# Whatever takes part in drawing, computing or storing a sweep, and more.
+# Sources that could affect the drawing, computing or storing of a sweep.
 ROOMS: Final = ("model", "kernels", "engine", "spec", "store", "runs")
-# Mappings whose keys stand in the sweep file as they are.
+# Mappings whose keys appear in the sweep file unchanged.
 TRANSPARENT: Final = ("fixed", "sampled", "parameters")
 TABLES: Final = {"scene": SceneTable, "sample": SampleTable, "measure": MeasureTable}
 SECTIONS: Final = {
@@ -45,9 +45,9 @@ LONGEST: Final = 200
 
 
 def identity(spec: SweepSpec) -> dict[str, str]:
-    """Return the identity of a sweep: keys of the sweep file, its table, and the programs.
+    """Return the identity of a sweep: values of the sweep file, its table, and the programs.
 
-    The wording of the file plays no part: comments, order, and whether defaults are written out.
+    It does not depend on comments, on the order of keys, or on whether defaults are written out.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def identity(spec: SweepSpec) -> dict[str, str]:
 
 
 def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """Tell in a line each how two identities differ."""
+    """Describe each difference between two identities in one line."""
     keys = dict.fromkeys([*before, *now])
     return [
         f"{key}: was {before.get(key, 'not given')}, is {now.get(key, 'not given')}"
@@ -73,7 +73,7 @@ def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
 
 
 def _entries(key: str, value: Any) -> Iterator[tuple[str, object]]:
-    """Give every plain value in a spec under a key of its own."""
+    """Yield every plain value in a spec with a key of its own."""
     if is_dataclass(value):
         members = {field.name: getattr(value, field.name) for field in fields(value)}
     elif isinstance(value, tuple) and hasattr(value, "_asdict"):
@@ -85,7 +85,7 @@ def _entries(key: str, value: Any) -> Iterator[tuple[str, object]]:
         return
     else:
         raise TypeError(f"{key}: the identity of a sweep cannot hold a {type(value).__name__}")
-    if key and not isinstance(value, Mapping):  # two kinds may have fields of the same names
+    if key and not isinstance(value, Mapping):  # two classes may have fields of the same names
         yield key, type(value).__name__
     for name, member in members.items():
         yield from _entries(_key(key, name), member)
@@ -99,7 +99,7 @@ def _key(parent: str, name: str) -> str:
 
 
 def _short(value: object) -> str:
-    """Write a value exactly, or cut and with a digest where it is long."""
+    """Write a value exactly; shorten a long one and add a digest."""
     text = value if isinstance(value, str) else repr(value)
     if len(text) <= LONGEST:
         return text
@@ -114,7 +114,7 @@ def _digest(table: Path) -> str:
 
 
 def sources() -> list[Path]:
-    """Sources that take part in a sweep, and more."""
+    """Source files that could affect a sweep."""
     package = Path(__file__).parents[1]
     inside = (path for room in ROOMS for path in (package / room).rglob("*.py"))
     return sorted([*package.glob("*.py"), *inside])
@@ -122,7 +122,7 @@ def sources() -> list[Path]:
 
 @lru_cache(maxsize=1)
 def programs() -> str:
-    """Digest of the sources that take part in a sweep."""
+    """Digest of the source files that could affect a sweep."""
     digest = hashlib.blake2b(digest_size=8)
     for path in sources():
         digest.update(path.name.encode() + b"\0" + path.read_bytes())

@@ -1,4 +1,4 @@
-"""A run whose chunks are kept: what is missing is computed, whatever ended it before."""
+"""Resumable runs: finished chunks are kept, missing ones are computed."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ __all__ = ["KeptRun", "continued"]
 def continued(
     output: Path, directory: Path, now: Callable[[], Mapping[str, str]]
 ) -> Manifest | None:
-    """Return the manifest of the unfinished run of this very sweep, None where there is none.
+    """Return the manifest of an unfinished run of this sweep to resume, or None.
 
     Parameters
     ----------
     output, directory
-        The output and its run directory, which is emptied of what no run can continue with.
+        The output and its run directory; files that cannot be resumed from are removed.
     now
-        Gives the identity of the sweep that is to run.
+        Returns the identity of the sweep to run.
 
     Raises
     ------
     RunError
-        An unfinished run of another sweep stands there.
+        The directory holds an unfinished run of another sweep.
     """
     manifest = read_manifest(directory)
     if manifest is None:
@@ -57,16 +57,16 @@ def continued(
 
 @dataclass(frozen=True)
 class KeptRun:
-    """A run whose chunks are kept.
+    """A run that keeps its finished chunks and can be resumed.
 
     Attributes
     ----------
     output
-        The file that it makes.
+        The result file.
     design
-        The realizations that it computes.
+        The realizations to compute.
     job
-        What computes them.
+        What a process needs to compute the chunks.
     threads
         Number of threads in this process.
     """
@@ -82,12 +82,12 @@ class KeptRun:
         return self.job.parts.directory
 
     def compute(self, runner: Runner, advance: Advance) -> None:
-        """Compute the chunks that are missing.
+        """Compute the missing chunks.
 
         Raises
         ------
         RunError
-            Chunks failed; the others are finished.
+            Chunks failed; all others are finished.
         """
         manifest, finished = self.job.manifest, self.job.parts.finished()
         missing = [index for index in range(manifest.chunks) if index not in finished]
@@ -109,13 +109,13 @@ class KeptRun:
             )
 
     def columns(self, summary: Summary) -> Iterator[Columns]:
-        """Give the columns of each chunk, in their order; what is damaged is computed again."""
+        """Yield the columns of each chunk, in order; damaged parts are computed again."""
         finished = self.job.parts.finished()
         for index in range(self.job.manifest.chunks):
             yield self._part(index, finished.get(index), summary)
 
     def _part(self, index: int, path: Path | None, summary: Summary) -> Columns:
-        """Read a part; one that is damaged is computed again."""
+        """Read a part; compute it again if it is damaged or missing."""
         columns = None if path is None else self.job.parts.read(index, path)
         if columns is not None:
             return columns
@@ -134,12 +134,12 @@ class KeptRun:
 
     @contextmanager
     def kept(self) -> Iterator[None]:
-        """Say of whatever ends the run early what was kept."""
+        """Add to any error that ends the run what was kept and how to resume."""
         try:
             yield
         except KeyboardInterrupt as error:
             raise Interruption(f"interrupted; {self._remains()}") from error
-        except TakenOutputError:  # it is complete, under another name
+        except TakenOutputError:  # the result is complete, under another name
             abandon(self.directory)
             raise
         except (OutputError, RunError) as error:

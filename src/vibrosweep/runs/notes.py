@@ -1,4 +1,4 @@
-"""What a reader of a result should know of how its sweep was asked for."""
+"""Remarks on a sweep's settings that readers of its result should know."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ __all__ = ["notes", "silent_defaults"]
 
 
 def notes(spec: SweepSpec, design: Design) -> dict[str, str]:
-    """Remarks on a sweep by their subject; nothing where there is nothing to say."""
+    """Remarks on a sweep, by subject; empty if there are none."""
     found = {"defaults": _defaults(spec, design), "observation": _observation(spec, design)}
     return {subject: text for subject, text in found.items() if text}
 
 
 def silent_defaults(spec: SweepSpec, design: Design) -> dict[str, float]:
-    """Parameters that a sweep leaves at their defaults although it states others."""
+    """Parameters left at their defaults by a sweep that states others."""
     stated = {*spec.given, *design.sampled}
     return {n: p.default for n, p in PARAMETERS.items() if stated and n not in stated}
 
@@ -33,7 +33,7 @@ def _defaults(spec: SweepSpec, design: Design) -> str:
 
 
 def _observation(spec: SweepSpec, design: Design) -> str:
-    """Say where locked orbits cannot be recognised before the observation ends."""
+    """Remark if the observation is too short to recognise locked (k, 1) orbits."""
     if not observation_of(spec).regimes:
         return ""
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))

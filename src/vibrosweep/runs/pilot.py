@@ -1,4 +1,4 @@
-"""What a sweep costs, found by computing a few of its realizations."""
+"""Cost of a sweep, measured by computing a few of its realizations."""
 
 from __future__ import annotations
 
@@ -26,37 +26,37 @@ __all__ = ["UNKNOWN", "Cost", "explore", "memory_per_realization"]
 
 Array = NDArray[np.float64]
 
-# A first look takes so many trajectories over so many periods or impacts: a millisecond or two.
+# Size of the first sample: this many trajectories over this many periods or impacts take 1-2 ms.
 TRAJECTORIES: Final = 256
 PERIODS: Final = 64.0
 IMPACTS: Final = 1_000_000
-REALIZATIONS: Final = 4  # at least, for they differ
+REALIZATIONS: Final = 4  # at least, since realizations differ
 STEP: Final = 4
 MEASURED_PARTICLES: Final = 4096
-MEASURED_TRAJECTORIES: Final = 1 << 14  # their arrays stand out from whatever else is allocated
+MEASURED_TRAJECTORIES: Final = 1 << 14  # enough for their arrays to dominate other allocations
 SECONDS_TO_LOAD: Final = 2.0
 GOLDEN: Final = 0.6180339887498949
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What the realizations of a sweep cost on average.
+    """Average cost of the realizations of a sweep.
 
     Attributes
     ----------
     seconds, impacts
-        Of a realization.
+        Mean per realization.
     error
-        Standard error of the impacts relative to their mean, by how much realizations differ;
-        NaN where the sample is too small to say.
+        Relative standard error of the mean number of impacts; NaN if the sample is too small.
     share
-        Share of the observation that was computed; below 1 the rest is extrapolated.
+        Fraction of the duration and impact budget that was computed; below 1 the rest is
+        extrapolated.
     start
         Seconds to load or compile the kernels.
     loaded
-        Bytes that the process held once the kernels were loaded.
+        Memory of the process in bytes once the kernels were loaded.
     columns
-        What was measured; nothing where the sample could not be computed.
+        The measured variables; empty if the sample could not be computed.
     """
 
     seconds: float
@@ -74,7 +74,7 @@ class Cost:
 
     @property
     def compiled(self) -> bool:
-        """Whether kernels were compiled, which takes seconds, and not only loaded."""
+        """Whether kernels were compiled, which takes seconds, rather than loaded."""
         return self.start > SECONDS_TO_LOAD
 
 
@@ -86,19 +86,19 @@ def explore(
 ) -> Cost:
     """Estimate the cost of the realizations of a sweep.
 
-    A few are computed for a small share of their duration and impact budget, then for more of
-    both, and where these are reached, more realizations.
+    A few realizations are computed for a small fraction of their duration and impact budget, then
+    for growing fractions, and once these are complete, for more realizations.
 
     Parameters
     ----------
     spec, design
         The sweep.
     workers
-        Threads to use; the cost is that of a run with as many.
+        Threads to use; the cost is that of a run with this many.
     seconds
-        Time that this may take, about, beside loading or compiling kernels.
+        Approximate time to spend, apart from loading or compiling kernels.
     enough
-        Seconds below which the whole sweep need not be known more exactly.
+        If the whole sweep takes fewer seconds, a rough estimate is enough.
     """
     most = min(design.realizations, batch_size(spec))
     size = min(most, max(REALIZATIONS, -(-TRAJECTORIES // spec.particles)))
@@ -109,7 +109,7 @@ def explore(
     before = (0.0, 0.0, 0.0)
     while True:
         share = shares.pop(0)
-        # twice, for the first time may load or compile kernels, other ones for other durations
+        # twice: the first call may load or compile kernels, and which ones depends on the duration
         first, _ = _timed(spec, sampled, size, share, workers)
         took, columns = _timed(spec, sampled, size, share, workers)
         start += max(first - took, 0.0)
@@ -128,19 +128,19 @@ def explore(
 
 
 def memory_per_realization(spec: SweepSpec, design: Design, workers: Workers) -> float:
-    """Bytes that computing takes for each realization held in memory at a time."""
+    """Bytes of memory per realization of a batch while it is computed."""
     particles = min(spec.particles, MEASURED_PARTICLES)
     launch = spec.launch if isinstance(spec.launch, str) else spec.launch[:particles]
     few = replace(spec, particles=particles, launch=launch)
     size = max(REALIZATIONS, -(-MEASURED_TRAJECTORIES // particles))
     sizes, peaks = (size, STEP * size), []
-    share = next(_shares(spec, design)) / STEP**2  # arrays have one size for any duration
+    share = next(_shares(spec, design)) / STEP**2  # array sizes do not depend on the duration
     for size in sizes:
-        apart = 1.0 - 1e-9 * np.arange(size)  # what is equal would be computed once
+        apart = 1.0 - 1e-9 * np.arange(size)  # duplicates would be computed only once
         sampled = {name: values * apart for name, values in design.take(0, 1).items()}
         tracemalloc.start()
         try:
-            with Workers(workers.threads) as fresh:  # that hold no memory yet
+            with Workers(workers.threads) as fresh:  # new ones, which hold no memory yet
                 _timed(few, sampled, size, share, fresh)
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
@@ -149,7 +149,7 @@ def memory_per_realization(spec: SweepSpec, design: Design, workers: Workers) ->
 
 
 def _shares(spec: SweepSpec, design: Design) -> Iterator[float]:
-    """Growing shares of the duration and of the impact budget, up to 1."""
+    """Growing fractions of the duration and of the impact budget, up to 1."""
     frequency = design.take(0, 1).get("frequency", np.array([spec.fixed.get("frequency", 1.0)]))
     periods = float(frequency[0]) * spec.duration
     steps = 0
@@ -165,7 +165,7 @@ def _extrapolated(
     loaded: float,
     columns: Columns,
 ) -> Cost:
-    """Continue the cost as it grew between two shares."""
+    """Extrapolate the cost linearly from two fractions of the observation."""
     (share, seconds, impacts), (first, *earlier) = now, before
     steps = (1.0 - share) / (share - first)
     counts = columns["impact_count"]
@@ -184,7 +184,7 @@ def _extrapolated(
 def _timed(
     spec: SweepSpec, sampled: dict[str, Array], size: int, share: float, workers: Workers
 ) -> tuple[float, Columns]:
-    """Compute realizations over a share of their duration; seconds, and what was found."""
+    """Compute realizations over a fraction of their duration; return seconds and results."""
     short = spec
     if share < 1.0:
         short = replace(
@@ -199,7 +199,7 @@ def _timed(
 
 
 def _sampled(spec: SweepSpec, design: Design, size: int) -> dict[str, Array]:
-    """Realizations from all over the design: neighbours in a grid or a table are alike."""
+    """Realizations spread over the design: neighbours in a grid or a table are similar."""
     if size == design.realizations or spec.design in DRAWN:
         return design.take(0, size)
     places = [int(design.realizations * (k * GOLDEN % 1.0)) for k in range(size)]
@@ -208,7 +208,7 @@ def _sampled(spec: SweepSpec, design: Design, size: int) -> dict[str, Array]:
 
 
 def _memory_now() -> float:
-    """Bytes that this process holds."""
+    """Resident memory of this process in bytes."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except OSError:

@@ -1,4 +1,4 @@
-"""How a sweep is cut into chunks, and what it will cost."""
+"""Plan of a sweep: its chunks and its cost."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from vibrosweep.spec.sweep import SweepSpec
 
 __all__ = ["Plan", "bytes_per_realization", "make_plan"]
 
-# A chunk is what a run that is killed loses at most; a sweep that is shorter is not cut.
+# A killed run loses at most the chunk it was computing; a sweep shorter than this is one chunk.
 SECONDS_PER_CHUNK: Final = 10.0
-# A chunk of quick realizations is held in memory and written at once.
+# A chunk is held in memory and written at once, which limits it when realizations are quick.
 BYTES_PER_CHUNK: Final = 1 << 26
 CHUNKS_IF_UNKNOWN: Final = 100
-# Measured with all measures and 20 particles; about the same for more, 680 for one.
+# Measured with all measures and 20 particles; similar for more particles, 680 for one.
 BYTES_PER_TRAJECTORY: Final = 370
-# Time that a run may spend on planning a sweep which is not obviously short.
+# Time that a run may spend on planning, unless the sweep is obviously short.
 SECONDS_TO_PLAN: Final = 0.5
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How a sweep is cut.
+    """The chunks of a sweep and their cost.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Plan:
     chunk
         Realizations in a chunk.
     cost
-        What a realization costs.
+        Mean cost of a realization.
     opening
         Seconds to open the design.
     """
@@ -75,20 +75,20 @@ def make_plan(
     spec
         The sweep.
     workers
-        Threads that compute a chunk.
+        Threads of a chunk.
     chunk
-        Realizations in a chunk, where the user gave it.
+        Realizations in a chunk, if given by the user.
     rows
-        Indices of the realizations to compute, where not all are.
+        Indices of the realizations to compute; None for all.
     at_least
-        Number of chunks that are wanted, as far as there are realizations.
+        Smallest number of chunks, unless there are fewer realizations.
     seconds, enough
-        As for `pilot.explore`.
+        See `pilot.explore`.
 
     Raises
     ------
     ParameterError
-        What is held in memory at a time does not fit.
+        A chunk does not fit into memory.
     TableError, SpecError
         The design cannot be opened.
     """
@@ -101,7 +101,7 @@ def make_plan(
         cost = explore(spec, design, workers, seconds, enough)
     except VibrosweepError:
         raise
-    except Exception:  # what fails in the sample fails in its chunk, and is reported there
+    except Exception:  # a failure here will occur again in its chunk, and is reported there
         cost = UNKNOWN
     size = design.realizations
     if chunk is not None:
@@ -119,7 +119,7 @@ def make_plan(
 
 
 def _require_memory(spec: SweepSpec, design: Design, chunk: int) -> None:
-    """Refuse what no half of the memory holds, before anything is computed."""
+    """Raise, before anything is computed, if a chunk needs more than half of the memory."""
     batch = min(batch_size(spec), chunk)
     needed = BYTES_PER_TRAJECTORY * batch * spec.particles
     needed += 2 * chunk * bytes_per_realization(spec, design)

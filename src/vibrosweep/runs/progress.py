@@ -14,7 +14,7 @@ SECONDS_BEFORE_BAR: Final = 0.5
 
 
 class Advance(Protocol):
-    """Tell how many realizations are done, of how many."""
+    """Called with the number of finished realizations and the total."""
 
     def __call__(self, done: int, total: int, /) -> object:
         """Tell it."""
@@ -26,19 +26,19 @@ def silent(done: int, total: int, /) -> None:
 
 @contextmanager
 def reporting(stream: TextIO, things: str = "realizations") -> Iterator[Advance]:
-    """Report on `stream` how far a run is, how fast, and what remains, in `things`.
+    """Report on `stream` the progress, speed and remaining time of a run, in units of `things`.
 
-    Runs that take less than a moment report nothing.
+    Very short runs report nothing.
     """
     if not stream.isatty():
         yield _Lines(stream, things)
         return
-    from tqdm import tqdm  # only a terminal pays for the import
+    from tqdm import tqdm  # imported only for a terminal
 
     bar = tqdm(unit=f" {things}", file=stream, leave=False, delay=SECONDS_BEFORE_BAR)
 
     def advance(done: int, total: int, /) -> None:
-        with suppress(OSError):  # a terminal that has gone must not end the run
+        with suppress(OSError):  # a closed terminal must not end the run
             bar.total = total
             bar.update(done - bar.n)
 
@@ -50,7 +50,7 @@ def reporting(stream: TextIO, things: str = "realizations") -> Iterator[Advance]
 
 
 class _Lines:
-    """A line of text now and then."""
+    """Occasional lines of text."""
 
     def __init__(self, stream: TextIO, things: str) -> None:
         self.stream, self.things = stream, things
@@ -59,13 +59,13 @@ class _Lines:
 
     def __call__(self, done: int, total: int, /) -> None:
         now = time.monotonic()
-        # what an earlier run has finished says nothing of how fast this one is
+        # chunks of an earlier run must not count for the speed of this one
         before, since = self.began = self.began or (done, now)
         if now - self.last < SECONDS_BETWEEN_LINES or done == before or now == since:
             return
         self.last = now
         rate = (done - before) / (now - since)
-        with suppress(OSError):  # nor must a log that cannot be written
+        with suppress(OSError):  # nor must a log that cannot be written end it
             print(
                 f"{done} of {total} {self.things}, {rate:.4g} per second, "
                 f"{(total - done) / rate:.0f} s remaining",

@@ -1,4 +1,4 @@
-"""Compute again what a finished result could not settle, and write the result anew."""
+"""Retry the incomplete realizations of a finished result, and rewrite the result."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ def retry_failed(
     runner: Runner | None = None,
     at_least: int = 1,
 ) -> tuple[Summary, int]:
-    """Compute again the realizations of a result that did not complete.
+    """Compute the incomplete realizations of a result again.
 
-    The result is then that of the sweep with the new impact budget.  It takes the place of the old
-    one when it is complete; finished chunks are kept as those of `run_sweep` are.
+    The new result equals that of the sweep with the new impact budget.  It replaces the old one
+    when it is complete; finished chunks are kept as in `run_sweep`.
 
     Parameters
     ----------
@@ -63,27 +63,28 @@ def retry_failed(
     threads
         Number of threads; the result does not depend on it.
     impact_budget
-        Impacts after which a particle is given up, by default that of `spec`.
+        Largest number of impacts of a particle, by default that of `spec`.
     chunk
         Realizations in a chunk, by default some seconds of work.
     force
-        Whether an unfinished run is thrown away.
+        Whether to discard an unfinished run.
     advance
-        Called with the number of realizations done and that of all that are computed again.
+        Called with the number of finished realizations and the number of those to retry.
     runner, at_least
-        As for `run_sweep`.
+        See `run_sweep`.
 
     Returns
     -------
     Summary, int
-        What the new result holds, and how many realizations were computed again.
+        The new result, and the number of realizations that were computed again.
 
     Raises
     ------
     DataError
         There is no such result.
     RunError
-        It is of another sweep or version, a lower budget was asked for, or a run stands in the way.
+        The result is of another sweep or version, the new budget is lower, or another run is in the
+        way.
     """
     spec = replace(spec, impact_budget=impact_budget or spec.impact_budget)
     with holding(output) as directory:
@@ -113,7 +114,7 @@ def retry_failed(
 
 
 def _rows(spec: SweepSpec, output: Path) -> tuple[int, ...]:
-    """Indices of the realizations to compute again, in a result of this very sweep."""
+    """Indices of the realizations to retry, in a result of this sweep."""
     with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
         before = json.loads(file.attrs[IDENTITY])
         budget = int(before[BUDGET])
@@ -141,7 +142,7 @@ def _digest(rows: tuple[int, ...]) -> str:
 
 
 def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Summary:
-    """Write the old result anew, with the realizations that were computed again."""
+    """Write the old result with the retried realizations replaced."""
     spec = run.job.spec
     summary = Summary(notes=notes(spec, run.design))
     with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
@@ -164,7 +165,7 @@ def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Summary:
 def _blocks(
     path: Path, spec: SweepSpec, design: Design, size: int
 ) -> Iterator[tuple[int, Columns]]:
-    """Give the rows of a result in blocks, each with the index of its first."""
+    """Yield the rows of a result in blocks, each with the index of its first row."""
     names = [*design.sampled, *(v.name for v in measured_variables(spec))]
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         for start in range(0, design.realizations, size):
@@ -173,14 +174,14 @@ def _blocks(
 
 
 class _Stream:
-    """Rows from pieces of any length, taken in their order."""
+    """Rows from an iterator of pieces of any length, taken in order."""
 
     def __init__(self, pieces: Iterator[Columns]) -> None:
         self._pieces = pieces
         self._rest: Columns = {}
 
     def take(self, rows: int) -> Columns:
-        """Take the next rows; nothing for none."""
+        """Take the next `rows` rows."""
         taken: list[Columns] = []
         while rows:
             if not self._rest or not len(self._rest["status"]):

@@ -20,17 +20,17 @@ from vibrosweep.store.seal import append_seal
 
 __all__ = ["Group", "creating"]
 
-# Measured on 10^6 realizations: counts and flags shrink to a tenth at level 1 in twice the time to
-# write them, and no further at level 9.  Measured doubles hold random digits: deflate saves 14 % of
-# them in 16 times the time, so they are stored as they are.
+# Measured on 10^6 realizations: level 1 compresses counts and flags to a tenth and doubles the time
+# to write them; level 9 gains nothing more.  The digits of measured doubles are random: deflate
+# saves 14 % and takes 16 times as long, so doubles are stored uncompressed.
 COMPRESSION: Final = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-# Small enough that a chunk stays in HDF5's cache until it is full, whatever the pieces written.
+# Small enough that a chunk stays in HDF5's cache until it is full, whatever the size of the writes.
 CHUNK_VALUES: Final = 1 << 13
 
 
 @dataclass
 class Group:
-    """A group of a file being written: its variables take pieces along their first dimension."""
+    """A group of a file being written; data are appended along the first dimension."""
 
     _disk: Disk
     _group: Any
@@ -59,7 +59,7 @@ class Group:
         Parameters
         ----------
         values
-            Written at once where given, else piece by piece with `write`: numbers, or texts as
+            Written at once if given, otherwise piece by piece with `write`: numbers, or strings as
             objects.
         """
         texts = values is not None and values.dtype == object
@@ -96,7 +96,7 @@ class Group:
 
     @undisturbed()
     def attributes(self, values: Mapping[str, Any]) -> None:
-        """Set attributes of the group; what HDF5 cannot hold as it is goes in as near text."""
+        """Set attributes of the group; values that HDF5 cannot store are written as text."""
         for name, value in values.items():
             if isinstance(value, str):
                 value = value.replace("\0", "\N{REPLACEMENT CHARACTER}")
@@ -106,9 +106,10 @@ class Group:
 
     @undisturbed()
     def group(self, name: str) -> Group:
-        """Create a group inside this one, whose dimensions in the file begin with its name.
+        """Create a subgroup; in the file, the names of its dimensions begin with its own name.
 
-        What xarray opens as a tree may not have dimensions of one name and different lengths.
+        xarray cannot open a file as a tree if dimensions of one name differ in length between
+        groups.
         """
         self._groups.append(Group(self._disk, self._group.create_group(name), f"{name}_"))
         return self._groups[-1]
@@ -117,12 +118,12 @@ class Group:
         return tuple(f"{self._prefix}{name}" for name in dims)
 
     def require_complete(self) -> None:
-        """Refuse a file in which HDF5 would fill values that nobody wrote with zeros.
+        """Raise if values were never written: HDF5 would fill them with zeros.
 
         Raises
         ------
         RunError
-            Variables were declared and not written to their end.
+            A declared variable is incomplete.
         """
         missing = [name for name, rows in self._missing.items() if rows]
         if missing:
@@ -142,23 +143,23 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 @contextmanager
 def creating(path: Path, room: Path | None = None, *, force: bool = True) -> Iterator[Group]:
-    """Create a file; it takes its name when the block ends well, and is removed otherwise.
+    """Create a file; it is renamed to `path` if the block succeeds, and removed otherwise.
 
     Parameters
     ----------
     path
-        The name it takes.
+        Final name of the file.
     room
-        Directory of the unfinished file, on the same file system; by default that of `path`.
+        Directory of the temporary file, on the same file system; by default that of `path`.
     force
-        Whether it replaces a file that has the name by then.
+        Whether to replace an existing file of this name.
 
     Raises
     ------
     OutputError
         The file cannot be written.
     RunError
-        Not all that was declared was written.
+        A declared variable was not written completely.
     """
     with replacing(path, room, force=force) as disk:
         with undisturbed():
@@ -175,5 +176,5 @@ def creating(path: Path, room: Path | None = None, *, force: bool = True) -> Ite
             with undisturbed(), suppress(Exception):
                 file.close()
             if isinstance(error, Exception):
-                disk.check()  # what HDF5 says of a full disk is less clear
+                disk.check()  # clearer than HDF5's own message about a full disk
             raise

@@ -1,7 +1,7 @@
-"""A file that appears only when it is complete, and what a full disk or a signal does to it.
+"""Atomic writing of files: safe against full disks, signals and crashes.
 
-It is written under a temporary name in the directory of the output, flushed to the disk, closed and
-renamed: whatever ends a run early, no file that looks finished is left behind.
+A file is written under a temporary name in the directory of the output, flushed to the disk, closed
+and renamed: however a run ends, it leaves no incomplete file that looks complete.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ __all__ = [
     "unwritten",
 ]
 
-# Signals that end a program, on systems that have them.
+# Signals that terminate a program, on systems that have them.
 ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def target_of(path: Path) -> Path:
-    """Where a file goes: behind a link, which stays one; a circle of links is left as it is."""
-    return Path(os.path.realpath(path))  # Path.resolve raises a RuntimeError for a circle
+    """Resolve symbolic links, so that links are kept; a loop of links is returned as it is."""
+    return Path(os.path.realpath(path))  # Path.resolve raises a RuntimeError for a loop of links
 
 
 def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ()) -> None:
@@ -54,9 +54,9 @@ def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ())
     path
         The output.
     force
-        Whether an existing one is to be replaced.
+        Whether to replace an existing file.
     inputs
-        Files that are never replaced.
+        Input files, which are never overwritten.
 
     Raises
     ------
@@ -94,10 +94,10 @@ def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ())
 
 
 class Disk(io.FileIO):
-    """A new file that HDF5 can close whatever the disk does.
+    """A new file that HDF5 can close even if the disk fails.
 
-    HDF5 cannot close a file that it cannot write, and the process dies of that.  Here the first
-    failure is kept and all later writes are dropped; `check` raises it.
+    HDF5 crashes the process when it closes a file that it cannot write.  Here the first error is
+    stored and all later writes are dropped; `check` raises the error.
     """
 
     def __init__(self, partial: Path, path: Path) -> None:
@@ -106,7 +106,7 @@ class Disk(io.FileIO):
         super().__init__(partial, "x+")
 
     def write(self, data: ReadableBuffer, /) -> int:
-        """Write all of the data, or nothing after a failure."""
+        """Write all of the data; do nothing after an error."""
         view = memoryview(data)
         done = 0
         try:
@@ -132,7 +132,7 @@ class Disk(io.FileIO):
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Hold signals back while HDF5 is at work, which loses an exception raised inside it."""
+    """Delay signals during calls of HDF5, which loses exceptions raised inside them."""
     late: list[tuple[int, FrameType | None]] = []
 
     def hold(number: int, frame: FrameType | None) -> None:
@@ -156,21 +156,22 @@ def undisturbed() -> Iterator[None]:
 
 @contextmanager
 def replacing(path: Path, room: Path | None = None, *, force: bool = True) -> Iterator[Disk]:
-    """Write a file that takes its name when the block ends well, and is removed otherwise.
+    """Write a file that is renamed to `path` if the block succeeds, and removed otherwise.
 
     Parameters
     ----------
     path
-        The name it takes.
+        Final name of the file.
     room
-        Directory of the unfinished file, on the same file system; by default that of `path`.
+        Directory of the temporary file, on the same file system; by default that of `path`.
     force
-        Whether it replaces a file that has the name by then.
+        Whether to replace an existing file of this name.
 
     Raises
     ------
     TakenOutputError
-        Without `force`, a file has the name by then; the one that was written stands beside it.
+        Without `force`, another file of this name appeared meanwhile; the new file was saved next
+        to it, under another name.
     OutputError
         The file cannot be written.
     """
@@ -190,19 +191,19 @@ def replacing(path: Path, room: Path | None = None, *, force: bool = True) -> It
             elif not _named(partial, target):
                 raise TakenOutputError(path, _named_beside(partial, target))
     finally:
-        with suppress(OSError):  # the directory may have gone
+        with suppress(OSError):  # the directory may have been removed
             partial.unlink()
     with suppress(OSError):  # not every system can flush a directory
         flush_directory(target.parent)
 
 
 def _named(partial: Path, name: Path) -> bool:
-    """Give a finished file a name that no file has; tell whether none had it."""
+    """Rename a finished file unless the name is taken; return whether it was free."""
     try:
         name.hardlink_to(partial)
     except FileExistsError:
         return False
-    except OSError:  # a file system without links: take the name first, and then its place
+    except OSError:  # no hard links here: reserve the name, then replace it
         try:
             name.touch(exist_ok=False)
         except FileExistsError:
@@ -212,7 +213,7 @@ def _named(partial: Path, name: Path) -> bool:
 
 
 def _named_beside(partial: Path, target: Path) -> Path:
-    """Give a finished file the first free name like that of the target."""
+    """Rename a finished file to the first free variant of the target's name."""
     for number in itertools.count(1):
         name = target.with_name(f"{target.stem[:200]}-{number}{target.suffix}")
         if _named(partial, name):
@@ -222,7 +223,7 @@ def _named_beside(partial: Path, target: Path) -> Path:
 
 @contextmanager
 def reporting(path: Path) -> Iterator[None]:
-    """Turn a failure to write into an OutputError that names the path."""
+    """Turn an error of writing into an OutputError that names the path."""
     try:
         yield
     except OutputError:
@@ -232,7 +233,7 @@ def reporting(path: Path) -> Iterator[None]:
 
 
 def unwritten(path: Path, error: OSError) -> OutputError:
-    """Return the error that says what could not be written, and what to do."""
+    """Return an error that says what could not be written, and what to do."""
     if error.errno == errno.ENOENT:
         return OutputError(
             f"{path}: writing failed, for {target_of(path).parent} has gone; make the directory "
@@ -245,7 +246,7 @@ def unwritten(path: Path, error: OSError) -> OutputError:
 
 
 def flush_directory(directory: Path) -> None:
-    """Force the names in a directory to the disk."""
+    """Flush the entries of a directory to the disk."""
     descriptor = os.open(directory, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,7 +1,7 @@
-"""Every kind of result that this package writes, and who can say what of it.
+"""The kinds of result files, and the functions that summarise and draw each.
 
-An attribute of the file names its kind.  What summarises and draws a kind stands in layers above
-this one: it is named here and loaded when it is used.
+An attribute of the file names its kind.  The functions belong to layers above this one, so they are
+given by name here and imported when they are called.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ class Kind:
     Attributes
     ----------
     name
-        As the attribute of the file says it.
+        Value of the attribute in the file.
     command
-        What makes it.
+        Command that makes it.
     summary
-        ``module:function`` from its dataset to lines of text; empty where the file is read piece
-        by piece instead.
+        ``module:function`` from the dataset to lines of text; empty if the file is read piece by
+        piece instead.
     drawing
-        ``module:function`` from its dataset to a figure; empty where there is none.
+        ``module:function`` from the dataset to a figure; empty if there is none.
     stem
-        Name of the file of its figure, without the ending.
+        File name of the figure, without its extension.
     undrawn
-        Why its dataset alone gives no figure, and what does.
+        Why the dataset alone does not give a figure, and what does.
     unverified
-        Why ``vibrosweep verify`` cannot judge it; empty where it can.
+        Why ``vibrosweep verify`` cannot check it; empty if it can.
     """
 
     name: str
@@ -119,12 +119,12 @@ KINDS: Final[Mapping[str, Kind]] = {
 
 
 def kind_of(path: str | os.PathLike[str], attributes: Mapping[str, Any]) -> Kind:
-    """Return the kind of a file from its attributes; without any it may be a foreign file.
+    """Return the kind of a file from its attributes; other programs' files have none.
 
     Raises
     ------
     DataError
-        It is of a kind that only another version of this package knows.
+        The kind is known to another version of this package only.
     """
     name = str(attributes.get(KIND, SWEEP.name))
     if name not in KINDS:
@@ -148,7 +148,7 @@ def read_kind(path: Path) -> Kind:
 
 
 def load_dataset(path: Path) -> xr.Dataset:
-    """Read a result into memory that is no sweep.
+    """Read a result other than a sweep into memory.
 
     Raises
     ------

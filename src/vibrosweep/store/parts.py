@@ -1,10 +1,9 @@
-"""One file for each finished chunk of a run, and the manifest that says what run it is.
+"""Parts: one file per finished chunk of a run, and the manifest of the run.
 
-They stand in a run directory beside the output.  A part is written under a temporary name, flushed
-to the disk and renamed to a name that states its number and its checksum: the status of a chunk and
-the checksum of its part come into being at once and cannot contradict each other, wherever the
-process is killed.  The checksum covers the manifest too, so that no part of another run is ever
-taken for one of this.
+They are kept in a run directory next to the output.  A part is written under a temporary name,
+flushed to the disk and renamed to a name with its chunk number and its checksum: the rename is
+atomic, so a chunk is either finished, with a valid checksum, or missing, wherever the process is
+killed.  The checksum includes the manifest, so that a part of another run is never accepted.
 """
 
 from __future__ import annotations
@@ -35,18 +34,18 @@ ALIGNMENT: Final = 64
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a run computes and how it is cut; it never changes while the run lasts.
+    """What a run computes and how it is cut into chunks; fixed from its start to its end.
 
     Attributes
     ----------
     identity
-        All that the numbers depend on, key by key.
+        Resume key: everything that the results depend on, key by key.
     realizations
-        Their number.
+        Number of realizations.
     chunk
         Realizations in a chunk; the last one may hold fewer.
     columns
-        Kind of each column of its parts, as `kinds` gives it: no part may hold others.
+        Type and shape of each column, as returned by `kinds`; every part must have exactly these.
     replaces
         Whether an existing output is to be replaced at the end.
     """
@@ -69,7 +68,7 @@ class Manifest:
         return -(-self.realizations // self.chunk)
 
     def bounds(self, index: int) -> tuple[int, int]:
-        """First realization of a chunk, and the one after its last."""
+        """First realization of a chunk, and the end of its range (exclusive)."""
         return index * self.chunk, min((index + 1) * self.chunk, self.realizations)
 
 
@@ -114,8 +113,8 @@ def read_manifest(directory: Path) -> Manifest | None:
     except (ValueError, TypeError, KeyError, RecursionError):
         pass
     raise RunError(
-        f"{path}: is damaged or of another version, so that nobody knows what the parts beside "
-        f"it are; start the run again with force=True"
+        f"{path}: is damaged or of another version, so that the parts next to it "
+        f"cannot be identified; start the run again with force=True"
     )
 
 
@@ -128,7 +127,7 @@ class Parts:
     directory
         The run directory.
     manifest
-        What run they are of.
+        The manifest of the run.
     """
 
     directory: Path
@@ -140,7 +139,7 @@ class Parts:
         Raises
         ------
         RunError
-            They are not the columns of this run.
+            The columns are not those of the manifest.
         OutputError
             It cannot be written.
         """
@@ -155,12 +154,12 @@ class Parts:
                 disk.write(piece)
 
     def finished(self) -> dict[int, Path]:
-        """Path of the part of each finished chunk."""
+        """Paths of the parts of all finished chunks, by chunk number."""
         found = ((PART.fullmatch(path.name), path) for path in self.directory.iterdir())
         return {int(match[1]): path for match, path in found if match}
 
     def read(self, index: int, path: Path) -> Columns | None:
-        """Read the part of a chunk; None where it is damaged, gone, or holds other columns."""
+        """Read the part of a chunk; None if it is damaged, missing, or has other columns."""
         try:
             data = path.read_bytes()
         except OSError:
@@ -171,7 +170,7 @@ class Parts:
         return columns if self._fits(index, columns) else None
 
     def _fits(self, index: int, columns: Mapping[str, NDArray[Any]]) -> bool:
-        """Whether these are the columns of the run, as long as the chunk."""
+        """Whether the columns are those of the manifest and have the length of the chunk."""
         start, stop = self.manifest.bounds(index)
         lengths = {len(values) for values in columns.values()}
         return kinds(columns) == self.manifest.columns and lengths <= {stop - start}
@@ -183,9 +182,9 @@ class Parts:
         return f"chunk-{index:010d}-{digest.hexdigest()}.part"
 
 
-# A part is a line of JSON, which names its arrays in their order, and their bytes, each filled up
-# to a multiple of `ALIGNMENT`.  numpy's own .npz copies and sums up everything once more, which
-# took a tenth of the time of a quick sweep.
+# Format of a part: a line of JSON that lists the arrays in order, then their bytes, each padded to
+# a multiple of `ALIGNMENT`.  numpy's .npz copies all data once more and adds checksums of its own,
+# which took a tenth of the time of a quick sweep.
 
 
 def _packed(columns: Mapping[str, NDArray[Any]]) -> list[bytes | memoryview]:

@@ -1,4 +1,4 @@
-"""Where a dataset comes from: versions, processor, source revision."""
+"""Provenance of a dataset: versions, processor, source revision."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LIBRARIES: Final = ("numpy", "numba", "llvmlite", "h5py", "h5netcdf")
 
 
 def provenance(threads: int) -> dict[str, str | int]:
-    """Attributes that say what computed a dataset, with what, where and when."""
+    """Attributes that state the program, libraries, machine and time of a computation."""
     attributes: dict[str, str | int] = {
         "Conventions": CONVENTIONS,
         "source": f"vibrosweep {__version__}",
@@ -34,7 +34,7 @@ def provenance(threads: int) -> dict[str, str | int]:
 
 
 def _processor() -> str:
-    """Model name of the processor as the system states it."""
+    """Model name of the processor as reported by the system."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

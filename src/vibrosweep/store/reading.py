@@ -1,4 +1,4 @@
-"""Say of a result file that cannot be read what that means."""
+"""Clear errors for result files that cannot be read."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ __all__ = ["no_result", "reading"]
 
 @contextmanager
 def reading(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Turn whatever goes wrong while a result file is read into one clear error.
+    """Turn any failure to read a result file into one clear error.
 
-    A sealed file is compared with its seal first, another one is first read in a process of its
-    own, so that no damage can crash or hold up this one.
+    A sealed file is first compared with its checksum; a file without a seal is first read in a
+    separate process, so that a damaged file cannot crash or block this one.
 
     Raises
     ------
@@ -43,12 +43,12 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
         yield
     except VibrosweepError:
         raise
-    except Exception as error:  # what a foreign file makes the libraries raise has no common base
+    except Exception as error:  # the libraries' exceptions have no common base
         raise _unreadable(path) from error
 
 
 def no_result(path: str | os.PathLike[str]) -> DataError:
-    """Return the error that says that there is no such result."""
+    """Return the error for a result file that does not exist."""
     return DataError(f"{path}: there is no such result file; check the path")
 
 

@@ -1,4 +1,4 @@
-"""The directory of a run beside its output, held by one process at a time."""
+"""The run directory next to an output, locked by one process at a time."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ LOCK: Final = "lock"
 
 
 def run_directory(output: Path) -> Path:
-    """Path of the directory of the run that makes an output, on the same file system."""
+    """Path of the run directory of an output, on the same file system."""
     target = target_of(output)
     return target.with_name(f"{target.name}.parts")
 
 
 def replaces(output: Path) -> bool:
-    """Whether an unfinished run was told to replace the output.
+    """Whether an unfinished run was started with ``force``, to replace the output.
 
     Raises
     ------
@@ -40,21 +40,21 @@ def replaces(output: Path) -> bool:
 
 @contextmanager
 def holding(output: Path) -> Iterator[Path]:
-    """Make the run directory of an output and hold it; a dead process holds nothing.
+    """Create the run directory of an output and lock it; the lock ends with its process.
 
-    At the end it is removed, unless it has a manifest and so a run that can be continued.
+    At the end it is removed, unless it holds the manifest of a run that can be resumed.
 
     Yields
     ------
     pathlib.Path
-        The directory; what unfinished writes of killed processes left in it is removed.
+        The directory, cleared of temporary files of killed processes.
 
     Raises
     ------
     RunError
-        Another process holds it.
+        Another process holds the lock.
     OutputError
-        It cannot be made.
+        It cannot be created.
     """
     directory = run_directory(output)
     descriptor = _locked(output, directory)
@@ -78,7 +78,7 @@ def _locked(output: Path, directory: Path) -> int:
                 flush_directory(directory.parent)
         try:
             descriptor = os.open(directory / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
-        except FileNotFoundError:  # removed in between by a run that ended
+        except FileNotFoundError:  # removed meanwhile by a run that ended
             continue
         except OSError as error:
             raise unwritten(output, error) from error
@@ -106,13 +106,13 @@ def _lock(output: Path, directory: Path, descriptor: int) -> None:
             f"{output}: the file system of {directory} has no locks ({error.strerror}), so that "
             f"two runs could disturb each other; choose another place with output="
         ) from error
-    with suppress(OSError):  # who holds it is a courtesy
+    with suppress(OSError):  # the holder's name is only for the message
         os.ftruncate(descriptor, 0)
         os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
 
 
 def empty(directory: Path) -> None:
-    """Remove what a run left in its directory, but not the lock."""
+    """Remove all files of a run from its directory, except the lock."""
     abandon(directory)
     for path in directory.iterdir():
         if path.name != LOCK:
@@ -120,11 +120,11 @@ def empty(directory: Path) -> None:
 
 
 def abandon(directory: Path) -> None:
-    """Make the parts in a run directory nobody's, so that no run continues with them."""
+    """Invalidate the parts in a run directory, so that no run resumes with them."""
     (directory / MANIFEST).unlink(missing_ok=True)
 
 
 def _remove(directory: Path) -> None:
-    with suppress(OSError):  # what is left over is in nobody's way
+    with suppress(OSError):  # leftover files do no harm
         empty(directory)
         shutil.rmtree(directory)

@@ -1,4 +1,4 @@
-"""Write a small dataset in one piece: the file appears when it is complete, or not at all."""
+"""Write a small dataset in one piece, atomically."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ __all__ = ["save_dataset"]
 
 
 def save_dataset(dataset: xr.Dataset, path: Path, kind: Kind, *, force: bool) -> None:
-    """Write a dataset as netCDF-4, sealed as the result of a sweep is.
+    """Write a dataset as netCDF-4, with a seal like the result of a sweep.
 
     Parameters
     ----------
     dataset
-        What is written.
+        The dataset.
     path
-        The name of the file.
+        Name of the file.
     kind
-        What kind of result it is; the file says so.
+        Kind of result, written into the file as an attribute.
     force
-        Whether a file of this name is replaced.
+        Whether to replace an existing file.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""A seal behind the end of a result file: a checksum that shows damage before HDF5 reads it.
+"""The seal: a checksum appended to a result file, which shows damage before HDF5 reads it.
 
-HDF5 ignores what stands behind its own end, but of a damaged file it may make anything: other
-numbers, a crash of the process, a loop without end.
+HDF5 ignores bytes after its own end of file.  Reading a damaged file, it may return wrong numbers,
+crash the process or never return.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ BLOCK: Final = 1 << 20
 
 
 class State(Enum):
-    """What the seal of a file says."""
+    """Result of comparing a file with its seal."""
 
     INTACT = auto()
     BROKEN = auto()
@@ -31,14 +31,14 @@ class State(Enum):
 
 
 def append_seal(file: BinaryIO) -> None:
-    """Seal a file that is complete and open for reading and writing."""
+    """Append a seal to a complete file that is open for reading and writing."""
     digest = _digest(file, file.seek(0, os.SEEK_END))
     file.seek(0, os.SEEK_END)
     file.write(f"\nvibrosweep seal sha256 {digest}\n".encode())
 
 
 def state_of(path: Path) -> State:
-    """Compare the contents of a file with its seal, which takes a second for a gigabyte or two.
+    """Compare the contents of a file with its seal; takes about a second per 1-2 GB.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def state_of(path: Path) -> State:
 
 @lru_cache(maxsize=16)
 def _state(path: Path, inode: int, size: int, modified: int) -> State:
-    """Compare once; a file that has changed since has another time or inode."""
+    """Compare, cached: a changed file has another modification time or inode."""
     with path.open("rb") as file:
         file.seek(max(0, size - LENGTH))
         seal = PATTERN.fullmatch(file.read())

@@ -1,6 +1,6 @@
-"""Read a file as a whole in a process of its own: HDF5 may crash or never return.
+"""Trial reading of a whole file in a separate process: HDF5 may crash or never return.
 
-As a program, ``python trial.py PATH`` reads the file and says why if it cannot.
+As a program, ``python trial.py PATH`` reads the file and prints the reason if it fails.
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ from typing import Any, Final
 
 __all__ = ["require_readable"]
 
-# Reading takes far less, be it from the slowest disk.
+# Far more than reading takes, even from a slow disk.
 PATIENCE: Final = 20.0  # s
 BYTES_PER_SECOND: Final = 1 << 24
 ROWS_AT_A_TIME: Final = 1 << 16
 
 
 def require_readable(path: Path) -> None:
-    """Raise a ValueError with the reason if HDF5 cannot read a file whole.
+    """Raise a ValueError with the reason if HDF5 cannot read all of a file.
 
     Raises
     ------
     ValueError
-        It cannot, it crashes, or it does not come to an end.
+        HDF5 fails, crashes, or does not finish in time.
     OSError
         There is no such file.
     """
     patience = PATIENCE + path.stat().st_size / BYTES_PER_SECOND
-    # -P: the modules beside this one must not hide those of others
+    # -P: modules in this directory must not shadow others of the same name
     command = [sys.executable, "-P", "-W", "ignore", __file__, str(path)]
     try:
         done = subprocess.run(
@@ -64,7 +64,7 @@ def _read(group: Any) -> None:
 
 
 def _limit_memory() -> None:
-    """Let a damaged size end this process and not the machine."""
+    """Limit memory, so that a damaged size ends this process instead of exhausting the machine."""
     import os
     import resource
 
