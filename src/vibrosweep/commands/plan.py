@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.commands.arguments import positive, some
-from vibrosweep.commands.start import leave_linear_algebra_out
 
 if TYPE_CHECKING:
     from vibrosweep.run.estimate import Needs
@@ -38,7 +37,6 @@ def perform(options: argparse.Namespace) -> None:
     from vibrosweep.spec.sweep import read_spec
 
     spec = read_spec(options.spec)
-    leave_linear_algebra_out()
     from vibrosweep.engine.workers import Workers
     from vibrosweep.run.driver import available_threads
     from vibrosweep.run.estimate import estimate, require_disk, require_memory
