@@ -59,18 +59,18 @@ def test_the_jacobian_is_the_derivative_of_the_exact_map(scene_of, law, e, a, x,
     assert terms >= abs(ux) + abs(uu) - ROUNDING * terms
     # uu - ux, of which the larger is rounded
     assert abs(xx * uu - xu * ux - sign * e) <= 2.0 * HALF_ULP * terms
-    assert bases.contraction(fixed) == e
+    assert bases.contraction(fixed, hit.v) == e
     if e > 0.0:  # else nothing is left to be reversed
-        assert bases.turns_back(fixed, hit.x, hit.v) == sign
+        assert bases.reverses(fixed, hit.x, hit.v) == sign
 
 
 @given(laws, restitutions, kicks, st.floats(-0.4, 0.4), flights, st.floats(-0.1, 0.1))
 def test_the_jacobian_changes_by_no_more_than_its_error(scene_of, law, e, a, x, v, off):
     fixed = scene_of(law, e, a)
-    assume(bases.turns_back(fixed, x, v) == bases.turns_back(fixed, x + off, v))
+    assume(bases.reverses(fixed, x, v) == bases.reverses(fixed, x + off, v))
     assume(e > 0.0)  # else that does not tell whether the particle is turned back at both
     here, there = (bases.jacobian(fixed, phase, v) for phase in (x, x + off))
-    allowed = bases.jacobian_error(fixed, abs(off)) + TURN * a * 2.0 * COSINE_ERROR
+    allowed = bases.jacobian_error(fixed, v, abs(off), 0.0)[0] + TURN * a * 2.0 * COSINE_ERROR
     assert here[:2] == there[:2]
     for one, other in zip(here[2:4], there[2:4], strict=True):
         assert abs(one - other) <= allowed + ROUNDING * here[4]
@@ -123,15 +123,18 @@ def ask_all(base, problem, i, x, u, s):
     flight, v = bases.fly(fixed, x, u)
     w = bases.rebound(fixed, x, v)
     return (
-        (flight, v, w, bases.turns_back(fixed, x, v), bases.contraction(fixed)),
+        (flight, v, w, bases.reverses(fixed, x, v), bases.contraction(fixed, v)),
         bases.lift_off(fixed, 7.0, x, w),
         bases.lift_off(taken, 7.0, x, w),
         bases.lift_off(fixed, 7.0, x, -1.0),
         bases.after_rest(fixed),
         bases.jacobian(fixed, x, v),
-        bases.jacobian_error(fixed, 1e-9),
+        bases.jacobian_error(fixed, v, 1e-9, 1e-9),
+        bases.contact_time(fixed),
+        bases.fixed_residual(fixed, x, 2.0, 1.0),
+        bases.fixed_attracts(fixed, x, 2.0),
         bases.landing_rounding(fixed, x, u),
-        bases.rebound_error(fixed, x, v, 1e-16, 1e-9),
+        bases.rebound_error(fixed, x, v, 1e-16, 1e-9, 1e-9),
         bases.rest_is_doubtful(fixed, w, 0.1),
         bases.liftoff_error(fixed),
     )

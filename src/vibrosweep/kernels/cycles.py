@@ -92,12 +92,25 @@ def _note(
 # line: then the orbit is gone through again.
 Rests = Floats
 ROOM_FOR_RESTS = 1024
-REST_IMPACTS, REST_PERIODS, REST_SUM, REST_SQUARES, REST_LARGEST, WHOSE = range(6)
+
+
+class RestColumns(NamedTuple):
+    """What stands in a line."""
+
+    IMPACTS: int = 0
+    PERIODS: int = 1
+    SUM: int = 2
+    SQUARES: int = 3
+    LARGEST: int = 4
+    WHOSE: int = 5  # realization
+
+
+REST: Final = RestColumns()
 
 
 def empty_rests() -> Rests:
     """Memory of which nothing is known."""
-    return np.full((ROOM_FOR_RESTS, WHOSE + 1), -1.0)
+    return np.full((ROOM_FOR_RESTS, len(REST)), -1.0)
 
 
 @jit
@@ -127,16 +140,16 @@ def _count_cycle(s: Floats, j: int, realization: int, fixed: Scene, rests: Rests
         p, q, rested, total, squares, largest = once_round(fixed, s[ROW.X + j], s[ROW.U + j])
     if p == 0 or rested > 0:
         line = realization % ROOM_FOR_RESTS
-        if rests[line, WHOSE] != realization:
+        if rests[line, REST.WHOSE] != realization:
             x_lift, u_lift = after_rest(fixed)
             p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift)
-            rests[line, REST_IMPACTS], rests[line, REST_PERIODS] = p, q
-            rests[line, REST_SUM], rests[line, REST_SQUARES] = total, squares
-            rests[line, REST_LARGEST], rests[line, WHOSE] = largest, realization
+            rests[line, REST.IMPACTS], rests[line, REST.PERIODS] = p, q
+            rests[line, REST.SUM], rests[line, REST.SQUARES] = total, squares
+            rests[line, REST.LARGEST], rests[line, REST.WHOSE] = largest, realization
         rested = 1
-        p, q = int(rests[line, REST_IMPACTS]), rests[line, REST_PERIODS]
-        total, squares = rests[line, REST_SUM], rests[line, REST_SQUARES]
-        largest = rests[line, REST_LARGEST]
+        p, q = int(rests[line, REST.IMPACTS]), rests[line, REST.PERIODS]
+        total, squares = rests[line, REST.SUM], rests[line, REST.SQUARES]
+        largest = rests[line, REST.LARGEST]
     s[ROW.CYCLE_IMPACTS + j], s[ROW.CYCLE_PERIODS + j], s[ROW.CYCLE_RESTS + j] = p, q, rested
     s[ROW.CYCLE_SUM + j], s[ROW.CYCLE_SQUARES + j] = total, squares
     s[ROW.CYCLE_LARGEST + j] = largest

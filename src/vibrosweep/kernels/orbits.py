@@ -24,15 +24,15 @@ from vibrosweep.kernels.bases import (
     jacobian_error,
     landing_rounding,
     rebound_error,
+    reverses,
     scene,
-    turns_back,
 )
 from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
 from vibrosweep.kernels.impact import Batch, Instant, impact, launch
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.tangent import carry, stretch
-from vibrosweep.kernels.trust import is_certain, landing_error, turn_box
+from vibrosweep.kernels.trust import is_certain, landing_error, speed_error, turn_box
 from vibrosweep.model.status import Regime
 
 __all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle"]
@@ -250,7 +250,7 @@ def _state_error(fixed: Scene, state: State, impacts: int) -> Pair:
         m01, m11 = carry(m01, m11, derivative)
         frame, box = turn_box(frame, box, derivative)
         rounding = landing_rounding(fixed, x, u)
-        rounding += rebound_error(fixed, hit.x, hit.v, rounding, rounding)
+        rounding += rebound_error(fixed, hit.x, hit.v, rounding, rounding, 0.0)
         box = box[0] + rounding, box[1] + rounding
         n, x, u = hit.n_off, hit.x_off, hit.u
     dx, du = _spread(frame, box)
@@ -275,23 +275,31 @@ def _cycle_exponents(
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
     c, d, area, slack = 1.0, 0.0, 0.0, 0.0
     scale, turned = 0.0, 1.0
+    alike, shrunk, exponent = 0, contraction(fixed, u), 0.0  # impacts that contract by `shrunk`
     # errors of the state and of both columns, each in a frame of its own
     frame, box = (1.0, 0.0), _state_error(fixed, state, impacts)
     frame_0, box_0, frame_1, box_1 = (1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 0.0)
     for _ in range(impacts):
         hit = impact(fixed, n, x, u)
         derivative = jacobian(fixed, hit.x, hit.v)
-        turned *= turns_back(fixed, hit.x, hit.v)
+        one = contraction(fixed, hit.v)
+        if one != shrunk:
+            exponent += alike * growth.logarithm(shrunk)
+            alike, shrunk = 0, one
+        alike += 1
+        turned *= reverses(fixed, hit.x, hit.v)
         n, x, u = hit.n_off, hit.x_off, hit.u
-        bent = jacobian_error(fixed, landing_error(frame, box, derivative))
+        errors = landing_error(frame, box, derivative), speed_error(frame, box)
+        by_phase, by_speed = jacobian_error(fixed, hit.v, *errors)
         frame, box = turn_box(frame, box, derivative)
         frame_0, box_0 = turn_box(frame_0, box_0, derivative)
         frame_1, box_1 = turn_box(frame_1, box_1, derivative)
         rounding = ROUNDING * derivative[4]
         added_0, added_1 = rounding * (abs(m00) + abs(m10)), rounding * (abs(m01) + abs(m11))
+        added_0, added_1 = added_0 + by_speed * abs(m10), added_1 + by_speed * abs(m11)
         m00, m10 = carry(m00, m10, derivative)
         m01, m11 = carry(m01, m11, derivative)
-        added_0, added_1 = added_0 + bent * abs(m00), added_1 + bent * abs(m01)
+        added_0, added_1 = added_0 + by_phase * abs(m00), added_1 + by_phase * abs(m01)
         norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
         scale += growth.logarithm(norm)
         m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm
@@ -300,7 +308,7 @@ def _cycle_exponents(
         c, d, along, across, error = stretch(c, d, derivative)
         area += growth.logarithm(along * across)
         slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
-    exponent = impacts * growth.logarithm(contraction(fixed)) - 2.0 * scale
+    exponent += alike * growth.logarithm(shrunk) - 2.0 * scale
     determinant = turned * math.exp(exponent)
     value = leading_eigenvalue(m00 + m11, determinant)
     modulus = abs(value)
@@ -324,7 +332,7 @@ def _write_exponents(
     """Write both exponents of a trajectory, each with its error."""
     out.largest[t], out.largest_error[t] = largest
     out.total[t], out.total_error[t] = total
-    if contraction(fixed) == 0.0:  # every impact loses one dimension
+    if contraction(fixed, 0.0) == 0.0:  # every impact loses one dimension
         out.total[t], out.total_error[t] = -np.inf, 0.0
 
 

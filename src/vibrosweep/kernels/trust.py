@@ -36,7 +36,15 @@ from vibrosweep.kernels.impact import Batch, land, launch
 from vibrosweep.kernels.rounding import KICK_ERROR, LAUNCH_ERROR, ROUNDING, SMALLEST
 from vibrosweep.kernels.tangent import carry
 
-__all__ = ["Trust", "empty_trust", "is_certain", "landing_error", "trust", "turn_box"]
+__all__ = [
+    "Trust",
+    "empty_trust",
+    "is_certain",
+    "landing_error",
+    "speed_error",
+    "trust",
+    "turn_box",
+]
 
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40
@@ -83,6 +91,12 @@ def landing_error(frame: Frame, box: Box, derivative: Jacobian) -> float:
     by_phase, by_speed = derivative[0], derivative[1]
     along, across = by_phase * c + by_speed * s, by_speed * c - by_phase * s
     return abs(along) * box[0] + abs(across) * box[1]
+
+
+@jit
+def speed_error(frame: Frame, box: Box) -> float:
+    """Largest error of the speed in a box, whose sides lie along a frame."""
+    return (abs(frame[1]) * box[0] + abs(frame[0]) * box[1]) * INFLATION
 
 
 @jit
@@ -142,14 +156,14 @@ def _impact(fixed: Scene, x: float, u: float, frame: Frame, box: Box) -> Bounded
     x, passed = land(x, flight)
     derivative = jacobian(fixed, x, v)
     error = (landing_error(frame, box, derivative) + rounding) * INFLATION
-    kicked = rebound_error(fixed, x, v, rounding, error)
+    kicked = rebound_error(fixed, x, v, rounding, error, speed_error(frame, box))
     frame, box = turn_box(frame, box, derivative)
     c, s = frame
     box = (
         box[0] + (abs(c) * rounding + abs(s) * kicked) * INFLATION,
         box[1] + (abs(s) * rounding + abs(c) * kicked) * INFLATION,
     )
-    w_error = (abs(s) * box[0] + abs(c) * box[1]) * INFLATION
+    w_error = speed_error(frame, box)
     return Bounded(x, passed, v, rebound(fixed, x, v), error, w_error, frame, box)
 
 

@@ -20,7 +20,10 @@ __all__ = [
     "Jacobian",
     "Scene",
     "after_rest",
+    "contact_time",
     "contraction",
+    "fixed_attracts",
+    "fixed_residual",
     "fly",
     "jacobian",
     "jacobian_error",
@@ -31,9 +34,9 @@ __all__ = [
     "rebound",
     "rebound_error",
     "rest_is_doubtful",
+    "reverses",
     "scene",
     "take",
-    "turns_back",
 ]
 
 Base = Any  # an empty named tuple: its type is what numba compiles for
@@ -92,6 +95,12 @@ def after_rest(fixed: Scene) -> tuple[float, float]:
 
 
 @question
+def contact_time(fixed: Scene) -> float:
+    """Periods for which the base counts as occupied after a landing, at least."""
+    raise NotImplementedError
+
+
+@question
 def jacobian(fixed: Scene, x: float, v: float) -> Jacobian:
     """Derivative of phase and speed after an impact by those before its flight.
 
@@ -101,23 +110,43 @@ def jacobian(fixed: Scene, x: float, v: float) -> Jacobian:
 
 
 @question
-def jacobian_error(fixed: Scene, error: float) -> float:
-    """Bound of the change of the second row of the Jacobian, for a unit change of the phase.
+def jacobian_error(fixed: Scene, v: float, error: float, v_error: float) -> tuple[float, float]:
+    """Bounds of the change of the second row of the Jacobian by errors of the landing.
 
-    `error` is that of the phase of the landing.
+    The first is for a unit change of the phase of the landing, the second for one of the speed of
+    arrival, v.  `error` and `v_error` are those of the same two.
     """
     raise NotImplementedError
 
 
 @question
-def turns_back(fixed: Scene, x: float, v: float) -> float:
+def reverses(fixed: Scene, x: float, v: float) -> float:
     """-1 where the Jacobian reverses orientation, else 1."""
     raise NotImplementedError
 
 
 @question
-def contraction(fixed: Scene) -> float:
-    """Modulus of the determinant of the Jacobian of an impact, the geometric mean over a cycle."""
+def contraction(fixed: Scene, v: float) -> float:
+    """Modulus of the determinant of the Jacobian of an impact with speed v of arrival.
+
+    Factors whose product over a cycle is 1 may be left out.  Where it is 0, it is so at any speed.
+    """
+    raise NotImplementedError
+
+
+@question
+def fixed_residual(fixed: Scene, x: float, k: float, sign: float) -> tuple[float, float, float]:
+    """What is left of the equation of a fixed orbit that lands at phase x every k periods.
+
+    `sign` is -1 for an orbit whose particle is pushed into the base, and turned back, at every
+    impact; else 1.  Also the derivative of what is left by the phase, and the size of its terms.
+    """
+    raise NotImplementedError
+
+
+@question
+def fixed_attracts(fixed: Scene, x: float, k: float) -> bool:
+    """Whether the fixed orbit that lands at phase x every k periods attracts."""
     raise NotImplementedError
 
 
@@ -128,11 +157,13 @@ def landing_rounding(fixed: Scene, x: float, u: float) -> float:
 
 
 @question
-def rebound_error(fixed: Scene, x: float, v: float, rounding: float, error: float) -> float:
+def rebound_error(
+    fixed: Scene, x: float, v: float, rounding: float, error: float, v_error: float
+) -> float:
     """Bound of the error that an impact adds to the speed after it.
 
-    `rounding` and `error` are the rounding error of the phase of the landing, and all of its error:
-    what a linear map leaves out grows with the latter.
+    `rounding` and `error` are the rounding error of the phase of the landing, and all of its error;
+    `v_error` is that of the speed of arrival: what a linear map leaves out grows with both.
     """
     raise NotImplementedError
 

@@ -2,6 +2,15 @@
 
 A flight that begins with speed u lasts u and arrives with speed u; the kick at phase x is
 a sin(2 pi x).  A resting particle is lifted when the kick rises through the threshold of rest.
+
+An orbit that leaves with the flight k lands with it, so that the law must give the speed k for k
+and the kick.  With the derivatives f and g of the speed after an impact by that before it and by
+the kick, and s = 2 pi a cos(2 pi x), the Jacobian
+
+    [[1, 1], [g s, f + g s]]
+
+has the determinant f and the trace 1 + f + g s; both its eigenvalues are inside the unit circle
+if and only if |f| < 1 and 0 < -g s < 2 (1 + f).
 """
 
 from __future__ import annotations
@@ -15,12 +24,19 @@ from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, answer, jit
 from vibrosweep.kernels.bases import Jacobian
 from vibrosweep.kernels.lanes import ROW, STRIDE
-from vibrosweep.kernels.laws import Law, slopes, speed_after
-from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
+from vibrosweep.kernels.laws import (
+    Law,
+    curvature,
+    kick_to_repeat,
+    slopes,
+    speed_after,
+    speed_rounding,
+)
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR
 from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless
 
-__all__ = ["HighBounce", "Scene", "kick_slope"]
+__all__ = ["HighBounce", "Scene"]
 
 # A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
 LANDING_ERROR = 0.5 * HALF_ULP
@@ -108,8 +124,13 @@ def _(fixed: Scene) -> tuple[float, float]:
     return fixed.x_lift, fixed.u_lift
 
 
+@answer(bases.contact_time, Scene)
+def _(fixed: Scene) -> float:
+    return fixed.r
+
+
 @jit
-def kick_slope(x: float, a: float) -> float:
+def _kick_slope(x: float, a: float) -> float:
     """Derivative of the kick a sin(2 pi x) by the phase."""
     return 2.0 * math.pi * a * cos_turns(x)
 
@@ -117,24 +138,40 @@ def kick_slope(x: float, a: float) -> float:
 @answer(bases.jacobian, Scene)
 def _(fixed: Scene, x: float, v: float) -> Jacobian:
     by_speed, by_kick = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
-    k = by_kick * kick_slope(x, fixed.a)
+    k = by_kick * _kick_slope(x, fixed.a)
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
 
 
 @answer(bases.jacobian_error, Scene)
-def _(fixed: Scene, error: float) -> float:
-    return 2.0 * CURVATURE * fixed.a * (error + HALF_ULP)
+def _(fixed: Scene, v: float, error: float, v_error: float) -> tuple[float, float]:
+    by_phase = 2.0 * CURVATURE * fixed.a * (error + HALF_ULP)
+    return by_phase, 2.0 * curvature(fixed.base.law, fixed.e) * v_error
 
 
-@answer(bases.turns_back, Scene)
+@answer(bases.reverses, Scene)
 def _(fixed: Scene, x: float, v: float) -> float:
     by_speed, _ = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
     return -1.0 if by_speed < 0.0 else 1.0
 
 
 @answer(bases.contraction, Scene)
-def _(fixed: Scene) -> float:
-    return fixed.e
+def _(fixed: Scene, v: float) -> float:
+    by_speed, _ = slopes(fixed.base.law, fixed.e, v, 0.0)
+    return abs(by_speed)
+
+
+@answer(bases.fixed_residual, Scene)
+def _(fixed: Scene, x: float, k: float, sign: float) -> tuple[float, float, float]:
+    a = fixed.a
+    need = kick_to_repeat(fixed.base.law, fixed.e, k, sign)
+    return a * sin_turns(x) - need, _kick_slope(x, a), a
+
+
+@answer(bases.fixed_attracts, Scene)
+def _(fixed: Scene, x: float, k: float) -> bool:
+    by_speed, by_kick = slopes(fixed.base.law, fixed.e, k, fixed.a * sin_turns(x))
+    pull = -by_kick * _kick_slope(x, fixed.a)
+    return abs(by_speed) < 1.0 and 0.0 < pull < 2.0 * (1.0 + by_speed)
 
 
 @answer(bases.landing_rounding, Scene)
@@ -144,12 +181,13 @@ def _(fixed: Scene, x: float, u: float) -> float:
 
 
 @answer(bases.rebound_error, Scene)
-def _(fixed: Scene, x: float, v: float, rounding: float, error: float) -> float:
-    a, sine = fixed.a, sin_turns(x)
-    w = speed_after(fixed.base.law, fixed.e, v, a * sine)
-    kicked = abs(kick_slope(x, fixed.a)) * rounding + HALF_ULP * abs(w) + SMALLEST
+def _(fixed: Scene, x: float, v: float, rounding: float, error: float, v_error: float) -> float:
+    law, e, a, sine = fixed.base.law, fixed.e, fixed.a, sin_turns(x)
+    w = speed_after(law, e, v, a * sine)
+    kicked = abs(_kick_slope(x, a)) * rounding + speed_rounding(law, e, v, w)
     kicked += a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(sine)
-    return kicked + a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
+    kicked += a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
+    return kicked + curvature(law, e) * v_error * v_error
 
 
 @answer(bases.rest_is_doubtful, Scene)
