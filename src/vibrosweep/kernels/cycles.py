@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.bases import Base, Scene, after_rest, take
+from vibrosweep.kernels.bases import Base, Constants, after_rest, take
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.lanes import ROW
 
@@ -114,7 +114,7 @@ def empty_rests() -> Rests:
 
 
 @jit
-def once_round(fixed: Scene, x_start: float, u_start: float) -> Totals:
+def once_round(fixed: Constants, x_start: float, u_start: float) -> Totals:
     """Totals of the cycle through a state; those of no impacts where a rest lies on the way."""
     n, x, u = 0.0, x_start, u_start
     impacts, total, squares, largest = 0, 0.0, 0.0, 0.0
@@ -133,7 +133,7 @@ def once_round(fixed: Scene, x_start: float, u_start: float) -> Totals:
 
 
 @jit
-def _count_cycle(s: Floats, j: int, realization: int, fixed: Scene, rests: Rests) -> None:
+def _count_cycle(s: Floats, j: int, realization: int, fixed: Constants, rests: Rests) -> None:
     """Note the totals of the cycle that lane j has entered."""
     p, q, rested, total, squares, largest = 0, 0.0, 0, 0.0, 0.0, 0.0
     if s[ROW.RESTS + j] == s[ROW.RESTS_ANCHOR + j]:  # no rest is known on the way

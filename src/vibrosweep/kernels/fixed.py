@@ -14,11 +14,11 @@ import numpy as np
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
 from vibrosweep.kernels.bases import (
     Base,
-    Scene,
+    Constants,
+    constants,
     contact_time,
     fixed_attracts,
     fixed_residual,
-    scene,
 )
 from vibrosweep.kernels.laws import LAW_OF, speed_after
 from vibrosweep.kernels.rounding import HALF_ULP
@@ -72,7 +72,7 @@ def may_push_back(rebound: str) -> bool:
 
 
 @jit
-def _solve(fixed: Scene, x: float, k: float, sign: float) -> tuple[bool, float]:
+def _solve(fixed: Constants, x: float, k: float, sign: float) -> tuple[bool, float]:
     """Newton's method from phase x: whether it converges, and to where."""
     for _ in range(STEPS):
         off, slope, size = fixed_residual(fixed, x, k, sign)
@@ -116,7 +116,7 @@ def find_fixed(
     """
     for t in range(span[0], span[1]):
         out.state[t], out.phase[t] = ABSENT, np.nan
-        fixed = scene(base, problem, t)
+        fixed = constants(base, problem, t)
         if not k[t] > contact_time(fixed):
             continue
         for seed in range(SEEDS):

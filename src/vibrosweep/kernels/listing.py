@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.bases import Scene, contact_time
+from vibrosweep.kernels.bases import Constants, contact_time
 from vibrosweep.kernels.impact import Batch, Instant, impact, launch
 from vibrosweep.kernels.lanes import LANES
 from vibrosweep.kernels.ordering import LIST, ORDERED, STATE, Workspace
@@ -37,7 +37,7 @@ def start(work: Workspace, batch: Batch, i: int) -> None:
 
 
 @jit
-def next_landings(s: Floats, lanes: int, fixed: Scene, stop: Instant) -> None:
+def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> None:
     """Find the next landing of each lane; take those up to the stop and leave the others be."""
     n_stop, x_stop = stop
     shortest = contact_time(fixed)

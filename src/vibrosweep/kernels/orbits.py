@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
 from vibrosweep.kernels.bases import (
-    Scene,
+    Constants,
     after_rest,
+    constants,
     contraction,
     jacobian,
     jacobian_error,
     landing_rounding,
     rebound_error,
     reverses,
-    scene,
 )
 from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
 from vibrosweep.kernels.impact import Batch, Instant, impact, launch
@@ -123,7 +123,7 @@ def empty_orbits(trajectories: int) -> Orbits:
 
 @jit
 def _follow(
-    fixed: Scene, launched: State, begin: Instant, end: Instant, budget: int, g: Floats
+    fixed: Constants, launched: State, begin: Instant, end: Instant, budget: int, g: Floats
 ) -> tuple[State, int, float, float]:
     """Follow a trajectory to its end.
 
@@ -151,14 +151,14 @@ def _follow(
 
 
 @jit
-def _next(fixed: Scene, state: State) -> State:
+def _next(fixed: Constants, state: State) -> State:
     """State after the next impact."""
     hit = impact(fixed, *state)
     return hit.n_off, hit.x_off, hit.u
 
 
 @jit
-def _periods_of(fixed: Scene, x: float, u: float, impacts: int, shorter: int) -> int:
+def _periods_of(fixed: Constants, x: float, u: float, impacts: int, shorter: int) -> int:
     """Periods of the shorter cycle that a cycle is up to rounding; 0 if it is none."""
     state = ahead = (0.0, x, u)
     for _ in range(shorter):
@@ -173,7 +173,7 @@ def _periods_of(fixed: Scene, x: float, u: float, impacts: int, shorter: int) ->
 
 
 @jit
-def _shortest(fixed: Scene, x: float, u: float, impacts: int, periods: int) -> tuple[int, int]:
+def _shortest(fixed: Constants, x: float, u: float, impacts: int, periods: int) -> tuple[int, int]:
     """Impacts and periods of a cycle with states closer than `SAME_ORBIT` taken as one.
 
     Rounding lets an orbit alternate between neighbouring numbers; the cycle of its bits is then a
@@ -188,7 +188,7 @@ def _shortest(fixed: Scene, x: float, u: float, impacts: int, periods: int) -> t
 
 
 @jit
-def _representative(fixed: Scene, state: State, impacts: int) -> State:
+def _representative(fixed: Constants, state: State, impacts: int) -> State:
     """Member of the cycle with the shortest flight; of equal ones that with the first phase."""
     n_best, x_best, u_best = state
     for _ in range(impacts):
@@ -234,7 +234,7 @@ def _spread(frame: Pair, box: Pair) -> Pair:
 
 
 @jit
-def _state_error(fixed: Scene, state: State, impacts: int) -> Pair:
+def _state_error(fixed: Constants, state: State, impacts: int) -> Pair:
     """Distance of a state of a cycle of rounded impacts from the exact cycle, to first order.
 
     What rounding adds in one round, each part carried on to its end, is b; a distance d returns as
@@ -268,7 +268,7 @@ def _state_error(fixed: Scene, state: State, impacts: int) -> Pair:
 
 @jit
 def _cycle_exponents(
-    fixed: Scene, state: State, impacts: int
+    fixed: Constants, state: State, impacts: int
 ) -> tuple[complex, float, float, float, float]:
     """Leading multiplier of a cycle without rests; both exponents with their errors."""
     n, x, u = state
@@ -327,7 +327,7 @@ def _cycle_exponents(
 
 @jit
 def _write_exponents(
-    t: int, fixed: Scene, largest: tuple[float, float], total: tuple[float, float], out: Orbits
+    t: int, fixed: Constants, largest: tuple[float, float], total: tuple[float, float], out: Orbits
 ) -> None:
     """Write both exponents of a trajectory, each with its error."""
     out.largest[t], out.largest_error[t] = largest
@@ -337,7 +337,7 @@ def _write_exponents(
 
 
 @jit
-def _write_cycle(fixed: Scene, t: int, state: State, out: Orbits) -> None:
+def _write_cycle(fixed: Constants, t: int, state: State, out: Orbits) -> None:
     """Write a cycle through a state: its representative, multiplier and exponents.
 
     Its impacts and rests stand in `out` already, and whether it is uncertain if it rests.
@@ -360,7 +360,7 @@ def _write_cycle(fixed: Scene, t: int, state: State, out: Orbits) -> None:
 
 @jit
 def _write_mean(
-    t: int, fixed: Scene, rests: int, area: float, slack: float, g: Floats, out: Orbits
+    t: int, fixed: Constants, rests: int, area: float, slack: float, g: Floats, out: Orbits
 ) -> None:
     """Write the exponents of an orbit that does not recur; some of its landings rested."""
     if rests > 0:
@@ -420,7 +420,7 @@ def settle(
     judged, doubtful = -1, 0  # realization whose orbit from rest to rest is known, and what of it
     for t in range(first, last):
         i = t // particles
-        fixed = scene(base, problem, i)
+        fixed = constants(base, problem, i)
         _write_nothing(t, out)
         if each.at_rest[t] == 0 and cycles[CYCLE.IMPACTS, t] > 0.0:
             x, u = cycles[CYCLE.PHASE, t], cycles[CYCLE.FLIGHT, t]

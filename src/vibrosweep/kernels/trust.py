@@ -20,8 +20,9 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit, kernel
 from vibrosweep.kernels.bases import (
+    Constants,
     Jacobian,
-    Scene,
+    constants,
     fly,
     jacobian,
     landing_rounding,
@@ -30,7 +31,6 @@ from vibrosweep.kernels.bases import (
     rebound,
     rebound_error,
     rest_is_doubtful,
-    scene,
 )
 from vibrosweep.kernels.impact import Batch, land, launch
 from vibrosweep.kernels.rounding import KICK_ERROR, LAUNCH_ERROR, ROUNDING, SMALLEST
@@ -149,7 +149,7 @@ class Bounded(NamedTuple):
 
 
 @jit
-def _impact(fixed: Scene, x: float, u: float, frame: Frame, box: Box) -> Bounded:
+def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box) -> Bounded:
     """An impact of a particle that leaves phase x with speed u, its error in frame and box."""
     rounding = landing_rounding(fixed, x, u)
     flight, v = fly(fixed, x, u)
@@ -168,13 +168,13 @@ def _impact(fixed: Scene, x: float, u: float, frame: Frame, box: Box) -> Bounded
 
 
 @jit
-def is_certain(fixed: Scene, x: float, u: float, impacts: int, modulus: float) -> bool:
+def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: float) -> bool:
     """Whether no rounding can change a decision along a cycle.
 
     Parameters
     ----------
     fixed
-        The scene of the realization.
+        Constants of the realization.
     x, u
         A state of the cycle; of one with a rest, the lift-off from it.
     impacts
@@ -209,7 +209,7 @@ def _follow(
 ) -> tuple[float, float, float]:
     """Bounds of one trajectory, as the fields of `Trust`."""
     problem = batch.problem
-    fixed = scene(batch.base, problem, i)
+    fixed = constants(batch.base, problem, i)
     x_end = problem.end_phase[i]
     n, x = launch(batch.launches, i, p, problem.phase[i])
     n -= problem.end_count[i]

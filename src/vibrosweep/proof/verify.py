@@ -146,7 +146,7 @@ def _checked(
     case = Case(
         stored={name: values[row] for name, values in sample.stored.items()},
         again={name: values[row] for name, values in again.items()} if sample.own else {},
-        scene=sample.scene(row),
+        realization=sample.realization(row),
         bounds=bounds,
         trajectories=trajectories,
         errors=errors,
@@ -207,15 +207,15 @@ def _proved(
         return State.NO_CLAIM if completed else State.NOT_COMPLETED
     if landings > max_landings:
         return State.TOO_LONG
-    scene = sample.scene(row)
+    realization = sample.realization(row)
     shared: dict[str, Any] = {
-        **scene.parameters,
-        "duration": scene.duration,
-        "rebound": scene.rebound,
+        **realization.parameters,
+        "duration": realization.duration,
+        "rebound": realization.rebound,
         "max_impacts": max_landings,
         "max_bits": MAX_BITS,
     }
     try:
-        return [trajectory(launch_time=time, **shared) for time in scene.launch_times]
+        return [trajectory(launch_time=time, **shared) for time in realization.launch_times]
     except UndecidableError:
         return State.UNDECIDED

@@ -1,8 +1,9 @@
 """What tells one base from another: the questions that kernels ask of it.
 
-A kernel is compiled for one base and one law.  Which it is stands in the *type* of a scene: the
-named tuple of the numbers that decide the impacts of one realization.  Each base is one file here,
-which holds its scene and its answers; no other kernel knows which base it is compiled for.
+A kernel is compiled for one base and one law.  Which it is stands in the *type* of the
+constants: the named tuple of the numbers that decide the impacts of one realization.  Each base is
+one file here, which holds its constants and its answers; no other kernel knows which base it is
+compiled for.
 
 All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
 duration of the flight that they begin on a base at rest.
@@ -17,9 +18,10 @@ from vibrosweep.model.parameters import Dimensionless
 
 __all__ = [
     "Base",
+    "Constants",
     "Jacobian",
-    "Scene",
     "after_rest",
+    "constants",
     "contact_time",
     "contraction",
     "fixed_attracts",
@@ -35,31 +37,30 @@ __all__ = [
     "rebound_error",
     "rest_is_doubtful",
     "reverses",
-    "scene",
     "take",
 ]
 
 Base = Any  # an empty named tuple: its type is what numba compiles for
-Scene = Any  # the named tuple of one base
+Constants = Any  # the named tuple of one base
 # the rows, then the sum of the moduli of the terms that the rows are sums of
 Jacobian = tuple[float, float, float, float, float]
 
 
 @question
-def scene(base: Base, problem: Dimensionless, i: int) -> Scene:
+def constants(base: Base, problem: Dimensionless, i: int) -> Constants:
     """Numbers that decide the impacts of realization i."""
     raise NotImplementedError
 
 
 @question
-def put(fixed: Scene, s: Floats, j: int) -> None:
-    """Put a scene into lane j of the scratch memory, from row `lanes.SCENE` on."""
+def put(fixed: Constants, s: Floats, j: int) -> None:
+    """Put the constants into lane j of the scratch memory, from row `lanes.CONSTANTS` on."""
     raise NotImplementedError
 
 
 @question
-def take(base: Base, s: Floats, j: int) -> Scene:
-    """Take the scene of lane j back.
+def take(base: Base, s: Floats, j: int) -> Constants:
+    """Take the constants of lane j back.
 
     A rest for good leaves no phase there (NaN), and what has none is before no end.
     """
@@ -67,19 +68,19 @@ def take(base: Base, s: Floats, j: int) -> Scene:
 
 
 @question
-def fly(fixed: Scene, x: float, u: float) -> tuple[float, float]:
+def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
     """Time of flight and speed of arrival after leaving the base at phase x with speed u."""
     raise NotImplementedError
 
 
 @question
-def rebound(fixed: Scene, x: float, v: float) -> float:
+def rebound(fixed: Constants, x: float, v: float) -> float:
     """Speed with which a particle that arrives at phase x with speed v would leave at once."""
     raise NotImplementedError
 
 
 @question
-def lift_off(fixed: Scene, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
+def lift_off(fixed: Constants, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
     """Count, phase and speed with which a particle leaves that landed at (n, x), `w` its rebound.
 
     The last value is whether it leaves at once; else it rests until then.  The count is infinite,
@@ -89,19 +90,19 @@ def lift_off(fixed: Scene, n: float, x: float, w: float) -> tuple[float, float, 
 
 
 @question
-def after_rest(fixed: Scene) -> tuple[float, float]:
+def after_rest(fixed: Constants) -> tuple[float, float]:
     """Phase and speed with which a particle leaves after a rest."""
     raise NotImplementedError
 
 
 @question
-def contact_time(fixed: Scene) -> float:
+def contact_time(fixed: Constants) -> float:
     """Periods for which the base counts as occupied after a landing, at least."""
     raise NotImplementedError
 
 
 @question
-def jacobian(fixed: Scene, x: float, v: float) -> Jacobian:
+def jacobian(fixed: Constants, x: float, v: float) -> Jacobian:
     """Derivative of phase and speed after an impact by those before its flight.
 
     `x` and `v` are phase and speed of arrival; the particle leaves at once.
@@ -110,7 +111,7 @@ def jacobian(fixed: Scene, x: float, v: float) -> Jacobian:
 
 
 @question
-def jacobian_error(fixed: Scene, v: float, error: float, v_error: float) -> tuple[float, float]:
+def jacobian_error(fixed: Constants, v: float, error: float, v_error: float) -> tuple[float, float]:
     """Bounds of the change of the second row of the Jacobian by errors of the landing.
 
     The first is for a unit change of the phase of the landing, the second for one of the speed of
@@ -120,13 +121,13 @@ def jacobian_error(fixed: Scene, v: float, error: float, v_error: float) -> tupl
 
 
 @question
-def reverses(fixed: Scene, x: float, v: float) -> float:
+def reverses(fixed: Constants, x: float, v: float) -> float:
     """-1 where the Jacobian reverses orientation, else 1."""
     raise NotImplementedError
 
 
 @question
-def contraction(fixed: Scene, v: float) -> float:
+def contraction(fixed: Constants, v: float) -> float:
     """Modulus of the determinant of the Jacobian of an impact with speed v of arrival.
 
     Factors whose product over a cycle is 1 may be left out.  Where it is 0, it is so at any speed.
@@ -135,7 +136,7 @@ def contraction(fixed: Scene, v: float) -> float:
 
 
 @question
-def fixed_residual(fixed: Scene, x: float, k: float, sign: float) -> tuple[float, float, float]:
+def fixed_residual(fixed: Constants, x: float, k: float, sign: float) -> tuple[float, float, float]:
     """What is left of the equation of a fixed orbit that lands at phase x every k periods.
 
     `sign` is -1 for an orbit whose particle is pushed into the base, and turned back, at every
@@ -145,20 +146,20 @@ def fixed_residual(fixed: Scene, x: float, k: float, sign: float) -> tuple[float
 
 
 @question
-def fixed_attracts(fixed: Scene, x: float, k: float) -> bool:
+def fixed_attracts(fixed: Constants, x: float, k: float) -> bool:
     """Whether the fixed orbit that lands at phase x every k periods attracts."""
     raise NotImplementedError
 
 
 @question
-def landing_rounding(fixed: Scene, x: float, u: float) -> float:
+def landing_rounding(fixed: Constants, x: float, u: float) -> float:
     """Bound of the rounding error of the phase of a landing, of a flight from phase x."""
     raise NotImplementedError
 
 
 @question
 def rebound_error(
-    fixed: Scene, x: float, v: float, rounding: float, error: float, v_error: float
+    fixed: Constants, x: float, v: float, rounding: float, error: float, v_error: float
 ) -> float:
     """Bound of the error that an impact adds to the speed after it.
 
@@ -169,13 +170,13 @@ def rebound_error(
 
 
 @question
-def rest_is_doubtful(fixed: Scene, w: float, w_error: float) -> bool:
+def rest_is_doubtful(fixed: Constants, w: float, w_error: float) -> bool:
     """Whether a rebound w is so near to the threshold of rest that its error decides."""
     raise NotImplementedError
 
 
 @question
-def liftoff_error(fixed: Scene) -> tuple[float, float]:
+def liftoff_error(fixed: Constants) -> tuple[float, float]:
     """Bounds of the errors of phase and speed of the lift-off from a rest.
 
     The first is infinite where it is in doubt whether a resting particle is ever lifted.
