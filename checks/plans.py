@@ -22,7 +22,7 @@ from accuracy import processor, table, write_section
 from kills import REPORT
 from vibrosweep.engine.workers import Workers
 from vibrosweep.run.driver import run_sweep
-from vibrosweep.run.estimate import estimate
+from vibrosweep.run.forecast import estimate
 from vibrosweep.run.plan import make_plan
 from vibrosweep.spec.sweep import read_spec
 

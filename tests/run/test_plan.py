@@ -11,9 +11,9 @@ import pytest
 
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.run import chunks, pilot, plan
-from vibrosweep.run import estimate as estimate_module
+from vibrosweep.run import forecast as estimate_module
 from vibrosweep.run.driver import run_sweep
-from vibrosweep.run.estimate import estimate, require_disk, require_memory
+from vibrosweep.run.forecast import estimate, require_disk, require_memory
 from vibrosweep.run.pilot import UNKNOWN, explore
 from vibrosweep.run.plan import make_plan
 from vibrosweep.spec.sweep import parse_spec, read_spec
@@ -130,7 +130,7 @@ import re, sys
 from pathlib import Path
 from dataclasses import replace
 from vibrosweep.engine.workers import Workers
-from vibrosweep.run.estimate import estimate
+from vibrosweep.run.forecast import estimate
 from vibrosweep.run.plan import make_plan
 from vibrosweep.run.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec

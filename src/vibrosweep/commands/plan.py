@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 from vibrosweep.commands.arguments import positive, some
 
 if TYPE_CHECKING:
-    from vibrosweep.run.estimate import Needs
+    from vibrosweep.run.forecast import Needs
     from vibrosweep.run.plan import Plan
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
@@ -39,7 +39,7 @@ def perform(options: argparse.Namespace) -> None:
     spec = read_spec(options.spec)
     from vibrosweep.engine.workers import Workers
     from vibrosweep.run.driver import available_threads
-    from vibrosweep.run.estimate import estimate, require_disk, require_memory
+    from vibrosweep.run.forecast import estimate, require_disk, require_memory
     from vibrosweep.run.notes import notes
     from vibrosweep.run.plan import make_plan
 

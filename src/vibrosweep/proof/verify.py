@@ -24,13 +24,13 @@ from vibrosweep.proof.bounds import (
 from vibrosweep.proof.case import Case
 from vibrosweep.proof.judgement import Judgement, judge
 from vibrosweep.proof.judges import judge_row
-from vibrosweep.proof.reading import read_sample
-from vibrosweep.proof.record import judge_record
+from vibrosweep.proof.recorded import judge_record
 from vibrosweep.proof.reference.ball import Trajectory, UndecidableError, trajectory
-from vibrosweep.proof.report import Outcome, Report, State
 from vibrosweep.proof.sample import Sample
+from vibrosweep.proof.sampling import read_sample
 from vibrosweep.proof.setting import Setting
 from vibrosweep.proof.tolerances import EPS, Bounds
+from vibrosweep.proof.verification import Outcome, Report, State
 from vibrosweep.run.progress import Advance, silent
 from vibrosweep.store.kinds import read_kind
 

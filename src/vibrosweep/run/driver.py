@@ -13,7 +13,7 @@ from vibrosweep.engine.asked import (
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
 from vibrosweep.run.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
-from vibrosweep.run.estimate import estimate, has_room, record_bytes, require_disk
+from vibrosweep.run.forecast import estimate, has_room, record_bytes, require_disk
 from vibrosweep.run.identity import identity
 from vibrosweep.run.kept import KeptRun, continued
 from vibrosweep.run.notes import notes

@@ -12,7 +12,7 @@ from vibrosweep.analysis.windows import find_windows
 from vibrosweep.errors import DataError
 from vibrosweep.figures.basins import basins_of_attraction
 from vibrosweep.figures.bifurcation import bifurcation_diagram
-from vibrosweep.figures.stability import stability_windows
+from vibrosweep.figures.stability_windows import stability_windows
 
 SCENE = Scene(particles=2, duration=300.0)
 
