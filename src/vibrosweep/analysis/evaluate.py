@@ -24,7 +24,7 @@ from vibrosweep.kernels.fixed import (
     may_push_back,
 )
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.orbits import Orbits
+from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.parameters import Launches, dimensionless, launches
 from vibrosweep.model.variables import LYAPUNOV, REGIMES, SWEEP
 

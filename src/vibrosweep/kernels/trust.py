@@ -37,6 +37,8 @@ from vibrosweep.kernels.rounding import KICK_ERROR, LAUNCH_ERROR, ROUNDING, SMAL
 from vibrosweep.kernels.tangent import carry
 
 __all__ = [
+    "Box",
+    "Frame",
     "Trust",
     "empty_trust",
     "is_certain",

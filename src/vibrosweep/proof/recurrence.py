@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
-from vibrosweep.kernels.orbits import SAME_ORBIT
+from vibrosweep.kernels.settle import SAME_ORBIT
 from vibrosweep.model.status import Regime
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.ball import Trajectory
