@@ -15,7 +15,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats
 
-__all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "Rows", "aligned", "scratch"]
+__all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "LaneRows", "aligned", "scratch"]
 
 LANES: Final = 192
 VECTOR: Final = 8
@@ -25,7 +25,7 @@ OF_CONSTANTS: Final = 5  # rows that a base has for its constants
 GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of the row DONE
 
 
-class Rows(NamedTuple):
+class LaneRows(NamedTuple):
     """Where the rows of the scratch memory begin, in order; CONSTANTS is the first of several.
 
     Those up to LARGEST take part in every impact.
@@ -61,8 +61,8 @@ class Rows(NamedTuple):
     CYCLE_LARGEST: int
 
 
-ROWS: Final = len(Rows._fields) - 1 + OF_CONSTANTS
-ROW: Final = Rows(0, *(row * STRIDE for row in range(OF_CONSTANTS, ROWS)))
+ROWS: Final = len(LaneRows._fields) - 1 + OF_CONSTANTS
+ROW: Final = LaneRows(0, *(row * STRIDE for row in range(OF_CONSTANTS, ROWS)))
 
 
 def aligned(numbers: int) -> Floats:

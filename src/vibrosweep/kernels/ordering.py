@@ -39,7 +39,7 @@ OF_STATE: Final = STATE.WHO + STRIDE  # numbers of a block that are state
 BLOCK: Final = len(STATE) * STRIDE
 
 
-class Rows(NamedTuple):
+class ListRows(NamedTuple):
     """Rows of a list of landings; those in the order of time follow from row ORDERED on."""
 
     WHOLE: int = 0
@@ -48,7 +48,7 @@ class Rows(NamedTuple):
     WHO: int = 3  # particle p, or -1 - p for one that landed before the window
 
 
-LIST: Final = Rows()
+LIST: Final = ListRows()
 ORDERED: Final = len(LIST)
 
 
