@@ -31,7 +31,6 @@ Codes = NDArray[np.int64]
 
 BYTES_PER_LAUNCH: Final = 300
 PLANE: Final = ("launch_velocity", "launch_time")
-OF_ATTRACTOR: Final = ("regime", "cycle_impacts", "cycle_periods", "cycle_rests")
 
 
 def basins(
