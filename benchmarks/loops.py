@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from vibrosweep.kernels.bases import fly, rebound
-from vibrosweep.kernels.bases.high_bounce import Scene
+from vibrosweep.kernels.bases.high_bounce import Constants
 from vibrosweep.kernels.impact import base_of, land
 from vibrosweep.kernels.sine import sin_turns
 
@@ -61,7 +61,7 @@ def bare_map(s, repetitions):
     """The map without rests, windows and statistics."""
     for _ in range(repetitions):
         for j in range(LANES):
-            fixed = Scene(BASE, s[E + j], s[A + j], 0.0, 0.0, 0.0, 0.0)
+            fixed = Constants(BASE, s[E + j], s[A + j], 0.0, 0.0, 0.0, 0.0)
             flight, v = fly(fixed, s[X + j], s[U + j])
             x, _ = land(s[X + j], flight)
             s[U + j] = rebound(fixed, x, v)

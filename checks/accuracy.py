@@ -27,7 +27,7 @@ def orbit(batch, i, capacity):
     the capacity or a rest for good came first: the second value counts the landings inside.
     """
     problem = batch.problem
-    fixed = bases.scene(batch.base, problem, i)
+    fixed = bases.constants(batch.base, problem, i)
     found = np.empty((capacity, 4))
     n, x = launch(batch.launches, i, 0, problem.phase[i])
     n -= problem.end_count[i]

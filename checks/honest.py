@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vibrosweep.proof.report import State
+from vibrosweep.proof.verification import State
 from vibrosweep.proof.verify import verify
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec

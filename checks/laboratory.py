@@ -21,11 +21,11 @@ from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare
 from vibrosweep.lab.estimate import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, perform_trials
+from vibrosweep.lab.flight_search import find_flights
 from vibrosweep.lab.flights import fit
 from vibrosweep.lab.impacts import BOUNCED, fit_tracks, impacts_of
-from vibrosweep.lab.landings import find_flights
+from vibrosweep.lab.lines import flights_of, table_lines
 from vibrosweep.lab.quality import find_swaps
-from vibrosweep.lab.report import flights_of, table_lines
 from vibrosweep.lab.segments import samples_of
 from vibrosweep.lab.spec import read_experiments
 from vibrosweep.lab.twin import Comparison

@@ -24,7 +24,7 @@ from flint import arb, ctx
 from numba import njit
 
 from accuracy import bare_problem, provenance, table, write_section
-from vibrosweep.kernels.bases import fly, rebound, scene
+from vibrosweep.kernels.bases import constants, fly, rebound
 from vibrosweep.kernels.impact import base_of, land
 
 BASE = base_of("rest")
@@ -46,7 +46,7 @@ def step(fixed, x, u):
 def _step_all(base, problem, x, u):
     found = np.empty((x.size, 3))
     for i in range(x.size):
-        found[i, 0], found[i, 1], found[i, 2] = step(scene(base, problem, i), x[i], u[i])
+        found[i, 0], found[i, 1], found[i, 2] = step(constants(base, problem, i), x[i], u[i])
     return found
 
 
@@ -63,7 +63,7 @@ def visited(base, problem, x, impacts):
         phase, flight = x[i], 1.0
         for k in range(impacts):
             found[i, k, 0], found[i, k, 1] = phase, flight
-            phase, _, flight = step(scene(base, problem, i), phase, flight)
+            phase, _, flight = step(constants(base, problem, i), phase, flight)
             flight = abs(flight)
     return found
 
@@ -148,7 +148,7 @@ def step_rows(given: list[np.ndarray]) -> list[list[str]]:
 @njit(error_model="numpy")
 def iterate(base, problem, x, u, impacts):
     """The kernel's map; returns phase and flight after so many impacts."""
-    fixed = scene(base, problem, 0)
+    fixed = constants(base, problem, 0)
     for _ in range(impacts):
         x, _, u = step(fixed, x, u)
     return x, u

@@ -20,10 +20,9 @@ from pathlib import Path
 
 from accuracy import processor, table, write_section
 from kills import REPORT
-from vibrosweep.commands.start import leave_linear_algebra_out
 from vibrosweep.engine.workers import Workers
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.runs.estimate import estimate
+from vibrosweep.runs.forecast import estimate
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.spec.sweep import read_spec
 
@@ -149,7 +148,6 @@ def main() -> None:
 
 if __name__ == "__main__":
     if len(sys.argv) == 4 and sys.argv[1] in ("planned", "measured"):
-        leave_linear_algebra_out()
         function = {"planned": planned, "measured": measured}[sys.argv[1]]
         print(json.dumps(function(Path(sys.argv[2]), Path(sys.argv[3]))))
     else:

@@ -18,8 +18,8 @@ from accuracy import ULP, bare_problem, batch_of, orbit
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.bases import constants as constants_of
 from vibrosweep.kernels.bases import rebound
-from vibrosweep.kernels.bases import scene as scene_of
 from vibrosweep.kernels.impact import base_of, land
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.parameters import PARAMETERS
@@ -157,7 +157,7 @@ def fold_points(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
                 e, a, whole = rng.uniform(), 10.0 ** rng.uniform(-3.0, 3.0), float(rng.integers(4))
                 x, passed = land(phase, whole)
                 problem = bare_problem(np.array([e]), np.array([a]))
-                w = rebound(scene_of(base_of(law), problem, 0), x, whole)
+                w = rebound(constants_of(base_of(law), problem, 0), x, whole)
                 tried += 1
                 if (x, passed) != (phase, whole):
                     faults.append(f"phase {phase!r} becomes {x!r}")

@@ -70,7 +70,7 @@ def every_landing(scene: Scene, launch_times: np.ndarray, workers: Workers) -> d
 def _phases(batch, counts, phases):
     """The orbit of `kernels.record` before it is rounded to one time: whole periods and phase."""
     problem = batch.problem
-    fixed = bases.scene(batch.base, problem, 0)
+    fixed = bases.constants(batch.base, problem, 0)
     for p in range(counts.shape[0]):
         n, x = launch(batch.launches, 0, p, problem.phase[0])
         u = problem.launch_flight[0]

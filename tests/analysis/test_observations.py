@@ -15,7 +15,7 @@ from vibrosweep.engine import measure as engine
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.lab.prediction import predict
-from vibrosweep.study import heights
+from vibrosweep.study import claims_on_heights
 from vibrosweep.study.batches import swept
 
 SCAN = np.linspace(0.3, 3.5, 9)
@@ -35,7 +35,7 @@ ANALYSES = {
         for name in NAMED
     },
     "claims": lambda workers: swept(workers, separation=True, amplitude=SCAN, duration=300.0),
-    "sensitivity": heights.sensitivity,
+    "sensitivity": claims_on_heights.sensitivity,
     "lab compare": lambda workers: predict(IMPACTS, all_parameters({"amplitude": SCAN}), workers),
 }
 

@@ -13,7 +13,6 @@ from vibrosweep.cli import main
 from vibrosweep.doctor import compiled, libraries, machine
 from vibrosweep.doctor.finding import Finding
 from vibrosweep.kernels import _jit
-from vibrosweep.kernels.machine_code import MachineCode
 
 SUBJECTS = {
     "vibrosweep",
@@ -136,11 +135,25 @@ def test_a_damaged_cache(monkeypatch, tmp_path):
     assert f"1 are damaged: delete {tmp_path}" in compiled.kernel_cache().trouble
 
 
-def test_a_processor_without_fused_multiply_add(monkeypatch):
+@pytest.mark.parametrize(
+    ("features", "bits"),
+    [
+        ("+fma,+avx,+avx2,+avx512f", 512),
+        ("-avx512f,+avx2,+fma", 256),
+        ("+neon,+v8a", 128),
+        ("+avx,+sse2", 64),
+        ("", 64),
+    ],
+)
+def test_vector_registers_of_processors(monkeypatch, features, bits):
     monkeypatch.setattr(
-        "vibrosweep.kernels.machine_code.inspect_sine", lambda: MachineCode(64, fused=False)
+        type(compiled.cpu_target.target_context.codegen()),
+        "magic_tuple",
+        lambda self: ("triple", "processor", features),
     )
-    assert "this processor has no fused multiply-add" in compiled.vector_registers().trouble
+    found = compiled.vector_registers()
+    assert found.state.startswith(f"{bits} bits")
+    assert ("this processor has no fused multiply-add" in found.trouble) == (bits == 64)
 
 
 def test_layers_that_are_loaded_are_seen():

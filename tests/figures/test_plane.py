@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from vibrosweep.errors import DataError
 from vibrosweep.figures import parameter_plane
 from vibrosweep.figures.cells import commonest, equal_cells, grid_cells, median
-from vibrosweep.figures.windows import window_curves
+from vibrosweep.figures.window_curves import window_curves
 from vibrosweep.model import theory
 
 

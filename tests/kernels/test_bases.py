@@ -39,8 +39,8 @@ def exact_image(law, e, a, x, u):
 
 
 @given(laws, restitutions, kicks, phases, flights)
-def test_the_jacobian_is_the_derivative_of_the_exact_map(scene_of, law, e, a, x, u):
-    fixed = scene_of(law, e, a)
+def test_the_jacobian_is_the_derivative_of_the_exact_map(constants_of, law, e, a, x, u):
+    fixed = constants_of(law, e, a)
     hit = impact(fixed, 0.0, x, u)
     w = float(step(e, a, x, u, bits=BITS)[2].mid())
     assume(abs(w) > 1e-9)  # |w| has no derivative where w = 0
@@ -59,18 +59,18 @@ def test_the_jacobian_is_the_derivative_of_the_exact_map(scene_of, law, e, a, x,
     assert terms >= abs(ux) + abs(uu) - ROUNDING * terms
     # uu - ux, of which the larger is rounded
     assert abs(xx * uu - xu * ux - sign * e) <= 2.0 * HALF_ULP * terms
-    assert bases.contraction(fixed) == e
+    assert bases.contraction(fixed, hit.v) == e
     if e > 0.0:  # else nothing is left to be reversed
-        assert bases.turns_back(fixed, hit.x, hit.v) == sign
+        assert bases.reverses(fixed, hit.x, hit.v) == sign
 
 
 @given(laws, restitutions, kicks, st.floats(-0.4, 0.4), flights, st.floats(-0.1, 0.1))
-def test_the_jacobian_changes_by_no_more_than_its_error(scene_of, law, e, a, x, v, off):
-    fixed = scene_of(law, e, a)
-    assume(bases.turns_back(fixed, x, v) == bases.turns_back(fixed, x + off, v))
+def test_the_jacobian_changes_by_no_more_than_its_error(constants_of, law, e, a, x, v, off):
+    fixed = constants_of(law, e, a)
+    assume(bases.reverses(fixed, x, v) == bases.reverses(fixed, x + off, v))
     assume(e > 0.0)  # else that does not tell whether the particle is turned back at both
     here, there = (bases.jacobian(fixed, phase, v) for phase in (x, x + off))
-    allowed = bases.jacobian_error(fixed, abs(off)) + TURN * a * 2.0 * COSINE_ERROR
+    allowed = bases.jacobian_error(fixed, v, abs(off), 0.0)[0] + TURN * a * 2.0 * COSINE_ERROR
     assert here[:2] == there[:2]
     for one, other in zip(here[2:4], there[2:4], strict=True):
         assert abs(one - other) <= allowed + ROUNDING * here[4]
@@ -84,12 +84,12 @@ def test_the_jacobian_changes_by_no_more_than_its_error(scene_of, law, e, a, x, 
         max_size=LANES,
     ),
 )
-def test_scenes_in_scratch_memory_are_taken_back(scene_of, law, given_scenes):
+def test_constants_in_scratch_memory_are_taken_back(constants_of, law, drawn):
     memory = scratch()
-    scenes = [scene_of(law, e, a, r) for e, a, r, _, _ in given_scenes]
-    for j, fixed in enumerate(scenes):
+    several = [constants_of(law, e, a, r) for e, a, r, _, _ in drawn]
+    for j, fixed in enumerate(several):
         bases.put(fixed, memory, j)
-    for j, (fixed, (_, a, r, x, u)) in enumerate(zip(scenes, given_scenes, strict=True)):
+    for j, (fixed, (_, a, r, x, u)) in enumerate(zip(several, drawn, strict=True)):
         taken = bases.take(base_of(law), memory, j)
         w = bases.rebound(fixed, x, u)
         assert bases.rebound(taken, x, u) == w
@@ -103,7 +103,7 @@ def test_scenes_in_scratch_memory_are_taken_back(scene_of, law, given_scenes):
             assert taken == fixed
     assert not memory[ROW.X_END :].any()
     rows = memory[: ROW.X_END].reshape(-1, STRIDE)
-    assert not rows[:, len(scenes) :].any()
+    assert not rows[:, len(several) :].any()
 
 
 SAME_BITS = """
@@ -117,21 +117,24 @@ from vibrosweep.model.parameters import LAWS, PARAMETERS, dimensionless
 
 @jit
 def ask_all(base, problem, i, x, u, s):
-    fixed = bases.scene(base, problem, i)
+    fixed = bases.constants(base, problem, i)
     bases.put(fixed, s, i)
     taken = bases.take(base, s, i)
     flight, v = bases.fly(fixed, x, u)
     w = bases.rebound(fixed, x, v)
     return (
-        (flight, v, w, bases.turns_back(fixed, x, v), bases.contraction(fixed)),
+        (flight, v, w, bases.reverses(fixed, x, v), bases.contraction(fixed, v)),
         bases.lift_off(fixed, 7.0, x, w),
         bases.lift_off(taken, 7.0, x, w),
         bases.lift_off(fixed, 7.0, x, -1.0),
         bases.after_rest(fixed),
         bases.jacobian(fixed, x, v),
-        bases.jacobian_error(fixed, 1e-9),
+        bases.jacobian_error(fixed, v, 1e-9, 1e-9),
+        bases.contact_time(fixed),
+        bases.fixed_residual(fixed, x, 2.0, 1.0),
+        bases.fixed_attracts(fixed, x, 2.0),
         bases.landing_rounding(fixed, x, u),
-        bases.rebound_error(fixed, x, v, 1e-16, 1e-9),
+        bases.rebound_error(fixed, x, v, 1e-16, 1e-9, 1e-9),
         bases.rest_is_doubtful(fixed, w, 0.1),
         bases.liftoff_error(fixed),
     )
@@ -171,7 +174,7 @@ def test_every_question_has_the_same_bits_compiled_and_as_plain_python():
 
 
 class Unknown(NamedTuple):
-    """A scene of a base that there is not."""
+    """Constants of a base that there is not."""
 
     e: float
 

@@ -9,15 +9,20 @@ import numpy as np
 import pytest
 
 from vibrosweep.kernels.fixed import ABSENT, ATTRACTS, REPELS, empty_fixed, find_fixed
+from vibrosweep.kernels.impact import base_of
 from vibrosweep.model import theory
+from vibrosweep.model.parameters import PARAMETERS, dimensionless
 
 UNITS = {"frequency": 1.0, "gravity": 2.0}  # an amplitude is then its kick
 
 
 def solved(e, a, k, r=1e-4, sign=1.0):
     e, a, k, r = (np.array(v) for v in np.broadcast_arrays(e, a, k, r))
-    found = empty_fixed(e.size)
-    find_fixed(0, e.size, e.astype(float), a.astype(float), r.astype(float), k, sign, found)
+    given = {name: np.full(e.size, p.default) for name, p in PARAMETERS.items()}
+    given |= {name: np.full(e.size, value) for name, value in UNITS.items()}
+    given |= {"restitution": e.astype(float), "amplitude": a.astype(float), "contact_time": r}
+    found, base = empty_fixed(e.size), base_of("rest" if sign > 0.0 else "reflect")
+    find_fixed((0, e.size), base, dimensionless(given, 1.0), k, sign, found)
     return found
 
 
@@ -71,9 +76,14 @@ def test_plain_python_gives_the_bits_of_the_machine_code():
     script = """
 import json, numpy as np
 from vibrosweep.kernels.fixed import empty_fixed, find_fixed
+from vibrosweep.kernels.impact import base_of
+from vibrosweep.model.parameters import PARAMETERS, dimensionless
 found = empty_fixed(3)
-e, a, r = np.array([0.9, 0.5, 0.3]), np.array([0.3, 0.2, 0.75]), np.full(3, 1e-4)
-find_fixed(0, 3, e, a, r, np.ones(3, int), 1.0, found)
+given = {name: np.full(3, p.default) for name, p in PARAMETERS.items()}
+given["restitution"], given["gravity"] = np.array([0.9, 0.5, 0.3]), np.full(3, 2.0)
+given["amplitude"] = np.array([0.3, 0.2, 0.75])
+problem = dimensionless(given, 1.0)
+find_fixed((0, 3), base_of("rest"), problem, np.ones(3, int), 1.0, found)
 print(json.dumps([found.state.tolist(), found.phase.tolist()]))
 """
     outputs = [

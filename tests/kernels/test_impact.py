@@ -15,7 +15,7 @@ SINE_ERROR = 2.4e-16  # see test_sine.py
 
 
 @pytest.fixture(scope="module")
-def impacts(scene_of):
+def impacts(constants_of):
     """Random states, what the kernel makes of them, and proved balls."""
     rng = np.random.default_rng(11)
     e = rng.choice([0.0, 1.0, 0.9], STATES)
@@ -27,7 +27,7 @@ def impacts(scene_of):
     u[::7] = rng.integers(0, 9, u[::7].size) / 4.0
     rows = []
     for state in np.stack([e, a, x, u], axis=1).tolist():
-        fixed = scene_of("rest", *state[:2])
+        fixed = constants_of("rest", *state[:2])
         hit = impact(fixed, 0.0, *state[2:])
         w = rebound(fixed, hit.x, hit.v)
         rows.append((state, (hit.x, hit.n, w), step(*state, bits=128)))
@@ -52,17 +52,17 @@ def test_a_rebound_is_rounded_as_its_terms_are(impacts):
         assert abs(w - e * u) <= a * (1.0 + 2.0**-50) + HALF_ULP * (abs(w) + e * u) * 2.0
 
 
-def test_reflect_turns_a_particle_back(impacts, scene_of):
+def test_reflect_turns_a_particle_back(impacts, constants_of):
     for (e, a, _, u), (phase, _, w), _ in impacts[:2000]:
-        assert rebound(scene_of("reflect", e, a), phase, u) == abs(w)
+        assert rebound(constants_of("reflect", e, a), phase, u) == abs(w)
 
 
-def test_the_determinant_of_an_impact_is_the_restitution(impacts, scene_of):
+def test_the_determinant_of_an_impact_is_the_restitution(impacts, constants_of):
     h = 2.0**-18
     for (e, a, x, u), _, _ in impacts:
         if u > 100.0 or a > 10.0:
             continue
-        fixed = scene_of("rest", e, a)
+        fixed = constants_of("rest", e, a)
 
         def image(dx, du, fixed=fixed, x=x, u=u):
             # the phase may leave the reduced interval by h: the map does not mind
@@ -79,9 +79,9 @@ def test_the_determinant_of_an_impact_is_the_restitution(impacts, scene_of):
 
 
 @pytest.fixture
-def resting(scene_of):
+def resting(constants_of):
     """A scene with a threshold of rest of 0.1, which the kick passes at a phase of 0.05."""
-    fixed = scene_of("rest", 0.9, 0.1 / math.sin(0.1 * math.pi), 0.1)
+    fixed = constants_of("rest", 0.9, 0.1 / math.sin(0.1 * math.pi), 0.1)
     assert after_rest(fixed) == (pytest.approx(0.05), 0.1)
     return fixed
 
@@ -100,8 +100,8 @@ def test_a_rest_ends_at_the_next_rise_of_the_kick(resting):
             assert lift_off(resting, 7.0, x, w) == (7.0 + later, rise, 0.1, False)
 
 
-def test_without_excitation_a_rest_never_ends(scene_of):
-    still = scene_of("rest", 0.9, 0.0, 0.1)
+def test_without_excitation_a_rest_never_ends(constants_of):
+    still = constants_of("rest", 0.9, 0.0, 0.1)
     assert lift_off(still, 7.0, -0.2, 0.0) == (math.inf, 0.0, 0.0, False)
 
 

@@ -18,9 +18,9 @@ laws = st.sampled_from(LAWS)
 
 
 @given(phases, flights, restitutions, kicks, laws)
-def test_a_small_change_of_state_is_carried_by_the_jacobian(scene_of, x, u, e, a, law):
+def test_a_small_change_of_state_is_carried_by_the_jacobian(constants_of, x, u, e, a, law):
     h = 2.0**-17
-    fixed = scene_of(law, e, a)
+    fixed = constants_of(law, e, a)
 
     def image(dx, du):
         hit = impact(fixed, 0.0, x + dx, u + du)
@@ -40,9 +40,9 @@ def test_a_small_change_of_state_is_carried_by_the_jacobian(scene_of, x, u, e, a
 
 @given(st.floats(-4.0, 4.0), phases, flights, restitutions, kicks, laws)
 def test_a_frame_stays_orthonormal_and_its_area_shrinks_by_the_restitution(
-    scene_of, angle, x, v, e, a, law
+    constants_of, angle, x, v, e, a, law
 ):
-    derivative = jacobian(scene_of(law, e, a), x, v)
+    derivative = jacobian(constants_of(law, e, a), x, v)
     c, s, along, across, slack = stretch(np.cos(angle), np.sin(angle), derivative)
     assert c * c + s * s == pytest.approx(1.0, rel=1e-15)
     assert np.hypot(*carry(np.cos(angle), np.sin(angle), derivative)) == pytest.approx(along)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.lab.agreement import agreement, phases, quantities
 from vibrosweep.lab.compare import compare
 from vibrosweep.lab.comparison import READINGS, comparable, errors, measured_means
 from vibrosweep.lab.estimate import estimate
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 from vibrosweep.lab.prediction import draw, predict
-from vibrosweep.lab.statistics import agreement, phases, quantities
 from vibrosweep.lab.twin import Comparison
 from vibrosweep.model.theory import locked_height
 from vibrosweep.study.table4 import Imperfection, in_band, study_imperfections, verdict

@@ -10,8 +10,8 @@ import pytest
 from vibrosweep.model import variables
 from vibrosweep.model.variables import LYAPUNOV, RECORD, REGIMES, Variable
 from vibrosweep.proof.judges import JUDGES
-from vibrosweep.proof.reading import VARIABLES
-from vibrosweep.proof.record import RECORDED
+from vibrosweep.proof.recorded import RECORDED
+from vibrosweep.proof.sampling import VARIABLES
 from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.verify import verify
 

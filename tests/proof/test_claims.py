@@ -9,10 +9,10 @@ from flint import arb
 
 from vibrosweep.proof.judgement import judge
 from vibrosweep.proof.measured import Measures
-from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import EPS, Bounds, claims, record_claims
 
-SCENE = Scene(
+SCENE = Realization(
     parameters={
         "restitution": 0.9,
         "amplitude": 1.2,

@@ -11,7 +11,7 @@ from flint import arb
 from vibrosweep.proof.cycle import MAX_CYCLE, largest_exponent
 from vibrosweep.proof.growth import mean_growth
 from vibrosweep.proof.reference.ball import trajectory
-from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import Bounds
 
 SCENE = {
@@ -57,7 +57,7 @@ def test_what_is_no_cycle_has_no_exponent():
 @pytest.mark.parametrize("amplitude", [1.2, 3.5])
 def test_mean_growth_is_that_of_the_product_of_jacobians(rebound, amplitude):
     parameters = SCENE | {"amplitude": amplitude}
-    scene = Scene(parameters, (Fraction(1, 8),), 0.0, 30.0, False, 0.0, rebound)
+    scene = Realization(parameters, (Fraction(1, 8),), 0.0, 30.0, False, 0.0, rebound)
     proved = trajectory(**parameters, launch_time=0.125, duration=30.0, rebound=rebound)
     impacts = proved.impacts[: next((n for n, i in enumerate(proved.impacts) if i.rested), None)]
     flights = [arb(2.0 * 5.0) / arb(9.81), *(i.flight for i in impacts[:-1])]

@@ -11,7 +11,7 @@ from flint import arb
 from vibrosweep.model.status import Status
 from vibrosweep.proof.measured import measures
 from vibrosweep.proof.reference.results import Impact, Trajectory
-from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.sample import Realization
 
 PARAMETERS = {
     "restitution": 0.9,
@@ -25,7 +25,7 @@ PARAMETERS = {
 
 
 def scene(particles, transient=0.0):
-    return Scene(
+    return Realization(
         parameters=PARAMETERS,
         launch_times=tuple(Fraction(j, particles) for j in range(particles)),
         transient=transient,

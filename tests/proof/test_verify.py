@@ -15,9 +15,9 @@ from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.status import Regime
 from vibrosweep.model.variables import RECORD
-from vibrosweep.proof.reading import VARIABLES, read_sample
-from vibrosweep.proof.report import State
+from vibrosweep.proof.sampling import VARIABLES, read_sample
 from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
+from vibrosweep.proof.verification import State
 from vibrosweep.proof.verify import verify
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec

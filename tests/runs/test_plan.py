@@ -10,9 +10,9 @@ import pytest
 
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.runs import chunks, pilot, plan
-from vibrosweep.runs import estimate as estimate_module
+from vibrosweep.runs import forecast as estimate_module
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.runs.estimate import estimate, require_disk, require_memory
+from vibrosweep.runs.forecast import estimate, require_disk, require_memory
 from vibrosweep.runs.pilot import UNKNOWN, explore
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.spec.sweep import parse_spec, read_spec
@@ -129,7 +129,7 @@ import re, sys
 from pathlib import Path
 from dataclasses import replace
 from vibrosweep.engine.workers import Workers
-from vibrosweep.runs.estimate import estimate
+from vibrosweep.runs.forecast import estimate
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec

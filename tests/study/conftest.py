@@ -2,7 +2,7 @@
 
 import pytest
 
-from vibrosweep.study import collect, laboratory, report
+from vibrosweep.study import claims_on_laboratory, collect, report
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -10,7 +10,7 @@ def small_experiment():
     """The virtual experiment of claim 13 as small as it can be: it has tests of its own."""
     with pytest.MonkeyPatch.context() as patch:
         small = {"cases": {"A": 1, "B": 5}, "repeats": 1, "duration": 2.0, "transient": 2.0}
-        patch.setattr(laboratory, "SIZE", small)
+        patch.setattr(claims_on_laboratory, "SIZE", small)
         yield
 
 

@@ -6,7 +6,14 @@ import pytest
 import xarray as xr
 
 from vibrosweep.model import theory
-from vibrosweep.study import collect, energy, heights, laboratory, order, scheme
+from vibrosweep.study import (
+    claims_on_energy,
+    claims_on_heights,
+    claims_on_laboratory,
+    claims_on_order,
+    claims_on_scheme,
+    collect,
+)
 from vibrosweep.study.report import as_json
 from vibrosweep.study.verdict import Verdict
 
@@ -57,27 +64,27 @@ def test_the_scheme_is_of_first_order(outcomes):
 
 
 def test_a_single_particle_is_ordered_and_alone(monkeypatch):
-    monkeypatch.setattr(order, "POPULATIONS", (1,))
-    assert order.bounded_and_ordered(1).verdict is Verdict.HOLDS
+    monkeypatch.setattr(claims_on_order, "POPULATIONS", (1,))
+    assert claims_on_order.bounded_and_ordered(1).verdict is Verdict.HOLDS
 
 
 def test_heights_hardly_depend_on_a_narrow_range(monkeypatch):
-    ranges = heights.SAMPLE_RANGES | {"restitution": (0.9, 0.905)}
-    monkeypatch.setattr(heights, "SAMPLE_RANGES", ranges)
-    assert heights.plateau(1).verdict is Verdict.HOLDS
+    ranges = claims_on_heights.SAMPLE_RANGES | {"restitution": (0.9, 0.905)}
+    monkeypatch.setattr(claims_on_heights, "SAMPLE_RANGES", ranges)
+    assert claims_on_heights.plateau(1).verdict is Verdict.HOLDS
 
 
 def test_an_orbit_that_is_not_settled_is_out_of_balance(monkeypatch):
-    monkeypatch.setattr(energy, "SETTLED", 3.0)
-    assert energy.balance(1).verdict is Verdict.FAILS
+    monkeypatch.setattr(claims_on_energy, "SETTLED", 3.0)
+    assert claims_on_energy.balance(1).verdict is Verdict.FAILS
 
 
 def test_a_coarse_step_fails_even_on_a_locked_orbit(monkeypatch):
     steps = (4e-2, 2e-2)
-    monkeypatch.setattr(scheme, "STEPS", steps)
-    monkeypatch.setattr(scheme, "SHOWN", steps)
-    monkeypatch.setattr(scheme, "STEP", steps[0])
-    assert scheme.step_of_one_millisecond(1).verdict is Verdict.FAILS
+    monkeypatch.setattr(claims_on_scheme, "STEPS", steps)
+    monkeypatch.setattr(claims_on_scheme, "SHOWN", steps)
+    monkeypatch.setattr(claims_on_scheme, "STEP", steps[0])
+    assert claims_on_scheme.step_of_one_millisecond(1).verdict is Verdict.FAILS
 
 
 def test_the_same_whatever_the_number_of_threads(claims):
@@ -112,10 +119,10 @@ def experiment(height, period, grows):
     ],
 )
 def test_the_virtual_experiment_decides_claim_13(height, period, grows, verdict):
-    assert laboratory.judged(*experiment(height, period, grows)).verdict is verdict
+    assert claims_on_laboratory.judged(*experiment(height, period, grows)).verdict is verdict
 
 
 def test_one_setting_among_others_is_a_condition():
     both = [experiment([1.0, 7.0], [1.0, 2.0], grows) for grows in (True, False)]
     study, bands = (xr.concat(parts, "trial", data_vars="all") for parts in zip(*both, strict=True))
-    assert laboratory.judged(study, bands).verdict is Verdict.CONDITIONAL
+    assert claims_on_laboratory.judged(study, bands).verdict is Verdict.CONDITIONAL

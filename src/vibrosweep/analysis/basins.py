@@ -15,7 +15,7 @@ from vibrosweep.engine.landings import launch_times
 from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.orbits import Orbits
+from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless, reduced_turns
 from vibrosweep.model.status import Regime
 from vibrosweep.model.variables import LYAPUNOV, REGIMES
@@ -31,7 +31,6 @@ Codes = NDArray[np.int64]
 
 BYTES_PER_LAUNCH: Final = 300
 PLANE: Final = ("launch_velocity", "launch_time")
-OF_ATTRACTOR: Final = ("regime", "cycle_impacts", "cycle_periods", "cycle_rests")
 
 
 def basins(

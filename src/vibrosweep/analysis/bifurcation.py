@@ -16,8 +16,8 @@ from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.orbits import Orbits
 from vibrosweep.kernels.record import Units, empty_record, record
+from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
 from vibrosweep.model.status import Regime
 from vibrosweep.model.variables import LYAPUNOV, REGIMES

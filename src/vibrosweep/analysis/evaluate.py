@@ -15,8 +15,16 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.orbits import find_orbits, orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.fixed import ABSENT, ATTRACTS, REPELS, empty_fixed, find_fixed, turns_back
-from vibrosweep.kernels.orbits import Orbits
+from vibrosweep.kernels.fixed import (
+    ABSENT,
+    ATTRACTS,
+    REPELS,
+    empty_fixed,
+    find_fixed,
+    may_push_back,
+)
+from vibrosweep.kernels.impact import base_of
+from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.parameters import Launches, dimensionless, launches
 from vibrosweep.model.variables import LYAPUNOV, REGIMES, SWEEP
 
@@ -66,17 +74,19 @@ def locked(
     parameters = scene.parameters(restitution=restitution, amplitude=amplitude)
     problem = dimensionless(parameters, scene.duration)
     k = np.full(problem.kick.size, condition.k)
-    terms = (problem.restitution, problem.kick, problem.rest_flight, k)
+    base = base_of(scene.rebound)
 
     def state(sign: float) -> Codes:
         found = empty_fixed(k.size)
         workers.each(
-            lambda first, last: find_fixed(first, last, *terms, sign, found), k.size, FIXED_PER_TASK
+            lambda first, last: find_fixed((first, last), base, problem, k, sign, found),
+            k.size,
+            FIXED_PER_TASK,
         )
         return found.state.astype(np.int64)
 
     straight = state(1.0)
-    return straight + STATES * state(-1.0) if turns_back(scene.rebound) else straight
+    return straight + STATES * state(-1.0) if may_push_back(scene.rebound) else straight
 
 
 def launched(

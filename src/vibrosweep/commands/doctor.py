@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Final
 
 from vibrosweep.commands.arguments import some
-from vibrosweep.commands.start import leave_linear_algebra_out
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
@@ -21,7 +20,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> int:
     """Carry the command out; return 1 if anything is wrong."""
-    leave_linear_algebra_out()
     from vibrosweep.doctor import examine
 
     wrong = 0

@@ -95,7 +95,7 @@ def _synthesize(options: argparse.Namespace) -> None:
 
 def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     """Read the tracks, and refuse what no recording can have, before anything is computed."""
-    from vibrosweep.lab.reading import read_tracks
+    from vibrosweep.lab.track_files import read_tracks
     from vibrosweep.model.parameters import PARAMETERS
     from vibrosweep.store.disk import check_output
 
@@ -124,9 +124,9 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
 
 
 def _impacts(options: argparse.Namespace) -> None:
+    from vibrosweep.lab.agreement import agreement, quantities
     from vibrosweep.lab.impacts import fit_tracks, impacts_of
-    from vibrosweep.lab.report import agreement_lines, impact_lines
-    from vibrosweep.lab.statistics import agreement, quantities
+    from vibrosweep.lab.lines import agreement_lines, impact_lines
     from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.saving import save_dataset
 
@@ -150,7 +150,7 @@ def _impacts(options: argparse.Namespace) -> None:
     if options.figures is not None:
         from vibrosweep.figures.laboratory import fitted_track
         from vibrosweep.figures.registry import save_formats
-        from vibrosweep.lab.report import flights_of
+        from vibrosweep.lab.lines import flights_of
 
         with drawing(options.output):
             figure = fitted_track(flights_of(tracks, fitted))
@@ -160,7 +160,7 @@ def _impacts(options: argparse.Namespace) -> None:
 def _compare(options: argparse.Namespace) -> None:
     from vibrosweep.engine.workers import Workers
     from vibrosweep.lab.compare import compare
-    from vibrosweep.lab.report import table_lines
+    from vibrosweep.lab.lines import table_lines
     from vibrosweep.lab.twin import Comparison
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.store.kinds import KINDS

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vibrosweep.commands.arguments import positive, some
-from vibrosweep.commands.start import leave_linear_algebra_out
 from vibrosweep.errors import ExistingOutputError, Interruption, OutputError, VibrosweepError
 
 if TYPE_CHECKING:
@@ -51,7 +50,6 @@ def produce(
     output = options.output or Path(f"{options.spec.stem}.h5")
     picture = output.with_suffix(".png")
     _check(options, spec, output, picture)
-    leave_linear_algebra_out()
     from vibrosweep.figures.registry import save
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.store.kinds import KINDS

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.commands.arguments import positive, some
-from vibrosweep.commands.start import leave_linear_algebra_out
 
 if TYPE_CHECKING:
-    from vibrosweep.runs.estimate import Needs
+    from vibrosweep.runs.forecast import Needs
     from vibrosweep.runs.plan import Plan
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
@@ -38,10 +37,9 @@ def perform(options: argparse.Namespace) -> None:
     from vibrosweep.spec.sweep import read_spec
 
     spec = read_spec(options.spec)
-    leave_linear_algebra_out()
     from vibrosweep.engine.workers import Workers
     from vibrosweep.runs.driver import available_threads
-    from vibrosweep.runs.estimate import estimate, require_disk, require_memory
+    from vibrosweep.runs.forecast import estimate, require_disk, require_memory
     from vibrosweep.runs.notes import notes
     from vibrosweep.runs.plan import make_plan
 

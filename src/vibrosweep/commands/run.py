@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from vibrosweep.commands.arguments import positive, some
 from vibrosweep.commands.place import add_place, opened_place
-from vibrosweep.commands.start import leave_linear_algebra_out
 
 if TYPE_CHECKING:
     from vibrosweep.spec.sweep import SweepSpec
@@ -57,7 +56,6 @@ def perform(options: argparse.Namespace) -> None:
     output = options.output or Path(f"{options.spec.stem}.h5")
     gc.disable()  # importing makes many objects and hardly any garbage
     _check(options, spec, output)
-    leave_linear_algebra_out()
     from vibrosweep.runs.driver import run_sweep
     from vibrosweep.runs.progress import reporting
 

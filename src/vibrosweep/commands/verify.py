@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final
 
 from vibrosweep.commands.arguments import positive, whole
-from vibrosweep.commands.start import leave_linear_algebra_out
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
@@ -34,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> int:
     """Carry the command out; return 1 if a number is outside its claim."""
-    leave_linear_algebra_out()
     from vibrosweep.proof.verify import verify
     from vibrosweep.runs.progress import reporting
 

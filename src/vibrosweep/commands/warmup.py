@@ -7,7 +7,6 @@ import time
 from typing import Final
 
 from vibrosweep.commands.arguments import some
-from vibrosweep.commands.start import leave_linear_algebra_out
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
@@ -21,7 +20,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
-    leave_linear_algebra_out()
     from vibrosweep.doctor.warmup import warm_up
 
     began = time.perf_counter()

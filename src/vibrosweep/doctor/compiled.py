@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 import numba
-from llvmlite import binding
+from numba.core.registry import cpu_target
 
 from vibrosweep.doctor.finding import Finding
 from vibrosweep.kernels import _jit
@@ -19,6 +19,9 @@ __all__ = ["kernel_cache", "threads", "vector_registers"]
 
 # Modules of numba that hold a threading layer, and files of OpenMP libraries.
 LAYERS: Final = {"tbbpool": "TBB", "omppool": "OpenMP", "workqueue": "workqueue"}
+# Features of processors, as LLVM calls them: bits of a vector, and a multiply-add of vectors.
+WIDTHS: Final = {"avx": 256, "avx2": 256, "avx512f": 512, "neon": 128}
+FUSED: Final = ("fma", "neon")
 OPENMP: Final = re.compile(r"lib(?:gomp|iomp5|omp)\b[^/\s]*")
 
 
@@ -48,18 +51,18 @@ def _openmp() -> list[str]:
 
 
 def vector_registers() -> Finding:
-    """Look at the machine code of the kernels' hottest part, compiled now."""
+    """Look at what numba compiles for: this processor, or what the environment says."""
     subject = "vector registers"
     if numba.config.DISABLE_JIT:
         return Finding(subject, "none: nothing is compiled", _unset("NUMBA_DISABLE_JIT"))
-    from vibrosweep.kernels.machine_code import inspect_sine
-
-    code, processor = inspect_sine(), binding.get_host_cpu_name()
-    fused = "fused multiply-add by instruction" if code.fused else "no fused multiply-add"
-    state = f"{code.vector_bits} bits, {fused}, in a loop of the sine compiled for {processor}"
-    if numba.config.CPU_NAME:
-        state += f" as {numba.config.CPU_NAME}"
-    if code.fused and code.vector_bits > 64:
+    _, processor, stated = cpu_target.target_context.codegen().magic_tuple()
+    features = re.findall(r"\+([\w.-]+)", stated)
+    fused = any(name in features for name in FUSED)
+    # products and sums that are fused by a call of a function come one by one
+    bits = max((WIDTHS[name] for name in features if name in WIDTHS), default=64) if fused else 64
+    words = "fused multiply-add by instruction" if fused else "no fused multiply-add"
+    state = f"{bits} bits, {words}, compiled for {processor}"
+    if fused and numba.config.OPT == 3:
         return Finding(subject, state)
     return Finding(subject, state, f"results are right, but slow to come: {_slow()}")
 

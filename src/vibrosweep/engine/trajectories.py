@@ -21,8 +21,8 @@ from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.lanes import scratch
-from vibrosweep.kernels.orbits import Orbits, empty_orbits, settle
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
+from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.model.parameters import Dimensionless, Launches

@@ -6,7 +6,7 @@ Nothing is shown and no global state of matplotlib is changed.
 
 from __future__ import annotations
 
-from vibrosweep.figures.heights import height_time
+from vibrosweep.figures.height_curves import height_time
 from vibrosweep.figures.plane import parameter_plane
 from vibrosweep.figures.registry import FIGURES, FigureEntry, available, missing, save_all
 from vibrosweep.figures.restitution import height_against_restitution

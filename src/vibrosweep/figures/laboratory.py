@@ -30,7 +30,7 @@ def fitted_track(
     Parameters
     ----------
     flights
-        Result of `vibrosweep.lab.report.flights_of`.
+        Result of `vibrosweep.lab.lines.flights_of`.
     particle
         Which one; the one that flies longest by default.
     begin

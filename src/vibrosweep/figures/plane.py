@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.data import Array
 from vibrosweep.figures.paint import Points
-from vibrosweep.figures.windows import draw_windows
+from vibrosweep.figures.window_curves import draw_windows
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,7 +11,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from vibrosweep.errors import OutputError
-from vibrosweep.figures import data, heights, plane, restitution, returns, separations, style
+from vibrosweep.figures import data, height_curves, plane, restitution, returns, separations, style
 from vibrosweep.figures.data import Needs
 from vibrosweep.store.disk import replacing
 
@@ -67,11 +67,11 @@ class FigureEntry:
 
 
 def _height_time_one(record: xr.Dataset) -> Figure:
-    return heights.height_time(record, [0], heights.readable_until(record))
+    return height_curves.height_time(record, [0], height_curves.readable_until(record))
 
 
 def _height_time_all(record: xr.Dataset) -> Figure:
-    return heights.height_time(record, None, heights.readable_until(record))
+    return height_curves.height_time(record, None, height_curves.readable_until(record))
 
 
 def _separation_distribution(sweep: xr.Dataset) -> Figure:
@@ -90,7 +90,7 @@ FIGURES: Final[Mapping[str, FigureEntry]] = {
             "fig1_height_time",
             "height of one particle against time",
             "record",
-            heights.NEEDS,
+            height_curves.NEEDS,
             _height_time_one,
         ),
         FigureEntry(
@@ -98,7 +98,7 @@ FIGURES: Final[Mapping[str, FigureEntry]] = {
             "fig2_height_time_all",
             "heights of all particles against time",
             "record",
-            heights.NEEDS,
+            height_curves.NEEDS,
             _height_time_all,
         ),
         FigureEntry(

@@ -140,11 +140,11 @@ def question(declared: F) -> F:
     return ask  # type: ignore[return-value]
 
 
-def answer(question: F, kind: type) -> Callable[[F], F]:
-    """Compile a function as the answer of one kind of named tuple to a question."""
+def answer(question: F, *kinds: type) -> Callable[[F], F]:
+    """Compile a function as the answer of kinds of named tuples to a question."""
 
     def keep(function: F) -> F:
-        _answers[question][kind] = jit(function)
+        _answers[question].update(dict.fromkeys(kinds, jit(function)))
         return function
 
     return keep

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
-from vibrosweep.kernels.bases import Base, Scene, fly, lift_off, put, rebound, scene, take
+from vibrosweep.kernels.bases import Base, Constants, constants, fly, lift_off, put, rebound, take
 from vibrosweep.kernels.cycles import (
     FIRST_ANCHOR,
     Cycles,
@@ -68,7 +68,7 @@ class Options(NamedTuple):
 class Watch(NamedTuple):
     """Data shared by the trajectories of a realization: scene and window."""
 
-    fixed: Scene
+    fixed: Constants
     flight: float
     end: Instant
     begin: Instant
@@ -136,7 +136,7 @@ def _find_done(s: Floats, lanes: int, places: Integers) -> int:
 @jit
 def _watch(base: Base, problem: Dimensionless, i: int) -> Watch:
     return Watch(
-        scene(base, problem, i),
+        constants(base, problem, i),
         problem.launch_flight[i],
         (problem.end_count[i], problem.end_phase[i]),
         (problem.begin_count[i], problem.begin_phase[i]),

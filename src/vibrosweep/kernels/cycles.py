@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.bases import Base, Scene, after_rest, take
+from vibrosweep.kernels.bases import Base, Constants, after_rest, take
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.lanes import ROW
 
@@ -93,17 +93,30 @@ def _note(
 # the line; the orbit is then computed again.
 Rests = Floats
 ROOM_FOR_RESTS = 1024
-REST_IMPACTS, REST_PERIODS, REST_SUM, REST_SQUARES, REST_LARGEST, REST_REALIZATION = range(6)
+
+
+class RestColumns(NamedTuple):
+    """What stands in a line."""
+
+    IMPACTS: int = 0
+    PERIODS: int = 1
+    SUM: int = 2
+    SQUARES: int = 3
+    LARGEST: int = 4
+    WHOSE: int = 5  # realization
+
+
+REST: Final = RestColumns()
 
 
 def empty_rests() -> Rests:
-    """Return an empty cache of orbits with rests."""
-    return np.full((ROOM_FOR_RESTS, REST_REALIZATION + 1), -1.0)
+    """Memory of which nothing is known."""
+    return np.full((ROOM_FOR_RESTS, len(REST)), -1.0)
 
 
 @jit
-def once_round(fixed: Scene, x_start: float, u_start: float) -> Totals:
-    """Totals of the cycle through a state; all zero if a rest interrupts it."""
+def once_round(fixed: Constants, x_start: float, u_start: float) -> Totals:
+    """Totals of the cycle through a state; those of no impacts where a rest lies on the way."""
     n, x, u = 0.0, x_start, u_start
     impacts, total, squares, largest = 0, 0.0, 0.0, 0.0
     while impacts == 0 or x != x_start or u != u_start:
@@ -121,23 +134,23 @@ def once_round(fixed: Scene, x_start: float, u_start: float) -> Totals:
 
 
 @jit
-def _count_cycle(s: Floats, j: int, realization: int, fixed: Scene, rests: Rests) -> None:
-    """Compute and store the totals of the cycle that lane j has entered."""
+def _count_cycle(s: Floats, j: int, realization: int, fixed: Constants, rests: Rests) -> None:
+    """Note the totals of the cycle that lane j has entered."""
     p, q, rested, total, squares, largest = 0, 0.0, 0, 0.0, 0.0, 0.0
     if s[ROW.RESTS + j] == s[ROW.RESTS_ANCHOR + j]:  # no rest since the anchor
         p, q, rested, total, squares, largest = once_round(fixed, s[ROW.X + j], s[ROW.U + j])
     if p == 0 or rested > 0:
         line = realization % ROOM_FOR_RESTS
-        if rests[line, REST_REALIZATION] != realization:
+        if rests[line, REST.WHOSE] != realization:
             x_lift, u_lift = after_rest(fixed)
             p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift)
-            rests[line, REST_IMPACTS], rests[line, REST_PERIODS] = p, q
-            rests[line, REST_SUM], rests[line, REST_SQUARES] = total, squares
-            rests[line, REST_LARGEST], rests[line, REST_REALIZATION] = largest, realization
+            rests[line, REST.IMPACTS], rests[line, REST.PERIODS] = p, q
+            rests[line, REST.SUM], rests[line, REST.SQUARES] = total, squares
+            rests[line, REST.LARGEST], rests[line, REST.WHOSE] = largest, realization
         rested = 1
-        p, q = int(rests[line, REST_IMPACTS]), rests[line, REST_PERIODS]
-        total, squares = rests[line, REST_SUM], rests[line, REST_SQUARES]
-        largest = rests[line, REST_LARGEST]
+        p, q = int(rests[line, REST.IMPACTS]), rests[line, REST.PERIODS]
+        total, squares = rests[line, REST.SUM], rests[line, REST.SQUARES]
+        largest = rests[line, REST.LARGEST]
     s[ROW.CYCLE_IMPACTS + j], s[ROW.CYCLE_PERIODS + j], s[ROW.CYCLE_RESTS + j] = p, q, rested
     s[ROW.CYCLE_SUM + j], s[ROW.CYCLE_SQUARES + j] = total, squares
     s[ROW.CYCLE_LARGEST + j] = largest

@@ -3,14 +3,6 @@
 Near the ends of its window an orbit attracts ever more slowly, and outside it does not attract at
 all.  Newton's method on the map finds it in either case in a few steps, and the Jacobian of its
 impact says whether it attracts.
-
-An orbit that leaves with the flight k lands with it, so that k = sign (e k + a sin 2 pi x), where
-the sign is -1 for an orbit that the `reflect` law turns back at every impact.  Its Jacobian
-
-    [[1, 1], [sign s, sign (e + s)]],      s = 2 pi a cos(2 pi x),
-
-has the determinant sign e and the trace 1 + sign (e + s); both its eigenvalues are inside the unit
-circle if and only if e < 1 and 0 < -sign s < 2 (1 + sign e).
 """
 
 from __future__ import annotations
@@ -20,10 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
-from vibrosweep.kernels.bases.high_bounce import kick_slope
+from vibrosweep.kernels.bases import (
+    Base,
+    Constants,
+    constants,
+    contact_time,
+    fixed_attracts,
+    fixed_residual,
+)
 from vibrosweep.kernels.laws import LAW_OF, speed_after
 from vibrosweep.kernels.rounding import HALF_ULP
-from vibrosweep.kernels.sine import sin_turns
+from vibrosweep.model.parameters import Dimensionless
 
 __all__ = [
     "ABSENT",
@@ -33,7 +32,7 @@ __all__ = [
     "FixedOrbits",
     "empty_fixed",
     "find_fixed",
-    "turns_back",
+    "may_push_back",
 ]
 
 ABSENT, ATTRACTS, REPELS = 0, 1, 2  # in this order along the kick, see `find_fixed`
@@ -67,19 +66,18 @@ def empty_fixed(problems: int) -> FixedOrbits:
     return FixedOrbits(np.empty(problems, np.int8), np.empty(problems))
 
 
-def turns_back(rebound: str) -> bool:
+def may_push_back(rebound: str) -> bool:
     """Whether a law of rebound turns a particle back that is pushed into the base."""
     return speed_after(LAW_OF[rebound], 0.0, 0.0, -1.0) > 0.0
 
 
 @jit
-def _solve(x: float, need: float, a: float) -> tuple[bool, float]:
-    """Newton's method from phase x for a kick of `need`: whether it converges, and to where."""
+def _solve(fixed: Constants, x: float, k: float, sign: float) -> tuple[bool, float]:
+    """Newton's method from phase x: whether it converges, and to where."""
     for _ in range(STEPS):
-        off = a * sin_turns(x) - need
-        if abs(off) <= RESIDUAL * a:
+        off, slope, size = fixed_residual(fixed, x, k, sign)
+        if abs(off) <= RESIDUAL * size:
             return True, x
-        slope = kick_slope(x, a)
         if slope == 0.0:
             break
         x -= off / slope
@@ -91,11 +89,9 @@ def _solve(x: float, need: float, a: float) -> tuple[bool, float]:
 
 @kernel
 def find_fixed(
-    first: int,
-    last: int,
-    restitution: Floats,
-    kick: Floats,
-    rest_flight: Floats,
+    span: tuple[int, int],
+    base: Base,
+    problem: Dimensionless,
     k: Integers,
     sign: float,
     out: FixedOrbits,
@@ -106,26 +102,27 @@ def find_fixed(
 
     Parameters
     ----------
-    first, last
+    span
         Range of problems.
-    restitution, kick, rest_flight, k
-        e, a, r and the number of periods, each of shape (problem,).
+    base
+        From `vibrosweep.kernels.impact.base_of`.
+    problem : vibrosweep.model.parameters.Dimensionless
+    k
+        Number of periods, shape (problem,).
     sign
-        1, or -1 for the orbit that the `reflect` law turns back.
+        1, or -1 for the orbit whose particle is pushed into the base, and turned back.
     out : FixedOrbits
-        Only the slots first ... last - 1 are written.
+        Only the slots of these problems are written.
     """
-    for t in range(first, last):
-        e, a = restitution[t], kick[t]
+    for t in range(span[0], span[1]):
         out.state[t], out.phase[t] = ABSENT, np.nan
-        if not k[t] > rest_flight[t]:
+        fixed = constants(base, problem, t)
+        if not k[t] > contact_time(fixed):
             continue
-        # not as the difference of the flights, of which 1 - e would be lost in rounding near 1
-        need = (sign - e) * k[t]
         for seed in range(SEEDS):
-            found, x = _solve((seed + 0.5) / SEEDS - 0.5, need, a)
+            found, x = _solve(fixed, (seed + 0.5) / SEEDS - 0.5, k[t], sign)
             if found:
                 out.state[t], out.phase[t] = REPELS, x
-                if e < 1.0 and 0.0 < -sign * kick_slope(x, a) < 2.0 * (1.0 + sign * e):
+                if fixed_attracts(fixed, x, k[t]):
                     out.state[t] = ATTRACTS
                     break

@@ -10,6 +10,7 @@ that the length adapts to an orbit whose number of impacts is not known beforeha
 from __future__ import annotations
 
 import math
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -18,8 +19,21 @@ from vibrosweep.kernels._jit import Floats, jit
 __all__ = ["ROOM", "add", "count", "empty", "error", "logarithm", "mean"]
 
 BLOCKS = 32
-FILLED, LENGTH, PARTIAL, INSIDE, TOTAL, COUNT = range(BLOCKS, BLOCKS + 6)
-ROOM = BLOCKS + 6
+
+
+class Places(NamedTuple):
+    """Where the numbers stand behind the means of the blocks, in their order."""
+
+    FILLED: int  # blocks
+    LENGTH: int  # impacts of a block
+    PARTIAL: int  # growth in the block that is being filled
+    INSIDE: int  # impacts in it
+    TOTAL: int  # growth
+    COUNT: int  # impacts
+
+
+AT: Final = Places(*range(BLOCKS, BLOCKS + len(Places._fields)))
+ROOM: Final = BLOCKS + len(AT)
 
 
 @jit
@@ -32,47 +46,47 @@ def logarithm(grown: float) -> float:
 def empty(g: Floats) -> None:
     """Forget all growth; `g` has `ROOM` numbers."""
     g[:] = 0.0
-    g[LENGTH] = 1.0
+    g[AT.LENGTH] = 1.0
 
 
 @jit
 def add(g: Floats, grown: float) -> None:
     """Add the logarithm of the growth in one impact."""
-    g[TOTAL] += grown
-    g[COUNT] += 1.0
-    g[PARTIAL] += grown
-    g[INSIDE] += 1.0
-    if g[INSIDE] < g[LENGTH]:
+    g[AT.TOTAL] += grown
+    g[AT.COUNT] += 1.0
+    g[AT.PARTIAL] += grown
+    g[AT.INSIDE] += 1.0
+    if g[AT.INSIDE] < g[AT.LENGTH]:
         return
-    g[int(g[FILLED])] = g[PARTIAL] / g[LENGTH]
-    g[PARTIAL] = g[INSIDE] = 0.0
-    g[FILLED] += 1.0
-    if g[FILLED] == BLOCKS:
+    g[int(g[AT.FILLED])] = g[AT.PARTIAL] / g[AT.LENGTH]
+    g[AT.PARTIAL] = g[AT.INSIDE] = 0.0
+    g[AT.FILLED] += 1.0
+    if g[AT.FILLED] == BLOCKS:
         for b in range(BLOCKS // 2):
             g[b] = 0.5 * (g[2 * b] + g[2 * b + 1])
-        g[FILLED] = BLOCKS // 2
-        g[LENGTH] *= 2.0
+        g[AT.FILLED] = BLOCKS // 2
+        g[AT.LENGTH] *= 2.0
 
 
 @jit
 def count(g: Floats) -> float:
     """Count the impacts whose growth was added."""
-    return g[COUNT]  # type: ignore[no-any-return]
+    return g[AT.COUNT]  # type: ignore[no-any-return]
 
 
 @jit
 def mean(g: Floats) -> float:
     """Mean growth per impact; NaN without impacts."""
-    if g[COUNT] == 0.0:
+    if g[AT.COUNT] == 0.0:
         return np.nan
-    return g[TOTAL] / g[COUNT]  # type: ignore[no-any-return]
+    return g[AT.TOTAL] / g[AT.COUNT]  # type: ignore[no-any-return]
 
 
 @jit
 def error(g: Floats) -> float:
     """Standard error of the mean, from 16 to 31 blocks; NaN below two, 0 of a mean of -inf."""
-    filled = int(g[FILLED])
-    if g[TOTAL] == -np.inf:
+    filled = int(g[AT.FILLED])
+    if g[AT.TOTAL] == -np.inf:
         return 0.0
     if filled < 2:
         return np.nan

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import jit
-from vibrosweep.kernels.bases import Base, Scene, fly, lift_off, rebound
+from vibrosweep.kernels.bases import Base, Constants, fly, lift_off, rebound
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.model.parameters import Dimensionless, Launches
@@ -87,8 +87,8 @@ def land(x: float, s: float) -> tuple[float, float]:
 
 
 @jit
-def impact(fixed: Scene, n: float, x: float, u: float) -> Impact:
-    """Landing and next lift-off of a particle that leaves the base at (n, x) with speed u."""
+def impact(fixed: Constants, n: float, x: float, u: float) -> Impact:
+    """Landing and lift-off after leaving the base at (n, x) with speed u."""
     s, v = fly(fixed, x, u)
     x, passed = land(x, s)
     n += passed

@@ -15,23 +15,23 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats
 
-__all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "Rows", "aligned", "scratch"]
+__all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "LaneRows", "aligned", "scratch"]
 
 LANES: Final = 192
 VECTOR: Final = 8
 STRIDE: Final = LANES + VECTOR
-OF_SCENE: Final = 5  # rows for the scene of a base
+OF_CONSTANTS: Final = 5  # rows that a base has for its constants
 
 GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of the row DONE
 
 
-class Rows(NamedTuple):
-    """Offsets of the rows of the scratch memory, in order; SCENE is the first of several.
+class LaneRows(NamedTuple):
+    """Where the rows of the scratch memory begin, in order; CONSTANTS is the first of several.
 
     Those up to LARGEST are used by every impact.
     """
 
-    SCENE: int
+    CONSTANTS: int
     X_END: int
     X: int  # phase
     N: int  # whole periods, counted from the end of the window
@@ -61,8 +61,8 @@ class Rows(NamedTuple):
     CYCLE_LARGEST: int
 
 
-ROWS: Final = len(Rows._fields) - 1 + OF_SCENE
-ROW: Final = Rows(0, *(row * STRIDE for row in range(OF_SCENE, ROWS)))
+ROWS: Final = len(LaneRows._fields) - 1 + OF_CONSTANTS
+ROW: Final = LaneRows(0, *(row * STRIDE for row in range(OF_CONSTANTS, ROWS)))
 
 
 def aligned(numbers: int) -> Floats:

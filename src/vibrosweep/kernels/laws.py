@@ -1,8 +1,9 @@
 """Laws of rebound: the speed after an impact, from the arrival speed and the kick.
 
-A law is an empty named tuple: numba selects its functions by type, at compile time.  To add a law,
-write a class with its two functions here, and add its name here and in
-`vibrosweep.model.parameters.LAWS`.
+A law is an empty named tuple, whose type numba knows when it compiles.  A new one is a class here
+with its answers, and its name, here and in `vibrosweep.model.parameters.LAWS`.
+
+Speeds are the durations of the flights that they begin, in forcing periods.
 """
 
 from __future__ import annotations
@@ -11,8 +12,19 @@ from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 from vibrosweep.kernels._jit import answer, fma, question
+from vibrosweep.kernels.rounding import HALF_ULP, SMALLEST
 
-__all__ = ["LAW_OF", "Law", "Reflect", "Rest", "slopes", "speed_after"]
+__all__ = [
+    "LAW_OF",
+    "Law",
+    "Reflect",
+    "Rest",
+    "curvature",
+    "kick_to_repeat",
+    "slopes",
+    "speed_after",
+    "speed_rounding",
+]
 
 Law = Any
 
@@ -26,6 +38,24 @@ def speed_after(law: Law, e: float, v: float, kick: float) -> float:
 @question
 def slopes(law: Law, e: float, v: float, kick: float) -> tuple[float, float]:
     """Derivatives of the speed after an impact by v and by the kick."""
+    raise NotImplementedError
+
+
+@question
+def curvature(law: Law, e: float) -> float:
+    """Bound of half the second derivative of the speed after an impact by v."""
+    raise NotImplementedError
+
+
+@question
+def speed_rounding(law: Law, e: float, v: float, w: float) -> float:
+    """Bound of the rounding error of the speed w after an impact at speed v, for an exact kick."""
+    raise NotImplementedError
+
+
+@question
+def kick_to_repeat(law: Law, e: float, v: float, sign: float) -> float:
+    """Kick with which an impact at speed v ends with speed v; `sign` is -1 if it is turned back."""
     raise NotImplementedError
 
 
@@ -56,6 +86,22 @@ def _(law: Law, e: float, v: float, kick: float) -> float:
 def _(law: Law, e: float, v: float, kick: float) -> tuple[float, float]:
     sign = -1.0 if fma(e, v, kick) < 0.0 else 1.0
     return sign * e, sign
+
+
+@answer(curvature, Rest, Reflect)
+def _(law: Law, e: float) -> float:
+    return 0.0
+
+
+@answer(speed_rounding, Rest, Reflect)
+def _(law: Law, e: float, v: float, w: float) -> float:
+    return HALF_ULP * abs(w) + SMALLEST
+
+
+@answer(kick_to_repeat, Rest, Reflect)
+def _(law: Law, e: float, v: float, sign: float) -> float:
+    # not as the difference of the speeds, of which 1 - e would be lost in rounding near 1
+    return (sign - e) * v
 
 
 LAW_OF: Final[Mapping[str, Law]] = {"rest": Rest(), "reflect": Reflect()}

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.bases import Scene
+from vibrosweep.kernels.bases import Constants, contact_time
 from vibrosweep.kernels.impact import Batch, Instant, impact, launch
 from vibrosweep.kernels.lanes import LANES
 from vibrosweep.kernels.ordering import LIST, ORDERED, STATE, Workspace
@@ -37,16 +37,17 @@ def start(work: Workspace, batch: Batch, i: int) -> None:
 
 
 @jit
-def next_landings(s: Floats, lanes: int, fixed: Scene, stop: Instant) -> None:
+def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> None:
     """Find the next landing of each lane; take those up to the stop and leave the others be."""
     n_stop, x_stop = stop
+    shortest = contact_time(fixed)
     for j in range(lanes):
         hit = impact(fixed, s[STATE.N + j], s[STATE.X + j], s[STATE.U + j])
         due = hit.n - n_stop <= x_stop - hit.x
         rest = 0.0 if hit.leaves else (hit.n_off - hit.n) + (hit.x_off - hit.x)
         s[STATE.X_LAND + j] = hit.x
         s[STATE.N_LAND + j] = hit.n
-        s[STATE.STAY + j] = rest if rest > fixed.r else fixed.r
+        s[STATE.STAY + j] = rest if rest > shortest else shortest
         s[STATE.N_REST + j] = np.inf if hit.leaves else hit.n_off
         s[STATE.DUE + j] = 1.0 if due else 0.0
         s[STATE.X + j] = hit.x_off if due else s[STATE.X + j]

@@ -39,7 +39,7 @@ OF_STATE: Final = STATE.WHO + STRIDE  # numbers of a block that are state
 BLOCK: Final = len(STATE) * STRIDE
 
 
-class Rows(NamedTuple):
+class ListRows(NamedTuple):
     """Rows of a list of landings; those in the order of time follow from row ORDERED on."""
 
     WHOLE: int = 0
@@ -48,11 +48,18 @@ class Rows(NamedTuple):
     WHO: int = 3  # particle p, or -1 - p for one that landed before the window
 
 
-LIST: Final = Rows()
+LIST: Final = ListRows()
 ORDERED: Final = len(LIST)
-# rows of the table of cells: that of each landing, or the next one in its cell; end, or head, of a
-# cell
-CELL, ENDS = 0, 1
+
+
+class CellRows(NamedTuple):
+    """Rows of the table of cells of time."""
+
+    OF_LANDING: int = 0  # cell of each landing, or the next landing in its cell
+    ENDS: int = 1  # end, or head, of each cell
+
+
+CELL: Final = CellRows()
 
 
 class Workspace(NamedTuple):
@@ -78,7 +85,7 @@ def workspace(particles: int) -> Workspace:
         saved=np.zeros((blocks, BLOCK)),
         lanes=np.zeros(blocks, np.int64),
         listed=np.zeros((2 * ORDERED, capacity)),
-        cells=np.zeros((2, capacity + 1), np.int32),
+        cells=np.zeros((len(CELL), capacity + 1), np.int32),
         rests=np.zeros(PERIODS_REMEMBERED),
     )
 
@@ -122,20 +129,20 @@ def put_in_order(listed: Floats, cells: Places, k: int, n: float, x: float, span
     for q in range(k):
         place = ((listed[LIST.WHOLE, q] - n) + (listed[LIST.PHASE, q] - x)) * scale
         place = place if place > 0.0 else 0.0
-        cells[CELL, q] = np.int32(place if place < last else last)
-    cells[ENDS, : k + 1] = 0
+        cells[CELL.OF_LANDING, q] = np.int32(place if place < last else last)
+    cells[CELL.ENDS, : k + 1] = 0
     for q in range(k):
-        cells[ENDS, cells[CELL, q] + 1] += 1
+        cells[CELL.ENDS, cells[CELL.OF_LANDING, q] + 1] += 1
     for c in range(k):
-        cells[ENDS, c + 1] += cells[ENDS, c]
+        cells[CELL.ENDS, c + 1] += cells[CELL.ENDS, c]
     for q in range(k):
-        to = cells[ENDS, cells[CELL, q]]
-        cells[ENDS, cells[CELL, q]] = to + 1
+        to = cells[CELL.ENDS, cells[CELL.OF_LANDING, q]]
+        cells[CELL.ENDS, cells[CELL.OF_LANDING, q]] = to + 1
         for row in range(ORDERED):
             listed[ORDERED + row, to] = listed[row, q]
     start = 0
     for c in range(k):  # this is by now the end of cell c
-        end = cells[ENDS, c]
+        end = cells[CELL.ENDS, c]
         if end - start > FEW:
             _sort(listed, start, end, (end - start) // 2)
         start = end
@@ -157,7 +164,7 @@ def closest(listed: Floats, cells: Places, k: int, gap: float) -> float:
     entries = 64
     while entries < 8 * k and 2 * entries < cells.shape[1]:
         entries *= 2
-    cells[ENDS, :entries] = -1
+    cells[CELL.ENDS, :entries] = -1
     n, x, scale = listed[LIST.WHOLE, 0], listed[LIST.PHASE, 0], 0.5 / gap
     for q in range(k):
         who = listed[LIST.WHO, q]
@@ -170,13 +177,13 @@ def closest(listed: Floats, cells: Places, k: int, gap: float) -> float:
         half = int(np.floor(after * scale))
         cell = half >> 1
         for near in (cell, cell + 1 if half & 1 else cell - 1):
-            other = cells[ENDS, near & (entries - 1)]
+            other = cells[CELL.ENDS, near & (entries - 1)]
             while other >= 0:
                 apart = abs(
                     (whole - listed[LIST.WHOLE, other]) + (phase - listed[LIST.PHASE, other])
                 )
                 gap = apart if who != listed[LIST.WHO, other] and apart < gap else gap
-                other = cells[CELL, other]
-        cells[CELL, q] = cells[ENDS, cell & (entries - 1)]
-        cells[ENDS, cell & (entries - 1)] = np.int32(q)
+                other = cells[CELL.OF_LANDING, other]
+        cells[CELL.OF_LANDING, q] = cells[CELL.ENDS, cell & (entries - 1)]
+        cells[CELL.ENDS, cell & (entries - 1)] = np.int32(q)
     return gap

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, kernel
-from vibrosweep.kernels.bases import scene
+from vibrosweep.kernels.bases import constants
 from vibrosweep.kernels.impact import Batch, impact, launch
 
 __all__ = ["Record", "Units", "empty_record", "record"]
@@ -71,7 +71,7 @@ def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> No
     particles = launches.whole.shape[1]
     for t in range(first, last):
         i, p = t // particles, t % particles
-        fixed = scene(base, problem, i)
+        fixed = constants(base, problem, i)
         n, x = launch(launches, i, p, problem.phase[i])
         u = problem.launch_flight[i]
         for k in range(out.rested.shape[1]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit
-from vibrosweep.kernels.bases import Scene, after_rest, fly
+from vibrosweep.kernels.bases import Constants, after_rest, fly
 from vibrosweep.kernels.impact import Instant, land
 from vibrosweep.kernels.joint import Joint
 from vibrosweep.kernels.lanes import VECTOR
@@ -65,7 +65,7 @@ def _lift_off_together(s: Floats, lanes: int, low: float, high: float, rests: Fl
 
 @jit
 def _next_numbers(
-    fixed: Scene,
+    fixed: Constants,
     window: int | None,
     begin: Instant,
     ends: tuple[float, float, float],
@@ -140,7 +140,7 @@ def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
 
 @jit
 def _followed_by_landings(
-    fixed: Scene, window: int | None, begin: Instant, x_end: float
+    fixed: Constants, window: int | None, begin: Instant, x_end: float
 ) -> Instant:
     """Whole periods that bound the lift-offs from rest whose next landing is inside the window."""
     x_lift, u_lift = after_rest(fixed)
@@ -154,7 +154,7 @@ def _followed_by_landings(
 
 @jit
 def same_index(
-    fixed: Scene,
+    fixed: Constants,
     window: int | None,
     begin: Instant,
     x_end: float,

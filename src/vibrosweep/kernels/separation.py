@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Flags, Floats, jit, kernel
-from vibrosweep.kernels.bases import scene
+from vibrosweep.kernels.bases import constants
 from vibrosweep.kernels.cycles import Cycles
 from vibrosweep.kernels.impact import Batch, Instant
 from vibrosweep.kernels.joint import Joint, affordable, joint_cycle, no_joint
@@ -100,7 +100,7 @@ def _separate(
     """Measure realization i."""
     _, joint, opening, end = found
     problem = batch.problem
-    fixed = scene(batch.base, problem, i)
+    fixed = constants(batch.base, problem, i)
     begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
     start(work, batch, i)
     same, together = same_index(fixed, window, begin, problem.end_phase[i], work, joint)

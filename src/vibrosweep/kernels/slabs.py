@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit
-from vibrosweep.kernels.bases import Scene, fly
+from vibrosweep.kernels.bases import Constants, fly
 from vibrosweep.kernels.impact import Instant, land
 from vibrosweep.kernels.lanes import VECTOR
 from vibrosweep.kernels.listing import Latest, compare, due_first, next_landings
@@ -68,7 +68,7 @@ def _append(
 
 @jit
 def _collect(
-    fixed: Scene,
+    fixed: Constants,
     stop: Instant,
     window: int | None,
     begin: Instant,
@@ -99,7 +99,7 @@ def _copy(source: Floats, target: Floats) -> None:
 
 
 @jit
-def earliest(fixed: Scene, work: Workspace) -> float:
+def earliest(fixed: Constants, work: Workspace) -> float:
     """Whole periods of the earliest first landing."""
     first = np.inf
     for block in range(work.lanes.size):
@@ -134,7 +134,7 @@ def _last(listed: Floats, k: int, latest: Latest) -> Latest:
 
 @jit
 def all_landings(
-    fixed: Scene,
+    fixed: Constants,
     window: int | None,
     begin: Instant,
     end: Instant,

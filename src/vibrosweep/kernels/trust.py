@@ -20,8 +20,9 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit, kernel
 from vibrosweep.kernels.bases import (
+    Constants,
     Jacobian,
-    Scene,
+    constants,
     fly,
     jacobian,
     landing_rounding,
@@ -30,13 +31,22 @@ from vibrosweep.kernels.bases import (
     rebound,
     rebound_error,
     rest_is_doubtful,
-    scene,
 )
 from vibrosweep.kernels.impact import Batch, land, launch
 from vibrosweep.kernels.rounding import KICK_ERROR, LAUNCH_ERROR, ROUNDING, SMALLEST
 from vibrosweep.kernels.tangent import carry
 
-__all__ = ["Trust", "empty_trust", "is_certain", "landing_error", "trust", "turn_box"]
+__all__ = [
+    "Box",
+    "Frame",
+    "Trust",
+    "empty_trust",
+    "is_certain",
+    "landing_error",
+    "speed_error",
+    "trust",
+    "turn_box",
+]
 
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40
@@ -83,6 +93,12 @@ def landing_error(frame: Frame, box: Box, derivative: Jacobian) -> float:
     by_phase, by_speed = derivative[0], derivative[1]
     along, across = by_phase * c + by_speed * s, by_speed * c - by_phase * s
     return abs(along) * box[0] + abs(across) * box[1]
+
+
+@jit
+def speed_error(frame: Frame, box: Box) -> float:
+    """Largest error of the speed in a box, whose sides lie along a frame."""
+    return (abs(frame[1]) * box[0] + abs(frame[0]) * box[1]) * INFLATION
 
 
 @jit
@@ -135,32 +151,32 @@ class Bounded(NamedTuple):
 
 
 @jit
-def _impact(fixed: Scene, x: float, u: float, frame: Frame, box: Box) -> Bounded:
+def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box) -> Bounded:
     """An impact of a particle that leaves phase x with speed u, its error in frame and box."""
     rounding = landing_rounding(fixed, x, u)
     flight, v = fly(fixed, x, u)
     x, passed = land(x, flight)
     derivative = jacobian(fixed, x, v)
     error = (landing_error(frame, box, derivative) + rounding) * INFLATION
-    kicked = rebound_error(fixed, x, v, rounding, error)
+    kicked = rebound_error(fixed, x, v, rounding, error, speed_error(frame, box))
     frame, box = turn_box(frame, box, derivative)
     c, s = frame
     box = (
         box[0] + (abs(c) * rounding + abs(s) * kicked) * INFLATION,
         box[1] + (abs(s) * rounding + abs(c) * kicked) * INFLATION,
     )
-    w_error = (abs(s) * box[0] + abs(c) * box[1]) * INFLATION
+    w_error = speed_error(frame, box)
     return Bounded(x, passed, v, rebound(fixed, x, v), error, w_error, frame, box)
 
 
 @jit
-def is_certain(fixed: Scene, x: float, u: float, impacts: int, modulus: float) -> bool:
+def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: float) -> bool:
     """Whether no rounding can change a decision along a cycle.
 
     Parameters
     ----------
     fixed
-        The scene of the realization.
+        Constants of the realization.
     x, u
         A state of the cycle; of one with a rest, the lift-off from it.
     impacts
@@ -195,7 +211,7 @@ def _follow(
 ) -> tuple[float, float, float]:
     """Bounds of one trajectory, as the fields of `Trust`."""
     problem = batch.problem
-    fixed = scene(batch.base, problem, i)
+    fixed = constants(batch.base, problem, i)
     x_end = problem.end_phase[i]
     n, x = launch(batch.launches, i, p, problem.phase[i])
     n -= problem.end_count[i]

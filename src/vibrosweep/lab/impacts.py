@@ -9,8 +9,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.errors import TrackError
+from vibrosweep.lab.flight_search import Flights, find_flights
 from vibrosweep.lab.flights import line_variance
-from vibrosweep.lab.landings import Flights, find_flights
 from vibrosweep.lab.quality import find_swaps, seen
 from vibrosweep.lab.segments import Samples, low_points, samples_of
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit, kernel
-from vibrosweep.kernels.bases import fly, lift_off, rebound, scene
+from vibrosweep.kernels.bases import constants, fly, lift_off, rebound
 from vibrosweep.kernels.impact import Batch, land, launch
 from vibrosweep.kernels.record import Record, empty_record
 
@@ -75,7 +75,7 @@ def _fill(batch: Batch, walk: Floats, frequency: float, velocity_unit: float, ou
     """Write the landings of particle p with the parameters of realization p; tell if all fit."""
     base, problem, launches = batch
     for p in range(launches.whole.shape[1]):
-        fixed = scene(base, problem, p)
+        fixed = constants(base, problem, p)
         n, x = launch(launches, p, p, problem.phase[p])
         u = problem.launch_flight[p]
         ended = False

@@ -1,6 +1,6 @@
 """A finished dataset against the proved reference: is each number within its claimed error."""
 
-from vibrosweep.proof.report import Report
+from vibrosweep.proof.verification import Report
 from vibrosweep.proof.verify import verify
 
 __all__ = ["Report", "verify"]

@@ -17,7 +17,7 @@ from vibrosweep.proof.measured import Measures, Proved, measures
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
 from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.reference.results import Impact
-from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import Bounds, claims
 
 __all__ = ["Case", "Exponents"]
@@ -62,7 +62,7 @@ class Case:
         Its variables: numbers, or arrays over the particles.
     again
         Bounds that the kernel finds for it now, named as variables; empty of another version.
-    scene
+    realization
         What was computed.
     bounds
         Bounds of the errors of its landings.
@@ -76,7 +76,7 @@ class Case:
 
     stored: Mapping[str, Any]
     again: Mapping[str, Any]
-    scene: Scene
+    realization: Realization
     bounds: Bounds
     trajectories: Sequence[Trajectory]
     errors: Sequence[Errors]
@@ -85,18 +85,18 @@ class Case:
     @cached_property
     def measures(self) -> Measures:
         """Proved measures."""
-        return measures(self.scene, self.trajectories)
+        return measures(self.realization, self.trajectories)
 
     @cached_property
     def claims(self) -> Mapping[str, float | None]:
         """Largest errors of the measures that the dataset admits."""
-        return claims(self.bounds, self.scene, self.measures)
+        return claims(self.bounds, self.realization, self.measures)
 
     @cached_property
     def orbits(self) -> Sequence[Orbit]:
         """Proved states of each particle."""
         return [
-            Orbit(self.scene, self.bounds, trajectory, particle)
+            Orbit(self.realization, self.bounds, trajectory, particle)
             for particle, trajectory in enumerate(self.trajectories)
         ]
 
@@ -148,29 +148,29 @@ class Case:
             claim = None if unclaimed else 0.0
             return Exponents(-math.inf, claim, -math.inf, claim, 0.0)
         rounding = self._stated("lyapunov_sum_error", particle)
-        restitution = self.scene.parameters["restitution"]
-        total: Proved = -math.inf
-        if restitution > 0.0:
-            total = orbit.logarithm(restitution)
         if cycle is not None:
+            last = len(orbit.flights) - 1
+            total, change = orbit.contraction(last - cycle.impacts, last)
             found = largest_exponent(
-                self.scene.parameters,
-                self.scene.rebound,
+                self.realization.parameters,
+                self.realization.rebound,
                 orbit.last_state(),
                 cycle.impacts,
                 cycle.periods,
             )
             stated = self._stated("lyapunov_largest_error", particle)
             claim = None if found is None else stated
-            return Exponents(found, claim, total, rounding, bounds_rounding=True)
+            return Exponents(found, claim, total, _with(rounding, change), bounds_rounding=True)
         if unclaimed:
             return Exponents(None, None, None, None)
         if first == len(impacts):
             return Exponents(None, 0.0, None, 0.0)
         mean = mean_growth(
-            self.scene, self.bounds, impacts[first:], orbit.flights[first : len(impacts)]
+            self.realization, self.bounds, impacts[first:], orbit.flights[first : len(impacts)]
         )
-        return Exponents(mean.value, mean.claim, total, rounding, mean.standard_error)
+        total, change = orbit.contraction(first, len(impacts))
+        claim = _with(rounding, change)
+        return Exponents(mean.value, mean.claim, total, claim, mean.standard_error)
 
     def aperiodic(self, particle: int) -> bool | None:
         """Whether a particle that does not recur is aperiodic; None where that is not proved."""
@@ -178,7 +178,7 @@ class Case:
         if len(impacts) - first < LANDINGS or any(i.rested for i in impacts[first:]):
             return False
         flights = self.orbits[particle].flights[first : len(impacts)]
-        mean = mean_growth(self.scene, self.bounds, impacts[first:], flights)
+        mean = mean_growth(self.realization, self.bounds, impacts[first:], flights)
         if mean.claim is None or mean.standard_error is None:
             return None
         above = mean.value - CERTAIN * mean.standard_error
@@ -187,11 +187,16 @@ class Case:
     def _window(self, particle: int) -> tuple[Sequence[Impact], int]:
         """Impacts of a particle, and the number of the first one in the window."""
         impacts = self.orbits[particle].trajectory.impacts
-        if not self.scene.windowed:
+        if not self.realization.windowed:
             return impacts, 0
-        return impacts, sum(1 for i in impacts if i.landing_time < self.scene.transient)
+        return impacts, sum(1 for i in impacts if i.landing_time < self.realization.transient)
 
     def _stated(self, name: str, particle: int) -> float | None:
         """Return an error that the dataset states; None where it states none."""
         error = float(self.stored[name][particle])
         return error if math.isfinite(error) else None
+
+
+def _with(rounding: float | None, change: float) -> float | None:
+    """Largest error of a number that is rounded and may change; None where it is not bounded."""
+    return None if rounding is None or not math.isfinite(change) else rounding + change

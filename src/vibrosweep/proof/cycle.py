@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from vibrosweep.proof.reference._flint import arb, ctx
+from vibrosweep.proof.reference.high_bounce import PeriodMap
 
 __all__ = ["MAX_CYCLE", "largest_exponent"]
 
@@ -24,22 +25,13 @@ NEAR: Final = 2.0**-20
 ROUNDS: Final = 40
 
 
-class _Map(NamedTuple):
-    """Restitution, kick and rest threshold in forcing periods, and the rebound law."""
-
-    e: arb
-    a: arb
-    r: arb
-    reflect: bool
-
-
 class _Return(NamedTuple):
     """Image of a state after a cycle and the Jacobian of the way, by rows."""
 
     x: arb
     u: arb
     jacobian: tuple[arb, arb, arb, arb]
-    turned: int  # sign of the determinant
+    determinant: arb
 
 
 def largest_exponent(
@@ -71,18 +63,17 @@ def largest_exponent(
     """
     if impacts > MAX_CYCLE:
         return None
-    p = parameters
-    kick = 2.0 * p["frequency"] * p["amplitude"] / p["gravity"]
+    kick = float(PeriodMap.of(parameters, rebound).a)
     lost = 1.0 + math.log2(3.0 + 4.0 * math.pi * kick)  # bits, by the Jacobian of one impact
     with ctx.workprec(128 + 4 * math.ceil(impacts * lost)):
-        rate = 2 * arb(p["frequency"]) / arb(p["gravity"])
-        a, r = rate * arb(p["amplitude"]), arb(p["frequency"]) * arb(p["contact_time"])
-        m = _Map(arb(p["restitution"]), a, r, rebound == "reflect")
+        m = PeriodMap.of(parameters, rebound)
         found = _proved_return(m, state, impacts, periods)
-        return None if found is None else _exponent(m, found, impacts)
+        return None if found is None else _exponent(found, impacts)
 
 
-def _proved_return(m: _Map, state: tuple[arb, arb], impacts: int, periods: int) -> _Return | None:
+def _proved_return(
+    m: PeriodMap, state: tuple[arb, arb], impacts: int, periods: int
+) -> _Return | None:
     """Return from a box in which the cycle is proved to pass, or None."""
     x, u = state[0].mid(), state[1].mid()
     radius = arb(2) ** (-ctx.prec // 2)
@@ -109,23 +100,27 @@ def _ball(radius: arb) -> arb:
     return arb(0, radius.abs_upper())
 
 
-def _once_round(m: _Map, x: arb, u: arb, impacts: int) -> _Return | None:
+def _once_round(m: PeriodMap, x: arb, u: arb, impacts: int) -> _Return | None:
     """Follow a ball of states round the cycle; None where it may rest or turn on the way."""
     j00, j01, j10, j11 = arb(1), arb(0), arb(0), arb(1)
-    turned = 1
-    two_pi = 2 * arb.pi()
+    determinant = arb(1)
     for _ in range(impacts):
         x = x + u
-        w = m.e * u + m.a * (2 * x).sin_pi()
-        k = two_pi * m.a * (2 * x).cos_pi()
-        ek = m.e + k
-        j10, j11, j00, j01 = k * j00 + ek * j10, k * j01 + ek * j11, j00 + j10, j01 + j11
-        if m.reflect and w < 0:
-            w, j10, j11, turned = -w, -j10, -j11, -turned
+        w = m.speed(x, u)
+        s, f = m.slopes(x, u)
+        j10, j11, j00, j01 = (
+            s * j00 + (f + s) * j10,
+            s * j01 + (f + s) * j11,
+            j00 + j10,
+            j01 + j11,
+        )
+        determinant *= f
+        if m.law.turns_back and w < 0:
+            w, j10, j11, determinant = -w, -j10, -j11, -determinant
         if not w > m.r:
             return None
         u = w
-    return _Return(x, u, (j00, j01, j10, j11), turned)
+    return _Return(x, u, (j00, j01, j10, j11), determinant)
 
 
 def _newton(back: _Return, slope: _Return, x: arb, u: arb, periods: int) -> tuple[arb, arb] | None:
@@ -139,13 +134,12 @@ def _newton(back: _Return, slope: _Return, x: arb, u: arb, periods: int) -> tupl
     return (j11 * g - j01 * h) / determinant, (j00 * h - j10 * g) / determinant
 
 
-def _exponent(m: _Map, found: _Return, impacts: int) -> arb | None:
+def _exponent(found: _Return, impacts: int) -> arb | None:
     """Logarithm of the largest modulus of the eigenvalues, per impact."""
     trace = abs(found.jacobian[0] + found.jacobian[3])
-    determinant = found.turned * m.e**impacts
-    discriminant = trace * trace - 4 * determinant
+    discriminant = trace * trace - 4 * found.determinant
     if discriminant < 0:
-        modulus = determinant.sqrt()
+        modulus = found.determinant.sqrt()
     else:  # where it may be 0, the modulus is between those of both cases
         root = discriminant.abs_upper().sqrt()
         least = discriminant.abs_lower().sqrt() if discriminant > 0 else arb(0)

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from vibrosweep.proof.reference._flint import arb
+from vibrosweep.proof.reference.high_bounce import PeriodMap
 from vibrosweep.proof.reference.results import Impact
-from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import EPS, Bounds
 
 __all__ = ["Mean", "mean_growth"]
@@ -42,13 +43,13 @@ class Mean(NamedTuple):
 
 
 def mean_growth(
-    scene: Scene, bounds: Bounds, impacts: Sequence[Impact], flights: Sequence[arb]
+    realization: Realization, bounds: Bounds, impacts: Sequence[Impact], flights: Sequence[arb]
 ) -> Mean:
     """Mean growth of a change of phase alone through impacts without rests, at least one.
 
     Parameters
     ----------
-    scene
+    realization
         The realization.
     bounds
         Bounds of the errors of the kernel's landings.
@@ -57,26 +58,26 @@ def mean_growth(
     flights
         The flight before each of them, forcing periods.
     """
-    p = scene.parameters
-    e, kick = p["restitution"], 2.0 * p["frequency"] * p["amplitude"] / p["gravity"]
-    steepest = 2.0 * math.pi * kick
-    phase_error = bounds.landing_time * p["frequency"] + 4.0 * EPS
-    slope_error = 2.0 * math.pi * steepest * phase_error + 8.0 * EPS * steepest
+    m = PeriodMap.of(realization.parameters, realization.rebound)
+    frequency = realization.parameters["frequency"]
+    phase_error = bounds.landing_time * frequency + 4.0 * EPS
+    s_error, f_error = m.slope_errors(phase_error, bounds.flight_error(realization))
+    s_error += 16.0 * math.pi * EPS * float(m.a)  # both computations round
     c, s, turned, logarithms, errors = 1.0, 0.0, 0.0, [], []
     for impact, flight in zip(impacts, flights, strict=True):
-        k = steepest * float((2 * impact.phase).cos_pi())
-        ax, ay = c + s, k * c + (e + k) * s
-        bx, by = c - s, (e + k) * c - k * s
+        k, f = (float(slope) for slope in m.slopes(impact.phase, flight))
+        ax, ay = c + s, k * c + (f + k) * s
+        bx, by = c - s, (f + k) * c - k * s
         along = math.hypot(ax, ay)
         if along == 0.0:
             return Mean(-math.inf, 0.0, 0.0 if turned == 0.0 else None)
-        # both computations round
-        wrong = (abs(c + s) * slope_error + 32.0 * EPS * (2.0 + e + 2.0 * abs(k))) / along
+        wrong = abs(c + s) * s_error + abs(s) * f_error
+        wrong = (wrong + 32.0 * EPS * (2.0 + f + 2.0 * abs(k))) / along
         logarithms.append(math.log(along))
         errors.append(abs(ax * bx + ay * by) / along**2 * turned + wrong + 4.0 * EPS)
         turned = abs(ax * by - ay * bx) / along**2 * turned + wrong
-        pushed = e * flight + kick * (2 * impact.phase).sin_pi() < 0
-        c, s = ax / along, (-ay if pushed else ay) / along  # the reflect law turns it back
+        pushed = m.speed(impact.phase, flight) < 0
+        c, s = ax / along, (-ay if pushed else ay) / along  # then the law turns it back
         if turned > TURNED:
             return Mean(math.nan, None, None)
     claim = FIRST_ORDER * max(errors) + 2.0 * len(errors) * EPS * max(map(abs, logarithms))

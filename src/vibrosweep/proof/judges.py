@@ -203,7 +203,7 @@ def _uncertain_cycles(case: Case) -> float:
 
 
 def _resolved(case: Case) -> float:
-    gap = float(case.stored["dt_min"]) * case.scene.parameters["frequency"]
+    gap = float(case.stored["dt_min"]) * case.realization.parameters["frequency"]
     return UNDETERMINED if math.isnan(gap) else int(gap > RESOLUTION)
 
 
@@ -259,7 +259,7 @@ def _changed(case: Case, name: str, particle: int | None) -> str:
     if name not in case.again:
         return ""
     stored = case.stored[name] if particle is None else case.stored[name][particle]
-    frequency = case.scene.parameters["frequency"]
+    frequency = case.realization.parameters["frequency"]
     return change_of_bound(name, float(stored), case.again, frequency, particle)
 
 
@@ -281,10 +281,10 @@ def _rounding_bound(case: Case, name: str, particle: int) -> Judgement:
 
 
 def _trusted_until(case: Case, name: str) -> Judgements:
-    scene, bound = case.scene, float(case.stored["landing_time_error"])
+    end, bound = case.realization.duration, float(case.stored["landing_time_error"])
     for particle, until in enumerate(case.stored[name].tolist()):
         times, errors = case.trajectories[particle].landing_time, case.errors[particle]
-        problem, error = untrusted(until, times, errors, scene.duration, case.tolerance, bound)
+        problem, error = untrusted(until, times, errors, end, case.tolerance, bound)
         complaint = f"is {until!r}, {problem}" if problem else ""
         yield Judgement(name, particle, error, case.tolerance, None, complaint)
 

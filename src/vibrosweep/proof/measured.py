@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeAlias
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.ball import Trajectory
-from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.sample import Realization
 
 __all__ = ["Measures", "Proved", "measures"]
 
@@ -78,24 +78,26 @@ class _Flights(NamedTuple):
     squares: arb
 
 
-def measures(scene: Scene, trajectories: Sequence[Trajectory]) -> Measures:
+def measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measures:
     """Measure a realization from the proved trajectories of all its particles."""
     with ctx.workprec(GUARD_BITS + max(t.precision_bits for t in trajectories)):
-        return _measures(scene, trajectories)
+        return _measures(realization, trajectories)
 
 
-def _measures(scene: Scene, trajectories: Sequence[Trajectory]) -> Measures:
-    begin = arb(scene.transient) if scene.windowed else arb.neg_inf()
-    gravity = arb(scene.parameters["gravity"])
-    landings = _landings(scene, trajectories)
+def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measures:
+    begin = arb(realization.transient) if realization.windowed else arb.neg_inf()
+    gravity = arb(realization.parameters["gravity"])
+    landings = _landings(realization, trajectories)
     seen = [x for x in landings if x.time >= begin]
     each = [_flights(x for x in seen if x.particle == p) for p in range(len(trajectories))]
     whole = _flights(seen)
-    status = [_status(t, flights, scene) for t, flights in zip(trajectories, each, strict=True)]
+    status = [
+        _status(t, flights, realization) for t, flights in zip(trajectories, each, strict=True)
+    ]
     overlap = _overlap(landings, begin)
     shared = int(overlap is not None and bool(overlap.mid() >= 0))
     values: dict[str, Proved | list[Proved]] = dict(_of_flights(whole, gravity))
-    values["flight_height_max"] = _largest_height(whole, scene)
+    values["flight_height_max"] = _largest_height(whole, realization)
     values["at_rest_count"] = sum(t.at_rest for t in trajectories)
     values["dt_min"] = _closest(seen)
     values["dt_min_same_index"] = _closest_same_index(seen)
@@ -109,15 +111,15 @@ def _measures(scene: Scene, trajectories: Sequence[Trajectory]) -> Measures:
         values=values,
         fastest=_largest(whole.speeds),
         longest=max(len(flights.speeds) for flights in each),
-        edge=_least([abs(x.time - begin) for x in landings]) if scene.windowed else None,
-        launch_depth=_launch_depth(scene),
+        edge=_least([abs(x.time - begin) for x in landings]) if realization.windowed else None,
+        launch_depth=_launch_depth(realization),
         overlap=overlap,
     )
 
 
-def _landings(scene: Scene, trajectories: Sequence[Trajectory]) -> list[_Landing]:
+def _landings(realization: Realization, trajectories: Sequence[Trajectory]) -> list[_Landing]:
     """All landings in the order of time."""
-    contact = arb(scene.parameters["contact_time"])
+    contact = arb(realization.parameters["contact_time"])
     landings = [
         _Landing(
             particle=particle,
@@ -159,26 +161,26 @@ def _of_flights(flights: _Flights, gravity: arb) -> dict[str, Proved]:
     }
 
 
-def _status(trajectory: Trajectory, flights: _Flights, scene: Scene) -> Status:
+def _status(trajectory: Trajectory, flights: _Flights, realization: Realization) -> Status:
     """Status that a computation in doubles must report."""
     if trajectory.status != Status.COMPLETED:
         return trajectory.status
-    rate = 2 * arb(scene.parameters["frequency"]) / arb(scene.parameters["gravity"])
+    rate = 2 * arb(realization.parameters["frequency"]) / arb(realization.parameters["gravity"])
     overflows = flights.squares * rate * rate > arb(float_info.max)
     return Status.NON_FINITE if overflows else Status.COMPLETED
 
 
-def _largest_height(flights: _Flights, scene: Scene) -> Proved:
+def _largest_height(flights: _Flights, realization: Realization) -> Proved:
     speeds = list(flights.speeds)
-    if _launch_depth(scene) >= 0:
-        speeds.append(arb(scene.parameters["launch_velocity"]))
+    if _launch_depth(realization) >= 0:
+        speeds.append(arb(realization.parameters["launch_velocity"]))
     fastest = _largest(speeds)
-    return None if fastest is None else fastest**2 / (2 * arb(scene.parameters["gravity"]))
+    return None if fastest is None else fastest**2 / (2 * arb(realization.parameters["gravity"]))
 
 
-def _launch_depth(scene: Scene) -> Fraction:
-    begin, end = Fraction(scene.transient), Fraction(scene.duration)
-    return max(min(time - begin, end - time) for time in scene.launch_times)
+def _launch_depth(realization: Realization) -> Fraction:
+    begin, end = Fraction(realization.transient), Fraction(realization.duration)
+    return max(min(time - begin, end - time) for time in realization.launch_times)
 
 
 def _closest(landings: Sequence[_Landing]) -> arb | None:

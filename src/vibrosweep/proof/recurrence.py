@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
-from vibrosweep.kernels.orbits import SAME_ORBIT
+from vibrosweep.kernels.settle import SAME_ORBIT
 from vibrosweep.model.status import Regime
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.ball import Trajectory
-from vibrosweep.proof.reference.high_bounce import nearest_integer
-from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.reference.high_bounce import PeriodMap, nearest_integer
+from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import EPS, Bounds, record_claims
 
 __all__ = ["SAID", "Cycle", "Orbit", "State", "numbered"]
@@ -77,9 +77,11 @@ class Orbit:
         Largest error in s of the kernel's time of a state.
     """
 
-    def __init__(self, scene: Scene, bounds: Bounds, trajectory: Trajectory, particle: int) -> None:
-        p, launch = scene.parameters, scene.launch_times[particle]
-        self.trajectory, self._scene = trajectory, scene
+    def __init__(
+        self, realization: Realization, bounds: Bounds, trajectory: Trajectory, particle: int
+    ) -> None:
+        p, launch = realization.parameters, realization.launch_times[particle]
+        self.trajectory, self._realization, self._bounds = trajectory, realization, bounds
         self._frequency = arb(p["frequency"])
         left = [i for i in trajectory.impacts if i.liftoff_time is not None]
         with ctx.workprec(2 * trajectory.precision_bits):
@@ -87,11 +89,10 @@ class Orbit:
             launched = arb(launch.numerator) / launch.denominator
         self.times = [launched, *(i.liftoff_time for i in left)]
         self.flights = [first, *(i.flight for i in left)]
-        self.time_error = record_claims(bounds, scene, scene.duration)["liftoff_time"]
-        time = record_claims(bounds, scene, 0.0)["liftoff_time"] * p["frequency"]
-        flight = bounds.rebound_velocity * 2.0 * p["frequency"] / p["gravity"]
+        self.time_error = record_claims(bounds, realization, realization.duration)["liftoff_time"]
+        time = record_claims(bounds, realization, 0.0)["liftoff_time"] * p["frequency"]
         # of the difference of two states of the kernel, in periods
-        self._error = 2.0 * max(time, flight) + 8.0 * EPS
+        self._error = 2.0 * max(time, bounds.flight_error(realization)) + 8.0 * EPS
 
     @cached_property
     def _rests(self) -> list[int]:
@@ -166,10 +167,15 @@ class Orbit:
                 return False
         return True
 
-    def logarithm(self, number: float) -> arb:
-        """Logarithm as narrow as the orbit."""
+    def contraction(self, first: int, last: int) -> tuple[arb | float, float]:
+        """Mean logarithm of what impacts leave of an area, of flights first ... last - 1.
+
+        Also how much it may be off by the errors that the dataset admits.
+        """
+        realization = self._realization
         with ctx.workprec(self.trajectory.precision_bits):
-            return arb(number).log()
+            m = PeriodMap.of(realization.parameters, realization.rebound)
+            return m.contraction(self.flights[first:last], self._bounds.flight_error(realization))
 
     def last_state(self) -> tuple[arb, arb]:
         """Phase in turns, not reduced, and flight of the last state."""
@@ -177,7 +183,7 @@ class Orbit:
             return self._turns(-1), self.flights[-1]
 
     def _turns(self, state: int) -> arb:
-        return self.times[state] * self._frequency + arb(self._scene.parameters["phase"]) / (
+        return self.times[state] * self._frequency + arb(self._realization.parameters["phase"]) / (
             2 * arb.pi()
         )
 
@@ -188,7 +194,7 @@ class Orbit:
         members are too near to one another to tell which it is.
         """
         with ctx.workprec(2 * self.trajectory.precision_bits):
-            whole = nearest_integer(arb(self._scene.parameters["phase"]) / (2 * arb.pi()))
+            whole = nearest_integer(arb(self._realization.parameters["phase"]) / (2 * arb.pi()))
             members = []
             for n in range(len(self.times) - cycle.impacts, len(self.times)):
                 turns = self._turns(n)

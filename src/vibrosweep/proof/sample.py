@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.observation import Observation
 
-__all__ = ["Sample", "Scene"]
+__all__ = ["Realization", "Sample"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Scene:
+class Realization:
     """One realization as the reference takes it.
 
     Attributes
@@ -79,8 +79,8 @@ class Sample:
     coordinates: Mapping[str, NDArray[Any]]
     others: tuple[str, ...]
 
-    def scene(self, row: int) -> Scene:
-        """Return the scene of one of the rows."""
+    def realization(self, row: int) -> Realization:
+        """Return the realization of one of the rows."""
         observation, rounding = self.observation, 0.0
         parameters = {name: float(values[row]) for name, values in self.parameters.items()}
         if isinstance(observation.launch, str):
@@ -90,7 +90,7 @@ class Sample:
             launch = tuple(j * period / observation.particles for j in steps)
         else:
             launch = tuple(Fraction(time) for time in observation.launch)
-        return Scene(
+        return Realization(
             parameters=parameters,
             launch_times=launch,
             transient=observation.transient,

@@ -26,7 +26,7 @@ from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 from vibrosweep.proof.measured import Measures, Proved
-from vibrosweep.proof.sample import Scene
+from vibrosweep.proof.sample import Realization
 
 __all__ = ["EPS", "Bounds", "claims", "record_claims"]
 
@@ -49,29 +49,42 @@ class Bounds(NamedTuple):
     landing_time: float
     rebound_velocity: float
 
+    def flight_error(self, realization: Realization) -> float:
+        """Bound of the errors of flights, in forcing periods."""
+        return (
+            self.rebound_velocity
+            * 2.0
+            * realization.parameters["frequency"]
+            / realization.parameters["gravity"]
+        )
 
-def claims(bounds: Bounds, scene: Scene, measured: Measures) -> Mapping[str, float | None]:
+
+def claims(
+    bounds: Bounds, realization: Realization, measured: Measures
+) -> Mapping[str, float | None]:
     """Largest error of each variable that the bounds allow, in its own unit; None: not claimed."""
-    dt, period = bounds.landing_time, 1.0 / scene.parameters["frequency"]
+    dt, period = bounds.landing_time, 1.0 / realization.parameters["frequency"]
     exact: dict[str, float | None] = {"at_rest_count": 0.0, "status": 0.0}
     exact |= {"particle_at_rest": 0.0, "particle_status": 0.0}
-    undecided = _reaches(measured.overlap, _stay_error(dt, scene))
+    undecided = _reaches(measured.overlap, _stay_error(dt, realization))
     exact |= dict.fromkeys(("base_shared", "collision_free"), None if undecided else 0.0)
-    windowed = _flights(bounds, scene, measured) | _separations(dt, measured, period)
+    windowed = _flights(bounds, realization, measured) | _separations(dt, measured, period)
     if _reaches(measured.edge, dt + 4.0 * EPS * period):
         windowed = dict.fromkeys(windowed)
     # only a late window over staggered launches compares anything that is rounded
-    if scene.windowed and abs(measured.launch_depth) < scene.launch_rounding:
+    if realization.windowed and abs(measured.launch_depth) < realization.launch_rounding:
         windowed["flight_height_max"] = None
     return exact | windowed
 
 
-def _flights(bounds: Bounds, scene: Scene, measured: Measures) -> dict[str, float | None]:
-    dv, gravity = bounds.rebound_velocity, scene.parameters["gravity"]
-    rounding = (measured.longest + len(scene.launch_times) + 10) * EPS
+def _flights(
+    bounds: Bounds, realization: Realization, measured: Measures
+) -> dict[str, float | None]:
+    dv, gravity = bounds.rebound_velocity, realization.parameters["gravity"]
+    rounding = (measured.longest + len(realization.launch_times) + 10) * EPS
     v = 0.0 if measured.fastest is None else float(measured.fastest)
     height = (2.0 * v * dv + dv * dv) / (2.0 * gravity)
-    largest = max(v, scene.parameters["launch_velocity"])
+    largest = max(v, realization.parameters["launch_velocity"])
     claimed: dict[str, float | None] = {"impact_count": 0.0, "rest_count": 0.0}
     claimed |= dict.fromkeys(HEIGHTS, height + rounding * largest * largest / (2.0 * gravity))
     claimed["flight_time_mean"] = (2.0 * dv + rounding * 2.0 * v) / gravity
@@ -87,29 +100,29 @@ def _separations(dt: float, measured: Measures, period: float) -> dict[str, floa
     return claimed
 
 
-def _stay_error(dt: float, scene: Scene) -> float:
+def _stay_error(dt: float, realization: Realization) -> float:
     """Error of the time between a landing and the end of another particle's stay, s.
 
     Two landings, a lift-off and a sum of phases take part.
     """
-    return 3.0 * dt + _lift_off_error(scene) + 8.0 * EPS / scene.parameters["frequency"]
+    return 3.0 * dt + _lift_off_error(realization) + 8.0 * EPS / realization.parameters["frequency"]
 
 
-def record_claims(bounds: Bounds, scene: Scene, number: float) -> Mapping[str, float]:
+def record_claims(bounds: Bounds, realization: Realization, number: float) -> Mapping[str, float]:
     """Largest error of a recorded number of that size, by the variable that it belongs to."""
     size = abs(number) if math.isfinite(number) else 0.0
-    landing = bounds.landing_time + 4.0 * EPS * (size + 2.0 / scene.parameters["frequency"])
+    landing = bounds.landing_time + 4.0 * EPS * (size + 2.0 / realization.parameters["frequency"])
     return {
         "landing_time": landing,
-        "liftoff_time": landing + _lift_off_error(scene),
+        "liftoff_time": landing + _lift_off_error(realization),
         "rebound_velocity": bounds.rebound_velocity + 4.0 * EPS * size,
         "rested": 0.0,
     }
 
 
-def _lift_off_error(scene: Scene) -> float:
+def _lift_off_error(realization: Realization) -> float:
     """Error of a lift-off after a rest, s; it grows where the kick barely reaches v_rest."""
-    p = scene.parameters
+    p = realization.parameters
     period, rest = 1.0 / p["frequency"], 0.5 * p["gravity"] * p["contact_time"]
     if p["amplitude"] <= rest:
         return 0.0

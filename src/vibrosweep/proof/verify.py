@@ -24,13 +24,13 @@ from vibrosweep.proof.bounds import (
 from vibrosweep.proof.case import Case
 from vibrosweep.proof.judgement import Judgement, judge
 from vibrosweep.proof.judges import judge_row
-from vibrosweep.proof.reading import read_sample
-from vibrosweep.proof.record import judge_record
+from vibrosweep.proof.recorded import judge_record
 from vibrosweep.proof.reference.ball import Trajectory, UndecidableError, trajectory
-from vibrosweep.proof.report import Outcome, Report, State
 from vibrosweep.proof.sample import Sample
+from vibrosweep.proof.sampling import read_sample
 from vibrosweep.proof.setting import Setting
 from vibrosweep.proof.tolerances import EPS, Bounds
+from vibrosweep.proof.verification import Outcome, Report, State
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.store.kinds import read_kind
 
@@ -146,7 +146,7 @@ def _checked(
     case = Case(
         stored={name: values[row] for name, values in sample.stored.items()},
         again={name: values[row] for name, values in again.items()} if sample.own else {},
-        scene=sample.scene(row),
+        realization=sample.realization(row),
         bounds=bounds,
         trajectories=trajectories,
         errors=errors,
@@ -207,15 +207,15 @@ def _proved(
         return State.NO_CLAIM if completed else State.NOT_COMPLETED
     if landings > max_landings:
         return State.TOO_LONG
-    scene = sample.scene(row)
+    realization = sample.realization(row)
     shared: dict[str, Any] = {
-        **scene.parameters,
-        "duration": scene.duration,
-        "rebound": scene.rebound,
+        **realization.parameters,
+        "duration": realization.duration,
+        "rebound": realization.rebound,
         "max_impacts": max_landings,
         "max_bits": MAX_BITS,
     }
     try:
-        return [trajectory(launch_time=time, **shared) for time in scene.launch_times]
+        return [trajectory(launch_time=time, **shared) for time in realization.launch_times]
     except UndecidableError:
         return State.UNDECIDED

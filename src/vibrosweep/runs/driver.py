@@ -13,7 +13,7 @@ from vibrosweep.engine.asked import (
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
 from vibrosweep.runs.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
-from vibrosweep.runs.estimate import estimate, has_room, record_bytes, require_disk
+from vibrosweep.runs.forecast import estimate, has_room, record_bytes, require_disk
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.kept import KeptRun, continued
 from vibrosweep.runs.notes import notes

@@ -78,7 +78,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             "windows",
             "vibrosweep windows",
             "vibrosweep.analysis.windows:summary",
-            "vibrosweep.figures.stability:stability_windows",
+            "vibrosweep.figures.stability_windows:stability_windows",
             "stability_windows",
             unverified=f"{_PROVES} this holds ends of intervals of amplitude",
         ),
@@ -101,7 +101,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         Kind(
             "impacts",
             "vibrosweep lab impacts",
-            "vibrosweep.lab.report:impact_lines",
+            "vibrosweep.lab.lines:impact_lines",
             undrawn="the figure shows the tracks themselves: vibrosweep lab impacts TRACKS "
             "--figures DIR",
             unverified="it holds measurements of a camera, which nothing can prove",
@@ -109,7 +109,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         Kind(
             "comparison",
             "vibrosweep lab compare",
-            "vibrosweep.lab.report:table_lines",
+            "vibrosweep.lab.lines:table_lines",
             "vibrosweep.figures.laboratory:errors_by_case",
             "lab_table4",
             unverified="it holds measurements of a camera, which nothing can prove",

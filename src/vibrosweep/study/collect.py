@@ -8,25 +8,33 @@ from importlib.resources import files
 from typing import Any, Final
 
 from vibrosweep.runs.progress import Advance, silent
-from vibrosweep.study import contact, energy, heights, laboratory, order, scheme, stability
+from vibrosweep.study import (
+    claims_on_contact,
+    claims_on_energy,
+    claims_on_heights,
+    claims_on_laboratory,
+    claims_on_order,
+    claims_on_scheme,
+    claims_on_stability,
+)
 from vibrosweep.study.verdict import Claim, Outcome
 
 __all__ = ["TESTS", "judge_all", "texts"]
 
 TESTS: Final[Mapping[int, Callable[[int], Outcome]]] = {
-    1: energy.decay,
-    2: energy.balance,
-    3: order.preserved,
-    4: order.staggering,
-    5: stability.windows,
-    6: stability.linearised_update,
-    7: heights.plateau,
-    8: stability.period_two,
-    9: order.bounded_and_ordered,
-    10: contact.separation_stays_positive,
-    11: contact.heights_differ,
-    12: scheme.step_of_one_millisecond,
-    13: laboratory.measured_and_predicted,
+    1: claims_on_energy.decay,
+    2: claims_on_energy.balance,
+    3: claims_on_order.preserved,
+    4: claims_on_order.staggering,
+    5: claims_on_stability.windows,
+    6: claims_on_stability.linearised_update,
+    7: claims_on_heights.plateau,
+    8: claims_on_stability.period_two,
+    9: claims_on_order.bounded_and_ordered,
+    10: claims_on_contact.separation_stays_positive,
+    11: claims_on_contact.heights_differ,
+    12: claims_on_scheme.step_of_one_millisecond,
+    13: claims_on_laboratory.measured_and_predicted,
 }
 
 

@@ -92,7 +92,6 @@ def test_enclosure_keeps_every_point(e, amplitude, speed, radius, corner, reflec
             half_turns_at_launch=arb(0.3),
             half_turn_rate=arb(4),
             gravity=arb(9.81),
-            slope=arb.pi() * 4 * arb(amplitude) / arb(9.81),
         )
         point = (arb(radius) * arb(corner[0]), arb(speed) + arb(radius) * arb(corner[1]))
         state = Enclosure(arb(0, radius), arb(speed, radius))

@@ -1,8 +1,9 @@
 """What tells one base from another: the questions that kernels ask of it.
 
-A kernel is compiled for one base and one law.  Which it is stands in the *type* of a scene: the
-named tuple of the numbers that decide the impacts of one realization.  Each base is one file here,
-which holds its scene and its answers; no other kernel knows which base it is compiled for.
+A kernel is compiled for one base and one law.  Which it is stands in the *type* of the
+constants: the named tuple of the numbers that decide the impacts of one realization.  Each base is
+one file here, which holds its constants and its answers; no other kernel knows which base it is
+compiled for.
 
 All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
 duration of the flight that they begin on a base at rest.
@@ -17,10 +18,14 @@ from vibrosweep.model.parameters import Dimensionless
 
 __all__ = [
     "Base",
+    "Constants",
     "Jacobian",
-    "Scene",
     "after_rest",
+    "constants",
+    "contact_time",
     "contraction",
+    "fixed_attracts",
+    "fixed_residual",
     "fly",
     "jacobian",
     "jacobian_error",
@@ -31,32 +36,31 @@ __all__ = [
     "rebound",
     "rebound_error",
     "rest_is_doubtful",
-    "scene",
+    "reverses",
     "take",
-    "turns_back",
 ]
 
 Base = Any  # an empty named tuple: its type is what numba compiles for
-Scene = Any  # the named tuple of one base
+Constants = Any  # the named tuple of one base
 # the rows, then the sum of the moduli of the terms that the rows are sums of
 Jacobian = tuple[float, float, float, float, float]
 
 
 @question
-def scene(base: Base, problem: Dimensionless, i: int) -> Scene:
+def constants(base: Base, problem: Dimensionless, i: int) -> Constants:
     """Numbers that decide the impacts of realization i."""
     raise NotImplementedError
 
 
 @question
-def put(fixed: Scene, s: Floats, j: int) -> None:
-    """Put a scene into lane j of the scratch memory, from row `lanes.SCENE` on."""
+def put(fixed: Constants, s: Floats, j: int) -> None:
+    """Put the constants into lane j of the scratch memory, from row `lanes.CONSTANTS` on."""
     raise NotImplementedError
 
 
 @question
-def take(base: Base, s: Floats, j: int) -> Scene:
-    """Take the scene of lane j back.
+def take(base: Base, s: Floats, j: int) -> Constants:
+    """Take the constants of lane j back.
 
     A rest for good leaves no phase there (NaN), and what has none is before no end.
     """
@@ -64,19 +68,19 @@ def take(base: Base, s: Floats, j: int) -> Scene:
 
 
 @question
-def fly(fixed: Scene, x: float, u: float) -> tuple[float, float]:
+def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
     """Time of flight and speed of arrival after leaving the base at phase x with speed u."""
     raise NotImplementedError
 
 
 @question
-def rebound(fixed: Scene, x: float, v: float) -> float:
+def rebound(fixed: Constants, x: float, v: float) -> float:
     """Speed with which a particle that arrives at phase x with speed v would leave at once."""
     raise NotImplementedError
 
 
 @question
-def lift_off(fixed: Scene, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
+def lift_off(fixed: Constants, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
     """Count, phase and speed with which a particle leaves that landed at (n, x), `w` its rebound.
 
     The last value is whether it leaves at once; else it rests until then.  The count is infinite,
@@ -86,13 +90,19 @@ def lift_off(fixed: Scene, n: float, x: float, w: float) -> tuple[float, float, 
 
 
 @question
-def after_rest(fixed: Scene) -> tuple[float, float]:
+def after_rest(fixed: Constants) -> tuple[float, float]:
     """Phase and speed with which a particle leaves after a rest."""
     raise NotImplementedError
 
 
 @question
-def jacobian(fixed: Scene, x: float, v: float) -> Jacobian:
+def contact_time(fixed: Constants) -> float:
+    """Periods for which the base counts as occupied after a landing, at least."""
+    raise NotImplementedError
+
+
+@question
+def jacobian(fixed: Constants, x: float, v: float) -> Jacobian:
     """Derivative of phase and speed after an impact by those before its flight.
 
     `x` and `v` are phase and speed of arrival; the particle leaves at once.
@@ -101,50 +111,72 @@ def jacobian(fixed: Scene, x: float, v: float) -> Jacobian:
 
 
 @question
-def jacobian_error(fixed: Scene, error: float) -> float:
-    """Bound of the change of the second row of the Jacobian, for a unit change of the phase.
+def jacobian_error(fixed: Constants, v: float, error: float, v_error: float) -> tuple[float, float]:
+    """Bounds of the change of the second row of the Jacobian by errors of the landing.
 
-    `error` is that of the phase of the landing.
+    The first is for a unit change of the phase of the landing, the second for one of the speed of
+    arrival, v.  `error` and `v_error` are those of the same two.
     """
     raise NotImplementedError
 
 
 @question
-def turns_back(fixed: Scene, x: float, v: float) -> float:
+def reverses(fixed: Constants, x: float, v: float) -> float:
     """-1 where the Jacobian reverses orientation, else 1."""
     raise NotImplementedError
 
 
 @question
-def contraction(fixed: Scene) -> float:
-    """Modulus of the determinant of the Jacobian of an impact, the geometric mean over a cycle."""
-    raise NotImplementedError
+def contraction(fixed: Constants, v: float) -> float:
+    """Modulus of the determinant of the Jacobian of an impact with speed v of arrival.
 
-
-@question
-def landing_rounding(fixed: Scene, x: float, u: float) -> float:
-    """Bound of the rounding error of the phase of a landing, of a flight from phase x."""
-    raise NotImplementedError
-
-
-@question
-def rebound_error(fixed: Scene, x: float, v: float, rounding: float, error: float) -> float:
-    """Bound of the error that an impact adds to the speed after it.
-
-    `rounding` and `error` are the rounding error of the phase of the landing, and all of its error:
-    what a linear map leaves out grows with the latter.
+    Factors whose product over a cycle is 1 may be left out.  Where it is 0, it is so at any speed.
     """
     raise NotImplementedError
 
 
 @question
-def rest_is_doubtful(fixed: Scene, w: float, w_error: float) -> bool:
+def fixed_residual(fixed: Constants, x: float, k: float, sign: float) -> tuple[float, float, float]:
+    """What is left of the equation of a fixed orbit that lands at phase x every k periods.
+
+    `sign` is -1 for an orbit whose particle is pushed into the base, and turned back, at every
+    impact; else 1.  Also the derivative of what is left by the phase, and the size of its terms.
+    """
+    raise NotImplementedError
+
+
+@question
+def fixed_attracts(fixed: Constants, x: float, k: float) -> bool:
+    """Whether the fixed orbit that lands at phase x every k periods attracts."""
+    raise NotImplementedError
+
+
+@question
+def landing_rounding(fixed: Constants, x: float, u: float) -> float:
+    """Bound of the rounding error of the phase of a landing, of a flight from phase x."""
+    raise NotImplementedError
+
+
+@question
+def rebound_error(
+    fixed: Constants, x: float, v: float, rounding: float, error: float, v_error: float
+) -> float:
+    """Bound of the error that an impact adds to the speed after it.
+
+    `rounding` and `error` are the rounding error of the phase of the landing, and all of its error;
+    `v_error` is that of the speed of arrival: what a linear map leaves out grows with both.
+    """
+    raise NotImplementedError
+
+
+@question
+def rest_is_doubtful(fixed: Constants, w: float, w_error: float) -> bool:
     """Whether a rebound w is so near to the threshold of rest that its error decides."""
     raise NotImplementedError
 
 
 @question
-def liftoff_error(fixed: Scene) -> tuple[float, float]:
+def liftoff_error(fixed: Constants) -> tuple[float, float]:
     """Bounds of the errors of phase and speed of the lift-off from a rest.
 
     The first is infinite where it is in doubt whether a resting particle is ever lifted.

@@ -2,6 +2,15 @@
 
 A flight that begins with speed u lasts u and arrives with speed u; the kick at phase x is
 a sin(2 pi x).  A resting particle is lifted when the kick rises through the threshold of rest.
+
+An orbit that leaves with the flight k lands with it, so that the law must give the speed k for k
+and the kick.  With the derivatives f and g of the speed after an impact by that before it and by
+the kick, and s = 2 pi a cos(2 pi x), the Jacobian
+
+    [[1, 1], [g s, f + g s]]
+
+has the determinant f and the trace 1 + f + g s; both its eigenvalues are inside the unit circle
+if and only if |f| < 1 and 0 < -g s < 2 (1 + f).
 """
 
 from __future__ import annotations
@@ -15,12 +24,19 @@ from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, answer, jit
 from vibrosweep.kernels.bases import Jacobian
 from vibrosweep.kernels.lanes import ROW, STRIDE
-from vibrosweep.kernels.laws import Law, slopes, speed_after
-from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
+from vibrosweep.kernels.laws import (
+    Law,
+    curvature,
+    kick_to_repeat,
+    slopes,
+    speed_after,
+    speed_rounding,
+)
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR
 from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless
 
-__all__ = ["HighBounce", "Scene", "kick_slope"]
+__all__ = ["Constants", "HighBounce"]
 
 # A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
 LANDING_ERROR = 0.5 * HALF_ULP
@@ -37,7 +53,7 @@ class HighBounce(NamedTuple):
     law: Law
 
 
-class Scene(NamedTuple):
+class Constants(NamedTuple):
     """What decides the impacts of one realization.
 
     Attributes
@@ -59,40 +75,40 @@ class Scene(NamedTuple):
     u_lift: float
 
 
-@answer(bases.scene, HighBounce)
-def _(base: HighBounce, problem: Dimensionless, i: int) -> Scene:
+@answer(bases.constants, HighBounce)
+def _(base: HighBounce, problem: Dimensionless, i: int) -> Constants:
     a, r = problem.kick[i], problem.rest_flight[i]
     wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
-    return Scene(base, problem.restitution[i], a, r, problem.liftoff_phase[i], wait, u_lift)
+    return Constants(base, problem.restitution[i], a, r, problem.liftoff_phase[i], wait, u_lift)
 
 
-@answer(bases.put, Scene)
-def _(fixed: Scene, s: Floats, j: int) -> None:
-    row = ROW.SCENE + j
+@answer(bases.put, Constants)
+def _(fixed: Constants, s: Floats, j: int) -> None:
+    row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.a, fixed.r
     s[row + 3 * STRIDE] = fixed.x_lift if fixed.wait == 0.0 else np.nan
     s[row + 4 * STRIDE] = fixed.u_lift
 
 
 @answer(bases.take, HighBounce)
-def _(base: HighBounce, s: Floats, j: int) -> Scene:
-    row = ROW.SCENE + j
+def _(base: HighBounce, s: Floats, j: int) -> Constants:
+    row = ROW.CONSTANTS + j
     e, a, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
-    return Scene(base, e, a, r, s[row + 3 * STRIDE], 0.0, s[row + 4 * STRIDE])
+    return Constants(base, e, a, r, s[row + 3 * STRIDE], 0.0, s[row + 4 * STRIDE])
 
 
-@answer(bases.fly, Scene)
-def _(fixed: Scene, x: float, u: float) -> tuple[float, float]:
+@answer(bases.fly, Constants)
+def _(fixed: Constants, x: float, u: float) -> tuple[float, float]:
     return u, u
 
 
-@answer(bases.rebound, Scene)
-def _(fixed: Scene, x: float, v: float) -> float:
+@answer(bases.rebound, Constants)
+def _(fixed: Constants, x: float, v: float) -> float:
     return speed_after(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
 
 
-@answer(bases.lift_off, Scene)
-def _(fixed: Scene, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
+@answer(bases.lift_off, Constants)
+def _(fixed: Constants, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
     leaves = w > fixed.r
     later = n + (fixed.wait + (1.0 if x > fixed.x_lift else 0.0))
     return (
@@ -103,62 +119,84 @@ def _(fixed: Scene, n: float, x: float, w: float) -> tuple[float, float, float, 
     )
 
 
-@answer(bases.after_rest, Scene)
-def _(fixed: Scene) -> tuple[float, float]:
+@answer(bases.after_rest, Constants)
+def _(fixed: Constants) -> tuple[float, float]:
     return fixed.x_lift, fixed.u_lift
 
 
+@answer(bases.contact_time, Constants)
+def _(fixed: Constants) -> float:
+    return fixed.r
+
+
 @jit
-def kick_slope(x: float, a: float) -> float:
+def _kick_slope(x: float, a: float) -> float:
     """Derivative of the kick a sin(2 pi x) by the phase."""
     return 2.0 * math.pi * a * cos_turns(x)
 
 
-@answer(bases.jacobian, Scene)
-def _(fixed: Scene, x: float, v: float) -> Jacobian:
+@answer(bases.jacobian, Constants)
+def _(fixed: Constants, x: float, v: float) -> Jacobian:
     by_speed, by_kick = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
-    k = by_kick * kick_slope(x, fixed.a)
+    k = by_kick * _kick_slope(x, fixed.a)
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
 
 
-@answer(bases.jacobian_error, Scene)
-def _(fixed: Scene, error: float) -> float:
-    return 2.0 * CURVATURE * fixed.a * (error + HALF_ULP)
+@answer(bases.jacobian_error, Constants)
+def _(fixed: Constants, v: float, error: float, v_error: float) -> tuple[float, float]:
+    by_phase = 2.0 * CURVATURE * fixed.a * (error + HALF_ULP)
+    return by_phase, 2.0 * curvature(fixed.base.law, fixed.e) * v_error
 
 
-@answer(bases.turns_back, Scene)
-def _(fixed: Scene, x: float, v: float) -> float:
+@answer(bases.reverses, Constants)
+def _(fixed: Constants, x: float, v: float) -> float:
     by_speed, _ = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
     return -1.0 if by_speed < 0.0 else 1.0
 
 
-@answer(bases.contraction, Scene)
-def _(fixed: Scene) -> float:
-    return fixed.e
+@answer(bases.contraction, Constants)
+def _(fixed: Constants, v: float) -> float:
+    by_speed, _ = slopes(fixed.base.law, fixed.e, v, 0.0)
+    return abs(by_speed)
 
 
-@answer(bases.landing_rounding, Scene)
-def _(fixed: Scene, x: float, u: float) -> float:
+@answer(bases.fixed_residual, Constants)
+def _(fixed: Constants, x: float, k: float, sign: float) -> tuple[float, float, float]:
+    a = fixed.a
+    need = kick_to_repeat(fixed.base.law, fixed.e, k, sign)
+    return a * sin_turns(x) - need, _kick_slope(x, a), a
+
+
+@answer(bases.fixed_attracts, Constants)
+def _(fixed: Constants, x: float, k: float) -> bool:
+    by_speed, by_kick = slopes(fixed.base.law, fixed.e, k, fixed.a * sin_turns(x))
+    pull = -by_kick * _kick_slope(x, fixed.a)
+    return abs(by_speed) < 1.0 and 0.0 < pull < 2.0 * (1.0 + by_speed)
+
+
+@answer(bases.landing_rounding, Constants)
+def _(fixed: Constants, x: float, u: float) -> float:
     moved: float = x + (u - np.rint(u))
     return min(LANDING_ERROR, HALF_ULP * abs(moved))
 
 
-@answer(bases.rebound_error, Scene)
-def _(fixed: Scene, x: float, v: float, rounding: float, error: float) -> float:
-    a, sine = fixed.a, sin_turns(x)
-    w = speed_after(fixed.base.law, fixed.e, v, a * sine)
-    kicked = abs(kick_slope(x, fixed.a)) * rounding + HALF_ULP * abs(w) + SMALLEST
+@answer(bases.rebound_error, Constants)
+def _(fixed: Constants, x: float, v: float, rounding: float, error: float, v_error: float) -> float:
+    law, e, a, sine = fixed.base.law, fixed.e, fixed.a, sin_turns(x)
+    w = speed_after(law, e, v, a * sine)
+    kicked = abs(_kick_slope(x, a)) * rounding + speed_rounding(law, e, v, w)
     kicked += a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(sine)
-    return kicked + a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
+    kicked += a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
+    return kicked + curvature(law, e) * v_error * v_error
 
 
-@answer(bases.rest_is_doubtful, Scene)
-def _(fixed: Scene, w: float, w_error: float) -> bool:
+@answer(bases.rest_is_doubtful, Constants)
+def _(fixed: Constants, w: float, w_error: float) -> bool:
     return abs(w - fixed.r) <= w_error + REST_ERROR * fixed.r
 
 
-@answer(bases.liftoff_error, Scene)
-def _(fixed: Scene) -> tuple[float, float]:
+@answer(bases.liftoff_error, Constants)
+def _(fixed: Constants) -> tuple[float, float]:
     a, r = fixed.a, fixed.r
     if abs(a - r) <= KICK_ERROR * a + REST_ERROR * r:
         return np.inf, np.inf

@@ -153,7 +153,7 @@ def step(e: float, a: float, x: float, u: float, bits: int = 300) -> tuple[arb, 
     """
     with ctx.workprec(bits):
         # gravity 2 and frequency 1: velocities are flight times in periods
-        m = BallMap(arb(e), arb(a), 2 * arb(x), arb(4), arb(2), slope=arb(0))
+        m = BallMap(arb(e), arb(a), 2 * arb(x), arb(4), arb(2))
         landed, w = m.impact(arb(0), arb(u))
         turns = arb(x) + landed
         count = nearest_integer(turns)

@@ -6,10 +6,9 @@ The semantics of the branches are stated in `vibrosweep.proof.reference.ball`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb, ctx, fmpq
@@ -17,9 +16,6 @@ from vibrosweep.proof.reference.high_bounce import BallMap, Enclosure, nearest_i
 from vibrosweep.proof.reference.results import Impact, Trajectory
 
 __all__ = ["Problem", "UncertainError", "attempt"]
-
-# What a rebound law makes of w; beyond that the laws share everything.
-REBOUND: Final[dict[str, Callable[[arb], arb]]] = {"rest": lambda w: w, "reflect": abs}
 
 
 class UncertainError(Exception):
@@ -58,33 +54,24 @@ class Problem:
         return math.ceil(self.digits * math.log2(10.0)) + 2
 
 
-class _Scene:
+class _Constants:
     """The problem's constants as balls at the current precision."""
 
     def __init__(self, problem: Problem) -> None:
         p = {name: arb(value) for name, value in problem.parameters.items()}
-        gravity, frequency = p["gravity"], p["frequency"]
+        gravity = p["gravity"]
         launched = problem.launch_time
         self.launch_time = arb(fmpq(launched.numerator, launched.denominator))
-        self.map = BallMap(
-            restitution=p["restitution"],
-            amplitude=p["amplitude"],
-            half_turns_at_launch=2 * frequency * self.launch_time + p["phase"] / arb.pi(),
-            half_turn_rate=4 * frequency,
-            gravity=gravity,
-            slope=arb.pi() * p["amplitude"] * 4 * frequency / gravity,
-        )
+        self.map = BallMap.of(problem.parameters, problem.rebound, self.launch_time)
         self.launch_velocity = p["launch_velocity"]
         self.rest_velocity = gravity * p["contact_time"] / 2
         self.flown_at_end = gravity * (arb(problem.duration) - self.launch_time) / 2
-        self.rebound = REBOUND[problem.rebound]
         self.digits_bits = problem.digits_bits
         self.phase_radius = arb(10) ** -problem.digits
         self.time_radius = self.phase_radius * p["contact_time"]
         self.lifts = _certain_above(self.map.amplitude, self.rest_velocity, "A > v_rest", 0)
         if self.lifts:
-            ratio = self.rest_velocity / self.map.amplitude
-            self.liftoff_half_turns = ratio.asin() / arb.pi()
+            self.liftoff_half_turns = self.map.liftoff(self.rest_velocity)
 
     def time(self, flown: arb) -> arb:
         """Time in s at which V is `flown`."""
@@ -141,29 +128,29 @@ def _certain_above(left: arb, right: arb, decision: str, impact: int) -> bool:
     raise UncertainError(f"whether {decision}", impact)
 
 
-def _orbit(scene: _Scene, max_impacts: int) -> tuple[list[_Landing], Status]:
+def _orbit(fixed: _Constants, max_impacts: int) -> tuple[list[_Landing], Status]:
     """All landings at the current precision."""
     landings: list[_Landing] = []
-    state = Enclosure(arb(0), scene.launch_velocity)
+    state = Enclosure(arb(0), fixed.launch_velocity)
     while True:
         n = len(landings) + 1
-        flown, half_turns, w = state.impact(scene.map)
-        if _certain_above(flown, scene.flown_at_end, "the landing is after the end", n):
+        flown, half_turns, w = state.impact(fixed.map)
+        if _certain_above(flown, fixed.flown_at_end, "the landing is after the end", n):
             return landings, Status.COMPLETED
         if n > max_impacts:
             return landings, Status.BUDGET_EXCEEDED
-        speed = scene.rebound(w)
-        if _certain_above(speed, scene.rest_velocity, "w > v_rest", n):
+        speed = abs(w) if fixed.map.law.turns_back else w
+        if _certain_above(speed, fixed.rest_velocity, "w > v_rest", n):
             landing = _Landing(flown, half_turns, flown, speed, False)
             if w < 0:
                 state.mirror()
-        elif scene.lifts:
-            liftoff = scene.liftoff_flown(half_turns, n)
-            landing = _Landing(flown, half_turns, liftoff, scene.rest_velocity, True)
-            state = Enclosure(liftoff, scene.rest_velocity)
+        elif fixed.lifts:
+            liftoff = fixed.liftoff_flown(half_turns, n)
+            landing = _Landing(flown, half_turns, liftoff, fixed.rest_velocity, True)
+            state = Enclosure(liftoff, fixed.rest_velocity)
         else:
             landing = _Landing(flown, half_turns, None, None, True)
-        scene.require_narrow(landing, n)
+        fixed.require_narrow(landing, n)
         landings.append(landing)
         if landing.speed is None:
             return landings, Status.COMPLETED
@@ -172,10 +159,10 @@ def _orbit(scene: _Scene, max_impacts: int) -> tuple[list[_Landing], Status]:
 def attempt(problem: Problem, bits: int) -> Trajectory:
     """Return the trajectory at one precision, or raise `UncertainError`."""
     with ctx.workprec(bits):
-        scene = _Scene(problem)
-        landings, status = _orbit(scene, problem.max_impacts)
+        fixed = _Constants(problem)
+        landings, status = _orbit(fixed, problem.max_impacts)
         return Trajectory(
-            impacts=tuple(scene.report(landing) for landing in landings),
+            impacts=tuple(fixed.report(landing) for landing in landings),
             at_rest=bool(landings) and landings[-1].speed is None,
             status=status,
             precision_bits=bits,

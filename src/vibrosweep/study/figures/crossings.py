@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from matplotlib.figure import Figure
 
 from vibrosweep.figures import style
-from vibrosweep.figures.heights import height_time
+from vibrosweep.figures.height_curves import height_time
 
 if TYPE_CHECKING:
     import xarray as xr

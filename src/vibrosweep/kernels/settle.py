@@ -1,14 +1,12 @@
 """The orbit that each trajectory settles on: regime, cycle, multipliers, Lyapunov exponents.
 
-Cycles were found while the trajectory was advanced (see `cycles`); there is no search for
-recurrence here.  The exponents of a cycle follow from its multipliers, the eigenvalues of the
-product of the Jacobians of its impacts; those of any other orbit are means along the orbit, over
-the landings in the window.
+Cycles are those that were recognised while the trajectory was advanced (see `cycles`); nothing here
+looks for a recurrence.  The exponents of an orbit that does not recur are means along it, over the
+landings in the window; those of a cycle are in `exponents`.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,35 +15,29 @@ from numpy.typing import NDArray
 from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
 from vibrosweep.kernels.bases import (
-    Scene,
+    Constants,
     after_rest,
+    constants,
     contraction,
     jacobian,
-    jacobian_error,
-    landing_rounding,
-    rebound_error,
-    scene,
-    turns_back,
 )
 from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
+from vibrosweep.kernels.exponents import State, cycle_exponents
 from vibrosweep.kernels.impact import Batch, Instant, impact, launch
-from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
+from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.statistics import Statistics
-from vibrosweep.kernels.tangent import carry, stretch
-from vibrosweep.kernels.trust import is_certain, landing_error, turn_box
+from vibrosweep.kernels.tangent import stretch
+from vibrosweep.kernels.trust import is_certain
 from vibrosweep.model.status import Regime
 
-__all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "leading_eigenvalue", "settle"]
+__all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "settle"]
 
-State = tuple[float, float, float]  # whole periods, phase, and the flight that follows
-Pair = tuple[float, float]
 
 # Periods.  Two particles on the same orbit differ by the rounding error of an impact divided by 1 -
 # |leading multiplier|, and so do successive rounds of a cycle whose exact bits return only after
 # several rounds.  Distinct points of a cycle are never this close, except right after a period
 # doubling.
 SAME_ORBIT = 2.0**-30
-TINY = 2.0**-500
 CERTAIN = 3.0  # standard errors by which the exponent of an aperiodic orbit exceeds zero
 
 AT_REST = int(Regime.AT_REST)
@@ -124,7 +116,7 @@ def empty_orbits(trajectories: int) -> Orbits:
 
 @jit
 def _follow(
-    fixed: Scene, launched: State, begin: Instant, end: Instant, budget: int, g: Floats
+    fixed: Constants, launched: State, begin: Instant, end: Instant, budget: int, g: Floats
 ) -> tuple[State, int, float, float]:
     """Simulate a trajectory to its end.
 
@@ -152,15 +144,15 @@ def _follow(
 
 
 @jit
-def _next(fixed: Scene, state: State) -> State:
+def _next(fixed: Constants, state: State) -> State:
     """State after the next impact."""
     hit = impact(fixed, *state)
     return hit.n_off, hit.x_off, hit.u
 
 
 @jit
-def _periods_of(fixed: Scene, x: float, u: float, impacts: int, shorter: int) -> int:
-    """Periods of the shorter cycle that a cycle repeats, up to rounding; 0 if it does not."""
+def _periods_of(fixed: Constants, x: float, u: float, impacts: int, shorter: int) -> int:
+    """Periods of the shorter cycle that a cycle is up to rounding; 0 if it is none."""
     state = ahead = (0.0, x, u)
     for _ in range(shorter):
         ahead = _next(fixed, ahead)
@@ -174,8 +166,8 @@ def _periods_of(fixed: Scene, x: float, u: float, impacts: int, shorter: int) ->
 
 
 @jit
-def _shortest(fixed: Scene, x: float, u: float, impacts: int, periods: int) -> tuple[int, int]:
-    """Impacts and periods of a cycle if states closer than `SAME_ORBIT` are identified.
+def _shortest(fixed: Constants, x: float, u: float, impacts: int, periods: int) -> tuple[int, int]:
+    """Impacts and periods of a cycle with states closer than `SAME_ORBIT` taken as one.
 
     Rounding can make an orbit alternate between neighbouring doubles; its exact bits then repeat
     only after a multiple of the true period.
@@ -189,8 +181,8 @@ def _shortest(fixed: Scene, x: float, u: float, impacts: int, periods: int) -> t
 
 
 @jit
-def _representative(fixed: Scene, state: State, impacts: int) -> State:
-    """State of the cycle with the shortest flight; among equal ones, that of lowest phase."""
+def _representative(fixed: Constants, state: State, impacts: int) -> State:
+    """Member of the cycle with the shortest flight; of equal ones that with the first phase."""
     n_best, x_best, u_best = state
     for _ in range(impacts):
         state = _next(fixed, state)
@@ -204,134 +196,18 @@ def _representative(fixed: Scene, state: State, impacts: int) -> State:
 
 
 @jit
-def leading_eigenvalue(trace: float, determinant: float) -> complex:
-    """Eigenvalue of largest modulus of a 2 x 2 matrix."""
-    discriminant = trace * trace - 4.0 * determinant
-    root = math.sqrt(abs(discriminant))
-    if discriminant < 0.0:
-        return complex(0.5 * trace, 0.5 * root)
-    return complex(0.5 * (trace + math.copysign(root, trace)), 0.0)
-
-
-@jit
-def _eigenvalue_error(
-    trace: float, determinant: float, trace_error: float, determinant_error: float
-) -> float:
-    """Error of the modulus of the leading eigenvalue."""
-    discriminant = trace * trace - 4.0 * determinant
-    change = 2.0 * abs(trace) * trace_error + trace_error * trace_error + 4.0 * determinant_error
-    if discriminant < -change:  # the modulus is the root of the determinant
-        return determinant_error / math.sqrt(determinant)
-    root = math.sqrt(abs(discriminant))
-    # near a double eigenvalue an error enters as its square root
-    return 0.5 * (trace_error + min(change / max(root, TINY), math.sqrt(change)))
-
-
-@jit
-def _spread(frame: Pair, box: Pair) -> Pair:
-    """Largest components of the changes in a box, whose sides lie along a frame."""
-    c, s = abs(frame[0]), abs(frame[1])
-    return c * box[0] + s * box[1], s * box[0] + c * box[1]
-
-
-@jit
-def _state_error(fixed: Scene, state: State, impacts: int) -> Pair:
-    """Distance of a state of a cycle of rounded impacts from the exact cycle, to first order.
-
-    In one round, the distance d from the exact cycle becomes M d + b, where M is the product of the
-    Jacobians and b the accumulated rounding error, carried to the end of the round.  It must map to
-    itself: d = (1 - M)^-1 b.
-    """
-    n, x, u = state
-    frame, box = (1.0, 0.0), (0.0, 0.0)
-    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0
-    for _ in range(impacts):
-        hit = impact(fixed, n, x, u)
-        derivative = jacobian(fixed, hit.x, hit.v)
-        m00, m10 = carry(m00, m10, derivative)
-        m01, m11 = carry(m01, m11, derivative)
-        frame, box = turn_box(frame, box, derivative)
-        rounding = landing_rounding(fixed, x, u)
-        rounding += rebound_error(fixed, hit.x, hit.v, rounding, rounding)
-        box = box[0] + rounding, box[1] + rounding
-        n, x, u = hit.n_off, hit.x_off, hit.u
-    dx, du = _spread(frame, box)
-    determinant = abs((1.0 - m00) * (1.0 - m11) - m01 * m10)
-    # entries are rounded themselves
-    slack = impacts * ROUNDING * (1.0 + abs(m00) + abs(m11) + abs(m01 * m10))
-    if not determinant > slack:
-        return np.inf, np.inf
-    determinant -= slack
-    return (
-        (abs(1.0 - m11) * dx + abs(m01) * du) / determinant,
-        (abs(m10) * dx + abs(1.0 - m00) * du) / determinant,
-    )
-
-
-@jit
-def _cycle_exponents(
-    fixed: Scene, state: State, impacts: int
-) -> tuple[complex, float, float, float, float]:
-    """Leading multiplier of a cycle without rests; both exponents with their errors."""
-    n, x, u = state
-    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
-    c, d, area, slack = 1.0, 0.0, 0.0, 0.0
-    scale, turned = 0.0, 1.0
-    # errors of the state and of both columns, each in its own frame
-    frame, box = (1.0, 0.0), _state_error(fixed, state, impacts)
-    frame_0, box_0, frame_1, box_1 = (1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 0.0)
-    for _ in range(impacts):
-        hit = impact(fixed, n, x, u)
-        derivative = jacobian(fixed, hit.x, hit.v)
-        turned *= turns_back(fixed, hit.x, hit.v)
-        n, x, u = hit.n_off, hit.x_off, hit.u
-        bent = jacobian_error(fixed, landing_error(frame, box, derivative))
-        frame, box = turn_box(frame, box, derivative)
-        frame_0, box_0 = turn_box(frame_0, box_0, derivative)
-        frame_1, box_1 = turn_box(frame_1, box_1, derivative)
-        rounding = ROUNDING * derivative[4]
-        added_0, added_1 = rounding * (abs(m00) + abs(m10)), rounding * (abs(m01) + abs(m11))
-        m00, m10 = carry(m00, m10, derivative)
-        m01, m11 = carry(m01, m11, derivative)
-        added_0, added_1 = added_0 + bent * abs(m00), added_1 + bent * abs(m01)
-        norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
-        scale += growth.logarithm(norm)
-        m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm
-        box_0 = (box_0[0] + added_0) / norm, (box_0[1] + added_0) / norm
-        box_1 = (box_1[0] + added_1) / norm, (box_1[1] + added_1) / norm
-        c, d, along, across, error = stretch(c, d, derivative)
-        area += growth.logarithm(along * across)
-        slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
-    exponent = impacts * growth.logarithm(contraction(fixed)) - 2.0 * scale
-    determinant = turned * math.exp(exponent)
-    value = leading_eigenvalue(m00 + m11, determinant)
-    modulus = abs(value)
-    trace_error = _spread(frame_0, box_0)[0] + _spread(frame_1, box_1)[1]
-    determinant_error = 0.0
-    if determinant != 0.0:
-        determinant_error = (impacts * ROUNDING + 4.0 * HALF_ULP * abs(exponent)) * abs(determinant)
-    error = _eigenvalue_error(m00 + m11, determinant, trace_error, determinant_error)
-    largest = (growth.logarithm(modulus) + scale) / impacts
-    relative = error / modulus if modulus > 0.0 else 0.0
-    relative += HALF_ULP * impacts * (abs(scale) + 2.0)  # of the sum of logarithms
-    if not relative < np.inf:  # the error is unbounded at a multiplier of 1
-        relative = np.inf
-    return value * math.exp(scale), largest, relative / impacts, area / impacts, slack / impacts
-
-
-@jit
 def _write_exponents(
-    t: int, fixed: Scene, largest: tuple[float, float], total: tuple[float, float], out: Orbits
+    t: int, fixed: Constants, largest: tuple[float, float], total: tuple[float, float], out: Orbits
 ) -> None:
     """Write both exponents of a trajectory, each with its error."""
     out.largest[t], out.largest_error[t] = largest
     out.total[t], out.total_error[t] = total
-    if contraction(fixed) == 0.0:  # every impact loses one dimension
+    if contraction(fixed, 0.0) == 0.0:  # every impact loses one dimension
         out.total[t], out.total_error[t] = -np.inf, 0.0
 
 
 @jit
-def _write_cycle(fixed: Scene, t: int, state: State, out: Orbits) -> None:
+def _write_cycle(fixed: Constants, t: int, state: State, out: Orbits) -> None:
     """Write a cycle through a state: its representative, multiplier and exponents.
 
     `out` already holds its impacts and rests and, if it has rests, whether it is uncertain.
@@ -343,7 +219,7 @@ def _write_cycle(fixed: Scene, t: int, state: State, out: Orbits) -> None:
         out.multiplier[t] = 0.0
         _write_exponents(t, fixed, (-np.inf, 0.0), (-np.inf, 0.0), out)
     else:
-        found = _cycle_exponents(fixed, state, impacts)
+        found = cycle_exponents(fixed, state, impacts)
         out.multiplier[t] = found[0]
         _write_exponents(t, fixed, (found[1], found[2]), (found[3], found[4]), out)
         certain = is_certain(fixed, state[1], state[2], impacts, abs(found[0]))
@@ -354,7 +230,7 @@ def _write_cycle(fixed: Scene, t: int, state: State, out: Orbits) -> None:
 
 @jit
 def _write_mean(
-    t: int, fixed: Scene, rests: int, area: float, slack: float, g: Floats, out: Orbits
+    t: int, fixed: Constants, rests: int, area: float, slack: float, g: Floats, out: Orbits
 ) -> None:
     """Write the exponents of an orbit that does not recur, which may have `rests` rests."""
     if rests > 0:
@@ -414,7 +290,7 @@ def settle(
     judged, doubtful = -1, 0  # realization whose orbit with rests was judged, and the result
     for t in range(first, last):
         i = t // particles
-        fixed = scene(base, problem, i)
+        fixed = constants(base, problem, i)
         _write_nothing(t, out)
         if each.at_rest[t] == 0 and cycles[CYCLE.IMPACTS, t] > 0.0:
             x, u = cycles[CYCLE.PHASE, t], cycles[CYCLE.FLIGHT, t]

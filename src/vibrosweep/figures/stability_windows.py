@@ -12,7 +12,7 @@ from matplotlib.typing import ColorType
 
 from vibrosweep.figures import data, style
 from vibrosweep.figures.data import Array
-from vibrosweep.figures.windows import MODES, draw_windows
+from vibrosweep.figures.window_curves import MODES, draw_windows
 
 if TYPE_CHECKING:
     import xarray as xr

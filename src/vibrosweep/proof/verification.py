@@ -12,8 +12,8 @@ import numpy as np
 
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.judgement import Judgement
-from vibrosweep.proof.reading import VARIABLES
-from vibrosweep.proof.record import RECORDED
+from vibrosweep.proof.recorded import RECORDED
+from vibrosweep.proof.sampling import VARIABLES
 
 __all__ = ["Outcome", "Report", "State", "VariableReport"]
 

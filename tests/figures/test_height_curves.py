@@ -6,7 +6,7 @@ from matplotlib.collections import LineCollection, PathCollection
 
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.figures import height_time
-from vibrosweep.figures.heights import readable_until
+from vibrosweep.figures.height_curves import readable_until
 from vibrosweep.figures.motion import motions, parabolas
 
 

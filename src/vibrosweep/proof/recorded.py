@@ -23,7 +23,7 @@ def judge_record(
     record: Sample, bounds: Bounds, trajectories: Sequence[Trajectory]
 ) -> list[Judgement]:
     """Judge every number of a record."""
-    scene, judged = record.scene(0), []
+    realization, judged = record.realization(0), []
     for particle, trajectory in enumerate(trajectories):
         stored = {name: values[0, particle].tolist() for name, values in record.stored.items()}
         counts = {"impact_count": len(trajectory.impacts), "status": int(trajectory.status)}
@@ -34,7 +34,7 @@ def judge_record(
         for n, impact in zip(range(len(stored["rested"])), impacts, strict=False):
             for name, proved in _landing(impact).items():
                 number = float(stored[name][n])
-                claim = record_claims(bounds, scene, number)[name]
+                claim = record_claims(bounds, realization, number)[name]
                 found = judge(f"record/{name}", particle, number, proved, claim)
                 if found.complaint:
                     found = replace(found, complaint=f"of landing {n + 1} {found.complaint}")

@@ -1,21 +1,18 @@
-"""Figures of windows, bifurcation diagrams, basins and edges: what they show is what is given."""
+"""Figures of windows, bifurcation diagrams, basins: what they show is what is given."""
 
 import io
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.bifurcation import bifurcation
-from vibrosweep.analysis.sampled import sampled_edges
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.errors import DataError
 from vibrosweep.figures.basins import basins_of_attraction
 from vibrosweep.figures.bifurcation import bifurcation_diagram
-from vibrosweep.figures.sampled import edges_between_samples
-from vibrosweep.figures.stability import stability_windows
+from vibrosweep.figures.stability_windows import stability_windows
 
 SCENE = Scene(particles=2, duration=300.0)
 
@@ -98,13 +95,3 @@ def test_basins_are_named_with_their_fractions():
     assert labels(axes)[0].endswith(f"{100 * first:.3g} %")
     mesh = axes.collections[0].get_array()
     assert np.array_equal(np.asarray(mesh).ravel(), found["basin"].values.ravel())
-
-
-def test_edges_between_samples_are_lines_from_side_to_side(paper):
-    with xr.open_dataset(paper, engine="h5netcdf") as dataset:
-        edges = sampled_edges(dataset, "collision_free")
-    (axes,) = edges_between_samples(edges).axes
-    segments = axes.collections[0].get_segments()
-    assert len(segments) == edges.sizes["edge"]
-    assert segments[0][0][1] == edges["amplitude_inside"].values[0]
-    assert labels(axes)[1:] == ["collision free", "not collision free"]

@@ -108,7 +108,7 @@ def _parameter(variable: Any, chosen: Any, rows: NDArray[np.int64]) -> Array:
 
 
 def _record(file: Any, sample: Sample) -> Sample:
-    """Return the recorded scene, of which every landing counts."""
+    """Return the recorded realization, of which every landing counts."""
     group, rows = file.groups["record"], np.zeros(1, np.int64)
     shared = {
         "particles": group.variables["impact_count"].shape[1],

@@ -1,0 +1,155 @@
+"""Multipliers and Lyapunov exponents of a cycle, with bounds of their errors.
+
+The multipliers are the eigenvalues of the product of the Jacobians of the impacts of the cycle.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vibrosweep.kernels import growth
+from vibrosweep.kernels._jit import jit
+from vibrosweep.kernels.bases import (
+    Constants,
+    contraction,
+    jacobian,
+    jacobian_error,
+    landing_rounding,
+    rebound_error,
+    reverses,
+)
+from vibrosweep.kernels.impact import impact
+from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
+from vibrosweep.kernels.tangent import carry, stretch
+from vibrosweep.kernels.trust import Box, Frame, landing_error, speed_error, turn_box
+
+__all__ = ["State", "cycle_exponents", "leading_eigenvalue"]
+
+State = tuple[float, float, float]  # whole periods, phase, and the flight that follows
+
+TINY = 2.0**-500
+
+
+@jit
+def leading_eigenvalue(trace: float, determinant: float) -> complex:
+    """Eigenvalue of largest modulus of a 2 x 2 matrix."""
+    discriminant = trace * trace - 4.0 * determinant
+    root = math.sqrt(abs(discriminant))
+    if discriminant < 0.0:
+        return complex(0.5 * trace, 0.5 * root)
+    return complex(0.5 * (trace + math.copysign(root, trace)), 0.0)
+
+
+@jit
+def _eigenvalue_error(
+    trace: float, determinant: float, trace_error: float, determinant_error: float
+) -> float:
+    """Error of the modulus of the leading eigenvalue."""
+    discriminant = trace * trace - 4.0 * determinant
+    change = 2.0 * abs(trace) * trace_error + trace_error * trace_error + 4.0 * determinant_error
+    if discriminant < -change:  # the modulus is the root of the determinant
+        return determinant_error / math.sqrt(determinant)
+    root = math.sqrt(abs(discriminant))
+    # at a double eigenvalue an error enters by its square root
+    return 0.5 * (trace_error + min(change / max(root, TINY), math.sqrt(change)))
+
+
+@jit
+def _spread(frame: Frame, box: Box) -> Box:
+    """Largest components of the changes in a box, whose sides lie along a frame."""
+    c, s = abs(frame[0]), abs(frame[1])
+    return c * box[0] + s * box[1], s * box[0] + c * box[1]
+
+
+@jit
+def _state_error(fixed: Constants, state: State, impacts: int) -> Box:
+    """Distance of a state of a cycle of rounded impacts from the exact cycle, to first order.
+
+    What rounding adds in one round, each part carried on to its end, is b; a distance d returns as
+    M d + b, and it is its own image: d = (1 - M)^-1 b.
+    """
+    n, x, u = state
+    frame, box = (1.0, 0.0), (0.0, 0.0)
+    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0
+    for _ in range(impacts):
+        hit = impact(fixed, n, x, u)
+        derivative = jacobian(fixed, hit.x, hit.v)
+        m00, m10 = carry(m00, m10, derivative)
+        m01, m11 = carry(m01, m11, derivative)
+        frame, box = turn_box(frame, box, derivative)
+        rounding = landing_rounding(fixed, x, u)
+        rounding += rebound_error(fixed, hit.x, hit.v, rounding, rounding, 0.0)
+        box = box[0] + rounding, box[1] + rounding
+        n, x, u = hit.n_off, hit.x_off, hit.u
+    dx, du = _spread(frame, box)
+    determinant = abs((1.0 - m00) * (1.0 - m11) - m01 * m10)
+    # entries are rounded themselves
+    slack = impacts * ROUNDING * (1.0 + abs(m00) + abs(m11) + abs(m01 * m10))
+    if not determinant > slack:
+        return np.inf, np.inf
+    determinant -= slack
+    return (
+        (abs(1.0 - m11) * dx + abs(m01) * du) / determinant,
+        (abs(m10) * dx + abs(1.0 - m00) * du) / determinant,
+    )
+
+
+@jit
+def cycle_exponents(
+    fixed: Constants, state: State, impacts: int
+) -> tuple[complex, float, float, float, float]:
+    """Leading multiplier of a cycle without rests; both exponents with their errors."""
+    n, x, u = state
+    m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0  # of largest row sum 1, times exp(scale)
+    c, d, area, slack = 1.0, 0.0, 0.0, 0.0
+    scale, turned = 0.0, 1.0
+    alike, shrunk, exponent = 0, contraction(fixed, u), 0.0  # impacts that contract by `shrunk`
+    # errors of the state and of both columns, each in a frame of its own
+    frame, box = (1.0, 0.0), _state_error(fixed, state, impacts)
+    frame_0, box_0, frame_1, box_1 = (1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 0.0)
+    for _ in range(impacts):
+        hit = impact(fixed, n, x, u)
+        derivative = jacobian(fixed, hit.x, hit.v)
+        one = contraction(fixed, hit.v)
+        if one != shrunk:
+            exponent += alike * growth.logarithm(shrunk)
+            alike, shrunk = 0, one
+        alike += 1
+        turned *= reverses(fixed, hit.x, hit.v)
+        n, x, u = hit.n_off, hit.x_off, hit.u
+        errors = landing_error(frame, box, derivative), speed_error(frame, box)
+        by_phase, by_speed = jacobian_error(fixed, hit.v, *errors)
+        frame, box = turn_box(frame, box, derivative)
+        frame_0, box_0 = turn_box(frame_0, box_0, derivative)
+        frame_1, box_1 = turn_box(frame_1, box_1, derivative)
+        rounding = ROUNDING * derivative[4]
+        added_0, added_1 = rounding * (abs(m00) + abs(m10)), rounding * (abs(m01) + abs(m11))
+        added_0, added_1 = added_0 + by_speed * abs(m10), added_1 + by_speed * abs(m11)
+        m00, m10 = carry(m00, m10, derivative)
+        m01, m11 = carry(m01, m11, derivative)
+        added_0, added_1 = added_0 + by_phase * abs(m00), added_1 + by_phase * abs(m01)
+        norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
+        scale += growth.logarithm(norm)
+        m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm
+        box_0 = (box_0[0] + added_0) / norm, (box_0[1] + added_0) / norm
+        box_1 = (box_1[0] + added_1) / norm, (box_1[1] + added_1) / norm
+        c, d, along, across, error = stretch(c, d, derivative)
+        area += growth.logarithm(along * across)
+        slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
+    exponent += alike * growth.logarithm(shrunk) - 2.0 * scale
+    determinant = turned * math.exp(exponent)
+    value = leading_eigenvalue(m00 + m11, determinant)
+    modulus = abs(value)
+    trace_error = _spread(frame_0, box_0)[0] + _spread(frame_1, box_1)[1]
+    determinant_error = 0.0
+    if determinant != 0.0:
+        determinant_error = (impacts * ROUNDING + 4.0 * HALF_ULP * abs(exponent)) * abs(determinant)
+    error = _eigenvalue_error(m00 + m11, determinant, trace_error, determinant_error)
+    largest = (growth.logarithm(modulus) + scale) / impacts
+    relative = error / modulus if modulus > 0.0 else 0.0
+    relative += HALF_ULP * impacts * (abs(scale) + 2.0)  # of the sum of logarithms
+    if not relative < np.inf:  # a state that is lost at a multiplier of 1
+        relative = np.inf
+    return value * math.exp(scale), largest, relative / impacts, area / impacts, slack / impacts

@@ -1,0 +1,55 @@
+"""Laws of rebound in ball arithmetic: what an impact keeps of the speed, and who is turned back.
+
+The speed after an impact is w = kept + kick.  Where w is negative the particle is pushed into the
+base: it rests, or the law turns it back with the speed -w.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+from vibrosweep.proof.reference._flint import arb
+
+__all__ = ["LAW_OF", "Law"]
+
+
+class Law(NamedTuple):
+    """A law of rebound.
+
+    Attributes
+    ----------
+    kept
+        Speed kept of a restitution, a speed of arrival, and the speed whose flight lasts one
+        forcing period in the same unit.
+    slope
+        Derivative of that by the speed of arrival.
+    bend
+        Bound of the modulus of the second derivative, of a restitution and speeds in units of that
+        whose flight lasts one forcing period.
+    turns_back
+        Whether a particle that is pushed into the base is turned back.
+    """
+
+    kept: Callable[[arb, arb, arb], arb]
+    slope: Callable[[arb, arb, arb], arb]
+    bend: Callable[[float], float]
+    turns_back: bool
+
+
+def _share(restitution: arb, speed: arb, unit: arb) -> arb:
+    return restitution * speed
+
+
+def _restitution(restitution: arb, speed: arb, unit: arb) -> arb:
+    return restitution
+
+
+def _straight(restitution: float) -> float:
+    return 0.0
+
+
+LAW_OF: Final[Mapping[str, Law]] = {
+    "rest": Law(_share, _restitution, _straight, turns_back=False),
+    "reflect": Law(_share, _restitution, _straight, turns_back=True),
+}

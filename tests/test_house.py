@@ -1,0 +1,81 @@
+"""The house: how long files and functions may be, what they take, and one name for one thing."""
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+import vibrosweep
+
+PACKAGE = Path(vibrosweep.__file__).parent
+FILES = {str(path.relative_to(PACKAGE)): path for path in sorted(PACKAGE.rglob("*.py"))}
+
+LONGEST_FILE = 350  # lines
+LONGEST_BODY = 60  # lines of a function, without its docstring
+MOST_PARAMETERS = 8
+LONGER_FILES = {
+    "model/variables.py": "one entry for each variable",
+    "proof/judges.py": "one judge for each variable",
+}
+CLAIM = "computes a claim and then says what came out, step by step"
+LONGER_BODIES = {
+    "study/claims_on_contact.py": {"separation_stays_positive": CLAIM},
+    "study/claims_on_heights.py": {"plateau": CLAIM},
+    "study/claims_on_scheme.py": {"step_of_one_millisecond": CLAIM},
+    "study/claims_on_stability.py": {"windows": CLAIM},
+}
+
+# Rooms in which a file has the name of what it commands, draws, spells or proves.
+BY_THE_NAME_OF = ("commands", "figures", "study/figures", "spec", "proof", "proof/reference")
+
+
+def functions(path):
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield node
+
+
+def parameters(function):
+    """Number of parameters; those that callers of a public function name do not count."""
+    given = function.args
+    by_place = len(given.posonlyargs) + len(given.args)
+    return by_place + (len(given.kwonlyargs) if function.name.startswith("_") else 0)
+
+
+def body(function):
+    """Lines of a function without its docstring."""
+    first = function.body[1 if ast.get_docstring(function) and len(function.body) > 1 else 0]
+    return function.body[-1].end_lineno - first.lineno + 1
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_files_and_functions_are_short_and_take_few_parameters(name):
+    lines = len(FILES[name].read_text("utf-8").splitlines())
+    assert lines <= LONGEST_FILE or name in LONGER_FILES, f"{lines} lines"
+    for function in functions(FILES[name]):
+        taken, long = parameters(function), body(function)
+        longer = LONGER_BODIES.get(name, {})
+        assert taken <= MOST_PARAMETERS, f"{function.name} takes {taken} parameters"
+        assert long <= LONGEST_BODY or function.name in longer, f"{function.name}: {long} lines"
+
+
+def test_files_of_one_name_are_about_one_thing():
+    rooms = defaultdict(list)
+    for name in FILES:
+        path = Path(name)
+        if path.name != "__init__.py":
+            rooms[path.name].append(path.parent.as_posix())
+    for name, found in rooms.items():
+        own = [room for room in found if room not in BY_THE_NAME_OF]
+        assert len(own) <= 1, f"{name} stands in {', '.join(own)}"
+
+
+def test_a_scene_is_what_a_user_describes():
+    classes = [
+        f"{name}: {node.name}"
+        for name, path in FILES.items()
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.ClassDef) and "Scene" in node.name
+    ]
+    assert sorted(classes) == ["analysis/scene.py: Scene", "spec/schema.py: SceneTable"]
