@@ -17,9 +17,9 @@ from vibrosweep.proof.reference._flint import arb, ctx
 
 __all__ = ["MAX_CYCLE", "largest_exponent"]
 
-# Impacts; a longer cycle takes more seconds than a verification should.
+# Impacts; a longer cycle would take too long to verify.
 MAX_CYCLE: Final = 1000
-# Periods; farther from the orbit than that it is another cycle that Newton's method has found.
+# Periods; if the cycle found by Newton's method is farther from the orbit, it is another one.
 NEAR: Final = 2.0**-20
 ROUNDS: Final = 40
 
@@ -34,7 +34,7 @@ class _Map(NamedTuple):
 
 
 class _Return(NamedTuple):
-    """Image of a state after a cycle and the Jacobian of the way, by rows."""
+    """Image of a state after one cycle, and the Jacobian along it, by rows."""
 
     x: arb
     u: arb
@@ -66,8 +66,8 @@ def largest_exponent(
     Returns
     -------
     arb or None
-        None where no such cycle is proved: a decision along it is too close, its multiplier is 1
-        or its modulus 0, or it is longer than `MAX_CYCLE`.
+        None if no such cycle is proved: a decision along it is within the error, its multiplier is
+        1 or its modulus 0, or it is longer than `MAX_CYCLE`.
     """
     if impacts > MAX_CYCLE:
         return None
@@ -110,7 +110,7 @@ def _ball(radius: arb) -> arb:
 
 
 def _once_round(m: _Map, x: arb, u: arb, impacts: int) -> _Return | None:
-    """Follow a ball of states round the cycle; None where it may rest or turn on the way."""
+    """Propagate a ball of states once around the cycle; None if it may rest or turn on the way."""
     j00, j01, j10, j11 = arb(1), arb(0), arb(0), arb(1)
     turned = 1
     two_pi = 2 * arb.pi()

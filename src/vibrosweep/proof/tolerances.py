@@ -1,4 +1,4 @@
-"""How far off a dataset admits each of its numbers to be.
+"""The error that a dataset claims for each of its numbers.
 
 A dataset bounds the errors of a realization's landing times (dt) and rebound velocities (dv)
 against the exact model.  Every other claim follows from these two and from the roundings of the
@@ -60,7 +60,7 @@ def claims(bounds: Bounds, scene: Scene, measured: Measures) -> Mapping[str, flo
     windowed = _flights(bounds, scene, measured) | _separations(dt, measured, period)
     if _reaches(measured.edge, dt + 4.0 * EPS * period):
         windowed = dict.fromkeys(windowed)
-    # only a late window over staggered launches compares anything that is rounded
+    # rounded times are compared only if the window begins late and launches are staggered
     if scene.windowed and abs(measured.launch_depth) < scene.launch_rounding:
         windowed["flight_height_max"] = None
     return exact | windowed
