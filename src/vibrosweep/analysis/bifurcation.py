@@ -1,4 +1,4 @@
-"""Bifurcation diagram: what orbits do along the amplitude, each going on from the last one."""
+"""Bifurcation diagram along the amplitude, each orbit continued from the previous amplitude."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ def bifurcation(
     """Follow the orbits of a scene's particles up and down the amplitude.
 
     At the first amplitude of each direction particles are launched as the scene says; at every
-    further one they go on from the state that they reached at the last.  They settle until they
-    recur or the duration is over, and then `samples` further impacts are kept.
+    further one they start from the state reached at the previous one.  They settle until they recur
+    or the duration is over, and then `samples` further impacts are kept.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def bifurcation_of_spec(spec: SweepSpec, observable: str, samples: int, threads:
 
 
 def summary(diagram: xr.Dataset) -> Iterator[str]:
-    """Say in a line for each direction what the orbits have become."""
+    """Describe in one line per direction what the orbits settle on."""
     for direction in diagram["direction"].values:
         regimes = diagram["regime"].sel(direction=direction).values.ravel()
         parts = [

@@ -17,8 +17,8 @@ __all__ = ["Edges", "Evaluate", "find_edges", "windows_of_row"]
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
-# Rows, positions and the states to go on from, one for each point along the first axis -> codes
-# and the states reached.  Where every point is evaluated by itself the states are empty.
+# Rows, positions and initial states, one per point along the first axis -> codes and final states.
+# The states are empty if every point is evaluated independently.
 Evaluate = Callable[[Codes, Array, Array], tuple[Codes, Array]]
 
 
@@ -36,7 +36,7 @@ class Edges(NamedTuple):
 
 
 class _Brackets(NamedTuple):
-    """Brackets while they shrink: the states are those at the near ends."""
+    """Brackets during bisection; the states are those at the near ends."""
 
     row: Codes
     near: Array

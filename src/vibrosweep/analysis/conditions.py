@@ -1,4 +1,4 @@
-"""Conditions that a realization meets or not, each a function of measured variables."""
+"""Conditions on a realization, each a function of measured variables."""
 
 from __future__ import annotations
 
@@ -80,8 +80,8 @@ class Condition:
 class Locked:
     """The fixed orbit of k forcing periods exists and attracts, whether or not a launch meets it.
 
-    It is solved for on the map, see `vibrosweep.kernels.fixed`, for an orbit that attracts ever
-    more slowly cannot be waited for.
+    It is found as a fixed point of the map, see `vibrosweep.kernels.fixed`: near the edge of its
+    window convergence is too slow for a simulation.
     """
 
     k: int

@@ -123,7 +123,7 @@ def launch_states(scene: Scene, points: int) -> States:
 def settle_from(
     scene: Scene, parameters: dict[str, Array], states: States, workers: Workers
 ) -> Orbits:
-    """What particles settle on that go on from given states, in the order of points and particles.
+    """Orbits that particles settle on from given states, ordered by point, then by particle.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def continued(
     states: States,
     workers: Workers,
 ) -> tuple[Codes, States]:
-    """Whether a condition holds for orbits that go on from given states, and the states reached.
+    """Whether a condition holds for orbits continued from given states, and their final states.
 
     Raises
     ------

@@ -34,7 +34,7 @@ class Flights(NamedTuple):
     particle
         Whose flight it is.
     start, end
-        s; a flight that is under way at the end of the observation ends there.
+        s; a flight in progress at the end of the observation ends there.
     velocity
         Speed at its beginning, m s-1.
     """

@@ -1,4 +1,4 @@
-"""What an analysis needs of a dataset, and what to do where the dataset lacks it."""
+"""Check that a dataset holds what an analysis needs, with a remedy if it does not."""
 
 from __future__ import annotations
 

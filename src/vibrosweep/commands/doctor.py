@@ -1,4 +1,4 @@
-"""``vibrosweep doctor``: say what is wrong with this installation and how to mend it."""
+"""``vibrosweep doctor``: find problems of this installation and their remedies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What commands share that compute one dataset from a sweep file and draw it."""
+"""Shared by the commands that compute one dataset from a sweep file and draw it."""
 
 from __future__ import annotations
 
@@ -69,10 +69,10 @@ def produce(
 
 
 def _check(options: argparse.Namespace, spec: SweepSpec, output: Path, picture: Path) -> None:
-    """Refuse outputs that cannot be written before anything is computed."""
+    """Raise, before anything is computed, if an output cannot be written."""
     from vibrosweep.store.disk import check_output, target_of
 
-    # a file system may not tell capitals from small letters, and a link may lead to the other
+    # the file system may ignore case, and one path may be a link to the other
     if str(target_of(output)).casefold() == str(target_of(picture)).casefold():
         raise OutputError(
             f"{output}: is the name of the picture, which is written beside the dataset; give the "
@@ -89,7 +89,7 @@ def _check(options: argparse.Namespace, spec: SweepSpec, output: Path, picture: 
 
 @contextmanager
 def drawing(written: Path | None) -> Iterator[None]:
-    """Say of whatever keeps a picture from being drawn that its dataset is written.
+    """Add to any error of drawing that the dataset itself is written.
 
     Raises
     ------

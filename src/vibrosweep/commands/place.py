@@ -34,7 +34,7 @@ def add_place(parser: argparse.ArgumentParser) -> None:
 
 
 class Place(NamedTuple):
-    """What computes the chunks."""
+    """The runner that computes the chunks, and its description."""
 
     name: str
     threads: int
@@ -44,7 +44,7 @@ class Place(NamedTuple):
 
 @contextmanager
 def opened_place(options: argparse.Namespace) -> Iterator[Place]:
-    """Open what computes the chunks: threads of this process, or workers of a cluster."""
+    """Open the threads of this process, or the workers of a cluster, that compute the chunks."""
     if options.workers is None and options.scheduler is None:
         from vibrosweep.runs.driver import available_threads
 

@@ -1,4 +1,4 @@
-"""``vibrosweep plan``: say what a sweep will take before it runs."""
+"""``vibrosweep plan``: estimate time, memory and disk space of a sweep before it runs."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def perform(options: argparse.Namespace) -> None:
 
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
-    gc.disable()  # importing makes many objects and hardly any garbage
+    gc.disable()  # imports create many objects and hardly any garbage
     _check(options, spec, output)
     from vibrosweep.runs.driver import run_sweep
     from vibrosweep.runs.progress import reporting
@@ -92,7 +92,7 @@ def perform(options: argparse.Namespace) -> None:
 
 
 def _check(options: argparse.Namespace, spec: SweepSpec, output: Path) -> None:
-    """Refuse what cannot be done before anything is loaded that takes time."""
+    """Raise for impossible options before slow imports."""
     from vibrosweep.errors import ExistingOutputError, ParameterError
     from vibrosweep.store.disk import check_output
     from vibrosweep.store.rundir import replaces

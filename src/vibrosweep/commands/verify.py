@@ -1,4 +1,4 @@
-"""``vibrosweep verify``: hold a result file against proved values."""
+"""``vibrosweep verify``: compare a result file with proved values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``vibrosweep warmup``: compile the kernels once, so that no run waits for that."""
+"""``vibrosweep warmup``: compile all kernels in advance, so that no run has to wait."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `vibrosweep doctor` looks at: the libraries, the processor, the kernels, disk and memory."""
+"""Checks of `vibrosweep doctor`: libraries, processor, kernels, disk and memory."""
 
 from vibrosweep.doctor.examination import examine
 from vibrosweep.doctor.finding import Finding

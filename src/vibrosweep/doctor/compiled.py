@@ -1,4 +1,4 @@
-"""The kernels: threads that run them, machine code that is made of them, and where it is kept."""
+"""Checks of the kernels: threads, machine code, and the cache on disk."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OPENMP: Final = re.compile(r"lib(?:gomp|iomp5|omp)\b[^/\s]*")
 
 
 def threads() -> Finding:
-    """Look at what runs the kernels in parallel, as it is loaded in this process."""
+    """Check what runs the kernels in parallel in this process."""
     if numba.config.DISABLE_JIT:
         return Finding("threads", "kernels run as plain Python", _unset("NUMBA_DISABLE_JIT"))
     own = "Python threads around kernels that release the interpreter"
@@ -68,7 +68,7 @@ def vector_registers() -> Finding:
 
 
 def _slow() -> str:
-    """Say why machine code is scalar."""
+    """Return the reason why machine code is scalar."""
     if numba.config.OPT != 3:
         return _unset("NUMBA_OPT")
     if numba.config.CPU_NAME or numba.config.CPU_FEATURES:
@@ -81,7 +81,7 @@ def _unset(variable: str) -> str:
 
 
 def kernel_cache() -> Finding:
-    """Look at the machine code on disk that these very sources have."""
+    """Check the machine code cached on disk for exactly these sources."""
     subject, directory = "kernel cache", _jit.cache_directory
     if numba.config.DISABLE_JIT:
         return Finding(subject, "not used: nothing is compiled")

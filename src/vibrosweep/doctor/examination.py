@@ -14,7 +14,7 @@ __all__ = ["examine"]
 
 
 def examine(directory: Path) -> Iterator[Finding]:
-    """Look at everything that a run in `directory` depends on, in two seconds or so."""
+    """Check everything that a run in `directory` depends on, in about two seconds."""
     yield from versions()
     here = disk(directory)
     yield hdf5_libraries(None if here.trouble else directory)

@@ -1,4 +1,4 @@
-"""One thing that was looked at."""
+"""The result of one check."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ __all__ = ["Finding"]
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found.
+    """The result of one check.
 
     Attributes
     ----------
     subject
-        What was looked at.
+        What was checked.
     state
-        How it is.
+        The state that was found.
     trouble
-        What is wrong with it and how to mend it; empty if nothing is.
+        What is wrong and how to fix it; empty if nothing is.
     """
 
     subject: str

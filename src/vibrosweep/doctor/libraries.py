@@ -1,4 +1,4 @@
-"""Versions of what is installed, and whether two HDF5 libraries get along in one process."""
+"""Checks of installed versions, and of two HDF5 libraries in one process."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LIBRARIES: Final = ("numpy", "numba", "llvmlite", "scipy", "xarray", "h5py", "h5
 OPTIONAL: Final = {"python-flint": "verify", "distributed": "cluster", "netCDF4": "test"}
 PATIENCE: Final = 60.0  # s
 
-# In a process of its own: two libraries that do not get along end the process.
+# In a separate process, because incompatible libraries crash it.
 TRIAL: Final = """
 import sys
 import h5netcdf, h5py
@@ -45,7 +45,7 @@ print("read")
 
 
 def versions() -> Iterator[Finding]:
-    """Look at Python and the libraries; those too old for the package are named."""
+    """Check Python and the libraries; name those that are too old for the package."""
     yield Finding("vibrosweep", __version__)
     yield Finding("python", f"{platform.python_version()} ({platform.python_implementation()})")
     too_old = [str(needed) for needed in _required() if not _satisfied(needed)]
@@ -67,7 +67,7 @@ def _version(name: str) -> str | None:
 
 
 def _required() -> list[Requirement]:
-    """Return what the package needs in this environment; nothing where it runs uninstalled."""
+    """Return the requirements of the package here; none if it is not installed."""
     try:
         stated = requires("vibrosweep") or []
     except PackageNotFoundError:
@@ -82,12 +82,12 @@ def _satisfied(needed: Requirement) -> bool:
 
 
 def hdf5_libraries(directory: Path | None) -> Finding:
-    """Write a file and read it with every HDF5 library that there is, in one process.
+    """Write a file and read it with every installed HDF5 library, in one process.
 
     Parameters
     ----------
     directory
-        Where to write, so that locking of files is tried there; None for the system's own place.
+        Where to write, to test file locking there; None for the system's temporary directory.
     """
     other = find_spec("netCDF4") is not None
     with tempfile.TemporaryDirectory(dir=directory, prefix=".vibrosweep-doctor-") as place:

@@ -1,4 +1,4 @@
-"""Disk and memory, and the processors that may be used."""
+"""Checks of disk, memory, and the available processors."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from vibrosweep.runs.plan import BYTES_PER_TRAJECTORY
 __all__ = ["disk", "memory", "processors"]
 
 GROUP: Final = Path("/sys/fs/cgroup")
-# The results of a sweep of a million realizations take about as much.
+# About the size of the results of a sweep of a million realizations.
 LITTLE_DISK: Final = 1 << 28
-# The libraries take a third of it.
+# The libraries alone take a third of this.
 LITTLE_MEMORY: Final = (1 << 29) + BYTES_PER_TRAJECTORY * TRAJECTORIES_PER_BATCH
 
 
 def processors() -> Finding:
-    """Look at the processors, and at a limit that a container sets on their time."""
+    """Check the processors, and a container's limit on CPU time."""
     usable, quota = available_threads(), _processor_quota()
     state = f"{usable} of {os.cpu_count()} may be used; vibrosweep run takes {usable} threads"
     if quota is None or quota > usable - 0.5:
@@ -33,7 +33,7 @@ def processors() -> Finding:
 
 
 def _processor_quota() -> float | None:
-    """Processors whose time this control group may take; None where there is no limit."""
+    """CPU limit of this control group in processors; None without a limit."""
     words = _group_limit("cpu.max")
     return int(words[0]) / int(words[1]) if len(words) == 2 and words[0] != "max" else None
 
@@ -46,7 +46,7 @@ def _group_limit(name: str) -> list[str]:
 
 
 def memory() -> Finding:
-    """Look at the memory, and at a limit that a container sets on it."""
+    """Check the memory, and a container's limit on it."""
     total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     available = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     known = _kilobytes(Path("/proc/meminfo")).get("MemAvailable")
@@ -74,7 +74,7 @@ def _kilobytes(path: Path) -> dict[str, int]:
 
 
 def disk(directory: Path) -> Finding:
-    """Look at the place where results are written."""
+    """Check the disk to which results are written."""
     free = shutil.disk_usage(directory).free
     state = f"{free / 2**30:.3g} GiB free in {directory}"
     try:

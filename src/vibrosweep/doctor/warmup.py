@@ -44,7 +44,7 @@ KERNELS: Final[tuple[Any, ...]] = (
 
 
 class Compiled(NamedTuple):
-    """What warming up did.
+    """Result of warming up.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What figures ask of a dataset: what must be there, which parameters vary, what labels say."""
+"""Access to datasets for figures: requirements, varying parameters, labels."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ SYMBOLS: Final = {
 
 @dataclass(frozen=True)
 class Needs:
-    """What a figure cannot be drawn without.
+    """Requirements of a figure.
 
     Attributes
     ----------

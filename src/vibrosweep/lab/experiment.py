@@ -48,7 +48,7 @@ LABORATORY: Final[Mapping[str, float]] = {
 
 @dataclass(frozen=True)
 class Variation:
-    """What is not as it should be about particles and base.
+    """Imperfections of particles and base.
 
     Attributes
     ----------

@@ -28,11 +28,11 @@ WELL_SEEN: Final = 5.0
 FIRST_SHARE: Final = 0.6
 # One good flight in a million is called poor.
 POOR: Final = 1e-6
-# After three, no sample changes its flight in most tracks.
+# Iterations; after three, samples of most tracks no longer change their flight.
 ROUNDS: Final = 4
 # Standard errors by which the acceleration that tracks show must differ from the true one.
 SCALE_OFF: Final = 5.0
-# The scale of a track may be off, but not by such a factor.
+# Largest plausible factor by which the scale of a track is wrong.
 WRONG_UNITS: Final = 5.0
 
 

@@ -86,7 +86,7 @@ def find_swaps(
 
 
 def remarks(impacts: xr.Dataset) -> list[str]:
-    """What a user should know of each particle before trusting its landings, a line each."""
+    """Remarks on the quality of each particle's track, one per line."""
     interval = 1.0 / impacts.attrs["frame_rate"]
     begin, end = impacts.attrs["begin"], impacts.attrs["end"]
     lines = []

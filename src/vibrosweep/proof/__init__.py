@@ -1,4 +1,4 @@
-"""A finished dataset against the proved reference: is each number within its claimed error."""
+"""Verification of a finished dataset: whether each number is within its claimed error."""
 
 from vibrosweep.proof.verification import Report
 from vibrosweep.proof.verify import verify

@@ -1,7 +1,7 @@
-"""The bounds that a dataset holds of its own errors, against the errors that are proved.
+"""Check of the error bounds stored in a dataset against the proved errors.
 
-A bound is sound if no landing of the kernel is farther from the proved one.  That leaves room for a
-bound that is merely changed, so it must also be the one that the kernel finds again.
+A bound is sound if no landing of the kernel is farther from the proved one.  A bound that was
+tampered with could still be sound, so it must also equal the one that the kernel computes again.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ FOUND_AGAIN: Final = ("lyapunov_largest_error", "lyapunov_sum_error", "cycle_unc
 
 
 def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
-    """Bounds of all rows and their landings of any time, computed anew."""
+    """Bounds of all rows, over all their landings, computed again."""
     everything = replace(_all_landings(sample.observation), trust=True)
     return measure_all(sample.parameters, everything, workers)
 
 
 def measure_orbits(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
-    """What orbits of all rows settle on, with its errors, computed anew: `FOUND_AGAIN`."""
+    """Orbits of all rows and their errors, the variables `FOUND_AGAIN`, computed again."""
     window = replace(_all_landings(sample.observation), transient=sample.observation.transient)
     found = measure_all(sample.parameters, replace(window, lyapunov=True), workers)
     return {name: found[name] for name in FOUND_AGAIN}
@@ -96,7 +96,7 @@ def landing_errors(
 def change_of_bound(
     name: str, stored: float, again: Mapping[str, Any], frequency: float, particle: int | None
 ) -> str:
-    """Say how a stored bound differs from the one that the same version finds now, if it does.
+    """Describe how a stored bound differs from the one the same version computes now, if it does.
 
     Another processor or numpy may round the phase of lift-off otherwise, and a bound follows the
     orbit: it changes as much, relatively, as the orbit does in periods, times its curvature.
@@ -136,7 +136,7 @@ def _distance(proved: Any, recorded: float, rounding: float) -> float:
 def untrusted(
     until: float, times: Array, errors: Errors, duration: float, tolerance: float, bound: float
 ) -> tuple[str, float]:
-    """What is wrong with a time of trust, if anything, and the largest error before it."""
+    """Error in a stored `trusted_until`, if any, and the largest error before that time."""
     if bound <= tolerance and until != duration:
         return f"while all landings up to {duration!r} are known to the tolerance", math.nan
     if math.isnan(until):

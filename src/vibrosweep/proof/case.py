@@ -1,4 +1,4 @@
-"""One realization: what is stored of it, what is proved of it, what the kernel finds again."""
+"""One realization to verify: stored values, proved values, and values computed again."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from vibrosweep.proof.tolerances import Bounds, claims
 
 __all__ = ["Case", "Exponents"]
 
-# What makes an orbit aperiodic: the landings in the window, and the standard errors by which its
-# exponent exceeds zero.
+# Criteria of an aperiodic orbit: the number of landings in the window, and the standard errors by
+# which its exponent exceeds zero.
 LANDINGS: Final = 64
 CERTAIN: Final = 3.0
 
@@ -102,7 +102,7 @@ class Case:
 
     @cached_property
     def cycles(self) -> Sequence[Cycle | None]:
-        """Cycle of each particle that is said to recur, by most of the variables that say so."""
+        """Cycle of each particle that recurs according to the majority of its variables."""
         said = [np.array([SAID[n](v) for v in self.stored[n]]) for n in SAID if n in self.stored]
         return [
             orbit.recurrence(
@@ -121,13 +121,13 @@ class Case:
 
     @cached_property
     def orbit_numbers(self) -> Sequence[int] | None:
-        """Number of the orbit of each particle; None where it is too close to tell."""
+        """Number of the orbit of each particle; None where this cannot be decided."""
         pairs = zip(self.cycles, self._states, strict=True)
         return numbered([None if cycle is None else (cycle, state) for cycle, state in pairs])
 
     @cached_property
     def slots(self) -> Sequence[int | None]:
-        """Slot of each particle, -1 without a cycle; None where it is too close to tell."""
+        """Slot of each particle, -1 without a cycle; None where this cannot be decided."""
         return [
             -1 if cycle is None else None if state is None else state.whole % cycle.periods
             for cycle, state in zip(self.cycles, self._states, strict=True)

@@ -18,15 +18,15 @@ from vibrosweep.proof.reference.high_bounce import PeriodMap
 
 __all__ = ["MAX_CYCLE", "largest_exponent"]
 
-# Impacts; a longer cycle takes more seconds than a verification should.
+# Impacts; a longer cycle would take too long to verify.
 MAX_CYCLE: Final = 1000
-# Periods; farther from the orbit than that it is another cycle that Newton's method has found.
+# Periods; if the cycle found by Newton's method is farther from the orbit, it is another one.
 NEAR: Final = 2.0**-20
 ROUNDS: Final = 40
 
 
 class _Return(NamedTuple):
-    """Image of a state after a cycle and the Jacobian of the way, by rows."""
+    """Image of a state after one cycle, and the Jacobian along it, by rows."""
 
     x: arb
     u: arb
@@ -58,8 +58,8 @@ def largest_exponent(
     Returns
     -------
     arb or None
-        None where no such cycle is proved: a decision along it is too close, its multiplier is 1
-        or its modulus 0, or it is longer than `MAX_CYCLE`.
+        None if no such cycle is proved: a decision along it is within the error, its multiplier is
+        1 or its modulus 0, or it is longer than `MAX_CYCLE`.
     """
     if impacts > MAX_CYCLE:
         return None

@@ -1,4 +1,4 @@
-"""Growth of small changes along a proved orbit, impact by impact, and what may be off by it.
+"""Growth of small perturbations along a proved orbit, with an error bound for the kernel's.
 
 The kernel's orbit is within the dataset's bounds of the proved one, and so are its Jacobians.  A
 change of a Jacobian changes the growth at that impact, and turns the direction that is carried on:
@@ -20,7 +20,7 @@ from vibrosweep.proof.tolerances import EPS, Bounds
 __all__ = ["Mean", "mean_growth"]
 
 MOST_BLOCKS: Final = 32
-TURNED: Final = 1e-3  # error of the direction beyond which first order says nothing
+TURNED: Final = 1e-3  # error of the direction beyond which the first-order estimate is useless
 FIRST_ORDER: Final = 2.0
 
 

@@ -1,4 +1,4 @@
-"""One stored number against its proved value, or against what other numbers make of it."""
+"""Comparison of a stored number with its proved value, or with what follows from other numbers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Judgement", "judge"]
 
 @dataclass(frozen=True)
 class Judgement:
-    """What is found about one stored number.
+    """Result of the comparison for one stored number.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Judgement:
         Certified decimal digits: of the claim and the reference's radius together, relative to
         the value; 0 where they exceed it.  None for what is exact, zero or undefined.
     complaint
-        What is wrong; empty if the number is within its claim or nothing is claimed.
+        Description of the failure; empty if the number is within its claim or nothing is claimed.
     """
 
     variable: str

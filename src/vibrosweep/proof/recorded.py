@@ -29,7 +29,7 @@ def judge_record(
         counts = {"impact_count": len(trajectory.impacts), "status": int(trajectory.status)}
         for name, proved in counts.items():
             judged.append(judge(f"record/{name}", particle, stored[name], proved, 0.0))
-        # past the last landing nothing is recorded
+        # the record must end after the last landing
         impacts = chain(trajectory.impacts, repeat(None))
         for n, impact in zip(range(len(stored["rested"])), impacts, strict=False):
             for name, proved in _landing(impact).items():

@@ -1,11 +1,11 @@
-"""What a proved orbit has become: whether it repeats as stated, its cycle, slot and exponents.
+"""Recurrence of a proved orbit: whether it repeats as stated, its cycle, slot and exponents.
 
-That an orbit recurs is found by the kernel, where a state returns bit for bit; the exact orbit
-approaches its cycle for ever, or falls into it at a rest.  What can be proved is that it repeats as
-stated, up to what makes two states one for the kernel and to the errors that the dataset admits:
-then impacts, periods and rests of the cycle follow exactly.  The state at which a recurrence is
-stated has been passed one cycle before, so it is from there on that states must agree with those a
-cycle later; of what comes after there may be next to nothing.
+The kernel detects recurrence when a state returns bit for bit.  The exact orbit approaches its
+cycle asymptotically, or enters it at a rest.  What can be proved is that it repeats as stated, up
+to the tolerance with which the kernel identifies states and to the errors that the dataset claims;
+impacts, periods and rests of the cycle then follow exactly.  The state at which a recurrence is
+stated occurred one cycle earlier, so states are compared with those a cycle later from there on;
+after it the orbit may end almost at once.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from vibrosweep.proof.tolerances import EPS, Bounds, record_claims
 
 __all__ = ["SAID", "Cycle", "Orbit", "State", "numbered"]
 
-# What a particle that recurs has in each of the variables that say so.
+# Variables that show whether a particle recurs, each with its test.
 SAID: Final[dict[str, Callable[[Any], bool]]] = {
     "regime": lambda code: code in (Regime.RESTING, Regime.LOCKED),
     "cycle_impacts": lambda number: number > 0,
@@ -53,7 +53,7 @@ class Cycle:
     Attributes
     ----------
     since
-        Number of the state at which it is stated.
+        Number of the state at which the recurrence is stated.
     impacts, periods, rests
         In one cycle.
     """
@@ -100,7 +100,7 @@ class Orbit:
         return [n for n, i in enumerate(self.trajectory.impacts, 1) if i.rested]
 
     def recurrence(self, time: float, stated: int) -> Cycle | None:
-        """Cycle from a stated time on, by a stated number of impacts if that is one.
+        """Cycle from a stated time on, with the stated number of impacts if that is correct.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class Orbit:
         return None
 
     def _at(self, time: float) -> Sequence[int]:
-        """Numbers of the states that may be those of a time, or of the nearest one."""
+        """Numbers of the states that may be at a given time, or nearest to it."""
         if not math.isfinite(time):
             return [len(self.times) - 1]
         gaps = [float(abs(t - time)) for t in self.times]
@@ -138,10 +138,10 @@ class Orbit:
         return nearest_integer((self.times[state + cycle] - self.times[state]) * self._frequency)
 
     def _cycle(self, since: int, stated: int) -> int:
-        """Impacts in the cycle that a state is on; 0 where the orbit does not repeat.
+        """Impacts in the cycle of a state; 0 if the orbit does not repeat.
 
-        The stated number holds if the orbit repeats after so many impacts and, certainly, not after
-        fewer that divide them.  From rest to rest there is but one orbit.
+        The stated number is correct if the orbit repeats after it and provably not after any of its
+        divisors.  The orbit from one rest to the next is unique.
         """
         if len(self._rests) > 1 and self._rests[0] <= since:
             cycle = self._rests[-1] - self._rests[-2]
@@ -188,10 +188,10 @@ class Orbit:
         )
 
     def representative(self, cycle: Cycle) -> State | None:
-        """Member of a cycle with the shortest flight, of equal ones that with the first phase.
+        """State of a cycle with the shortest flight; among equal ones, that of lowest phase.
 
-        Whole periods are counted with the phase of the forcing reduced to one turn.  None where
-        members are too near to one another to tell which it is.
+        Whole periods are counted with the phase of the forcing reduced to one turn.  None if states
+        are too close to decide.
         """
         with ctx.workprec(2 * self.trajectory.precision_bits):
             whole = nearest_integer(arb(self._realization.parameters["phase"]) / (2 * arb.pi()))
@@ -209,7 +209,7 @@ class Orbit:
         found = tied[0]
         if len(tied) > 1 and tied[1].phase - found.phase < 3 * SAME_ORBIT:
             return None
-        if found.phase < SAME_ORBIT / 3 - 0.5:  # phases of -1/2 and 1/2 are one
+        if found.phase < SAME_ORBIT / 3 - 0.5:  # -1/2 and 1/2 are the same phase
             return State(found.whole - 1, found.phase + 1.0, found.flight)
         return None if found.phase < 3 * SAME_ORBIT - 0.5 else found
 
@@ -227,8 +227,8 @@ def numbered(
     Returns
     -------
     list of int or None
-        -1 for a particle that does not recur; None where it is too close to tell whether two
-        particles are on one orbit.
+        -1 for a particle that does not recur; None if it cannot be decided whether two particles
+        are on one orbit.
     """
     numbers: list[int] = []
     firsts: list[tuple[Cycle, State]] = []
@@ -250,7 +250,7 @@ def numbered(
 
 
 def _same(cycle: Cycle, state: State, other: Cycle, first: State) -> bool | None:
-    """Whether two particles are on one orbit; None where that is too close to tell."""
+    """Whether two particles are on one orbit; None if this cannot be decided."""
     if (cycle.impacts, cycle.periods, cycle.rests) != (other.impacts, other.periods, other.rests):
         return False
     apart = state.phase - first.phase

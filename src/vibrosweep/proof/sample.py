@@ -1,4 +1,4 @@
-"""Some realizations of a finished dataset: what was asked for, and the numbers that came out."""
+"""A sample of realizations of a finished dataset: their settings and their stored numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read realizations of a finished dataset, and refuse what no sweep can have written."""
+"""Read realizations of a finished dataset; reject files that no sweep can have written."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def _observation(file: Any, attributes: Mapping[str, Any]) -> Observation:
 
 
 def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable]) -> None:
-    """Refuse what no sweep can have written, and no kernel should be given."""
+    """Raise for data that no sweep can have written and that no kernel should be given."""
     observation = sample.observation
     bad = [n for n, v in sample.parameters.items() if not np.all(PARAMETERS[n].accepts(v))]
     times = () if isinstance(observation.launch, str) else observation.launch

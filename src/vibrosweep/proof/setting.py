@@ -1,4 +1,4 @@
-"""What a dataset says was computed, against the sweep file that it holds."""
+"""Check of a dataset's coordinates against the sweep file stored in it."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ __all__ = ["RECORD_COORDINATES", "SWEEP_COORDINATES", "Setting", "asked"]
 
 SWEEP_COORDINATES: Final = (*PARAMETERS, "launch_time", "duration", "transient")
 RECORD_COORDINATES: Final = (*PARAMETERS, "launch_time", "duration")
-# designs whose draws are another library's, which may change them
+# designs drawn by another library, whose versions may differ
 DRAWN_BY_SCIPY: Final = ("latin", "sobol")
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What the coordinates of a dataset must be.
+    """Expected coordinates of a dataset.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Setting:
     sampled
         Sampled parameters of the rows drawn, each of shape (row,).
     unknown
-        Why other coordinates cannot be told, by their names.
+        Reasons why other coordinates are not known, by name.
     """
 
     shared: Mapping[str, Any]
@@ -49,7 +49,7 @@ class Setting:
 
 
 def asked(path: Path, attributes: Mapping[str, Any], rows: NDArray[np.int64]) -> Setting:
-    """Return what the sweep file within a dataset asks for.
+    """Return the coordinates that the sweep file stored in a dataset specifies.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def asked(path: Path, attributes: Mapping[str, Any], rows: NDArray[np.int64]) ->
 
 
 def _design(spec: SweepSpec, attributes: Mapping[str, Any]) -> Design | str:
-    """Open the design again, or say why that tells nothing."""
+    """Open the design again, or return the reason why it cannot be compared."""
     identity = str(attributes.get(IDENTITY, "{}"))
     if spec.design in DRAWN_BY_SCIPY:
         drawn = json.loads(identity).get("scipy", version("scipy"))

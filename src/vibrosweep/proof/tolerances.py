@@ -1,4 +1,4 @@
-"""How far off a dataset admits each of its numbers to be.
+"""The error that a dataset claims for each of its numbers.
 
 A dataset bounds the errors of a realization's landing times (dt) and rebound velocities (dv)
 against the exact model.  Every other claim follows from these two and from the roundings of the

@@ -1,4 +1,4 @@
-"""What a verification found: per variable, per realization, and as a table."""
+"""Result of a verification: per variable, per realization, and as a table."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ COMPLAINTS_SHOWN: Final = 20
 
 
 class State(Enum):
-    """How far a realization could be compared; the value is what the report says of it."""
+    """Whether a realization could be compared; the value is the text of the report."""
 
     COMPARED = "proved"
     NO_CLAIM = "without a claim: rounding may have changed a decision"
@@ -41,7 +41,7 @@ class State(Enum):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one realization, or (None) of the record of every landing."""
+    """Outcome for one realization, or (None) for the record of every landing."""
 
     realization: int | None
     state: State

@@ -38,7 +38,7 @@ __all__ = ["MAX_LANDINGS", "verify"]
 
 # About ten seconds for a realization, and half a gigabyte.
 MAX_LANDINGS: Final = 250_000
-# Where a dataset claims anything, an orbit has lost fewer digits than a double has.
+# If a dataset claims anything, its orbits have lost fewer digits than a double has.
 MAX_BITS: Final = 1 << 12
 UNKNOWN: Final = "this version knows no such variable"
 

@@ -1,4 +1,4 @@
-"""Designs: which realizations a sweep computes, chunk by chunk, in bounded memory.
+"""Designs: the parameters of a sweep's realizations, chunk by chunk, in bounded memory.
 
 The values of a realization depend on the spec and on its index alone: any chunking gives the same
 bits.
@@ -37,11 +37,11 @@ class Design:
     Attributes
     ----------
     realizations
-        Their number.
+        Number of realizations.
     sampled
         Names of the sampled parameters, in the order of `scene.PARAMETERS`.
     labels
-        What else a table tells of each realization; nothing is computed with it.
+        Other columns of a table, which are copied to the result only.
     """
 
     realizations: int
@@ -52,7 +52,7 @@ class Design:
     def take(self, start: int, stop: int) -> dict[str, Array]:
         """Return the sampled parameters of the realizations start, ..., stop - 1.
 
-        Safe to call from several threads; going forward is cheapest.
+        Thread-safe; fastest for increasing `start`.
 
         Returns
         -------
@@ -128,7 +128,7 @@ def _uniform(spec: SweepSpec) -> Callable[[int, int], Array]:
     width = len(spec.sampled)
 
     def rows(start: int, stop: int) -> Array:
-        # one float64 takes one step of the generator, so a chunk finds its place by jumping
+        # one float64 takes one step of the generator, so a chunk can skip to its place
         bits = np.random.PCG64(spec.seed).advance(start * width)
         return np.random.Generator(bits).random((stop - start, width))
 
@@ -155,8 +155,8 @@ def _sobol(spec: SweepSpec) -> Callable[[int, int], Array]:
             if start > engine.num_generated:
                 engine.fast_forward(start - engine.num_generated)
             elif start == 0 and stop > 0:
-                # alone, for a first draw that is no power of two makes scipy warn about a balance
-                # that the chunk is not expected to have
+                # the first point separately: scipy warns of lost balance if the first draw is not a
+                # power of two, which does not matter for a chunk
                 parts.append(engine.random(1))
             rest = stop - start - (len(parts) - 1)
             if rest > 0:

@@ -1,4 +1,4 @@
-"""Mistakes of a sweep file: worded in the user's terms, gathered, and raised together."""
+"""Mistakes in a sweep file: worded in the user's terms, collected, and raised together."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Mistakes:
     lines
         One line for each mistake.
     broken
-        Keys, or whole tables, whose value is unusable.  A rule that involves one of them is not
-        judged, so that one slip of the user is never reported twice.
+        Keys, or whole tables, with an invalid value.  Rules that involve one of them are not
+        checked, so that one mistake is never reported twice.
     """
 
     file: str
@@ -37,17 +37,17 @@ class Mistakes:
     def add(
         self, key: str, text: str, value: object = ABSENT, involves: Iterable[str] = ()
     ) -> None:
-        """Note that ``key`` breaks a rule which also looks at the keys ``involves``."""
+        """Add a violation by ``key`` of a rule that also involves the keys ``involves``."""
         if not any(self.is_broken(k) for k in (key, *involves)):
             self._note(key, text, value)
 
     def add_broken(self, key: str, text: str, value: object) -> None:
-        """Note that the value of ``key`` is unusable in itself."""
+        """Add a mistake in the value of ``key`` itself."""
         self._note(key, text, value)
         self.broken.add(key)
 
     def is_broken(self, key: str) -> bool:
-        """Tell whether ``key`` or the table that holds it is unusable."""
+        """Whether ``key`` or the table that holds it is invalid."""
         return key in self.broken or key.partition(".")[0] in self.broken
 
     def raise_any(self) -> None:
@@ -65,7 +65,7 @@ class Mistakes:
 
 
 def shown(value: object) -> str:
-    """Print a value as it would stand in the TOML file, cut to a readable length."""
+    """Format a value as in the TOML file, cut to a readable length."""
     text = _toml(value)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
@@ -85,7 +85,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def likely_parameter(word: str) -> str | None:
-    """Return the physical parameter that a word which is none was probably meant to be."""
+    """Return the physical parameter that an unknown word was probably meant to be."""
     short = word.lower()
     for name, parameter in PARAMETERS.items():
         if short and (short == parameter.symbol.lower() or name.startswith(short)):

@@ -1,4 +1,4 @@
-"""Rules between the keys of a sweep file: each notes what contradicts and how to mend it."""
+"""Rules between the keys of a sweep file: each reports a contradiction and its remedy."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class RecordSpec:
-    """One scene whose every landing is kept beside the sweep.
+    """A scene of which every landing is recorded, in addition to the sweep.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class RecordSpec:
 
 
 class Setting(NamedTuple):
-    """What all realizations share beside their physical parameters."""
+    """Settings that all realizations share, apart from physical parameters."""
 
     particles: int = 1
     launch: str | tuple[float, ...] = STAGGERED
@@ -85,7 +85,7 @@ def kind(sample: SampleTable) -> str:
 
 
 def setting(name: str, table: SceneTable, base: Setting, mistakes: Mistakes) -> Setting:
-    """Return what the table ``name`` ([scene] or [record]) sets, the rest from ``base``."""
+    """Return the settings of the table ``name`` ([scene] or [record]), completed by ``base``."""
     listed = len(table.launch) if isinstance(table.launch, tuple) else None
     particles = table.particles or listed or base.particles
     launch = base.launch if table.launch is None else table.launch
@@ -225,8 +225,8 @@ def record(
 def check_countable(
     key: str, corner: Mapping[str, float], shared: Setting, mistakes: Mistakes
 ) -> None:
-    """Note it if times cannot be counted in forcing periods for the most extreme realization."""
-    # the phase plays no part in what is counted
+    """Report if forcing periods cannot be counted exactly for the most extreme realization."""
+    # the phase does not affect the number of periods
     arrays = {name: np.array([corner[name]]) for name in PARAMETERS} | {"phase": np.zeros(1)}
     try:
         dimensionless(arrays, shared.duration)

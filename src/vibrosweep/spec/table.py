@@ -26,17 +26,17 @@ from vibrosweep.store.trial import require_readable
 __all__ = ["Label", "Table", "read_table"]
 
 Array = NDArray[np.float64]
-# A sweep without them would run at the defaults, which nobody who writes a table means.
+# Required columns: without them a sweep would silently run at the defaults.
 _EXPECTED: Final = ("restitution", "amplitude")
 # Attributes of a label that go into the result.
 _KEPT: Final = ("units", "long_name", "comment")
-# Mistakes are listed, up to so many.
+# Largest number of mistakes that are listed.
 _LISTED: Final = 20
 
 
 @dataclass(frozen=True)
 class Label:
-    """A column that is no parameter, shape (realization,): numbers, or texts as objects."""
+    """A column that is not a parameter, shape (realization,): numbers, or strings as objects."""
 
     values: NDArray[Any]
     attributes: Mapping[str, str] = field(default_factory=dict)
@@ -61,7 +61,7 @@ class Table:
 
 
 class _Mistakes:
-    """What is wrong with a table: the first mistakes in words, and the number of all."""
+    """Mistakes in a table: the first ones in words, and the number of all."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -175,7 +175,7 @@ def _read_netcdf(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
             path, engine="h5netcdf", decode_times=False, phony_dims="access"
         ) as dataset:
             dataset.load()
-    except Exception as error:  # what a damaged file makes the libraries raise has no common base
+    except Exception as error:  # the libraries' exceptions for damaged files have no common base
         raise TableError(f"{path}: is not a readable netCDF-4 file: {error}") from error
     found = {str(name): variable for name, variable in dataset.variables.items()}
     shared = next((v.dims for name, v in found.items() if name in PARAMETERS), None)
@@ -218,7 +218,7 @@ def _chosen(columns: Mapping[str, Label], spec: SweepSpec, mistakes: _Mistakes) 
 
 
 def _judge_name(name: str, wanted: bool, mistakes: _Mistakes) -> None:
-    """A column that is no parameter must be meant as a label, and be usable as one."""
+    """Check that the name of a column that is not a parameter can be a label."""
     if name in PARAMETERS:
         return
     elsewhere = "; rename it, or list the columns to use in sample.columns"
@@ -260,7 +260,7 @@ def _lacking(name: str, found: Iterable[str], reason: str) -> str:
 
 
 def _numbers(name: str, column: Label, mistakes: _Mistakes) -> Array:
-    """Return a column in the parameter's unit as float64; what is no such number is noted."""
+    """Return a column in the parameter's unit as float64; report invalid values."""
     parameter, values = PARAMETERS[name], column.values
     if values.dtype.kind in "iuf":
         numbers = values.astype(np.float64)
@@ -289,7 +289,7 @@ def _numbers(name: str, column: Label, mistakes: _Mistakes) -> Array:
 
 
 def _number(value: object) -> float:
-    """Return the value as a float; NaN, which no parameter accepts, for what is no number."""
+    """Return the value as a float, or NaN, which no parameter accepts, if it is not a number."""
     text = str(value)
     # Python takes 1_2 for 12, and digits of any script
     if isinstance(value, bool | np.bool_) or "_" in text or not text.isascii():
@@ -309,7 +309,7 @@ def _label(column: Label) -> Label:
     else:
         texts = [v.decode() if isinstance(v, bytes) else str(v) for v in values]
         numbers = np.array([_number(text) for text in texts])
-        # 007 is a name, and so is a whole number of more digits than a double holds
+        # 007 is a name, and so is an integer with more digits than a double holds
         exact = any(texts) and all(
             not text or (abs(number) <= 2.0**53 and not re.match(r"[+-]?0\d", text))
             for text, number in zip(texts, numbers, strict=True)

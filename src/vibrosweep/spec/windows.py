@@ -16,7 +16,7 @@ class WindowsTable:
     conditions
         Names of conditions, each once.
     continuation
-        Whether orbits go on along the amplitude, both ways, instead of being launched anew.
+        Whether orbits are continued along the amplitude, up and down, instead of launched at each.
     tolerance
         Width of the bracket around an edge, relative to the edge.
     """
