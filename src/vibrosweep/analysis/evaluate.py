@@ -17,8 +17,8 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import ABSENT, ATTRACTS, REPELS, empty_fixed, find_fixed, turns_back
 from vibrosweep.kernels.orbits import Orbits
+from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import Launches, dimensionless, launches
-from vibrosweep.model.variables import LYAPUNOV, REGIMES, SWEEP
 
 __all__ = ["HOLDING", "continued", "launch_states", "launched", "locked", "settle_from"]
 
@@ -37,7 +37,6 @@ HOLDING: Final = frozenset(
 )
 TRAJECTORIES_AT_A_TIME: Final = 1 << 18
 FIXED_PER_TASK: Final = 256
-VARIABLES: Final = {**SWEEP, **REGIMES, **LYAPUNOV}
 
 
 def _codes(held: NDArray[np.bool_]) -> Codes:

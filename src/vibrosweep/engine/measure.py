@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import measured_variables
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow
@@ -16,8 +15,8 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.trust import Trust
+from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.parameters import Dimensionless, dimensionless, launches
-from vibrosweep.model.variables import RESOLUTION, UNDETERMINED
 
 __all__ = ["measure"]
 
@@ -43,17 +42,18 @@ def measure(
     -------
     dict
         Arrays of shape (realization,), and (realization, particle) for measures per particle,
-        named as in `vibrosweep.model.variables`.
+        named as in `vibrosweep.model.measures`.
 
     Raises
     ------
     ParameterError
         Parameters leave the range in which periods can be counted exactly.
     """
-    problem = dimensionless(parameters, observation.duration, observation.transient)
+    measures = observation.measures
+    problem = dimensionless(parameters, observation.duration, measures.transient)
     frequency, particles = parameters["frequency"], observation.particles
     launch = launches(observation.launch, particles, frequency)
-    found = follow(problem, launch, observation.tolerance * frequency, observation, workers)
+    found = follow(problem, launch, measures.tolerance * frequency, observation, workers)
     measured = _physical(found.whole, parameters, problem)
     measured["at_rest_count"] = found.whole.at_rest
     with np.errstate(over="ignore"):
@@ -62,11 +62,11 @@ def measure(
     measured["flight_height_max"] = np.fmax(
         measured["rebound_height_max"], np.where(launched, launch_height, np.nan)
     )
-    if observation.per_particle and found.each is not None:
+    if measures.per_particle and found.each is not None:
         measured |= _per_particle(found.each, parameters, problem, (frequency.size, particles))
     if found.orbits is not None:
         of_orbits = orbit_variables(found.orbits, frequency)
-        asked = {variable.name for variable in measured_variables(observation)}
+        asked = {variable.name for variable in measures.variables}
         measured |= {name: values for name, values in of_orbits.items() if name in asked}
     if found.separations is not None:
         measured |= _separations(found.separations, frequency)
@@ -120,7 +120,7 @@ def _per_particle(
 
 def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:
     """Whether any particle of a realization is launched inside the window; shape (realization,)."""
-    begin, end = observation.transient, observation.duration
+    begin, end = observation.measures.transient, observation.duration
     if isinstance(observation.launch, str):
         per_second = observation.particles * frequency
         first = np.maximum(np.ceil(per_second * begin), 0.0)

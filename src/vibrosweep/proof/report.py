@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.judgement import Judgement
-from vibrosweep.proof.reading import VARIABLES
 from vibrosweep.proof.record import RECORDED
 
 __all__ = ["Outcome", "Report", "State", "VariableReport"]

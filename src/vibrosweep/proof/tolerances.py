@@ -25,7 +25,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-from vibrosweep.proof.measured import Measures, Proved
+from vibrosweep.proof.measured import Measured, Proved
 from vibrosweep.proof.sample import Scene
 
 __all__ = ["EPS", "Bounds", "claims", "record_claims"]
@@ -50,7 +50,7 @@ class Bounds(NamedTuple):
     rebound_velocity: float
 
 
-def claims(bounds: Bounds, scene: Scene, measured: Measures) -> Mapping[str, float | None]:
+def claims(bounds: Bounds, scene: Scene, measured: Measured) -> Mapping[str, float | None]:
     """Largest error of each variable that the bounds allow, in its own unit; None: not claimed."""
     dt, period = bounds.landing_time, 1.0 / scene.parameters["frequency"]
     exact: dict[str, float | None] = {"at_rest_count": 0.0, "status": 0.0}
@@ -66,7 +66,7 @@ def claims(bounds: Bounds, scene: Scene, measured: Measures) -> Mapping[str, flo
     return exact | windowed
 
 
-def _flights(bounds: Bounds, scene: Scene, measured: Measures) -> dict[str, float | None]:
+def _flights(bounds: Bounds, scene: Scene, measured: Measured) -> dict[str, float | None]:
     dv, gravity = bounds.rebound_velocity, scene.parameters["gravity"]
     rounding = (measured.longest + len(scene.launch_times) + 10) * EPS
     v = 0.0 if measured.fastest is None else float(measured.fastest)
@@ -78,7 +78,7 @@ def _flights(bounds: Bounds, scene: Scene, measured: Measures) -> dict[str, floa
     return claimed | {f"particle_{name}": claimed[name] for name in OF_EACH}
 
 
-def _separations(dt: float, measured: Measures, period: float) -> dict[str, float | None]:
+def _separations(dt: float, measured: Measured, period: float) -> dict[str, float | None]:
     claimed: dict[str, float | None] = {}
     for name in ("dt_min", "dt_min_same_index"):
         gap: Any = measured.values[name]
