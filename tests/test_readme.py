@@ -6,9 +6,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from vibrosweep.model.variables import Variable
 
 from vibrosweep.model import variables
-from vibrosweep.model.variables import Variable
 from vibrosweep.spec.schema import _KEYS
 
 ROOT = Path(__file__).parents[1]

@@ -40,7 +40,6 @@ import pickle, sys
 from pathlib import Path
 import numba
 assert numba.config.DISABLE_JIT
-from dataclasses import replace
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.engine.landings import record_landings
@@ -48,7 +47,7 @@ given, found = map(Path, sys.argv[1:])
 results = []
 with Workers(1) as workers:
     for scene, observation in pickle.loads(given.read_bytes()):
-        endless = replace(observation, transient=-float("inf"))
+        endless = observation.measuring(transient=-float("inf"))
         results.append((measure(scene, observation, workers),
                         record_landings(scene, endless, workers)))
 found.write_bytes(pickle.dumps(results))
@@ -195,9 +194,8 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.run.driver import record_observation
-from dataclasses import replace
 observation = record_observation(3, "staggered", 12.0, "rest", 10**6)
-observation = replace(observation, transient=0.0, separation=True)
+observation = observation.measuring(transient=0.0, separation=True)
 with Workers(1) as workers:
     measure(all_parameters({}), observation, workers)
 for kernel in (advance, combine, separate):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.model import variables
-from vibrosweep.model.variables import LYAPUNOV, RECORD, REGIMES, Variable
+from vibrosweep.model.measures import MEASURE_OF, RECORD, Variable
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.reading import VARIABLES
 from vibrosweep.proof.record import RECORDED
@@ -74,7 +74,7 @@ def is_registry(value):
 @pytest.mark.parametrize("name", NUMBERS)
 @pytest.mark.parametrize("new", [moved, lambda _: np.nan])
 def test_changed_number(claimed, changed, name, new):
-    caught(changed(claimed, name, new, place=int(name in LYAPUNOV)), name)
+    caught(changed(claimed, name, new, place=int(MEASURE_OF[name] == "lyapunov")), name)
 
 
 @pytest.mark.parametrize("name", COUNTS)
@@ -89,7 +89,9 @@ def test_changed_code(claimed, changed, name, new):
     assert alone(caught(changed(claimed, name, new), name), name)
 
 
-@pytest.mark.parametrize("name", [*LYAPUNOV, *REGIMES])
+@pytest.mark.parametrize(
+    "name", [name for name, key in MEASURE_OF.items() if key in ("lyapunov", "regimes")]
+)
 def test_changed_number_of_a_locked_orbit(locked, changed, name):
     change = changed(locked, name, lambda value: moved(value) if value % 1 else value + 1)
     assert alone(caught(change, name), name)

@@ -11,8 +11,8 @@ from vibrosweep.api import has_record, open_record, open_sweep, simulate
 from vibrosweep.engine import measuring
 from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.figures import FIGURES, available
+from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.variables import PER_PARTICLE
 from vibrosweep.run import chunks
 from vibrosweep.run import driver as module
 from vibrosweep.spec.sweep import read_spec
@@ -234,5 +234,6 @@ def test_a_huge_sweep_does_not_fill_memory_before_it_starts(compute, monkeypatch
 
 
 def test_per_particle_variables_come_only_when_asked_for(compute):
-    assert not set(PER_PARTICLE) & set(bits(compute(DRAWN)))
-    assert set(PER_PARTICLE) <= set(bits(compute(DRAWN + ALL_MEASURES)))
+    names = {variable.name for variable in MEASURES["per_particle"].variables}
+    assert not names & set(bits(compute(DRAWN)))
+    assert names <= set(bits(compute(DRAWN + ALL_MEASURES)))
