@@ -16,8 +16,7 @@ from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.lanes import scratch
-from vibrosweep.kernels.statistics import empty_statistics
+from vibrosweep.kernels.statistics import empty_statistics, scratch
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import dimensionless, launches
 

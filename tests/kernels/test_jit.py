@@ -188,8 +188,8 @@ def test_every_kernel_is_read_from_disk_when_nothing_changed(parameters, observe
     script = """
 import numpy as np
 from vibrosweep.kernels.advance import advance
-from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.separation import separate
+from vibrosweep.kernels.statistics import combine
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.engine.landings import all_parameters

@@ -20,12 +20,12 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
-from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.orbits import settle
 from vibrosweep.kernels.record import record
 from vibrosweep.kernels.separation import separate
+from vibrosweep.kernels.statistics import combine
 from vibrosweep.kernels.trust import trust
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import LAWS

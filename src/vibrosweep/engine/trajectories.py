@@ -17,13 +17,11 @@ from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance
-from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.lanes import scratch
 from vibrosweep.kernels.orbits import Orbits, empty_orbits, settle
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
-from vibrosweep.kernels.statistics import Statistics, empty_statistics
+from vibrosweep.kernels.statistics import Statistics, combine, empty_statistics, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status

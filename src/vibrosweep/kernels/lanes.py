@@ -15,7 +15,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats
 
-__all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "Rows", "aligned", "scratch"]
+__all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "Rows", "aligned"]
 
 LANES: Final = 192
 VECTOR: Final = 8
@@ -28,21 +28,9 @@ GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of the row DONE
 class Rows(NamedTuple):
     """Where the rows of the scratch memory begin, in their order; SCENE is the first of several.
 
-    Those up to LARGEST take part in every impact.
+    Those from SCENE on take part in every impact, and so do some of `statistics`, which follow.
     """
 
-    SCENE: int
-    X_END: int
-    X: int  # phase
-    N: int  # whole periods from the end's
-    U: int  # speed, as the time of the next flight
-    LANDINGS: int
-    RESTS: int
-    NEW_SUM: int  # of the flight times since the last look, and of their squares
-    NEW_SQUARES: int
-    LARGEST: int
-    SUM: int  # up to the last look
-    SQUARES: int
     X_ANCHOR: int  # an earlier state, and the rests before it
     N_ANCHOR: int
     U_ANCHOR: int
@@ -53,16 +41,15 @@ class Rows(NamedTuple):
     X_BEGIN: int
     DONE: int  # why the trajectory leaves its place
     LANE: int  # which trajectory it is
-    CYCLE_IMPACTS: int  # totals of the cycle that it has entered; 0 impacts while none is known
-    CYCLE_PERIODS: int
-    CYCLE_RESTS: int
-    CYCLE_SUM: int
-    CYCLE_SQUARES: int
-    CYCLE_LARGEST: int
+    X_END: int
+    X: int  # phase
+    N: int  # whole periods from the end's
+    U: int  # speed, as the time of the next flight
+    SCENE: int
 
 
+ROW: Final = Rows(*(row * STRIDE for row in range(len(Rows._fields))))
 ROWS: Final = len(Rows._fields) - 1 + OF_SCENE
-ROW: Final = Rows(0, *(row * STRIDE for row in range(OF_SCENE, ROWS)))
 
 
 def aligned(numbers: int) -> Floats:
@@ -70,8 +57,3 @@ def aligned(numbers: int) -> Floats:
     memory = np.zeros(numbers + VECTOR)
     offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
     return memory[offset : offset + numbers]
-
-
-def scratch() -> Floats:
-    """Scratch memory for one caller of `advance`."""
-    return aligned(ROWS * STRIDE)
