@@ -10,7 +10,6 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -44,7 +43,7 @@ def timed(name: str) -> Iterator[None]:
 def measured(e: np.ndarray, amplitude: np.ndarray) -> xr.Dataset:
     """The sweep itself, with separations and regimes, over 12 s."""
     plain = record_observation(PARTICLES, "staggered", 12.0, "rest", 10**6)
-    observation = replace(plain, transient=0.0, separation=True, regimes=True)
+    observation = plain.measuring(transient=0.0, separation=True, regimes=True)
     parameters = all_parameters({"restitution": e, "amplitude": amplitude})
     with Workers(2) as workers:
         found = measure(parameters, observation, workers)

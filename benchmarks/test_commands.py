@@ -78,7 +78,7 @@ def batches(spec):
         stop = min(start + size, design.realizations)
         parameters = run.parameters_of(spec, design.take(start, stop), stop - start)
         yield (
-            dimensionless(parameters, spec.duration, spec.transient),
+            dimensionless(parameters, spec.duration, spec.measures.transient),
             launches(spec.launch, spec.particles, parameters["frequency"]),
         )
 

@@ -16,8 +16,8 @@ from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.lanes import scratch
-from vibrosweep.kernels.statistics import empty_statistics
+from vibrosweep.kernels.statistics import empty_statistics, scratch
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import dimensionless, launches
 
 THREADS = 2
@@ -31,13 +31,7 @@ def scene(realizations, particles, duration):
         launch="staggered",
         duration=duration,
         rebound="rest",
-        transient=0.0,
-        separation=False,
-        per_particle=False,
-        regimes=False,
-        trust=False,
-        tolerance=1e-9,
-        impact_budget=10_000_000,
+        measures=Measures(),
     )
     problem = dimensionless(parameters, duration, 0.0)
     return problem, launches("staggered", particles, parameters["frequency"]), observation

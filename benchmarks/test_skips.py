@@ -14,20 +14,12 @@ from vibrosweep.engine import trajectories
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
 
-ASKED = {
-    "launch": "staggered",
-    "duration": 1e3,
-    "rebound": "rest",
-    "transient": 0.0,
-    "separation": False,
-    "per_particle": False,
-    "regimes": False,
-    "trust": False,
-    "tolerance": 1e-9,
-    "impact_budget": 10_000_000,
-}
+
+def observed(particles=20, duration=1e3, rebound="rest", skip=True, **keys):
+    return Observation(particles, "staggered", duration, rebound, Measures(**keys), skip)
 
 
 def drawn(realizations, **given):
@@ -45,8 +37,7 @@ def drawn(realizations, **given):
 
 def measuring(parameters, workers, particles=20, **options):
     """Measure a batch; `skip` among the options."""
-    observation = Observation(particles=particles, **(ASKED | options))
-    return lambda: measure(parameters, observation, workers)
+    return lambda: measure(parameters, observed(particles, **options), workers)
 
 
 def skipping(race, parameters, **options):
@@ -107,7 +98,7 @@ def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
     """Looking for orbits that repeat, and with regimes also counting the few that do in time."""
     monkeypatch.setattr(trajectories, "PERIODS_TO_RECUR", 0.0)
     parameters = drawn(20_000)
-    observation = Observation(particles=20, **(ASKED | {"duration": 12.0, "regimes": regimes}))
+    observation = observed(duration=12.0, regimes=regimes)
     problem = dimensionless(parameters, 12.0, 0.0)
     launch = launches("staggered", 20, parameters["frequency"])
     with Workers(THREADS) as workers:

@@ -7,7 +7,6 @@ the machine may be shared; kernels are compiled before.
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +35,7 @@ def plane(workers, **changes):
     """Every realization of the plane; the largest deviation of a sum of exponents from ln e."""
     spec = read_spec(PLANE)
     scene = Scene.of(spec)
-    observation = replace(observation_of(spec), **changes)
+    observation = observation_of(spec).measuring(**changes)
     grid = np.meshgrid(spec.sampled["restitution"].values, spec.sampled["amplitude"].values)
     e, amplitude = (axis.ravel() for axis in grid)
     orbits, beyond, largest = 0, 0, 0.0

@@ -172,7 +172,7 @@ def work(spec: SweepSpec) -> float:
         scenes += spec.record.particles
         frequency = max(frequency, spec.record.parameters["frequency"])
     longest = max(spec.duration, spec.record.duration if spec.record else 0.0)
-    return scenes * min(10.0 * longest * frequency + 10.0, 4.0 * spec.impact_budget)
+    return scenes * min(10.0 * longest * frequency + 10.0, 4.0 * spec.measures.impact_budget)
 
 
 def try_spec(directory: Path, findings: Findings, spoilt: object) -> None:

@@ -216,7 +216,7 @@ def one_sweep(directory: Path, rng: np.random.Generator, findings: Findings) -> 
             spec = _resumed(tables, spec, output, threads, rng, findings)
     run_sweep(spec, whole, threads=threads)
     findings.different += contents(output) != contents(whole)
-    if spec.impact_budget < 10**6:
+    if spec.measures.impact_budget < 10**6:
         _retried(tables, spec, output, whole, findings)
     output.unlink()
     whole.unlink()

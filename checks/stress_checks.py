@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from flint import arb, ctx
@@ -62,8 +62,8 @@ def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
     found = Findings()
     began = time.perf_counter()
     plain = record_observation(len(case.launch), case.launch, case.duration, case.law, case.budget)
-    watched = replace(
-        plain, transient=case.transient, separation=True, per_particle=True, regimes=True,
+    watched = plain.measuring(
+        transient=case.transient, separation=True, per_particle=True, regimes=True,
         trust=True, tolerance=1e-9 / case.scene["frequency"],
     )  # fmt: skip
     parameters = arrays_of(case.scene)

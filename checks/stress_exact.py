@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -194,7 +193,7 @@ def window_edges(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
             "gravity": 2.0, "launch_velocity": flight, "contact_time": 1e-9,
         }  # fmt: skip
         plain = record_observation(1, (start,), end, law, 10_000)
-        watched = replace(plain, transient=begin, separation=True)
+        watched = plain.measuring(transient=begin, separation=True)
         parameters = {name: np.array([scene[name]]) for name in PARAMETERS}
         count = int(measure(parameters, watched, workers)["impact_count"][0])
         if bounce == 1.0:
@@ -219,8 +218,7 @@ def bad_company(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
         scenes = [dyadic_scene(rng) for _ in range(40)]
         given = {name: np.array([scene[name] for scene in scenes]) for name in PARAMETERS}
         given["frequency"][:] = 1.0
-        observation = replace(
-            record_observation(3, (0.0, 0.25, 0.3), 12.0, law, 2000),
+        observation = record_observation(3, (0.0, 0.25, 0.3), 12.0, law, 2000).measuring(
             transient=0.0, separation=True, per_particle=True, regimes=True, trust=True,
             tolerance=1e-9,
         )  # fmt: skip
@@ -252,7 +250,7 @@ def many_particles(law: str, cases: int, seed: int, workers: Workers) -> Outcome
     rng = np.random.default_rng(seed)
     launch = tuple(rng.uniform(0.0, 1.0, number).tolist())
     plain = record_observation(number, launch, 3.0, law, 1000)
-    measured = measure(given, replace(plain, transient=0.0, separation=True), workers)
+    measured = measure(given, plain.measuring(transient=0.0, separation=True), workers)
     record = record_landings(given, plain, workers)
     times = record["landing_time"][0]
     order = np.argsort(times, axis=None)

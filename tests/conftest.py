@@ -67,8 +67,9 @@ def observe():
             launch = tuple(float(time) for time in launch)
             particles = len(launch)
         plain = record_observation(particles, launch, 12.0, "rest", 10**6)
-        measures = {"transient": 0.0, "separation": True, "per_particle": True, "skip": True}
-        return replace(plain, **(measures | changes))
+        keys = {"transient": 0.0, "separation": True, "per_particle": True}
+        keys |= {name: changes.pop(name) for name in vars(plain.measures) if name in changes}
+        return replace(plain.measuring(**keys), **changes)
 
     return make
 
@@ -79,7 +80,7 @@ def record(workers):
     from vibrosweep.engine.landings import record_landings
 
     def landings(scene, observation):
-        return record_landings(scene, replace(observation, transient=-np.inf), workers)
+        return record_landings(scene, observation.measuring(transient=-np.inf), workers)
 
     return landings
 

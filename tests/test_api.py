@@ -11,8 +11,8 @@ import xarray as xr
 import vibrosweep
 from vibrosweep import simulate
 from vibrosweep.errors import DataError, ParameterError, SpecError
+from vibrosweep.model.measures import RECORD
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.variables import RECORD
 
 
 def test_dims_types_and_attributes_of_a_record():

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from numbers import Integral
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import h5netcdf
 import numpy as np
@@ -17,8 +17,8 @@ from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings, require_room
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ExistingOutputError, ParameterError
+from vibrosweep.model.measures import RECORD, Measures
 from vibrosweep.model.parameters import LAWS, PARAMETERS, refuse_masked
-from vibrosweep.model.variables import RECORD
 from vibrosweep.runs.driver import available_threads, run_sweep
 from vibrosweep.runs.finished import is_of, origin
 from vibrosweep.runs.result import DURATION, LAUNCH_TIME, coordinate_attributes
@@ -29,8 +29,6 @@ from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import replaces
 
 __all__ = ["open_record", "open_sweep", "run", "simulate"]
-
-IMPACT_BUDGET: Final = 10_000_000
 
 
 def simulate(
@@ -45,7 +43,7 @@ def simulate(
     duration: float = 12.0,
     contact_time: ArrayLike = PARAMETERS["contact_time"].default,
     rebound: str = "rest",
-    impact_budget: int = IMPACT_BUDGET,
+    impact_budget: int = Measures.impact_budget,
     threads: int | None = None,
 ) -> xr.Dataset:
     """Every landing of a small scene.

@@ -86,7 +86,7 @@ def test_skips_do_not_change_a_count(workers):
     ranges = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5)}
     parameters = all_parameters({n: random.uniform(*ends, 24) for n, ends in ranges.items()})
     observation = record_observation(6, "staggered", 3000.0, "rest", 10_000_000)
-    assert observation.transient == -math.inf
+    assert observation.measures.transient == -math.inf
     skipped, followed = (
         engine.measure(parameters, dataclasses.replace(observation, skip=skip), workers)
         for skip in (True, False)

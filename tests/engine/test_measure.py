@@ -1,7 +1,5 @@
 """Running statistics against the full record, and results that no division of the work changes."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +11,6 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.model.status import Status
-from vibrosweep.model.variables import PER_PARTICLE, REGIMES, SWEEP, TRUST
 
 LAWS = ["rest", "reflect"]
 TIMES = (0.0, 0.31, -4.75, 2.0, 30.0)
@@ -173,15 +170,6 @@ def test_a_spent_budget_is_reported_and_separations_are_not(parameters, observe,
     assert np.isnan(measured["dt_min_same_index"]).tolist() == [True, False]
 
 
-def asked_for(observation):
-    """The registered measures that an observation asks for."""
-    return {
-        name: variable
-        for name, variable in (SWEEP | PER_PARTICLE | REGIMES | TRUST).items()
-        if not variable.key or getattr(observation, variable.key.removeprefix("measure."))
-    }
-
-
 @pytest.mark.parametrize("particles", [1, 20])
 @pytest.mark.parametrize("everything", [False, True])
 def test_measures_are_those_asked_for_with_the_types_registered(
@@ -195,7 +183,7 @@ def test_measures_are_those_asked_for_with_the_types_registered(
         trust=everything,
     )
     measured = measure(parameters(amplitude=[0.0, 1.2, 3.0]), observation, workers)
-    expected = asked_for(observation)
+    expected = {v.name: v for v in observation.measures.variables}
     assert set(measured) == set(expected)
     for name, values in measured.items():
         assert values.dtype == expected[name].dtype, name
@@ -241,7 +229,7 @@ def test_batches_do_not_change_a_bit(data, rebound, one_frequency, random_scenes
     launch = (0.0, 0.2, -1.1, 0.2)
     observation = observe(launch, rebound=rebound, duration=6.0, impact_budget=1000)
     if data.draw(st.booleans(), label="transient"):
-        observation = replace(observation, transient=2.5)
+        observation = observation.measuring(transient=2.5)
     whole = measure(scene, observation, workers)
     cuts = data.draw(st.lists(st.integers(1, size - 1), unique=True).map(sorted), label="cuts")
     parts = [

@@ -12,8 +12,8 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.orbits import NO_ORBIT
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model.measures import MEASURES, Measures
 from vibrosweep.model.status import Regime
-from vibrosweep.model.variables import LYAPUNOV, REGIMES
 
 LATE = 12_000.0
 
@@ -47,7 +47,8 @@ def test_all_variables_are_measured_with_their_shapes(parameters, observe, worke
     scene = parameters(amplitude=np.linspace(0.0, 3.5, 6))
     found = measure(scene, observe(lyapunov=True, separation=False), workers)
     sizes = {"realization": 6, "particle": 20}
-    for name, variable in {**REGIMES, **LYAPUNOV}.items():
+    for variable in (*MEASURES["regimes"].variables, *MEASURES["lyapunov"].variables):
+        name = variable.name
         assert found[name].shape == tuple(sizes[d] for d in variable.dims), name
         assert found[name].dtype == variable.dtype, name
 
@@ -57,7 +58,7 @@ def test_the_result_does_not_depend_on_how_the_batch_is_cut(parameters, observe,
     observation = observe(lyapunov=True, separation=False, duration=60.0)
     whole = measure(scene, observation, workers)
     half = measure({n: v[100:] for n, v in scene.items()}, observation, workers)
-    for name in LYAPUNOV:
+    for name in (variable.name for variable in MEASURES["lyapunov"].variables):
         assert np.array_equal(whole[name][100:], half[name], equal_nan=True), name
 
 
@@ -101,14 +102,13 @@ def test_all_that_is_said_of_an_orbit_agrees_with_itself_and_with_a_longer_run(d
         launch="staggered",
         duration=duration,
         rebound=rebound,
-        transient=transient,
-        separation=False,
-        per_particle=True,
-        regimes=True,
-        trust=False,
-        tolerance=1e-9,
-        impact_budget=10**6,
-        lyapunov=data.draw(st.booleans()),
+        measures=Measures(
+            transient=transient,
+            per_particle=True,
+            regimes=True,
+            lyapunov=data.draw(st.booleans()),
+            impact_budget=10**6,
+        ),
     )
     with Workers(1) as one:
         found = measure(scene, asked, one)
@@ -124,7 +124,7 @@ def test_all_that_is_said_of_an_orbit_agrees_with_itself_and_with_a_longer_run(d
     for regime in Regime:
         counted = np.count_nonzero(found["regime"] == regime, axis=1)
         assert np.array_equal(found[f"{regime.meaning}_count"], counted)
-    if asked.lyapunov:
+    if asked.measures.lyapunov:
         for name in ("orbit", "slot"):
             assert np.array_equal(found[name] >= 0, repeats), name
         aperiodic = found["regime"] == Regime.APERIODIC
@@ -143,9 +143,9 @@ def test_exponents_do_not_change_what_is_said_of_regimes(parameters, observe, wo
     )
     for rebound in ("rest", "reflect"):
         asked = observe(duration=200.0, rebound=rebound, separation=False, launch=(0.0, 0.4))
-        plain = measure(scene, replace(asked, regimes=True), workers)
-        exponents = measure(scene, replace(asked, lyapunov=True), workers)
-        for name in REGIMES:
+        plain = measure(scene, asked.measuring(regimes=True), workers)
+        exponents = measure(scene, asked.measuring(lyapunov=True), workers)
+        for name in (variable.name for variable in MEASURES["regimes"].variables):
             assert np.array_equal(plain[name], exponents[name], equal_nan=True), name
 
 

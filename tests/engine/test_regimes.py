@@ -8,27 +8,14 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model import theory
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Regime, Status
 
 
-def observed(duration, *, launch="staggered", particles=8, regimes=True, **options):
-    defaults = {
-        "rebound": "rest",
-        "transient": 0.0,
-        "separation": False,
-        "per_particle": True,
-        "trust": False,
-        "tolerance": 1e-9,
-        "impact_budget": 10_000_000,
-    }
-    return Observation(
-        particles=particles,
-        launch=launch,
-        duration=duration,
-        regimes=regimes,
-        **{**defaults, **options},
-    )
+def observed(duration, *, launch="staggered", particles=8, rebound="rest", **keys):
+    measures = Measures(**{"per_particle": True, "regimes": True, **keys})
+    return Observation(particles, launch, duration, rebound, measures)
 
 
 def scene(**given):

@@ -10,25 +10,16 @@ from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Regime
 
 LAWS = ["rest", "reflect"]
 
 
-def observed(duration, particles, **options):
-    defaults = {
-        "launch": "staggered",
-        "rebound": "rest",
-        "transient": 0.0,
-        "separation": True,
-        "per_particle": True,
-        "regimes": True,
-        "trust": False,
-        "tolerance": 1e-9,
-        "impact_budget": 10_000_000,
-    }
-    return Observation(particles=particles, duration=duration, **{**defaults, **options})
+def observed(duration, particles, launch="staggered", rebound="rest", **keys):
+    asked = {"separation": True, "per_particle": True, "regimes": True}
+    return Observation(particles, launch, duration, rebound, Measures(**(asked | keys)))
 
 
 def drawn(seed, size, **given_):
@@ -109,9 +100,8 @@ def test_sums_are_closer_to_the_exact_ones_than_those_of_following():
     observation = observed(4000.0, 4, separation=False)
     skipped, followed = both(parameters, observation)
     with Workers(1) as workers:
-        record = record_landings(
-            parameters, dataclasses.replace(observation, transient=-math.inf), workers
-        )
+        everything = observation.measuring(transient=-math.inf)
+        record = record_landings(parameters, everything, workers)
     flights = 2.0 * record["rebound_velocity"] / 9.81
     exact = np.array(
         [[math.fsum(p[~np.isnan(p)]) / np.sum(~np.isnan(p)) for p in r] for r in flights]
@@ -170,7 +160,7 @@ def test_realizations_without_excitation_have_the_separations_of_their_landings(
     skipped, followed = both(parameters, observation)
     assert_same(skipped, followed, rtol=1e-11)
     with Workers(1) as workers:
-        everything = dataclasses.replace(observation, transient=-math.inf)
+        everything = observation.measuring(transient=-math.inf)
         landing = record_landings(parameters, everything, workers)["landing_time"]
     for i, (one, other) in enumerate(landing):
         gap = np.nanmin(np.abs(one[:, np.newaxis] - other))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.model.variables import SWEEP
+from vibrosweep.model.measures import VARIABLES
 
 TABLE_1 = {
     "restitution": 0.9,
@@ -96,7 +96,7 @@ def build_record(launch_time=(0.0,), duration=12.0, rebound="rest", **changed):
 def describe(sweep):
     """Give every variable the attributes that it has in a file."""
     for name, variable in sweep.data_vars.items():
-        variable.attrs = SWEEP[name].attributes
+        variable.attrs = VARIABLES[name].attributes
     return sweep
 
 

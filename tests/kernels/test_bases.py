@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.impact import base_of, impact
-from vibrosweep.kernels.lanes import LANES, ROW, STRIDE, scratch
+from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.sine import COSINE_ERROR
+from vibrosweep.kernels.statistics import scratch
 from vibrosweep.model.parameters import LAWS
 from vibrosweep.proof.reference.ball import step
 
@@ -112,7 +113,7 @@ import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.lanes import scratch
+from vibrosweep.kernels.statistics import scratch
 from vibrosweep.model.parameters import LAWS, PARAMETERS, dimensionless
 
 @jit

@@ -40,7 +40,6 @@ import pickle, sys
 from pathlib import Path
 import numba
 assert numba.config.DISABLE_JIT
-from dataclasses import replace
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.engine.landings import record_landings
@@ -48,7 +47,7 @@ given, found = map(Path, sys.argv[1:])
 results = []
 with Workers(1) as workers:
     for scene, observation in pickle.loads(given.read_bytes()):
-        endless = replace(observation, transient=-float("inf"))
+        endless = observation.measuring(transient=-float("inf"))
         results.append((measure(scene, observation, workers),
                         record_landings(scene, endless, workers)))
 found.write_bytes(pickle.dumps(results))
@@ -190,15 +189,14 @@ def test_every_kernel_is_read_from_disk_when_nothing_changed(parameters, observe
     script = """
 import numpy as np
 from vibrosweep.kernels.advance import advance
-from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.separation import separate
+from vibrosweep.kernels.statistics import combine
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.runs.driver import record_observation
-from dataclasses import replace
 observation = record_observation(3, "staggered", 12.0, "rest", 10**6)
-observation = replace(observation, transient=0.0, separation=True)
+observation = observation.measuring(transient=0.0, separation=True)
 with Workers(1) as workers:
     measure(all_parameters({}), observation, workers)
 for kernel in (advance, combine, separate):

@@ -63,7 +63,7 @@ def check(scene, observation, workers, record, brute=all_pairs):
     found = record(scene, observation)
     for i in range(measured["dt_min"].size):
         contact_time, frequency = scene["contact_time"][i], scene["frequency"][i]
-        gap, same, together = brute(found, i, contact_time, observation.transient)
+        gap, same, together = brute(found, i, contact_time, observation.measures.transient)
         # a recorded time is a sum of whole periods and a phase, divided by the frequency
         latest = max(np.nanmax(np.abs(found["landing_time"][i]), initial=0), observation.duration)
         rounding = 4.0 * np.spacing(latest) + 4e-16 / frequency

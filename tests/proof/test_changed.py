@@ -1,17 +1,14 @@
 """Whatever is changed in a dataset by hand is found, and named."""
 
 import shutil
-from collections.abc import Mapping
 
 import h5py
 import numpy as np
 import pytest
 
-from vibrosweep.model import variables
-from vibrosweep.model.variables import LYAPUNOV, RECORD, REGIMES, Variable
+from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.recorded import RECORDED
-from vibrosweep.proof.sampling import VARIABLES
 from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.verify import verify
 
@@ -59,22 +56,15 @@ def alone(found, name):
 
 
 def test_every_variable_has_a_judge():
-    registries = [m for m in vars(variables).values() if is_registry(m)]
-    assert len(registries) >= 6
-    names = set().union(*(m for m in registries if m is not RECORD))
-    assert names == set(JUDGES) == set(VARIABLES)
+    assert {variable.judged for variable in VARIABLES.values()} == set(JUDGES)
     assert {f"record/{name}" for name in RECORD} == set(RECORDED)
-
-
-def is_registry(value):
-    return isinstance(value, Mapping) and all(isinstance(v, Variable) for v in value.values())
 
 
 # The second particle has finite exponents, the first a cycle.
 @pytest.mark.parametrize("name", NUMBERS)
 @pytest.mark.parametrize("new", [moved, lambda _: np.nan])
 def test_changed_number(claimed, changed, name, new):
-    caught(changed(claimed, name, new, place=int(name in LYAPUNOV)), name)
+    caught(changed(claimed, name, new, place=int(MEASURE_OF.get(name) == "lyapunov")), name)
 
 
 @pytest.mark.parametrize("name", COUNTS)
@@ -89,7 +79,9 @@ def test_changed_code(claimed, changed, name, new):
     assert alone(caught(changed(claimed, name, new), name), name)
 
 
-@pytest.mark.parametrize("name", [*LYAPUNOV, *REGIMES])
+@pytest.mark.parametrize(
+    "name", [name for name, key in MEASURE_OF.items() if key in ("lyapunov", "regimes")]
+)
 def test_changed_number_of_a_locked_orbit(locked, changed, name):
     change = changed(locked, name, lambda value: moved(value) if value % 1 else value + 1)
     assert alone(caught(change, name), name)

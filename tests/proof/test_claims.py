@@ -8,7 +8,7 @@ import pytest
 from flint import arb
 
 from vibrosweep.proof.judgement import judge
-from vibrosweep.proof.measured import Measures
+from vibrosweep.proof.measured import Measured
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import EPS, Bounds, claims, record_claims
 
@@ -29,7 +29,7 @@ SCENE = Realization(
     launch_rounding=1e-15,
     rebound="rest",
 )
-MEASURED = Measures(
+MEASURED = Measured(
     values={"dt_min": arb("0.5"), "dt_min_same_index": None},
     fastest=arb(4),
     longest=30,

@@ -13,8 +13,8 @@ import pytest
 from honest import random_spec
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.measures import RECORD
 from vibrosweep.model.status import Regime
-from vibrosweep.model.variables import RECORD
 from vibrosweep.proof.sampling import VARIABLES, read_sample
 from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.verification import State

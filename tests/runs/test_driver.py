@@ -10,8 +10,8 @@ import xarray as xr
 from vibrosweep.api import has_record, open_record, open_sweep, simulate
 from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.figures import FIGURES, available
+from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.variables import PER_PARTICLE
 from vibrosweep.runs import chunks
 from vibrosweep.runs import driver as module
 from vibrosweep.spec.sweep import parse_spec, read_spec
@@ -228,5 +228,6 @@ def test_a_huge_sweep_does_not_fill_memory_before_it_starts(tmp_path):
 
 
 def test_per_particle_variables_come_only_when_asked_for(compute):
-    assert not set(PER_PARTICLE) & set(bits(compute(DRAWN)))
-    assert set(PER_PARTICLE) <= set(bits(compute(DRAWN + ALL_MEASURES)))
+    names = {variable.name for variable in MEASURES["per_particle"].variables}
+    assert not names & set(bits(compute(DRAWN)))
+    assert names <= set(bits(compute(DRAWN + ALL_MEASURES)))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from vibrosweep.model.measures import MEASURES
 from vibrosweep.runs.identity import EXEMPT, differences, identity, sources
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
 
@@ -27,9 +28,7 @@ restitution = 0.5
 [windows]
 conditions = ["periodic"]
 """
-SWITCHES = "\n".join(
-    f"{name} = true" for name in ("separation", "per_particle", "regimes", "lyapunov", "trust")
-)
+SWITCHES = "\n".join(f"{name} = true" for name in MEASURES)
 TABLE = 'title = "x"\n[sample]\ndesign = "table.csv"\ncolumns = ["restitution", "amplitude"]\n'
 SPECS = {
     "drawn": FULL.format(design='"sobol"\nrealizations = 8', launch="", switches=SWITCHES),

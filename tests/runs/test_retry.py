@@ -7,11 +7,11 @@ import pytest
 import xarray as xr
 
 from vibrosweep.errors import DataError, Interruption, RunError
+from vibrosweep.model.measures import Measures
 from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.retry import retry_failed
-from vibrosweep.spec.schema import MeasureTable
 from vibrosweep.spec.sweep import parse_spec, read_spec
 from vibrosweep.store.rundir import run_directory
 
@@ -175,11 +175,12 @@ def test_bounds_that_the_budget_cut_off_are_said_and_computed_again(tmp_path, ou
 
 def test_a_retry_with_any_other_measure_is_refused(tmp_path, output):
     run_sweep(parse_spec(LONG.format(budget=300, other="")), output, threads=1)
-    for field in fields(MeasureTable):
+    for field in fields(Measures):
         if field.name == "impact_budget":
             continue
         spec = parse_spec(LONG.format(budget=300, other=""))
-        value = getattr(spec, field.name)
-        spec = replace(spec, **{field.name: not value if isinstance(value, bool) else value + 1})
+        value = getattr(spec.measures, field.name)
+        other = {field.name: not value if isinstance(value, bool) else value + 1}
+        spec = replace(spec, measures=replace(spec.measures, **other))
         with pytest.raises(RunError, match=rf"another sweep or version:\n  measure.{field.name}: "):
             retry_failed(spec, output, threads=1, impact_budget=1000)

@@ -15,9 +15,9 @@ import xarray as xr
 
 from vibrosweep.engine import measuring
 from vibrosweep.errors import Interruption, OutputError, RunError
+from vibrosweep.model.measures import Measures
 from vibrosweep.runs import chunks, identity, result
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.spec.schema import MeasureTable
 from vibrosweep.spec.sweep import read_spec
 from vibrosweep.store.disk import Disk
 from vibrosweep.store.parts import Parts, read_manifest
@@ -437,7 +437,7 @@ def another(value):
     return str(not value).lower() if isinstance(value, bool) else repr(type(value)(value + 1))
 
 
-@pytest.mark.parametrize("field", fields(MeasureTable), ids=lambda field: field.name)
+@pytest.mark.parametrize("field", fields(Measures), ids=lambda field: field.name)
 def test_a_resume_with_any_other_measure_is_refused(sweep, expected, tmp_path, field):
     text = f"{field.name} = {another(field.default)}\n"
     text = SWEEP.replace("separation = true\n", text if field.name != "separation" else "")

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.errors import SpecError
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.spec.schema import _KEYS
 from vibrosweep.spec.sweep import Axis, Range, parse_spec, read_spec
@@ -32,7 +33,7 @@ def test_paper():
     assert spec.fixed["gravity"] == 9.81
     assert spec.fixed.keys() | spec.sampled.keys() == PARAMETERS.keys()
     assert spec.given == {"frequency", "launch_velocity"}
-    assert spec.separation
+    assert spec.measures.separation
     assert spec.record is not None
     assert spec.record.duration == 120.0
     assert spec.record.particles == 20
@@ -80,8 +81,7 @@ def test_defaults():
         "rest",
     )
     assert (spec.design, spec.realizations, spec.seed, spec.record) == ("uniform", 1, 0, None)
-    assert (spec.transient, spec.separation, spec.per_particle) == (0.0, False, False)
-    assert spec.impact_budget == 10_000_000
+    assert spec.measures == Measures()
     assert spec.given == frozenset()
 
 

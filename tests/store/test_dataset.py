@@ -12,11 +12,12 @@ import xarray as xr
 from vibrosweep._version import __version__
 from vibrosweep.api import open_record, open_sweep
 from vibrosweep.errors import RunError
+from vibrosweep.model.measures import RECORD, VARIABLES, Measures
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.variables import PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
 from vibrosweep.store.dataset import CHUNK_VALUES, creating
 
-MEASURED = {**SWEEP, **PER_PARTICLE, **TRUST, **REGIMES}
+ASKED = Measures(separation=True, per_particle=True, trust=True, regimes=True)
+MEASURED = {variable.name: variable for variable in ASKED.variables}
 EVERYTHING = """
 [scene]
 particles = 3
@@ -189,7 +190,7 @@ def test_pieces_of_any_length_fill_a_variable(tmp_path):
     values = np.arange(3 * CHUNK_VALUES, dtype=np.int64)
     with creating(tmp_path / "out.h5") as file:
         file.dimensions({"realization": values.size})
-        file.variable(SWEEP["impact_count"])
+        file.variable(VARIABLES["impact_count"])
         for start in range(0, values.size, 4999):
             file.write("impact_count", start, values[start : start + 4999])
     with h5py.File(tmp_path / "out.h5") as plain:
@@ -205,7 +206,7 @@ def test_a_file_in_which_values_are_missing_never_appears(tmp_path, rows):
             inner = file.group("record") if group else file
             inner.dimensions({"realization": 4})
             for name in ("impact_count", "dt_min"):
-                inner.variable(SWEEP[name])
+                inner.variable(VARIABLES[name])
             inner.write("impact_count", 0, np.arange(4))
             inner.write("dt_min", 0, np.ones(rows))
 

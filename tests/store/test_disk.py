@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import OutputError
-from vibrosweep.model.variables import SWEEP
+from vibrosweep.model.measures import VARIABLES
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, replacing, undisturbed
 
@@ -32,7 +32,7 @@ def limited(size):
 def fill(path, values):
     with creating(path) as file:
         file.dimensions({"realization": values.size})
-        file.variable(SWEEP["dt_min"])
+        file.variable(VARIABLES["dt_min"])
         for start in range(0, values.size, 1000):
             file.write("dt_min", start, values[start : start + 1000])
 
@@ -56,7 +56,7 @@ def test_nothing_is_left_of_a_block_that_fails(tmp_path, error):
     def fail():
         with creating(path) as file:
             file.dimensions({"realization": 5})
-            file.variable(SWEEP["dt_min"])
+            file.variable(VARIABLES["dt_min"])
             raise error
 
     with pytest.raises(type(error)) as caught:
@@ -90,7 +90,7 @@ def test_a_full_disk_ends_a_run_early(tmp_path):
     def run():
         with creating(tmp_path / "out.h5") as file:
             file.dimensions({"realization": 10**7})
-            file.variable(SWEEP["dt_min"])
+            file.variable(VARIABLES["dt_min"])
             for start in range(0, 10**7, 10**5):
                 file.write("dt_min", start, np.ones(10**5))
                 pieces.append(start)

@@ -16,9 +16,9 @@ from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.settle import Orbits
+from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless, reduced_turns
 from vibrosweep.model.status import Regime
-from vibrosweep.model.variables import LYAPUNOV, REGIMES
 from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def basins(
             index.reshape(shape),
             {"units": "1", "long_name": "index of the attractor that the launch leads to"},
         ),
-        "slot": (PLANE, slots(orbits).reshape(shape), LYAPUNOV["slot"].attributes),
+        "slot": (PLANE, slots(orbits).reshape(shape), VARIABLES["slot"].attributes),
         **_attractors(scene, orbits, first, count / labels.size),
     }
     return xr.Dataset(
@@ -152,14 +152,14 @@ def _attractors(scene: Scene, orbits: Orbits, first: Codes, fraction: Array) -> 
     same = recurs | (orbits.regime[first] == Regime.AT_REST)
     exponent = np.where(same, orbits.largest[first], np.nan)
     values = {
-        "regime": (orbits.regime[first], REGIMES["regime"].attributes),
-        "cycle_impacts": (orbits.impacts[first], REGIMES["cycle_impacts"].attributes),
-        "cycle_periods": (orbits.periods[first], REGIMES["cycle_periods"].attributes),
-        "cycle_rests": (orbits.rests[first], REGIMES["cycle_rests"].attributes),
+        "regime": (orbits.regime[first], VARIABLES["regime"].attributes),
+        "cycle_impacts": (orbits.impacts[first], VARIABLES["cycle_impacts"].attributes),
+        "cycle_periods": (orbits.periods[first], VARIABLES["cycle_periods"].attributes),
+        "cycle_rests": (orbits.rests[first], VARIABLES["cycle_rests"].attributes),
         "fraction": (fraction, {"units": "1", "long_name": "fraction of launches in the basin"}),
         "lyapunov_largest": (
             exponent,
-            LYAPUNOV["lyapunov_largest"].attributes
+            VARIABLES["lyapunov_largest"].attributes
             | {"comment": "NaN where orbits do not repeat: each has its own"},
         ),
         "impact_phase": (

@@ -18,9 +18,9 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.kernels.settle import Orbits
+from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
 from vibrosweep.model.status import Regime
-from vibrosweep.model.variables import LYAPUNOV, REGIMES
 from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:
@@ -185,8 +185,7 @@ def _dataset(
     attributes: dict[str, str],
 ) -> xr.Dataset:
     dims = ("direction", "amplitude", "particle")
-    registry = {**REGIMES, **LYAPUNOV}
-    data = {n: (dims, v, registry[n].attributes) for n, v in measured.items()}
+    data = {n: (dims, v, VARIABLES[n].attributes) for n, v in measured.items()}
     words = coordinate_attributes(PARAMETERS["amplitude"])
     coordinates = {
         "direction": list(DIRECTIONS),

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.requirements import MEASURED, require
+from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.measures import MEASURE_OF, VARIABLES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,18 +44,17 @@ class Condition:
     sentence: str = ""
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.variables if name not in MEASURED]
+        unknown = [name for name in self.variables if name not in VARIABLES]
         if unknown:
             raise ParameterError(
                 f"condition {self.name}: {unknown[0]} is not a measured variable; choose from "
-                f"{', '.join(MEASURED)}"
+                f"{', '.join(VARIABLES)}"
             )
 
     @property
     def measures(self) -> dict[str, bool]:
         """The measures that an observation must be asked for."""
-        keys = {MEASURED[name].key.removeprefix("measure.") for name in self.variables}
-        return {key: True for key in sorted(keys) if key}
+        return {MEASURE_OF[name]: True for name in self.variables if name in MEASURE_OF}
 
     def judge(self, dataset: xr.Dataset) -> NDArray[np.bool_]:
         """Tell for each realization of a dataset whether the condition holds.

@@ -25,8 +25,8 @@ from vibrosweep.kernels.fixed import (
 )
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits
+from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import Launches, dimensionless, launches
-from vibrosweep.model.variables import LYAPUNOV, REGIMES, SWEEP
 
 __all__ = ["HOLDING", "continued", "launch_states", "launched", "locked", "settle_from"]
 
@@ -45,7 +45,6 @@ HOLDING: Final = frozenset(
 )
 TRAJECTORIES_AT_A_TIME: Final = 1 << 18
 FIXED_PER_TASK: Final = 256
-VARIABLES: Final = {**SWEEP, **REGIMES, **LYAPUNOV}
 
 
 def _codes(held: NDArray[np.bool_]) -> Codes:

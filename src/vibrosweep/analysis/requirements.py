@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from vibrosweep.errors import DataError
-from vibrosweep.model.variables import LYAPUNOV, PER_PARTICLE, RECORD, REGIMES, SWEEP, TRUST
+from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["remedy", "require"]
-
-MEASURED: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **TRUST, **LYAPUNOV}
 
 
 def require(dataset: xr.Dataset, analysis: str, *names: str) -> None:
@@ -41,9 +39,8 @@ def require(dataset: xr.Dataset, analysis: str, *names: str) -> None:
 
 def remedy(name: str) -> str:
     """Say what supplies a variable that a dataset lacks."""
-    if name in MEASURED and MEASURED[name].key:
-        table, key = MEASURED[name].key.split(".")
-        return f"set {key} = true in the [{table}] section of the sweep file"
-    if name == "launch_time" or name in RECORD.keys() - SWEEP.keys():
+    if name in MEASURE_OF:
+        return f"set {MEASURE_OF[name]} = true in the [measure] section of the sweep file"
+    if name == "launch_time" or name in RECORD.keys() - VARIABLES.keys():
         return "use the result of simulate(), or add a [record] section to the sweep file"
     return "the dataset is not the complete result of a sweep; run the sweep again"

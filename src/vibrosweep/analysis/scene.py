@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import physical_memory
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import ParameterError, SpecError
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED, refuse_masked
 from vibrosweep.runs.driver import available_threads
-from vibrosweep.runs.result import coordinate_attributes
+from vibrosweep.runs.result import DURATION, TRANSIENT, coordinate_attributes
 from vibrosweep.spec.rules import Axis
 
 if TYPE_CHECKING:
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["Scene", "axis", "grid_axes", "require_memory", "thread_count"]
 
 Array = NDArray[np.float64]
-
-IMPACT_BUDGET: Final = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -70,9 +68,9 @@ class Scene:
     particles: int = 1
     launch: str | tuple[float, ...] = STAGGERED
     duration: float = 2000.0
-    transient: float = 0.0
+    transient: float = Measures.transient
     rebound: str = LAWS[0]
-    impact_budget: int = IMPACT_BUDGET
+    impact_budget: int = Measures.impact_budget
 
     def __post_init__(self) -> None:
         for name in PARAMETERS:
@@ -98,7 +96,8 @@ class Scene:
     def of(cls, spec: SweepSpec) -> Scene:
         """Scene of a sweep file; a sampled parameter is at its default."""
         own = {field.name for field in fields(cls)} - PARAMETERS.keys()
-        values: dict[str, Any] = {name: getattr(spec, name) for name in own}
+        given = {**vars(spec), **vars(spec.measures)}
+        values: dict[str, Any] = {name: given[name] for name in own}
         return cls(**{**values, **spec.fixed})
 
     def parameters(self, **varied: Array) -> dict[str, Array]:
@@ -113,10 +112,9 @@ class Scene:
 
     def observation(self, **measured: bool) -> Observation:
         """Return the observation of this scene's particles, with the measures that are named."""
-        plain = record_observation(
-            self.particles, self.launch, self.duration, self.rebound, self.impact_budget
-        )
-        return Observation(**{**asdict(plain), "transient": self.transient, **measured})
+        measures = Measures(self.transient, impact_budget=self.impact_budget)
+        plain = Observation(self.particles, self.launch, self.duration, self.rebound, measures)
+        return plain.measuring(**measured)
 
     def attributes(self, title: str) -> dict[str, Any]:
         """Attributes of a dataset, without those parameters that it holds as coordinates."""
@@ -136,8 +134,7 @@ class Scene:
             for name, parameter in PARAMETERS.items()
             if name not in varied
         }
-        for name, words in (("duration", "end"), ("transient", "beginning of the window")):
-            attributes = {"units": "s", "long_name": f"{words} of the observation"}
+        for name, attributes in (("duration", DURATION), ("transient", TRANSIENT)):
             fixed[name] = ((), getattr(self, name), attributes)
         return fixed
 

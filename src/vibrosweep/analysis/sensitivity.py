@@ -15,8 +15,8 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.measures import MEASURE_OF
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.variables import SWEEP
 
 __all__ = ["OUTPUTS", "sobol_indices"]
 
@@ -135,7 +135,7 @@ def _measured(
 def _require_outputs(measured: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> None:
     absent = [name for name in outputs if name not in measured]
     if absent:
-        key = SWEEP[absent[0]].key.removeprefix("measure.") if absent[0] in SWEEP else ""
+        key = MEASURE_OF.get(absent[0])
         remedy = f"set {key} = true in the observation" if key else "it is not a measured variable"
         raise DataError(f"sobol_indices needs the variable {absent[0]}: {remedy}")
 

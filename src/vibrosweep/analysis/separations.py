@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.records import Array, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.variables import SWEEP, UNDETERMINED
+from vibrosweep.model.measures import UNDETERMINED, VARIABLES
 
 __all__ = [
     "QUANTILES",
@@ -60,7 +60,7 @@ def separation_distribution(
     rank = np.sort(values[np.isfinite(values)])
     found = xr.Dataset(
         {
-            "separation": variable(("rank",), rank, SWEEP[measure].long_name, "s"),
+            "separation": variable(("rank",), rank, VARIABLES[measure].long_name, "s"),
             "cumulative_fraction": variable(
                 ("rank",),
                 np.arange(1, rank.size + 1) / max(rank.size, 1),
@@ -212,7 +212,10 @@ def _table(parts: Sequence[Array], measure: str, quantiles: Sequence[float]) -> 
                 for i, (end, words) in enumerate(ends.items())
             },
             "separation_quantile": variable(
-                ("part", "quantile"), table[:, 5:], f"quantile of: {SWEEP[measure].long_name}", "s"
+                ("part", "quantile"),
+                table[:, 5:],
+                f"quantile of: {VARIABLES[measure].long_name}",
+                "s",
             ),
         },
         coords={"quantile": variable(("quantile",), np.asarray(quantiles), "quantile")},

@@ -23,8 +23,8 @@ from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, th
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.kernels.fixed import END_ERROR
+from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.variables import Variable
 from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:

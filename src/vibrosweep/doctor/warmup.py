@@ -20,13 +20,14 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
-from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.record import record
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.settle import settle
+from vibrosweep.kernels.statistics import combine
 from vibrosweep.kernels.trust import trust
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import LAWS
 
 __all__ = ["KERNELS", "Compiled", "warm_up"]
@@ -77,12 +78,11 @@ def warm_up() -> Compiled:
         for rebound, transient, regimes in product(LAWS, (0.0, 1.0), (False, True)):
             endless = record_observation(2, "staggered", 2.0, rebound, 1000)
             record_landings(scene, endless, workers)
-            asked = replace(endless, transient=transient, regimes=regimes, lyapunov=regimes)
-            asked = replace(asked, separation=True, trust=True, tolerance=1e-9)
-            measure(scene, asked, workers)
+            asked = Measures(transient, separation=True, lyapunov=regimes, trust=True)
+            measure(scene, replace(endless, measures=asked), workers)
             # long enough for orbits to recur
-            longer = replace(endless, transient=transient, duration=2.0 * PERIODS_TO_RECUR)
-            measure(scene, replace(longer, skip=True), workers)
+            longer = replace(endless, duration=2.0 * PERIODS_TO_RECUR)
+            measure(scene, longer.measuring(transient=transient), workers)
         for rebound in LAWS:
             point = np.array([0.9]), np.array([1.2])
             locked(Scene(rebound=rebound), Locked(1), *point, workers)

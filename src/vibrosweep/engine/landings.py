@@ -62,7 +62,7 @@ def record_landings(
     Returns
     -------
     dict
-        The variables of `vibrosweep.model.variables.RECORD`.
+        The variables of `vibrosweep.model.measures.RECORD`.
 
     Raises
     ------
@@ -133,13 +133,13 @@ def _counted(
     """Count the landings of a record; raise if it does not fit into memory."""
     realizations, particles = parameters["frequency"].size, observation.particles
     require_room(realizations, particles)
-    problem = dimensionless(parameters, observation.duration, observation.transient)
+    problem = dimensionless(parameters, observation.duration, observation.measures.transient)
     launch = launches(observation.launch, particles, parameters["frequency"])
     most = physical_memory() // (2 * BYTES_PER_LANDING * realizations * particles)
-    # stop a trajectory with more than `most` landings: its record does not fit anyway
-    budget = min(observation.impact_budget, most + LOOK_AFTER)
-    # without skipping cycles, since every landing is recorded
-    enough = replace(observation, impact_budget=budget, skip=False)
+    # a trajectory with more than `most` is followed no further: the record is refused anyway
+    budget = min(observation.measures.impact_budget, most + LOOK_AFTER)
+    # counted as they will be kept: one by one
+    enough = replace(observation.measuring(impact_budget=budget), skip=False)
     each = statistics(problem, launch, enough, workers)
     require_room(realizations, particles, int(each.landings.max()))
     return problem, launch, each

@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import measured_variables
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.separation import Separations
-from vibrosweep.kernels.statistics import Statistics
+from vibrosweep.kernels.statistics import Statistics, physical
 from vibrosweep.kernels.trust import Trust
-from vibrosweep.model.parameters import Dimensionless, dimensionless, launches
-from vibrosweep.model.variables import RESOLUTION, UNDETERMINED
+from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
+from vibrosweep.model.parameters import dimensionless, launches
 
 __all__ = ["measure"]
 
@@ -43,30 +42,33 @@ def measure(
     -------
     dict
         Arrays of shape (realization,), and (realization, particle) for measures per particle,
-        named as in `vibrosweep.model.variables`.
+        named as in `vibrosweep.model.measures`.
 
     Raises
     ------
     ParameterError
         Parameters are outside the range in which forcing periods can be counted exactly.
     """
-    problem = dimensionless(parameters, observation.duration, observation.transient)
+    measures = observation.measures
+    problem = dimensionless(parameters, observation.duration, measures.transient)
     frequency, particles = parameters["frequency"], observation.particles
     launch = launches(observation.launch, particles, frequency)
-    found = follow(problem, launch, observation.tolerance * frequency, observation, workers)
-    measured = _physical(found.whole, parameters, problem)
+    found = follow(problem, launch, measures.tolerance * frequency, observation, workers)
+    lifts = problem.kick > problem.rest_flight
+    measured = physical(found.whole, frequency, parameters["gravity"], lifts)
     measured["at_rest_count"] = found.whole.at_rest
+    measured["status"] = found.whole.status
     with np.errstate(over="ignore"):
         launch_height = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
     launched = _launch_in_window(observation, frequency)
     measured["flight_height_max"] = np.fmax(
         measured["rebound_height_max"], np.where(launched, launch_height, np.nan)
     )
-    if observation.per_particle and found.each is not None:
-        measured |= _per_particle(found.each, parameters, problem, (frequency.size, particles))
+    if measures.per_particle and found.each is not None:
+        measured |= _per_particle(found.each, parameters, lifts, particles)
     if found.orbits is not None:
         of_orbits = orbit_variables(found.orbits, frequency)
-        asked = {variable.name for variable in measured_variables(observation)}
+        asked = {variable.name for variable in measures.variables}
         measured |= {name: values for name, values in of_orbits.items() if name in asked}
     if found.separations is not None:
         measured |= _separations(found.separations, frequency)
@@ -75,53 +77,23 @@ def measure(
     return measured
 
 
-def _physical(
-    found: Statistics, parameters: Mapping[str, Array], problem: Dimensionless
-) -> Measured:
-    """Statistics of flights in physical units; arrays of the shape of the parameters."""
-    frequency = parameters["frequency"]
-    # height of a flight that lasts one forcing period: g / (8 f^2)
-    height = parameters["gravity"] / (8.0 * frequency * frequency)
-    # a particle that rests for good has no flight after its last landing
-    lifts = problem.kick > problem.rest_flight
-    flights = found.landings - np.where(lifts, 0, found.rests)
-    some = flights > 0
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        # the same NaN everywhere: the sign of 0 / 0 depends on the length of the batch (vector
-        # code)
-        return {
-            "impact_count": found.landings,
-            "rest_count": found.rests,
-            "rebound_height_mean": np.where(
-                some, height * (found.flight_squares / flights), np.nan
-            ),
-            "rebound_height_max": np.where(
-                some, height * (found.flight_max * found.flight_max), np.nan
-            ),
-            "flight_time_mean": np.where(some, found.flight_sum / flights / frequency, np.nan),
-            "status": found.status,
-        }
-
-
 def _per_particle(
     each: Statistics,
     parameters: Mapping[str, Array],
-    problem: Dimensionless,
-    shape: tuple[int, int],
+    lifts: NDArray[np.bool_],
+    particles: int,
 ) -> Measured:
-    repeated = {name: np.repeat(parameters[name], shape[1]) for name in ("frequency", "gravity")}
-    lanes = problem._replace(
-        kick=np.repeat(problem.kick, shape[1]), rest_flight=np.repeat(problem.rest_flight, shape[1])
-    )
-    measured = _physical(each, repeated, lanes)
+    frequency, gravity = (np.repeat(parameters[n], particles) for n in ("frequency", "gravity"))
+    measured = physical(each, frequency, gravity, np.repeat(lifts, particles))
     measured["at_rest"] = each.at_rest.astype(np.int8)
-    # a copy: the next batch overwrites `each`
-    return {f"particle_{name}": values.reshape(shape).copy() for name, values in measured.items()}
+    measured["status"] = each.status
+    # copies: `each` is written over by the next batch
+    return {f"particle_{n}": v.reshape(-1, particles).copy() for n, v in measured.items()}
 
 
 def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:
-    """Whether any particle is launched inside the window; shape (realization,)."""
-    begin, end = observation.transient, observation.duration
+    """Whether any particle of a realization is launched inside the window; shape (realization,)."""
+    begin, end = observation.measures.transient, observation.duration
     if isinstance(observation.launch, str):
         per_second = observation.particles * frequency
         first = np.maximum(np.ceil(per_second * begin), 0.0)

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import measured_variables
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model.measures import UNDETERMINED, Variable
 from vibrosweep.model.parameters import representable
 from vibrosweep.model.status import Status
-from vibrosweep.model.variables import UNDETERMINED, Variable
 
 __all__ = ["measure_all"]
 
@@ -34,7 +33,7 @@ def measure_all(
     if usable.all():
         return measure(parameters, observation, workers)
     size, particles = usable.size, observation.particles
-    found = {v.name: _refused(v, size, particles) for v in measured_variables(observation)}
+    found = {v.name: _refused(v, size, particles) for v in observation.measures.variables}
     if usable.any():
         kept = {name: values[usable] for name, values in parameters.items()}
         for name, values in measure(kept, observation, workers).items():
@@ -44,7 +43,7 @@ def measure_all(
 
 def _times(observation: Observation) -> tuple[float, ...]:
     launch = () if isinstance(observation.launch, str) else observation.launch
-    return (observation.duration, observation.transient, *launch)
+    return (observation.duration, observation.measures.transient, *launch)
 
 
 def _refused(variable: Variable, realizations: int, particles: int) -> NDArray[Any]:

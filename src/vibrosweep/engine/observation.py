@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from vibrosweep.kernels.advance import LOOK_AFTER
+from vibrosweep.model.measures import Measures
 
 __all__ = ["Observation"]
 
@@ -23,22 +25,8 @@ class Observation:
         End of the observation in s.
     rebound
         ``"rest"`` or ``"reflect"``.
-    transient
-        Beginning of the window that measures cover, in s.
-    separation
-        Whether separations between particles are measured.
-    per_particle
-        Whether measures are kept for each particle.
-    regimes
-        Whether orbits that repeat exactly are recognised; they are then not followed any further.
-    trust
-        Whether an error bound is carried along each trajectory.
-    tolerance
-        Error of a landing time in s up to which it is trusted.
-    impact_budget
-        Impacts after which a particle is given up, see `budget`.
-    lyapunov
-        Whether Lyapunov exponents, distinct orbits and slots are found; regimes then are, too.
+    measures
+        What is measured.
     skip
         Whether what is known already is counted instead of followed; off where every landing is
         kept, and to compare.
@@ -48,28 +36,23 @@ class Observation:
     launch: str | tuple[float, ...]
     duration: float
     rebound: str
-    transient: float
-    separation: bool
-    per_particle: bool
-    regimes: bool
-    trust: bool
-    tolerance: float
-    impact_budget: int
-    lyapunov: bool = False
+    measures: Measures
     skip: bool = True
 
-    def __post_init__(self) -> None:
-        if self.lyapunov:  # the exponents of a cycle are those of its multipliers
-            object.__setattr__(self, "regimes", True)
+    def measuring(self, **changes: float) -> Observation:
+        """Return the same observation with other values of some keys of [measure]."""
+        asked: dict[str, Any] = changes
+        return replace(self, measures=replace(self.measures, **asked))
 
     @property
     def budget(self) -> int:
         """Impacts after which a particle is given up: the budget up to a whole number of looks."""
-        return -(-self.impact_budget // LOOK_AFTER) * LOOK_AFTER
+        return -(-self.measures.impact_budget // LOOK_AFTER) * LOOK_AFTER
 
     @property
     def window(self) -> int | None:
         """1 where landings before the window are possible, else None: kernels compile that out."""
-        starts_late = self.transient > 0.0
-        early_launch = not isinstance(self.launch, str) and min(self.launch) < self.transient
+        begin = self.measures.transient
+        starts_late = begin > 0.0
+        early_launch = not isinstance(self.launch, str) and min(self.launch) < begin
         return 1 if starts_late or early_launch else None

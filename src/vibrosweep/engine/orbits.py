@@ -52,7 +52,7 @@ def find_orbits(
     Orbits
         Arrays of shape (realization * particle,), in dimensionless units.
     """
-    asked = replace(observation, lyapunov=True, skip=True)
+    asked = replace(observation.measuring(lyapunov=True), skip=True)
     return settled(problem, launch, asked, workers)
 
 
@@ -119,7 +119,7 @@ def orbit_variables(orbits: Orbits, frequency: NDArray[np.float64]) -> dict[str,
     Returns
     -------
     dict
-        The variables of the measures regimes and lyapunov in `vibrosweep.model.variables`, of shape
+        The variables of the measures regimes and lyapunov in `vibrosweep.model.measures`, of shape
         (realization, particle) and (realization,).
     """
     shape = (frequency.size, -1)

@@ -17,13 +17,11 @@ from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance
-from vibrosweep.kernels.combine import combine
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.lanes import scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
 from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
-from vibrosweep.kernels.statistics import Statistics, empty_statistics
+from vibrosweep.kernels.statistics import Statistics, combine, empty_statistics, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
@@ -83,7 +81,7 @@ def follow(
     workers
         Threads to use.
     """
-    others = [tolerance] if observation.trust else []
+    others = [tolerance] if observation.measures.trust else []
     first = find_equal(problem, launch, *others) if observation.skip else None
     if first is None:
         return _follow(problem, launch, tolerance, observation, workers)
@@ -108,8 +106,8 @@ def _follow(
     workers: Workers,
 ) -> Followed:
     size, particles = tolerance.size, observation.particles
-    cycles = None
-    if observation.regimes or (observation.skip and _lasts(problem, launch, PERIODS_TO_RECUR)):
+    measures, cycles = observation.measures, None
+    if measures.regimes or (observation.skip and _lasts(problem, launch, PERIODS_TO_RECUR)):
         cycles = workers.cycles(size * particles)
     each = statistics(problem, launch, observation, workers, cycles)
     whole = empty_statistics(size)._replace(at_rest=np.empty(size, np.int64))
@@ -119,13 +117,13 @@ def _follow(
         max(1, 2 * TRAJECTORIES_PER_TASK // particles),
     )
     orbits = separations = bounds = None
-    if observation.regimes and cycles is not None:
+    if measures.regimes and cycles is not None:
         orbits = _orbits(problem, launch, each, cycles, observation, workers)
-    if observation.separation:
+    if measures.separation:
         separations = _separations(problem, launch, observation, whole, cycles, workers)
-    if observation.trust:
+    if measures.trust:
         bounds = _error_bounds(problem, launch, tolerance, observation, workers)
-    return Followed(each if observation.per_particle else None, whole, orbits, separations, bounds)
+    return Followed(each if measures.per_particle else None, whole, orbits, separations, bounds)
 
 
 def statistics(
@@ -145,7 +143,10 @@ def statistics(
     window = observation.window  # loops over all launches
     batch = Batch(base_of(observation.rebound), problem, launch)
     options = Options(
-        observation.budget, PERIODS_TO_RECUR, int(observation.regimes), int(observation.skip)
+        observation.budget,
+        PERIODS_TO_RECUR,
+        int(observation.measures.regimes),
+        int(observation.skip),
     )
 
     def begin() -> Callable[[int, int], None]:
@@ -187,7 +188,7 @@ def _orbits(
     orbits = empty_orbits(each.status.size)
 
     batch = Batch(base_of(observation.rebound), problem, launch)
-    exponents = int(observation.lyapunov)
+    exponents = int(observation.measures.lyapunov)
 
     def task(first: int, last: int) -> None:
         settle(first, last, batch, each, cycles, observation.budget, exponents, orbits)

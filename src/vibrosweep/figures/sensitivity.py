@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vibrosweep.figures import data, style
-from vibrosweep.model.variables import SWEEP
+from vibrosweep.model.measures import VARIABLES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,4 +60,4 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
 
 def _short(output: str) -> str:
     words = {"dt_min": "smallest separation"}
-    return words.get(output, SWEEP[output].long_name if output in SWEEP else output)
+    return words.get(output, VARIABLES[output].long_name if output in VARIABLES else output)

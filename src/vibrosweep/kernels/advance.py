@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
+from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
 from vibrosweep.kernels.bases import Base, Constants, constants, fly, lift_off, put, rebound, take
 from vibrosweep.kernels.cycles import (
     FIRST_ANCHOR,
@@ -30,17 +30,30 @@ from vibrosweep.kernels.lanes import (
     LANES,
     RETURNED,
     ROW,
-    ROWS,
     SPENT,
     STRIDE,
     VECTOR,
 )
-from vibrosweep.kernels.statistics import Statistics, expect, write
+from vibrosweep.kernels.statistics import (
+    OF_LANE,
+    RUNNING,
+    Statistics,
+    clear,
+    count,
+    expect,
+    sum_up,
+    write,
+)
 from vibrosweep.model.parameters import Dimensionless
+from vibrosweep.model.status import Status
 
 __all__ = ["LOOK_AFTER", "Options", "advance"]
 
 LOOK_AFTER = 6  # impacts between two checks of which lanes are done
+
+COMPLETED = int(Status.COMPLETED)
+BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
+NON_FINITE = int(Status.NON_FINITE)
 
 
 class Options(NamedTuple):
@@ -89,15 +102,10 @@ def _step(s: Floats, lanes: int, base: Base, window: int | None) -> None:
             # not counted after the end; a phase of 1/2 is never before an end with x behind it
             x_off = 0.5 if n > s[ROW.X_END + j] - x else x_off
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
-        counted = u if seen else 0.0
         s[ROW.N + j] = n_off
         s[ROW.X + j] = x_off
         s[ROW.U + j] = u
-        s[ROW.LANDINGS + j] = s[ROW.LANDINGS + j] + 1.0 if seen else s[ROW.LANDINGS + j]
-        s[ROW.RESTS + j] += 0.0 if leaves else (1.0 if seen else 0.0)
-        s[ROW.NEW_SUM + j] += counted
-        s[ROW.NEW_SQUARES + j] = fma(counted, counted, s[ROW.NEW_SQUARES + j])
-        s[ROW.LARGEST + j] = counted if counted > s[ROW.LARGEST + j] else s[ROW.LARGEST + j]
+        count(s, j, v, u, leaves, seen)
 
 
 @jit
@@ -105,10 +113,7 @@ def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
     """Mark lanes that have ended, recur, or have spent their budget; save anchors that are due."""
     for j in range(lanes):
         s[ROW.AGE + j] += LOOK_AFTER
-        # partial sums: over a long orbit a sixth of the rounding errors
-        s[ROW.SUM + j] += s[ROW.NEW_SUM + j]
-        s[ROW.SQUARES + j] += s[ROW.NEW_SQUARES + j]
-        s[ROW.NEW_SUM + j] = s[ROW.NEW_SQUARES + j] = 0.0
+        sum_up(s, j)
         why = SPENT if s[ROW.AGE + j] >= budget else GOES_ON
         if cycles is not None:
             # exactly the same state: from here on the orbit repeats, whole periods later
@@ -118,7 +123,7 @@ def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
                 s[ROW.X_ANCHOR + j] = s[ROW.X + j]
                 s[ROW.N_ANCHOR + j] = s[ROW.N + j]
                 s[ROW.U_ANCHOR + j] = s[ROW.U + j]
-                s[ROW.RESTS_ANCHOR + j] = s[ROW.RESTS + j]
+                s[ROW.RESTS_ANCHOR + j] = s[RUNNING.RESTS + j]
                 s[ROW.NEXT_ANCHOR + j] = 2.0 * s[ROW.AGE + j]
         s[ROW.DONE + j] = why if s[ROW.N + j] <= s[ROW.X_END + j] - s[ROW.X + j] else ENDED
 
@@ -166,14 +171,30 @@ def _load(
         n_begin, x_begin = watch.begin
         s[ROW.N_BEGIN + j] = n_begin - n_end
         s[ROW.X_BEGIN + j] = x_begin
-    s[ROW.LANDINGS + j] = s[ROW.RESTS + j] = s[ROW.AGE + j] = 0.0
-    s[ROW.SUM + j] = s[ROW.SQUARES + j] = s[ROW.LARGEST + j] = 0.0
+    s[ROW.AGE + j] = 0.0
     s[ROW.LANE + j] = lane
+    clear(s, j)
     if cycles is not None:
         s[ROW.X_ANCHOR + j] = np.nan
-        s[ROW.CYCLE_IMPACTS + j] = 0.0
         s[ROW.NEXT_ANCHOR + j] = FIRST_ANCHOR if n_end - n > patience else np.inf
         no_cycle(cycles, lane)
+
+
+@jit
+def _finish(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -> None:
+    """Write statistics and status of the trajectory in place j to its own slot."""
+    lane = int(s[ROW.LANE + j]) if j >= 0 else -1
+    if lane < 0:  # never, which spares the compiler the look at it for each index below
+        return
+    write(s, j, lane, window, out)
+    out.status[lane] = COMPLETED
+    if s[ROW.DONE + j] == SPENT:
+        flight, _ = fly(take(base, s, j), s[ROW.X + j], s[ROW.U + j])
+        x, passed = land(s[ROW.X + j], flight)
+        if s[ROW.N + j] + passed <= s[ROW.X_END + j] - x:
+            out.status[lane] = BUDGET_EXCEEDED
+    if not np.isfinite(s[RUNNING.SQUARES + j]):
+        out.status[lane] = NON_FINITE
 
 
 @jit
@@ -181,7 +202,7 @@ def _close_gaps(s: Floats, lanes: int, places: Integers, fresh: int, done: int) 
     """Move the last lanes into the gaps that were not refilled; return the number of lanes left."""
     for q in range(done - 1, fresh - 1, -1):  # from the last gap to the first
         lanes -= 1
-        for row in range(ROWS):
+        for row in range(OF_LANE):
             s[row * STRIDE + places[q]] = s[row * STRIDE + lanes]
     return lanes
 
@@ -241,7 +262,7 @@ def advance(
         fresh = min(done, last - following)
         for q in range(fresh):
             lane = following + q
-            if i < 0 or p < 0 or places[q] < 0:  # never true, see `write`
+            if i < 0 or p < 0 or places[q] < 0:  # never, see `_finish`
                 return 0
             start = launch(launches, i, p, problem.phase[i])
             _load(s, places[q], lane, start, watch, window, cycles, patience)
@@ -278,5 +299,5 @@ def advance(
                 places[done] = j
                 done += 1
         for q in range(done):
-            write(s, places[q], base, window, out)
+            _finish(s, places[q], base, window, out)
     return 0

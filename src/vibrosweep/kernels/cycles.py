@@ -15,7 +15,8 @@ import numpy as np
 from vibrosweep.kernels._jit import Floats, jit
 from vibrosweep.kernels.bases import Base, Constants, after_rest, take
 from vibrosweep.kernels.impact import impact
-from vibrosweep.kernels.lanes import ROW
+from vibrosweep.kernels.lanes import ROW, STRIDE
+from vibrosweep.kernels.statistics import OF_CYCLE, RUNNING, Cycle, add, no_impacts, repeat
 
 __all__ = [
     "CYCLE",
@@ -38,7 +39,6 @@ WORTH = 4.0
 # Distance kept from the ends of the window, where rounding might decide what is inside.
 MARGIN = 2.0**-20  # periods
 
-Totals = tuple[int, float, int, float, float, float]  # impacts, periods, rests and of the flights
 Found = tuple[float, float, float]  # impacts, periods and rests of a cycle
 
 
@@ -93,67 +93,47 @@ def _note(
 # the line; the orbit is then computed again.
 Rests = Floats
 ROOM_FOR_RESTS = 1024
-
-
-class RestColumns(NamedTuple):
-    """What stands in a line."""
-
-    IMPACTS: int = 0
-    PERIODS: int = 1
-    SUM: int = 2
-    SQUARES: int = 3
-    LARGEST: int = 4
-    WHOSE: int = 5  # realization
-
-
-REST: Final = RestColumns()
+WHOSE = OF_CYCLE  # behind the totals
 
 
 def empty_rests() -> Rests:
     """Memory of which nothing is known."""
-    return np.full((ROOM_FOR_RESTS, len(REST)), -1.0)
+    return np.full((ROOM_FOR_RESTS, WHOSE + 1), -1.0)
 
 
 @jit
-def once_round(fixed: Constants, x_start: float, u_start: float) -> Totals:
+def once_round(fixed: Constants, x_start: float, u_start: float) -> Cycle:
     """Totals of the cycle through a state; those of no impacts where a rest lies on the way."""
     n, x, u = 0.0, x_start, u_start
-    impacts, total, squares, largest = 0, 0.0, 0.0, 0.0
-    while impacts == 0 or x != x_start or u != u_start:
+    found = no_impacts()
+    while found.impacts == 0.0 or x != x_start or u != u_start:
         hit = impact(fixed, n, x, u)
         n, x, u = hit.n_off, hit.x_off, hit.u
-        impacts += 1
-        total += u
-        squares += u * u
-        largest = max(largest, u)
-        if not hit.leaves:
-            if x != x_start or u != u_start:
-                return 0, 0.0, 0, 0.0, 0.0, 0.0
-            return impacts, n, 1, total, squares, largest
-    return impacts, n, 0, total, squares, largest
+        found = add(found, hit)
+        if not hit.leaves and (x != x_start or u != u_start):
+            return no_impacts()
+    return found
 
 
 @jit
 def _count_cycle(s: Floats, j: int, realization: int, fixed: Constants, rests: Rests) -> None:
     """Note the totals of the cycle that lane j has entered."""
-    p, q, rested, total, squares, largest = 0, 0.0, 0, 0.0, 0.0, 0.0
-    if s[ROW.RESTS + j] == s[ROW.RESTS_ANCHOR + j]:  # no rest since the anchor
-        p, q, rested, total, squares, largest = once_round(fixed, s[ROW.X + j], s[ROW.U + j])
-    if p == 0 or rested > 0:
-        line = realization % ROOM_FOR_RESTS
-        if rests[line, REST.WHOSE] != realization:
-            x_lift, u_lift = after_rest(fixed)
-            p, q, _, total, squares, largest = once_round(fixed, x_lift, u_lift)
-            rests[line, REST.IMPACTS], rests[line, REST.PERIODS] = p, q
-            rests[line, REST.SUM], rests[line, REST.SQUARES] = total, squares
-            rests[line, REST.LARGEST], rests[line, REST.WHOSE] = largest, realization
-        rested = 1
-        p, q = int(rests[line, REST.IMPACTS]), rests[line, REST.PERIODS]
-        total, squares = rests[line, REST.SUM], rests[line, REST.SQUARES]
-        largest = rests[line, REST.LARGEST]
-    s[ROW.CYCLE_IMPACTS + j], s[ROW.CYCLE_PERIODS + j], s[ROW.CYCLE_RESTS + j] = p, q, rested
-    s[ROW.CYCLE_SUM + j], s[ROW.CYCLE_SQUARES + j] = total, squares
-    s[ROW.CYCLE_LARGEST + j] = largest
+    found = no_impacts()
+    if s[RUNNING.RESTS + j] == s[ROW.RESTS_ANCHOR + j]:  # no rest is known on the way
+        found = once_round(fixed, s[ROW.X + j], s[ROW.U + j])
+    if found.impacts > 0.0 and found.rests == 0.0:
+        for k in range(OF_CYCLE):
+            s[RUNNING.CYCLE_IMPACTS + k * STRIDE + j] = found[k]
+        return
+    line = realization % ROOM_FOR_RESTS
+    if rests[line, WHOSE] != realization:
+        x_lift, u_lift = after_rest(fixed)
+        found = once_round(fixed, x_lift, u_lift)
+        for k in range(OF_CYCLE):
+            rests[line, k] = found[k]
+        rests[line, WHOSE] = realization
+    for k in range(OF_CYCLE):
+        s[RUNNING.CYCLE_IMPACTS + k * STRIDE + j] = rests[line, k]
 
 
 @jit
@@ -162,7 +142,7 @@ def _jump(s: Floats, j: int, window: int | None) -> bool:
 
     The skipped landings are either all inside the window or all before it.
     """
-    periods = s[ROW.CYCLE_PERIODS + j]
+    periods = s[RUNNING.CYCLE_PERIODS + j]
     n, x = s[ROW.N + j], s[ROW.X + j]
     if window is not None:
         begin = s[ROW.N_BEGIN + j] - n + (s[ROW.X_BEGIN + j] - x)
@@ -173,11 +153,7 @@ def _jump(s: Floats, j: int, window: int | None) -> bool:
             return False
     times = max(0.0, np.floor(((s[ROW.X_END + j] - x) - n - MARGIN) / periods))
     s[ROW.N + j] = n + times * periods
-    s[ROW.LANDINGS + j] += times * s[ROW.CYCLE_IMPACTS + j]
-    s[ROW.RESTS + j] += times * s[ROW.CYCLE_RESTS + j]
-    s[ROW.SUM + j] += times * s[ROW.CYCLE_SUM + j]
-    s[ROW.SQUARES + j] += times * s[ROW.CYCLE_SQUARES + j]
-    s[ROW.LARGEST + j] = max(s[ROW.LARGEST + j], s[ROW.CYCLE_LARGEST + j] if times > 0.0 else 0.0)
+    repeat(s, j, times)
     return True
 
 
@@ -230,16 +206,20 @@ def close_cycle(
     """
     age, state = s[ROW.AGE + j], (s[ROW.N + j], s[ROW.X + j], s[ROW.U + j])
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
-    rested = s[ROW.RESTS + j] - s[ROW.RESTS_ANCHOR + j]
+    rested = s[RUNNING.RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
     if window is None and rested > 0.0 and not jumps:
         # the orbit from rest to rest is unique, and was passed `rested` times since the anchor
         impacts = age - 0.5 * s[ROW.NEXT_ANCHOR + j]
         found = impacts / rested, since / rested, 1.0
     else:
-        if s[ROW.CYCLE_IMPACTS + j] == 0.0:
+        if s[RUNNING.CYCLE_IMPACTS + j] == 0.0:
             _count_cycle(s, j, realization, take(base, s, j), rests)
-        found = s[ROW.CYCLE_IMPACTS + j], s[ROW.CYCLE_PERIODS + j], s[ROW.CYCLE_RESTS + j]
+        found = (
+            s[RUNNING.CYCLE_IMPACTS + j],
+            s[RUNNING.CYCLE_PERIODS + j],
+            s[RUNNING.CYCLE_RESTS + j],
+        )
         if jumps:
             last = _jump(s, j, window)
             if last:

@@ -15,7 +15,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats
 
-__all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "LaneRows", "aligned", "scratch"]
+__all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "LaneRows", "aligned"]
 
 LANES: Final = 192
 VECTOR: Final = 8
@@ -28,21 +28,9 @@ GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of the row DONE
 class LaneRows(NamedTuple):
     """Where the rows of the scratch memory begin, in order; CONSTANTS is the first of several.
 
-    Those up to LARGEST are used by every impact.
+    Those from X_END on take part in every impact, and so do some of `statistics`, which follow.
     """
 
-    CONSTANTS: int
-    X_END: int
-    X: int  # phase
-    N: int  # whole periods, counted from the end of the window
-    U: int  # speed, as the duration of the next flight
-    LANDINGS: int
-    RESTS: int
-    NEW_SUM: int  # of flight times since the last check, and of their squares
-    NEW_SQUARES: int
-    LARGEST: int
-    SUM: int  # up to the last check
-    SQUARES: int
     X_ANCHOR: int  # the saved state, and the number of rests before it
     N_ANCHOR: int
     U_ANCHOR: int
@@ -53,16 +41,15 @@ class LaneRows(NamedTuple):
     X_BEGIN: int
     DONE: int  # reason why the trajectory leaves its lane
     LANE: int  # index of the trajectory
-    CYCLE_IMPACTS: int  # totals of the cycle that it has entered; 0 impacts if none is known
-    CYCLE_PERIODS: int
-    CYCLE_RESTS: int
-    CYCLE_SUM: int
-    CYCLE_SQUARES: int
-    CYCLE_LARGEST: int
+    X_END: int
+    X: int  # phase
+    N: int  # whole periods, counted from the end of the window
+    U: int  # speed, as the duration of the next flight
+    CONSTANTS: int
 
 
+ROW: Final = LaneRows(*(row * STRIDE for row in range(len(LaneRows._fields))))
 ROWS: Final = len(LaneRows._fields) - 1 + OF_CONSTANTS
-ROW: Final = LaneRows(0, *(row * STRIDE for row in range(OF_CONSTANTS, ROWS)))
 
 
 def aligned(numbers: int) -> Floats:
@@ -70,8 +57,3 @@ def aligned(numbers: int) -> Floats:
     memory = np.zeros(numbers + VECTOR)
     offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
     return memory[offset : offset + numbers]
-
-
-def scratch() -> Floats:
-    """Scratch memory for one caller of `advance`."""
-    return aligned(ROWS * STRIDE)

@@ -1,24 +1,42 @@
-"""Statistics of trajectories over the window, and how the kernel writes them."""
+"""Running statistics of trajectories over the window: all that kernels keep of landings.
+
+What a statistic is stands here and nowhere else: its row beside those of `lanes`, what a landing
+adds, what a cycle that is passed over adds, how it is written out, how those of the particles make
+those of a realization, and its physical unit.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, prefetch
-from vibrosweep.kernels.bases import Base, fly, take
-from vibrosweep.kernels.impact import land
-from vibrosweep.kernels.lanes import ROW, SPENT
-from vibrosweep.model.status import Status
+from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel, prefetch
+from vibrosweep.kernels.impact import Impact
+from vibrosweep.kernels.lanes import ROW, ROWS, STRIDE, aligned
 
-__all__ = ["Statistics", "empty_statistics", "expect", "write"]
+__all__ = [
+    "OF_CYCLE",
+    "OF_LANE",
+    "RUNNING",
+    "Cycle",
+    "Statistics",
+    "add",
+    "clear",
+    "combine",
+    "count",
+    "empty_statistics",
+    "expect",
+    "no_impacts",
+    "physical",
+    "repeat",
+    "scratch",
+    "sum_up",
+    "write",
+]
 
 LINE = 8  # numbers in a cache line
-
-COMPLETED = int(Status.COMPLETED)
-BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
-NON_FINITE = int(Status.NON_FINITE)
 
 
 class Statistics(NamedTuple):
@@ -47,6 +65,48 @@ class Statistics(NamedTuple):
     status: Flags
 
 
+class Cycle(NamedTuple):
+    """Totals of one cycle, from a state to its return; of 0 impacts where it does not return."""
+
+    impacts: float
+    periods: float
+    rests: float
+    flight_sum: float
+    flight_squares: float
+    flight_max: float
+
+
+class Running(NamedTuple):
+    """Where the rows of statistics begin, behind those of `lanes`.
+
+    Those up to LARGEST take part in every impact.
+    """
+
+    LANDINGS: int
+    RESTS: int
+    NEW_SUM: int  # of the flight times since the last look, and of their squares
+    NEW_SQUARES: int
+    LARGEST: int
+    SUM: int  # up to the last look
+    SQUARES: int
+    CYCLE_IMPACTS: int  # of the cycle that it has entered, those of `Cycle` in their order
+    CYCLE_PERIODS: int
+    CYCLE_RESTS: int
+    CYCLE_SUM: int
+    CYCLE_SQUARES: int
+    CYCLE_LARGEST: int
+
+
+OF_CYCLE: Final = len(Cycle._fields)
+OF_LANE: Final = ROWS + len(Running._fields)  # rows in all
+RUNNING: Final = Running(*((ROWS + row) * STRIDE for row in range(len(Running._fields))))
+
+
+def scratch() -> Floats:
+    """Scratch memory for one caller of `vibrosweep.kernels.advance.advance`."""
+    return aligned(OF_LANE * STRIDE)
+
+
 def empty_statistics(trajectories: int) -> Statistics:
     """Allocate the statistics of a batch."""
     landings, rests = (np.empty(trajectories, np.int64) for _ in range(2))
@@ -70,25 +130,137 @@ def expect(out: Statistics, lane: int) -> None:
 
 
 @jit
-def write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -> None:
-    """Write the statistics of the trajectory in lane j to its own index."""
-    lane = int(s[ROW.LANE + j]) if j >= 0 else -1
-    if lane < 0:  # never true; saves the test for negative indices in each access below
-        return
-    out.landings[lane] = int(s[ROW.LANDINGS + j])
-    out.rests[lane] = int(s[ROW.RESTS + j])
-    out.flight_sum[lane] = s[ROW.SUM + j]
-    out.flight_squares[lane] = s[ROW.SQUARES + j]
-    out.flight_max[lane] = s[ROW.LARGEST + j]
+def clear(s: Floats, j: int) -> None:
+    """Begin the statistics of the trajectory in place j."""
+    s[RUNNING.LANDINGS + j] = s[RUNNING.RESTS + j] = 0.0
+    s[RUNNING.SUM + j] = s[RUNNING.SQUARES + j] = s[RUNNING.LARGEST + j] = 0.0
+    s[RUNNING.CYCLE_IMPACTS + j] = 0.0  # none is known
+
+
+@jit
+def count(s: Floats, j: int, v: float, u: float, leaves: bool, seen: bool) -> None:
+    """Count a landing with speed v in place j, where it is seen; u is the speed of lift-off."""
+    counted = u if seen else 0.0
+    landings = s[RUNNING.LANDINGS + j]
+    s[RUNNING.LANDINGS + j] = landings + 1.0 if seen else landings
+    s[RUNNING.RESTS + j] += 0.0 if leaves else (1.0 if seen else 0.0)
+    s[RUNNING.NEW_SUM + j] += counted
+    s[RUNNING.NEW_SQUARES + j] = fma(counted, counted, s[RUNNING.NEW_SQUARES + j])
+    largest = s[RUNNING.LARGEST + j]
+    s[RUNNING.LARGEST + j] = counted if counted > largest else largest
+
+
+@jit
+def sum_up(s: Floats, j: int) -> None:
+    """Add to the sums what came since the last look."""
+    # sums of sums, which over a long orbit are rounded a sixth as often
+    s[RUNNING.SUM + j] += s[RUNNING.NEW_SUM + j]
+    s[RUNNING.SQUARES + j] += s[RUNNING.NEW_SQUARES + j]
+    s[RUNNING.NEW_SUM + j] = s[RUNNING.NEW_SQUARES + j] = 0.0
+
+
+@jit
+def no_impacts() -> Cycle:
+    """Totals of no impacts."""
+    return Cycle(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@jit
+def add(to: Cycle, hit: Impact) -> Cycle:
+    """Add an impact, whose lift-off is counted from the beginning of the cycle."""
+    return Cycle(
+        to.impacts + 1.0,
+        hit.n_off,
+        to.rests + (0.0 if hit.leaves else 1.0),
+        to.flight_sum + hit.u,
+        to.flight_squares + hit.u * hit.u,
+        max(to.flight_max, hit.u),
+    )
+
+
+@jit
+def repeat(s: Floats, j: int, times: float) -> None:
+    """Count the landings of so many whole cycles in place j."""
+    s[RUNNING.LANDINGS + j] += times * s[RUNNING.CYCLE_IMPACTS + j]
+    s[RUNNING.RESTS + j] += times * s[RUNNING.CYCLE_RESTS + j]
+    s[RUNNING.SUM + j] += times * s[RUNNING.CYCLE_SUM + j]
+    s[RUNNING.SQUARES + j] += times * s[RUNNING.CYCLE_SQUARES + j]
+    largest = s[RUNNING.CYCLE_LARGEST + j] if times > 0.0 else 0.0
+    s[RUNNING.LARGEST + j] = max(s[RUNNING.LARGEST + j], largest)
+
+
+@jit
+def write(s: Floats, j: int, lane: int, window: int | None, out: Statistics) -> None:
+    """Write the statistics of the trajectory in place j, but its status, to its own slot."""
+    out.landings[lane] = int(s[RUNNING.LANDINGS + j])
+    out.rests[lane] = int(s[RUNNING.RESTS + j])
+    out.flight_sum[lane] = s[RUNNING.SUM + j]
+    out.flight_squares[lane] = s[RUNNING.SQUARES + j]
+    out.flight_max[lane] = s[RUNNING.LARGEST + j]
     for_good = np.isnan(s[ROW.X + j])
-    if window is None:  # the rest may be after the end; then it was not counted
-        for_good = for_good and s[ROW.RESTS + j] > 0.0
+    if window is None:  # it may have come after the end, but not where it was counted
+        for_good = for_good and s[RUNNING.RESTS + j] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
-    out.status[lane] = COMPLETED
-    if s[ROW.DONE + j] == SPENT:
-        flight, _ = fly(take(base, s, j), s[ROW.X + j], s[ROW.U + j])
-        x, passed = land(s[ROW.X + j], flight)
-        if s[ROW.N + j] + passed <= s[ROW.X_END + j] - x:
-            out.status[lane] = BUDGET_EXCEEDED
-    if not np.isfinite(s[ROW.SQUARES + j]):
-        out.status[lane] = NON_FINITE
+
+
+@kernel
+def combine(first: int, last: int, particles: int, each: Statistics, out: Statistics) -> None:
+    """Combine the particles of realizations first ... last - 1, always in the same order.
+
+    Parameters
+    ----------
+    first, last
+        Range of realizations.
+    particles
+        Trajectories per realization.
+    each : Statistics
+        Of the trajectories; realization i owns i * particles ... (i + 1) * particles - 1.
+    out : Statistics
+        Of the realizations: sums, the largest maximum, the number of particles at rest for good
+        and the worst status.
+    """
+    for i in range(first, last):
+        landings, rests, at_rest, status = 0, 0, 0, 0
+        total, squares, largest = 0.0, 0.0, 0.0
+        for t in range(i * particles, (i + 1) * particles):
+            landings += each.landings[t]
+            rests += each.rests[t]
+            at_rest += each.at_rest[t]
+            total += each.flight_sum[t]
+            squares += each.flight_squares[t]
+            largest = max(largest, each.flight_max[t])
+            status = max(status, each.status[t])
+        out.landings[i] = landings
+        out.rests[i] = rests
+        out.at_rest[i] = at_rest
+        out.flight_sum[i] = total
+        out.flight_squares[i] = squares
+        out.flight_max[i] = largest
+        out.status[i] = status
+
+
+def physical(
+    found: Statistics, frequency: Floats, gravity: Floats, lifts: NDArray[np.bool_]
+) -> dict[str, NDArray[Any]]:
+    """Statistics in physical units, by the names of `vibrosweep.model.measures`.
+
+    Parameters
+    ----------
+    found
+        Of trajectories or of realizations.
+    frequency, gravity, lifts
+        Hz, m s-2, and whether a resting particle is ever lifted; each of the shape of `found`.
+    """
+    # height of a flight that lasts one forcing period: g / (8 f^2)
+    height = gravity / (8.0 * frequency * frequency)
+    # where nothing lifts a resting particle, its last landing is followed by no flight
+    flights = found.landings - np.where(lifts, 0, found.rests)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        of_flights = {
+            "rebound_height_mean": height * (found.flight_squares / flights),
+            "rebound_height_max": height * (found.flight_max * found.flight_max),
+            "flight_time_mean": found.flight_sum / flights / frequency,
+        }
+    # one NaN for all: that of 0 / 0 has a sign which depends on the length of the batch
+    known = {name: np.where(flights > 0, v, np.nan) for name, v in of_flights.items()}
+    return {"impact_count": found.landings, "rest_count": found.rests, **known}

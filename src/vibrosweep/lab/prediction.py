@@ -13,6 +13,7 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs.driver import record_observation
 
@@ -21,7 +22,6 @@ __all__ = ["DRAWS", "Prediction", "draw", "predict"]
 Array = NDArray[np.float64]
 
 DRAWS: Final = 64
-IMPACT_BUDGET: Final = 10_000_000
 # Drawn from the same posterior that one draw in so many must be physical.
 MOST_REFUSED: Final = 0.5
 
@@ -133,7 +133,7 @@ def predict(
         turns = np.repeat(parameters["frequency"], there.size) * np.tile(start, draws)
         sets["phase"] = sets["phase"] + 2.0 * np.pi * (turns - np.rint(turns))
         sets["launch_velocity"] = np.tile(speed, draws)
-        observation = record_observation(1, (0.0,), length, rebound, IMPACT_BUDGET)
+        observation = record_observation(1, (0.0,), length, rebound, Measures.impact_budget)
         found = measure(all_parameters(sets), observation, workers)
         height[:, there] = found["rebound_height_mean"].reshape(draws, -1)
         period[:, there] = found["flight_time_mean"].reshape(draws, -1)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -18,13 +17,13 @@ from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model.measures import MEASURE_OF
 from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.sample import Sample
-from vibrosweep.proof.tolerances import EPS
+from vibrosweep.proof.tolerances import EPS, Bounds
 
 __all__ = [
     "BOUNDS",
-    "FOUND_AGAIN",
     "Errors",
     "change_of_bound",
     "landing_errors",
@@ -35,33 +34,24 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-BOUNDS: Final = ("landing_time_error", "rebound_velocity_error")
-FOUND_AGAIN: Final = ("lyapunov_largest_error", "lyapunov_sum_error", "cycle_uncertain")
+# The variables that hold them, in the order of the fields of `Bounds`
+BOUNDS: Final = tuple(f"{field}_error" for field in Bounds._fields)
 
 
 def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
-    """Bounds of all rows, over all their landings, computed again."""
-    everything = replace(_all_landings(sample.observation), trust=True)
+    """Bounds of all rows and their landings of any time, computed anew."""
+    everything = _all_landings(sample.observation).measuring(trust=True)
     return measure_all(sample.parameters, everything, workers)
 
 
 def measure_orbits(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
-    """Orbits of all rows and their errors, the variables `FOUND_AGAIN`, computed again."""
-    window = replace(_all_landings(sample.observation), transient=sample.observation.transient)
-    found = measure_all(sample.parameters, replace(window, lyapunov=True), workers)
-    return {name: found[name] for name in FOUND_AGAIN}
+    """What orbits of all rows settle on, with its errors, computed anew."""
+    found = measure_all(sample.parameters, sample.observation.measuring(lyapunov=True), workers)
+    return {name: values for name, values in found.items() if name in MEASURE_OF}
 
 
 def _all_landings(observation: Observation) -> Observation:
-    return replace(
-        observation,
-        transient=-math.inf,
-        separation=False,
-        per_particle=False,
-        regimes=False,
-        trust=False,
-        lyapunov=False,
-    )
+    return observation.measuring(transient=-math.inf)
 
 
 class Errors(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 from vibrosweep.proof.bounds import Errors
 from vibrosweep.proof.cycle import largest_exponent
 from vibrosweep.proof.growth import mean_growth
-from vibrosweep.proof.measured import Measures, Proved, measures
+from vibrosweep.proof.measured import Measured, Proved, measures
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
 from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.reference.results import Impact
@@ -83,7 +83,7 @@ class Case:
     tolerance: float
 
     @cached_property
-    def measures(self) -> Measures:
+    def measures(self) -> Measured:
         """Proved measures."""
         return measures(self.realization, self.trajectories)
 

@@ -1,4 +1,4 @@
-"""How each variable of a dataset is judged: one table, `JUDGES`.
+"""How the variables of a dataset are judged: `JUDGES`, by the names in the registry.
 
 A variable is held against its proof where the realization has one.  Where it has none, what follows
 from other variables of the file is at least held against those.
@@ -12,15 +12,13 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
+from vibrosweep.model.measures import MEASURE_OF, MEASURES, RESOLUTION, UNDETERMINED, VARIABLES
 from vibrosweep.model.status import Regime, Status
-from vibrosweep.model.variables import RESOLUTION, UNDETERMINED
 from vibrosweep.proof.bounds import change_of_bound, untrusted
 from vibrosweep.proof.case import Case
 from vibrosweep.proof.judgement import Judgement, judge
 
 __all__ = ["JUDGES", "judge_row"]
-
-SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "base_shared", "collision_free")
 
 Judgements: TypeAlias = Iterator[Judgement]
 
@@ -42,18 +40,18 @@ class Judge(NamedTuple):
 
 def judge_row(case: Case, name: str) -> Judgements:
     """Judge a variable of a realization as far as that is possible."""
-    how = JUDGES[name]
+    how = JUDGES[VARIABLES[name].judged]
     if case.trajectories:
         yield from how.by_proof(case, name)
     elif how.otherwise is not None:
         yield from how.otherwise(case, name)
 
 
-def _follows(value: Callable[[Case], float | None]) -> Callable[[Case, str], Judgements]:
+def _follows(value: Callable[[Case, str], float | None]) -> Callable[[Case, str], Judgements]:
     """Judge a variable by what others of the file make it; None where they say nothing."""
 
     def follows(case: Case, name: str) -> Judgements:
-        made = value(case) if case.stored["status"] == Status.COMPLETED else None
+        made = value(case, name) if case.stored["status"] == Status.COMPLETED else None
         if made is None:
             return
         stored = float(case.stored[name])
@@ -68,7 +66,8 @@ def _follows(value: Callable[[Case], float | None]) -> Callable[[Case, str], Jud
 def _measure(case: Case, name: str) -> Judgements:
     """Judge a measure of flights, landings or separations."""
     proved, stored = case.measures.values[name], case.stored[name]
-    claim = None if name in SEPARATIONS and _is_unresolved(case) else case.claims[name]
+    unresolved = MEASURE_OF.get(name) == "separation" and _is_unresolved(case)
+    claim = None if unresolved else case.claims[name]
     if isinstance(proved, list):
         for particle, value in enumerate(proved):
             yield judge(name, particle, float(stored[particle]), value, claim)
@@ -78,8 +77,8 @@ def _measure(case: Case, name: str) -> Judgements:
 
 def _is_unresolved(case: Case) -> bool:
     """Whether the kernel says that landings crowd too much to be told apart: then it says so."""
-    stored = [case.stored[name] for name in SEPARATIONS]
-    return all(value == UNDETERMINED or math.isnan(value) for value in stored)
+    names = [v.name for v in MEASURES["separation"].variables if v.name in case.stored]
+    return all(case.stored[n] == UNDETERMINED or math.isnan(case.stored[n]) for n in names)
 
 
 def _regime(case: Case, name: str) -> Judgements:
@@ -105,9 +104,9 @@ def _regimes(case: Case) -> list[int]:
     return [int(regime) for regime in found]
 
 
-def _number_of(regime: Regime) -> Judge:
-    """Judge the number of particles in a regime."""
-    return _followed(lambda case: float(_regimes(case).count(int(regime))))
+def _number_in(case: Case, name: str) -> float:
+    """Particles in the regime that a count is named after."""
+    return _regimes(case).count(Regime[name.removesuffix("_count").upper()])
 
 
 def _cycle(case: Case, name: str) -> Judgements:
@@ -194,51 +193,45 @@ def _slot(case: Case, name: str) -> Judgements:
         yield judge(name, particle, stored, value, None if value is None else 0.0)
 
 
-def _most_unstable(case: Case) -> float:
+def _most_unstable(case: Case, name: str) -> float:
     return float(np.fmax.reduce(case.stored["lyapunov_largest"]))
 
 
-def _uncertain_cycles(case: Case) -> float:
+def _uncertain_cycles(case: Case, name: str) -> float:
     return int(np.count_nonzero(case.stored["cycle_uncertain"] == 1))
 
 
-def _resolved(case: Case) -> float:
+def _resolved(case: Case, name: str) -> float:
     gap = float(case.stored["dt_min"]) * case.realization.parameters["frequency"]
     return UNDETERMINED if math.isnan(gap) else int(gap > RESOLUTION)
 
 
-def _orbits(case: Case) -> float:
+def _orbits(case: Case, name: str) -> float:
     return len(set(case.stored["orbit"].tolist()) - {-1})
 
 
-def _slots(case: Case) -> float:
+def _slots(case: Case, name: str) -> float:
     pairs = zip(case.stored["orbit"].tolist(), case.stored["slot"].tolist(), strict=True)
     return len({pair for pair in pairs if pair[0] >= 0})
 
 
-def _negation(case: Case) -> float:
+def _negation(case: Case, name: str) -> float:
     shared = int(case.stored["base_shared"])
     return shared if shared == UNDETERMINED else 1 - shared
 
 
-def _total(name: str) -> Callable[[Case], float | None]:
-    """Sum over the particles."""
+def _total(case: Case, name: str) -> float | None:
+    """Sum over the particles, of what is counted or told of each."""
+    for each in (f"particle_{name}", f"particle_{name.removesuffix('_count')}"):
+        if each in case.stored:
+            return float(np.sum(case.stored[each]))
+    return None
 
-    def follows(case: Case) -> float | None:
-        return float(np.sum(case.stored[name])) if name in case.stored else None
 
-    return follows
-
-
-def _greatest(name: str) -> Callable[[Case], float | None]:
+def _greatest(case: Case, name: str) -> float | None:
     """Largest of the particles that have a number at all."""
-
-    def follows(case: Case) -> float | None:
-        if name not in case.stored:
-            return None
-        return float(np.fmax.reduce(case.stored[name]))
-
-    return follows
+    each = case.stored.get(f"particle_{name}")
+    return None if each is None else float(np.fmax.reduce(each))
 
 
 def _landing_bound(case: Case, name: str) -> Judgements:
@@ -249,7 +242,9 @@ def _landing_bound(case: Case, name: str) -> Judgements:
         if name in case.again:
             yield Judgement(name, None, math.nan, stored, None, changed)
         return
-    worst = max(float(np.max(getattr(e, BOUNDED[name]), initial=0.0)) for e in case.errors)
+    worst = max(
+        float(np.max(getattr(e, name.removesuffix("_error")), initial=0.0)) for e in case.errors
+    )
     disproved = f"is {stored!r}, proved error {worst:.3g}" if not worst <= stored else ""
     yield Judgement(name, None, worst, stored, None, disproved or changed)
 
@@ -289,63 +284,32 @@ def _trusted_until(case: Case, name: str) -> Judgements:
         yield Judgement(name, particle, error, case.tolerance, None, complaint)
 
 
-def _followed(value: Callable[[Case], float | None]) -> Judge:
+def _followed(value: Callable[[Case, str], float | None]) -> Judge:
     follows = _follows(value)
     return Judge(follows, follows)
 
 
-# Fields of the proved errors that bounds are of
-BOUNDED: Final = {
-    "landing_time_error": "landing_time",
-    "rebound_velocity_error": "rebound_velocity",
-}
-
-_MEASURE = Judge(_measure)
-_BOUND = Judge(_landing_bound, _landing_bound)
-_CYCLE = Judge(_cycle)
-
 JUDGES: Final[dict[str, Judge]] = {
-    "impact_count": Judge(_measure, _follows(_total("particle_impact_count"))),
-    "rest_count": Judge(_measure, _follows(_total("particle_rest_count"))),
-    "at_rest_count": Judge(_measure, _follows(_total("particle_at_rest"))),
-    "rebound_height_mean": _MEASURE,
-    "rebound_height_max": Judge(_measure, _follows(_greatest("particle_rebound_height_max"))),
-    "flight_height_max": _MEASURE,
-    "flight_time_mean": _MEASURE,
-    "dt_min": _MEASURE,
-    "dt_min_resolved": _followed(_resolved),
-    "dt_min_same_index": _MEASURE,
-    "base_shared": _MEASURE,
-    "collision_free": Judge(_measure, _follows(_negation)),
-    "status": Judge(_measure, _follows(_greatest("particle_status"))),
-    "landing_time_error": _BOUND,
-    "rebound_velocity_error": _BOUND,
+    "measure": Judge(_measure),
+    "total": Judge(_measure, _follows(_total)),
+    "greatest": Judge(_measure, _follows(_greatest)),
+    "negation": Judge(_measure, _follows(_negation)),
+    "resolved": _followed(_resolved),
+    "bound": Judge(_landing_bound, _landing_bound),
     "trusted_until": Judge(_trusted_until),
-    "particle_rest_count": _MEASURE,
-    "particle_rebound_height_mean": _MEASURE,
-    "particle_rebound_height_max": _MEASURE,
-    "particle_flight_time_mean": _MEASURE,
-    "particle_impact_count": _MEASURE,
-    "particle_at_rest": _MEASURE,
-    "particle_status": _MEASURE,
     "regime": Judge(_regime),
-    "resting_count": _number_of(Regime.RESTING),
-    "locked_count": _number_of(Regime.LOCKED),
-    "unsettled_count": _number_of(Regime.UNSETTLED),
-    "aperiodic_count": _number_of(Regime.APERIODIC),
-    "uncertain_cycle_count": _followed(_uncertain_cycles),
-    "cycle_impacts": _CYCLE,
-    "cycle_periods": _CYCLE,
-    "cycle_rests": _CYCLE,
-    "cycle_uncertain": Judge(_uncertain, _uncertain),
+    "regime_count": _followed(_number_in),
+    "uncertain": Judge(_uncertain, _uncertain),
+    "uncertain_count": _followed(_uncertain_cycles),
+    "cycle": Judge(_cycle),
     "recurrent_from": Judge(_recurrent_from),
-    "lyapunov_largest": Judge(_largest),
-    "lyapunov_largest_error": Judge(_largest_error),
-    "lyapunov_sum": Judge(_sum),
-    "lyapunov_sum_error": Judge(_sum_error),
+    "exponent": Judge(_largest),
+    "exponent_error": Judge(_largest_error),
+    "exponent_sum": Judge(_sum),
+    "exponent_sum_error": Judge(_sum_error),
+    "exponent_max": _followed(_most_unstable),
     "orbit": Judge(_orbit),
     "slot": Judge(_slot),
-    "lyapunov_max": _followed(_most_unstable),
     "orbit_count": _followed(_orbits),
     "slot_count": _followed(_slots),
 }

@@ -18,7 +18,7 @@ from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.sample import Realization
 
-__all__ = ["Measures", "Proved", "measures"]
+__all__ = ["Measured", "Proved", "measures"]
 
 # A ball, an exact count, code or double, or None where the variable is undefined (NaN stored).
 Proved: TypeAlias = "arb | int | float | None"
@@ -27,13 +27,13 @@ GUARD_BITS = 64
 
 
 @dataclass(frozen=True)
-class Measures:
+class Measured:
     """Proved measures of a realization, and what decides how far a dataset can know them.
 
     Attributes
     ----------
     values
-        By the names of `vibrosweep.model.variables`; a list over the particles for those of
+        By the names of `vibrosweep.model.measures`; a list over the particles for those of
         each.
     fastest
         Largest rebound speed in the window, m s-1; None without any flight.
@@ -78,13 +78,13 @@ class _Flights(NamedTuple):
     squares: arb
 
 
-def measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measures:
+def measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measured:
     """Measure a realization from the proved trajectories of all its particles."""
     with ctx.workprec(GUARD_BITS + max(t.precision_bits for t in trajectories)):
         return _measures(realization, trajectories)
 
 
-def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measures:
+def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measured:
     begin = arb(realization.transient) if realization.windowed else arb.neg_inf()
     gravity = arb(realization.parameters["gravity"])
     landings = _landings(realization, trajectories)
@@ -107,7 +107,7 @@ def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> M
         values[f"particle_{name}"] = [_of_flights(flights, gravity)[name] for flights in each]
     values["particle_at_rest"] = [int(t.at_rest) for t in trajectories]
     values["particle_status"] = list(status)
-    return Measures(
+    return Measured(
         values=values,
         fastest=_largest(whole.speeds),
         longest=max(len(flights.speeds) for flights in each),
@@ -145,7 +145,7 @@ def _flights(landings: Iterable[_Landing]) -> _Flights:
 
 
 def _of_flights(flights: _Flights, gravity: arb) -> dict[str, Proved]:
-    """Measures of flights, the same for a realization and for one particle."""
+    """Measured of flights, the same for a realization and for one particle."""
     number, fastest = len(flights.speeds), _largest(flights.speeds)
     mean_square = mean_time = highest = None
     if fastest is not None:
@@ -199,7 +199,7 @@ def _closest_same_index(landings: Sequence[_Landing]) -> arb | None:
 
 
 def _overlap(landings: Sequence[_Landing], begin: arb) -> arb | None:
-    """Longest overlap of two stays inside the window, as `Measures` says.
+    """Longest overlap of two stays inside the window, as `Measured` says.
 
     The partner with which a stay overlaps longest is the one that stays longest of those that
     landed before it, so the longest stay of each of the two longest-staying particles is kept.

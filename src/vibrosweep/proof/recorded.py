@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import chain, repeat
 from typing import Any, Final
 
-from vibrosweep.model.variables import RECORD
+from vibrosweep.model.measures import RECORD
 from vibrosweep.proof.judgement import Judgement, judge
 from vibrosweep.proof.reference.ball import Impact, Trajectory
 from vibrosweep.proof.sample import Sample

@@ -93,7 +93,7 @@ class Sample:
         return Realization(
             parameters=parameters,
             launch_times=launch,
-            transient=observation.transient,
+            transient=observation.measures.transient,
             duration=observation.duration,
             windowed=observation.window is not None,
             launch_rounding=rounding,

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import h5netcdf
 import numpy as np
@@ -14,16 +13,8 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
 from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED
-from vibrosweep.model.variables import (
-    LYAPUNOV,
-    PER_PARTICLE,
-    RECORD,
-    REGIMES,
-    SWEEP,
-    TRUST,
-    Variable,
-)
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.setting import (
     RECORD_COORDINATES,
@@ -35,11 +26,9 @@ from vibrosweep.runs.driver import record_observation
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
 
-__all__ = ["VARIABLES", "read_sample"]
+__all__ = ["read_sample"]
 
 Array = NDArray[np.float64]
-
-VARIABLES: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **TRUST, **LYAPUNOV}
 
 
 def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None, Setting]:
@@ -112,7 +101,7 @@ def _record(file: Any, sample: Sample) -> Sample:
     group, rows = file.groups["record"], np.zeros(1, np.int64)
     shared = {
         "particles": group.variables["impact_count"].shape[1],
-        "impact_budget": sample.observation.impact_budget,
+        "impact_budget": sample.observation.measures.impact_budget,
     }
     observation = _observation(group, {**group.attrs, **shared})
     return Sample(
@@ -140,8 +129,7 @@ def _observation(file: Any, attributes: Mapping[str, Any]) -> Observation:
     )
     if "transient" not in file.variables:
         return watched
-    return replace(
-        watched,
+    return watched.measuring(
         transient=float(file.variables["transient"][()]),
         tolerance=float(attributes.get("tolerance", math.inf)),
     )
@@ -152,7 +140,7 @@ def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable])
     observation = sample.observation
     bad = [n for n, v in sample.parameters.items() if not np.all(PARAMETERS[n].accepts(v))]
     times = () if isinstance(observation.launch, str) else observation.launch
-    if math.isnan(observation.transient) or not all(
+    if math.isnan(observation.measures.transient) or not all(
         math.isfinite(time) for time in (observation.duration, *times)
     ):
         bad.append("transient, duration or launch_time")
@@ -163,7 +151,7 @@ def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable])
     shapes = {"realization": sample.rows.size, "particle": observation.particles}
     for name, variable in registry.items():
         if name not in sample.stored:
-            bad += [] if variable.key else [name]
+            bad += [] if name in MEASURE_OF else [name]
         elif not _fits(sample.stored[name].shape, tuple(shapes.get(d) for d in variable.dims)):
             bad.append(name)
     if bad:

@@ -66,7 +66,8 @@ def asked(path: Path, attributes: Mapping[str, Any], rows: NDArray[np.int64]) ->
     except (KeyError, SpecError):
         reason = "the dataset holds no sweep file that this version reads"
         return Setting({}, {}, dict.fromkeys(names, reason))
-    shared: dict[str, Any] = {**spec.fixed, "duration": spec.duration, "transient": spec.transient}
+    window = {"duration": spec.duration, "transient": spec.measures.transient}
+    shared: dict[str, Any] = {**spec.fixed, **window}
     frequency = spec.fixed.get("frequency")
     if spec.launch != STAGGERED or frequency is not None:
         shared["launch_time"] = launch_times(spec.launch, spec.particles, frequency or 1.0)

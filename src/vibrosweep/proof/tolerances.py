@@ -25,7 +25,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-from vibrosweep.proof.measured import Measures, Proved
+from vibrosweep.proof.measured import Measured, Proved
 from vibrosweep.proof.sample import Realization
 
 __all__ = ["EPS", "Bounds", "claims", "record_claims"]
@@ -60,7 +60,7 @@ class Bounds(NamedTuple):
 
 
 def claims(
-    bounds: Bounds, realization: Realization, measured: Measures
+    bounds: Bounds, realization: Realization, measured: Measured
 ) -> Mapping[str, float | None]:
     """Largest error of each variable that the bounds allow, in its own unit; None: not claimed."""
     dt, period = bounds.landing_time, 1.0 / realization.parameters["frequency"]
@@ -78,7 +78,7 @@ def claims(
 
 
 def _flights(
-    bounds: Bounds, realization: Realization, measured: Measures
+    bounds: Bounds, realization: Realization, measured: Measured
 ) -> dict[str, float | None]:
     dv, gravity = bounds.rebound_velocity, realization.parameters["gravity"]
     rounding = (measured.longest + len(realization.launch_times) + 10) * EPS
@@ -91,7 +91,7 @@ def _flights(
     return claimed | {f"particle_{name}": claimed[name] for name in OF_EACH}
 
 
-def _separations(dt: float, measured: Measures, period: float) -> dict[str, float | None]:
+def _separations(dt: float, measured: Measured, period: float) -> dict[str, float | None]:
     claimed: dict[str, float | None] = {}
     for name in ("dt_min", "dt_min_same_index"):
         gap: Any = measured.values[name]

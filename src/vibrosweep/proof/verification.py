@@ -10,10 +10,10 @@ from typing import Final
 
 import numpy as np
 
+from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.recorded import RECORDED
-from vibrosweep.proof.sampling import VARIABLES
 
 __all__ = ["Outcome", "Report", "State", "VariableReport"]
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.status import Status
 from vibrosweep.proof.bounds import (
     BOUNDS,
@@ -85,7 +86,7 @@ def verify(
             f"{path}: is a result of {kind.command}, which cannot be verified: {kind.unverified}"
         )
     drawn, record, setting = read_sample(Path(path), sample, seed)
-    claimed = {*BOUNDS, "trusted_until"} <= drawn.stored.keys()
+    claimed = {v.name for v in MEASURES["trust"].variables} <= drawn.stored.keys()
     outcomes = []
     with Workers(1) as workers:
         again = measure_bounds(drawn, workers)
@@ -150,7 +151,7 @@ def _checked(
         bounds=bounds,
         trajectories=trajectories,
         errors=errors,
-        tolerance=sample.observation.tolerance,
+        tolerance=sample.observation.measures.tolerance,
     )
     for name in sample.stored:
         judged += judge_row(case, name)

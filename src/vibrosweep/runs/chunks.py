@@ -9,7 +9,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import measured_variables, observation_of, parameters_of
+from vibrosweep.engine.asked import observation_of, parameters_of
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
@@ -176,7 +176,7 @@ def column_kinds(spec: SweepSpec, design: Design) -> dict[str, str]:
     """Kind of each column of a sweep, as `vibrosweep.store.parts.kinds` gives it."""
     sizes = {"realization": 0, "particle": spec.particles}
     columns = {name: np.empty(0) for name in design.sampled}
-    for variable in measured_variables(spec):
+    for variable in spec.measures.variables:
         columns[variable.name] = np.empty([sizes[d] for d in variable.dims], variable.dtype)
     return kinds(columns)
 

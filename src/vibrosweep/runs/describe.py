@@ -10,9 +10,9 @@ from typing import Any, Final
 import h5netcdf
 import numpy as np
 
+from vibrosweep.model.measures import OF_REALIZATIONS
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Status
-from vibrosweep.model.variables import OF_REALIZATIONS
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.store.kinds import SWEEP, Kind, kind_of, load_dataset
 from vibrosweep.store.parts import Parts, read_manifest

@@ -130,7 +130,7 @@ def _consolidated(run: KeptRun) -> Summary:
             summary.add(columns)
         rows.flush()
         if spec.record is not None:
-            write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+            write_record(file.group("record"), spec.record, spec.measures.impact_budget, workers)
     return summary
 
 
@@ -182,5 +182,5 @@ def _run_at_once(
             ) from error
         rows.flush()
         if spec.record is not None:
-            write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+            write_record(file.group("record"), spec.record, spec.measures.impact_budget, workers)
     return summary

@@ -101,7 +101,7 @@ def record_bytes(spec: SweepSpec, workers: Workers) -> tuple[int, int]:
     """
     if spec.record is None:
         return 0, 0
-    return landings.record_bytes(*recorded(spec.record, spec.impact_budget), workers)
+    return landings.record_bytes(*recorded(spec.record, spec.measures.impact_budget), workers)
 
 
 def has_room(output: Path, needed: float) -> bool:
@@ -161,7 +161,9 @@ def _record_file(
 
     Measured on a shorter record: as many landings of each particle as fill a small file.
     """
-    budget = min(spec.impact_budget, 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * record.particles))
+    budget = min(
+        spec.measures.impact_budget, 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * record.particles)
+    )
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "record.h5"
         began = time.perf_counter()

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from vibrosweep.errors import TableError
-from vibrosweep.spec.schema import MeasureTable, SampleTable, SceneTable
+from vibrosweep.spec.schema import SampleTable, SceneTable
 from vibrosweep.spec.sweep import SweepSpec
 
 __all__ = ["EXEMPT", "differences", "identity", "programs", "sources"]
@@ -35,8 +35,8 @@ LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
 ROOMS: Final = ("model", "kernels", "engine", "spec", "store", "runs")
 # Mappings whose keys appear in the sweep file unchanged.
 TRANSPARENT: Final = ("fixed", "sampled", "parameters")
-TABLES: Final = {"scene": SceneTable, "sample": SampleTable, "measure": MeasureTable}
-SECTIONS: Final = {
+TABLES: Final = {"scene": SceneTable, "sample": SampleTable}
+SECTIONS: Final = {"measures": "measure"} | {
     field.name: f"{section}.{field.name}"
     for section, table in TABLES.items()
     for field in fields(table)

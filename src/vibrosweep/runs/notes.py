@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from vibrosweep.engine.asked import observation_of
 from vibrosweep.model import theory
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.spec.design import Design
@@ -33,8 +32,8 @@ def _defaults(spec: SweepSpec, design: Design) -> str:
 
 
 def _observation(spec: SweepSpec, design: Design) -> str:
-    """Remark if the observation is too short to recognise locked (k, 1) orbits."""
-    if not observation_of(spec).regimes:
+    """Say where locked orbits cannot be recognised before the observation ends."""
+    if not spec.measures.regimes:
         return ""
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
     needed = float(theory.recognition_periods(restitution[1]))

@@ -153,7 +153,7 @@ def _shares(spec: SweepSpec, design: Design) -> Iterator[float]:
     frequency = design.take(0, 1).get("frequency", np.array([spec.fixed.get("frequency", 1.0)]))
     periods = float(frequency[0]) * spec.duration
     steps = 0
-    while max(periods / PERIODS, spec.impact_budget / IMPACTS) > STEP**steps:
+    while max(periods / PERIODS, spec.measures.impact_budget / IMPACTS) > STEP**steps:
         steps += 1
     return (float(STEP) ** -k for k in range(steps, -1, -1))
 
@@ -190,8 +190,11 @@ def _timed(
         short = replace(
             spec,
             duration=spec.duration * share,
-            transient=spec.transient * share,
-            impact_budget=max(1, int(spec.impact_budget * share)),
+            measures=replace(
+                spec.measures,
+                transient=spec.measures.transient * share,
+                impact_budget=max(1, int(spec.measures.impact_budget * share)),
+            ),
         )
     began = time.perf_counter()
     measured = measure_all(parameters_of(short, sampled, size), observation_of(short), workers)

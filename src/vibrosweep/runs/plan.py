@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from vibrosweep.engine.asked import measured_variables
 from vibrosweep.engine.landings import physical_memory
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, VibrosweepError
@@ -137,6 +136,6 @@ def bytes_per_realization(spec: SweepSpec, design: Design) -> int:
     sizes = {"realization": 1, "particle": spec.particles}
     measured = sum(
         np.dtype(v.dtype).itemsize * int(np.prod([sizes[d] for d in v.dims]))
-        for v in measured_variables(spec)
+        for v in spec.measures.variables
     )
     return 8 * len(design.sampled) + measured

@@ -10,13 +10,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import measured_variables, record_observation
+from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import launch_times, record_landings
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
+from vibrosweep.model.measures import OPTIONS, RECORD
 from vibrosweep.model.parameters import PARAMETERS, Parameter
-from vibrosweep.model.variables import RECORD
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import notes, silent_defaults
 from vibrosweep.spec.design import Design
@@ -30,6 +30,7 @@ __all__ = [
     "DURATION",
     "IDENTITY",
     "LAUNCH_TIME",
+    "TRANSIENT",
     "Rows",
     "coordinate_attributes",
     "declare",
@@ -44,7 +45,10 @@ LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
 DURATION: Final = {"units": "s", "long_name": "end of the observation"}
 # Attribute that says what the numbers depend on.
 IDENTITY: Final = "identity"
-TRANSIENT: Final = {"units": "s", "long_name": "beginning of the window that measures cover"}
+TRANSIENT: Final = {
+    "units": OPTIONS["transient"].units,
+    "long_name": OPTIONS["transient"].meaning,
+}
 
 
 def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
@@ -130,8 +134,8 @@ def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
             name, ("realization",), label.attributes, label.values[: design.realizations]
         )
     _declare_times(file, spec.launch, spec.particles, spec.fixed.get("frequency"), spec.duration)
-    file.coordinate("transient", (), TRANSIENT, np.array(spec.transient))
-    for variable in measured_variables(spec):
+    file.coordinate("transient", (), TRANSIENT, np.array(spec.measures.transient))
+    for variable in spec.measures.variables:
         file.variable(variable)
     file.attributes(
         {
@@ -144,8 +148,8 @@ def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
             "particles": spec.particles,
             "design": spec.design,
             "seed": spec.seed,
-            "impact_budget": spec.impact_budget,
-            **({"tolerance": spec.tolerance} if spec.trust else {}),
+            "impact_budget": spec.measures.impact_budget,
+            **({"tolerance": spec.measures.tolerance} if spec.measures.trust else {}),
             "sweep_file": spec.text,
             IDENTITY: json.dumps(identity(spec)),
             **provenance(threads),

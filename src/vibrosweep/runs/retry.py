@@ -12,7 +12,6 @@ import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import measured_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.runs.chunks import Columns, Job, Runner, batch_size, column_kinds, in_process
@@ -86,7 +85,8 @@ def retry_failed(
         The result is of another sweep or version, the new budget is lower, or another run is in the
         way.
     """
-    spec = replace(spec, impact_budget=impact_budget or spec.impact_budget)
+    if impact_budget:
+        spec = replace(spec, measures=replace(spec.measures, impact_budget=impact_budget))
     with holding(output) as directory:
         if force:
             with reporting(output):
@@ -128,10 +128,10 @@ def _rows(spec: SweepSpec, output: Path) -> tuple[int, ...]:
             + "\n  ".join(changes)
             + "\nonly the impact budget may differ; compute the sweep anew with force=True"
         )
-    if spec.impact_budget < budget:
+    if spec.measures.impact_budget < budget:
         raise RunError(
             f"{output}: was computed with an impact budget of {budget}, which "
-            f"{spec.impact_budget} would not reach: raise it with impact_budget="
+            f"{spec.measures.impact_budget} would not reach: raise it with impact_budget="
         )
     return tuple(np.flatnonzero(failed).tolist())
 
@@ -158,15 +158,15 @@ def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Summary:
             summary.add(columns)
         writer.flush()
         if spec.record is not None:
-            write_record(file.group("record"), spec.record, spec.impact_budget, workers)
+            write_record(file.group("record"), spec.record, spec.measures.impact_budget, workers)
     return summary
 
 
 def _blocks(
     path: Path, spec: SweepSpec, design: Design, size: int
 ) -> Iterator[tuple[int, Columns]]:
-    """Yield the rows of a result in blocks, each with the index of its first row."""
-    names = [*design.sampled, *(v.name for v in measured_variables(spec))]
+    """Give the rows of a result in blocks, each with the index of its first."""
+    names = [*design.sampled, *(v.name for v in spec.measures.variables)]
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         for start in range(0, design.realizations, size):
             rows = slice(start, min(start + size, design.realizations))

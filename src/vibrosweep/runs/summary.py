@@ -9,13 +9,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.model.measures import OF_REALIZATIONS, UNDETERMINED, VARIABLES, Variable
 from vibrosweep.model.status import Status
-from vibrosweep.model.variables import OF_REALIZATIONS, UNDETERMINED, Variable
 
 __all__ = ["SETTLING", "Summary", "unsettled"]
 
 # What tells whether a larger impact budget would give more, as far as a result holds it.
-SETTLING: Final = ("status", "base_shared", "landing_time_error")
+SETTLING: Final = ("status", *(v.name for v in VARIABLES.values() if v.open_by_budget))
 
 
 @dataclass
@@ -119,10 +119,11 @@ def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
 def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
     """Tell which realizations did not complete, or lack a measure that a larger budget gives."""
     failed = columns["status"] != Status.COMPLETED
-    if "base_shared" in columns:
-        # cycles are counted to the end for nothing, but separations must follow every landing
-        failed = failed | (columns["base_shared"] == UNDETERMINED)
-    if "landing_time_error" in columns:
-        # so must error bounds; infinite ones are final
-        failed = failed | np.isnan(columns["landing_time_error"])
+    # cycles are counted to the end for nothing, but other measures must follow every landing
+    for name in SETTLING[1:]:
+        if name in columns:
+            values = columns[name]
+            failed = failed | (
+                values == UNDETERMINED if VARIABLES[name].flags else np.isnan(values)
+            )
     return np.asarray(failed)

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import PurePath
 from typing import Any, Final
 
+from vibrosweep.model.measures import OPTIONS, Measures, Option
 from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED, Parameter
 from vibrosweep.spec.messages import Mistakes, likely_parameter, nearest, quoted, shown
 from vibrosweep.spec.windows import WindowsTable, condition_names, tolerance
@@ -21,7 +22,6 @@ from vibrosweep.spec.windows import WindowsTable, condition_names, tolerance
 __all__ = [
     "DRAWN",
     "MAX_REALIZATIONS",
-    "MeasureTable",
     "SampleTable",
     "SceneTable",
     "SpecFile",
@@ -77,27 +77,13 @@ class SampleTable:
 
 
 @dataclass(frozen=True)
-class MeasureTable:
-    """[measure]."""
-
-    transient: float = 0.0
-    separation: bool = False
-    per_particle: bool = False
-    regimes: bool = False
-    lyapunov: bool = False
-    trust: bool = False
-    tolerance: float = 1e-9
-    impact_budget: int = 10_000_000
-
-
-@dataclass(frozen=True)
 class SpecFile:
     """The whole file.  None: not given."""
 
     title: str | None
     scene: SceneTable
     sample: SampleTable
-    measure: MeasureTable
+    measures: Measures
     record: SceneTable | None
     windows: WindowsTable | None
 
@@ -120,7 +106,7 @@ def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
         title=top.get("title"),
         scene=SceneTable(**_grouped(tables.get("scene", {}))),
         sample=SampleTable(**_grouped(tables.get("sample", {}))),
-        measure=MeasureTable(**tables.get("measure", {})),
+        measures=Measures(**tables.get("measure", {})),
         record=SceneTable(**_grouped(tables["record"])) if "record" in tables else None,
         windows=WindowsTable(**tables["windows"]) if "windows" in tables else None,
     )
@@ -202,10 +188,11 @@ def _positive_time(value: object) -> float:
     raise ValueError("must be a number, finite and above 0 s")
 
 
-def _transient(value: object) -> float:
-    if _is_finite_number(value) and value >= 0:  # type: ignore[operator]
-        return float(value)  # type: ignore[arg-type]
-    raise ValueError("must be a number, finite and at least 0 s")
+def _option(option: Option, kind: type, value: object) -> float:
+    right = _is_finite_number(value) and (kind is float or isinstance(value, int))
+    if right and option.accepts(value):  # type: ignore[arg-type]
+        return kind(value)  # type: ignore[no-any-return]
+    raise ValueError(f"must be {option.allowed}")
 
 
 def _launch(value: object) -> str | tuple[float, ...]:
@@ -323,16 +310,8 @@ _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
         **{name: partial(_spread, parameter) for name, parameter in PARAMETERS.items()},
     },
     "measure": {
-        "transient": _transient,
-        "separation": _flag,
-        "per_particle": _flag,
-        "regimes": _flag,
-        "lyapunov": _flag,
-        "trust": _flag,
-        "tolerance": _positive_time,
-        "impact_budget": partial(
-            _whole, " of impacts per particle, at least 1 and at most 2**62", 1, 2**62
-        ),
+        key: partial(_option, OPTIONS[key], type(default)) if key in OPTIONS else _flag
+        for key, default in vars(Measures()).items()
     },
     "record": _SCENE,
     "windows": {"conditions": condition_names, "continuation": _flag, "tolerance": tolerance},

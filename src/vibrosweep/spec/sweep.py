@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from vibrosweep.errors import SpecError
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.spec import rules as rules
 from vibrosweep.spec.messages import Mistakes
@@ -51,15 +52,8 @@ class SweepSpec:
         Number of realizations; None for a table whose length the file does not state.
     seed
         Seed of the drawn designs.
-    transient
-        Time in s before the window that measures cover.
-    separation, per_particle, regimes, lyapunov, trust
-        Whether separations are measured, output per particle is kept, orbits that repeat are
-        recognised, Lyapunov exponents are found, and error bounds are carried along.
-    tolerance
-        Error of a landing time in s up to which it is trusted.
-    impact_budget
-        Most impacts of one particle.
+    measures
+        What is measured.
     record
         The scene to record, or None.
     windows
@@ -81,14 +75,7 @@ class SweepSpec:
     columns: tuple[str, ...] | None
     realizations: int | None
     seed: int
-    transient: float
-    separation: bool
-    per_particle: bool
-    regimes: bool
-    lyapunov: bool
-    trust: bool
-    tolerance: float
-    impact_budget: int
+    measures: Measures
     record: RecordSpec | None
     windows: WindowsTable | None
 
@@ -160,16 +147,16 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
     """Apply the rules between keys; the result is sound if no mistake was noted."""
     if file.title is None:
         mistakes.add("title", 'is missing; begin with title = "..." that says what the sweep shows')
-    sample, measure = file.sample, file.measure
+    sample, begin = file.sample, file.measures.transient
     design = rules.kind(sample)
     sampled = rules.sampled(sample, mistakes)
     numbers = rules.fixed_numbers(file.scene, sample, mistakes)
     columns = rules.columns(sample, numbers, mistakes)
     varied = (*sampled, *(columns or ()))
     shared = rules.setting("scene", file.scene, Setting(), mistakes)
-    if not measure.transient < shared.duration:
+    if not begin < shared.duration:
         rule = f"must be less than scene.duration = {shared.duration} s"
-        mistakes.add("measure.transient", rule, measure.transient, involves=["scene.duration"])
+        mistakes.add("measure.transient", rule, begin, involves=["scene.duration"])
     values = {name: numbers.get(name, p.default) for name, p in PARAMETERS.items()}
     record = None
     if file.record is not None:
@@ -187,10 +174,10 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
         columns=columns,
         realizations=rules.realizations(sample, sampled, mistakes),
         seed=sample.seed,
+        measures=file.measures,
         record=record,
         windows=file.windows,
         **shared._asdict(),
-        **asdict(measure),
     )
 
 

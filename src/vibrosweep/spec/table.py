@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import TableError
+from vibrosweep.model.measures import RESERVED
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.variables import RESERVED
 from vibrosweep.spec.messages import likely_parameter
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.units import KNOWN_UNITS, factor

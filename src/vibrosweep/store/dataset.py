@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import RunError
-from vibrosweep.model.variables import Variable
+from vibrosweep.model.measures import Variable
 from vibrosweep.store.disk import Disk, replacing, undisturbed
 from vibrosweep.store.seal import append_seal
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
+from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model.measures import VARIABLES, Measures
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.model.variables import LYAPUNOV, PER_PARTICLE, REGIMES, SWEEP
 from vibrosweep.runs.result import coordinate_attributes
 
 __all__ = ["IMPACT_BUDGET", "SAMPLE_RANGES", "SAMPLE_SEED", "random_sample", "swept"]
@@ -23,8 +22,6 @@ IMPACT_BUDGET: Final = 1_000_000
 # A choice of this package: the study states no ranges for its random realizations
 SAMPLE_RANGES: Final = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
 SAMPLE_SEED: Final = 1
-
-_REGISTRY: Final = {**SWEEP, **PER_PARTICLE, **REGIMES, **LYAPUNOV}
 
 
 def random_sample(realizations: int = 200) -> dict[str, Any]:
@@ -39,11 +36,7 @@ def swept(
     particles: int = 20,
     launch: str | tuple[float, ...] = "staggered",
     duration: float = 12.0,
-    transient: float = 0.0,
-    separation: bool = False,
-    regimes: bool = False,
-    lyapunov: bool = False,
-    **parameters: ArrayLike,
+    **given: ArrayLike,
 ) -> xr.Dataset:
     """Measure a batch of realizations.
 
@@ -51,22 +44,26 @@ def swept(
     ----------
     workers
         Threads to use.
-    particles, launch, duration, transient, separation, regimes, lyapunov
+    particles, launch, duration
         As in a sweep file.
-    parameters
-        Physical parameters by their names: numbers, or arrays of shape (realization,).
+    given
+        Physical parameters by their names: numbers, or arrays of shape (realization,); and keys of
+        [measure].
 
     Returns
     -------
     xarray.Dataset
         As `vibrosweep.run` writes it, without provenance.
     """
-    given = {name: np.atleast_1d(np.asarray(v, np.float64)) for name, v in parameters.items()}
-    complete = all_parameters(given)
-    plain = record_observation(particles, launch, duration, "rest", IMPACT_BUDGET)
-    observation = replace(
-        plain, transient=transient, separation=separation, regimes=regimes, lyapunov=lyapunov
-    )
+    parameters = {
+        name: np.atleast_1d(np.asarray(v, np.float64))
+        for name, v in given.items()
+        if name in PARAMETERS
+    }
+    asked: dict[str, Any] = {n: v for n, v in given.items() if n not in PARAMETERS}
+    complete = all_parameters(parameters)
+    measures = Measures(**{"impact_budget": IMPACT_BUDGET, **asked})
+    observation = Observation(particles, launch, duration, "rest", measures)
     measured = measure(complete, observation, workers)
     coordinates = {
         name: (("realization",), values, coordinate_attributes(PARAMETERS[name]))
@@ -74,9 +71,9 @@ def swept(
     }
     return xr.Dataset(
         {
-            name: (_REGISTRY[name].dims, v, _REGISTRY[name].attributes)
+            name: (VARIABLES[name].dims, v, VARIABLES[name].attributes)
             for name, v in measured.items()
         },
-        coords={**coordinates, "duration": duration, "transient": transient},
+        coords={**coordinates, "duration": duration, "transient": measures.transient},
         attrs={"particles": particles, "rebound": "rest"},
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -10,10 +9,11 @@ import xarray as xr
 
 from vibrosweep.analysis.heights import heights_against_restitution
 from vibrosweep.analysis.sensitivity import sobol_indices
-from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.figures.restitution import height_against_restitution
 from vibrosweep.figures.sensitivity import sobol_bars
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import STAGGERED
 from vibrosweep.study.batches import IMPACT_BUDGET, SAMPLE_RANGES, swept
 from vibrosweep.study.verdict import Check, Number, Outcome, Picture
@@ -107,6 +107,6 @@ def plateau(threads: int) -> Outcome:
 
 def sensitivity(workers: Workers) -> xr.Dataset:
     """Sobol' indices of heights, flight time and separation over all parameters."""
-    plain = record_observation(5, STAGGERED, 12.0, "rest", IMPACT_BUDGET)
-    observation = replace(plain, transient=0.0, separation=True)
+    measures = Measures(separation=True, impact_budget=IMPACT_BUDGET)
+    observation = Observation(5, STAGGERED, 12.0, "rest", measures)
     return sobol_indices(RANGES, observation, workers, base=1024, seed=SEED)

@@ -1,0 +1,543 @@
+"""Every measure once: its key in a sweep file, its variables, what it requires and what it costs.
+
+Whatever else names a measure derives from here: the keys of [measure], what a spec and the engine's
+observation ask for (both hold a `Measures`), what a result declares, what stands where nothing
+could be computed, how `vibrosweep verify` judges, reserved names, and the tables of the README.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Final
+
+import numpy as np
+
+from vibrosweep.model.status import Regime, Status
+
+__all__ = [
+    "ALWAYS",
+    "MEASURES",
+    "MEASURE_OF",
+    "OF_REALIZATIONS",
+    "OPTIONS",
+    "RECORD",
+    "RESERVED",
+    "RESOLUTION",
+    "UNDETERMINED",
+    "VARIABLES",
+    "Measure",
+    "Measures",
+    "Option",
+    "Variable",
+]
+
+UNDETERMINED: Final = -1
+# Forcing periods.  A landing phase is rounded to 2**-54, and orbits that contract by 2**-12 or more
+# per impact keep the error below this; a separation that is smaller may be all rounding.
+RESOLUTION: Final = 2.0**-40
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One output variable.
+
+    Attributes
+    ----------
+    name, dims, dtype, units, long_name
+        As they stand in the dataset.
+    flags
+        (value, meaning) pairs of an integer variable that holds codes.
+    comment
+        What the long name leaves open.
+    judged
+        How `verify` judges it: a key of `vibrosweep.proof.judges.JUDGES`.
+    open_by_budget
+        Whether it is undetermined, or NaN, just where the impact budget did not suffice.
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: str
+    units: str
+    long_name: str
+    flags: tuple[tuple[int, str], ...] = ()
+    comment: str = ""
+    judged: str = "measure"
+    open_by_budget: bool = False
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """CF attributes."""
+        attributes: dict[str, Any] = {"long_name": self.long_name}
+        if self.flags:
+            attributes["flag_values"] = np.array([f[0] for f in self.flags], dtype=self.dtype)
+            attributes["flag_meanings"] = " ".join(f[1] for f in self.flags)
+        else:
+            attributes["units"] = self.units
+        if self.comment:
+            attributes["comment"] = self.comment
+        return attributes
+
+
+@dataclass(frozen=True)
+class Measure:
+    """What a key of [measure] has measured.
+
+    Attributes
+    ----------
+    meaning
+        What it is, in a few words.
+    cost
+        What it adds to the time of a sweep that measures nothing else.
+    variables
+        What a result then holds.
+    requires
+        Keys of other measures that are measured with it.
+    """
+
+    meaning: str
+    cost: str
+    variables: tuple[Variable, ...]
+    requires: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Option:
+    """A number in [measure].
+
+    Attributes
+    ----------
+    meaning, units
+        What it is.
+    allowed, accepts
+        Its range, in words and as a function of a finite number.
+    """
+
+    meaning: str
+    units: str
+    allowed: str
+    accepts: Callable[[float], bool]
+
+
+_R = ("realization",)
+_RP = ("realization", "particle")
+_RPI = ("realization", "particle", "impact")
+_UNDECIDED = ((UNDETERMINED, "undetermined"),)
+_STATUS = tuple((int(s), s.meaning) for s in Status)
+_AFTER_LANDINGS = "flights that follow the landings in the window; NaN without any"
+_WITHOUT = "0 where no recurrence was found"
+_NO_ORBIT = "-1 where no recurrence was found"
+_BOUND = (
+    "against the exact model; infinite where rounding may have changed a decision, NaN where the "
+    "impact budget does not reach the end; on which side of the beginning of the window a landing "
+    "falls is not judged"
+)
+
+
+def _real(
+    name: str, dims: tuple[str, ...], units: str, long_name: str, comment: str = "", **more: Any
+) -> Variable:
+    return Variable(name, dims, "float64", units, long_name, comment=comment, **more)
+
+
+def _count(
+    name: str, dims: tuple[str, ...], long_name: str, comment: str = "", **more: Any
+) -> Variable:
+    return Variable(name, dims, "int64", "1", long_name, comment=comment, **more)
+
+
+def _code(
+    name: str,
+    dims: tuple[str, ...],
+    long_name: str,
+    flags: tuple[tuple[int, str], ...],
+    comment: str = "",
+    **more: Any,
+) -> Variable:
+    return Variable(name, dims, "int8", "1", long_name, flags, comment, **more)
+
+
+# Of the landings in the window, [transient, duration]; of all particles, and of each where asked.
+_STATISTICS: Final = (
+    _count("impact_count", _R, "landings", judged="total"),
+    _count("rest_count", _R, "landings after which the particle rested", judged="total"),
+    _real("rebound_height_mean", _R, "m", "mean rebound height", _AFTER_LANDINGS),
+    _real(
+        "rebound_height_max",
+        _R,
+        "m",
+        "maximum rebound height",
+        f"{_AFTER_LANDINGS}; the launch is left out",
+        judged="greatest",
+    ),
+    _real("flight_time_mean", _R, "s", "mean flight time", _AFTER_LANDINGS),
+)
+
+ALWAYS: Final = (
+    *_STATISTICS,
+    _count("at_rest_count", _R, "particles that came to rest for good", judged="total"),
+    _real(
+        "flight_height_max",
+        _R,
+        "m",
+        "maximum height of any flight",
+        "the launch is counted where it falls into the window",
+    ),
+    _code(
+        "status",
+        _R,
+        "worst status of the particles",
+        _STATUS,
+        " ".join(f"{s.meaning}: {s.sentence}" for s in Status),
+        judged="greatest",
+    ),
+)
+
+_SEPARATION: Final = Measure(
+    "time between landings of different particles, and whether two were on the base at once",
+    "0.4 to 2 times as much again per particle",
+    (
+        _real(
+            "dt_min",
+            _R,
+            "s",
+            "smallest separation between landings of different particles",
+            "NaN where no two particles land, or the impact budget does not reach the end",
+        ),
+        _code(
+            "dt_min_resolved",
+            _R,
+            "dt_min is above the resolution of the arithmetic",
+            (*_UNDECIDED, (0, "below_resolution"), (1, "resolved")),
+            f"below {RESOLUTION:.1g} forcing periods, rounding alone can make two particles one: "
+            "they approach each other without limit, or leave a rest together",
+            judged="resolved",
+        ),
+        _real(
+            "dt_min_same_index",
+            _R,
+            "s",
+            "smallest separation between landings of different particles with equal impact number",
+            "NaN where no two particles have a landing of the same number in the window",
+        ),
+        _code(
+            "base_shared",
+            _R,
+            "two particles were on the base at once",
+            (*_UNDECIDED, (0, "never"), (1, "shared")),
+            "each stay lasts from landing to lift-off, at least the contact time",
+            open_by_budget=True,
+        ),
+        _code(
+            "collision_free",
+            _R,
+            "no two particles were ever on the base at once",
+            (*_UNDECIDED, (0, "collisions"), (1, "collision_free")),
+            judged="negation",
+        ),
+    ),
+)
+
+_PER_PARTICLE: Final = Measure(
+    "the same statistics of each particle",
+    "memory and disk only",
+    (
+        *(
+            replace(
+                v,
+                name=f"particle_{v.name}",
+                dims=_RP,
+                long_name=f"{v.long_name} of each particle",
+                judged="measure",
+            )
+            for v in _STATISTICS
+        ),
+        _code(
+            "particle_at_rest",
+            _RP,
+            "the particle came to rest for good",
+            (*_UNDECIDED, (0, "bouncing"), (1, "at_rest")),
+        ),
+        _code("particle_status", _RP, "status of the particle", _STATUS),
+    ),
+)
+
+_REGIMES: Final = Measure(
+    "what the orbit of each particle has become",
+    "COST",
+    (
+        *(
+            _count(
+                f"{regime.meaning}_count",
+                _R,
+                f"particles whose regime is {regime.meaning}",
+                regime.sentence,
+                judged="regime_count",
+            )
+            for regime in Regime
+            if regime != Regime.AT_REST  # always counted
+        ),
+        _count(
+            "uncertain_cycle_count",
+            _R,
+            "particles whose cycle rounding may have decided",
+            "see cycle_uncertain",
+            judged="uncertain_count",
+        ),
+        _code(
+            "regime",
+            _RP,
+            "regime of the particle's orbit",
+            (*_UNDECIDED, *((int(r), r.meaning) for r in Regime)),
+            "; ".join(f"{r.meaning}: {r.sentence}" for r in Regime),
+            judged="regime",
+        ),
+        _count("cycle_impacts", _RP, "impacts in a cycle", _WITHOUT, judged="cycle"),
+        _count("cycle_periods", _RP, "forcing periods in a cycle", _WITHOUT, judged="cycle"),
+        _count("cycle_rests", _RP, "rests in a cycle", _WITHOUT, judged="cycle"),
+        _code(
+            "cycle_uncertain",
+            _RP,
+            "rounding may have changed a decision along the cycle",
+            ((UNDETERMINED, "no_cycle"), (0, "certain"), (1, "uncertain")),
+            "the bound of the error along the cycle reaches the distance of a landing from the "
+            "threshold of rest: the exact model may have another cycle",
+            judged="uncertain",
+        ),
+        _real(
+            "recurrent_from",
+            _RP,
+            "s",
+            "time at which the orbit had entered its cycle at the latest",
+            "NaN where no recurrence was found",
+            judged="recurrent_from",
+        ),
+    ),
+)
+
+_LYAPUNOV: Final = Measure(
+    "Lyapunov exponents, distinct orbits and slots",
+    "COST",
+    (
+        _real(
+            "lyapunov_max",
+            _R,
+            "1",
+            "largest Lyapunov exponent per impact of any particle",
+            "of the particles with landings in the window",
+            judged="exponent_max",
+        ),
+        _count(
+            "orbit_count", _R, "distinct orbits that particles settled on", judged="orbit_count"
+        ),
+        _count(
+            "slot_count",
+            _R,
+            "distinct slots, of all orbits, that particles occupy",
+            judged="slot_count",
+        ),
+        _real(
+            "lyapunov_largest",
+            _RP,
+            "1",
+            "largest Lyapunov exponent per impact",
+            "from the multipliers of the cycle, else the mean over the landings in the window; "
+            "-inf where the orbit rests; NaN without landings in the window",
+            judged="exponent",
+        ),
+        _real(
+            "lyapunov_largest_error",
+            _RP,
+            "1",
+            "standard error of the largest Lyapunov exponent",
+            "from the means of blocks of impacts; of a cycle, its rounding error, infinite where "
+            "the cycle is uncertain",
+            judged="exponent_error",
+        ),
+        _real(
+            "lyapunov_sum",
+            _RP,
+            "1",
+            "sum of both Lyapunov exponents per impact",
+            "the logarithm of the restitution, but -inf where the orbit rests; NaN without "
+            "landings in the window",
+            judged="exponent_sum",
+        ),
+        _real(
+            "lyapunov_sum_error",
+            _RP,
+            "1",
+            "bound of the rounding error of the sum of both Lyapunov exponents",
+            "infinite where the cycle is uncertain",
+            judged="exponent_sum_error",
+        ),
+        _count(
+            "orbit",
+            _RP,
+            "number of the particle's orbit within the realization",
+            _NO_ORBIT,
+            judged="orbit",
+        ),
+        _count(
+            "slot",
+            _RP,
+            "which of the copies of its orbit, shifted by whole periods, the particle is on",
+            _NO_ORBIT,
+            judged="slot",
+        ),
+    ),
+    requires=("regimes",),  # the exponents of a cycle are those of its multipliers
+)
+
+_TRUST: Final = Measure(
+    "bounds of the errors of landings",
+    "COST",
+    (
+        _real(
+            "landing_time_error",
+            _R,
+            "s",
+            "bound of the error of every landing time",
+            _BOUND,
+            judged="bound",
+            open_by_budget=True,
+        ),
+        _real(
+            "rebound_velocity_error",
+            _R,
+            "m s-1",
+            "bound of the error of every rebound velocity",
+            _BOUND,
+            judged="bound",
+        ),
+        _real(
+            "trusted_until",
+            _RP,
+            "s",
+            "time up to which every landing is known to measure.tolerance",
+            "the duration where all are; NaN where none is; no further than the impact budget "
+            "reaches",
+            judged="trusted_until",
+        ),
+    ),
+)
+
+
+def _key(default: Any, entry: Measure | Option) -> Any:
+    return field(default=default, metadata={"entry": entry})
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What is measured: the keys of [measure] with their defaults, each with its entry.
+
+    What a measure requires is measured with it.
+    """
+
+    transient: float = _key(
+        0.0,
+        Option(
+            "beginning of the window that measures cover",
+            "s",
+            "a number, finite and at least 0 s",
+            lambda time: time >= 0.0,
+        ),
+    )
+    separation: bool = _key(False, _SEPARATION)
+    per_particle: bool = _key(False, _PER_PARTICLE)
+    regimes: bool = _key(False, _REGIMES)
+    lyapunov: bool = _key(False, _LYAPUNOV)
+    trust: bool = _key(False, _TRUST)
+    tolerance: float = _key(
+        1e-9,
+        Option(
+            "error of a landing time up to which it is trusted",
+            "s",
+            "a number, finite and above 0 s",
+            lambda error: error > 0.0,
+        ),
+    )
+    impact_budget: int = _key(
+        10_000_000,
+        Option(
+            "impacts after which a particle is given up, rounded up to a multiple of 6",
+            "1",
+            "a whole number of impacts per particle, at least 1 and at most 2**62",
+            lambda number: 1 <= number <= 2**62,
+        ),
+    )
+
+    def __post_init__(self) -> None:
+        for key in MEASURES:
+            if getattr(self, key):
+                self._ask(key)
+
+    def _ask(self, key: str) -> None:
+        object.__setattr__(self, key, True)
+        for other in MEASURES[key].requires:
+            self._ask(other)
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """What is measured, in the order of a result."""
+        asked = (measure for key, measure in MEASURES.items() if getattr(self, key))
+        return (*ALWAYS, *(variable for measure in asked for variable in measure.variables))
+
+
+_ENTRIES: Final = {one.name: one.metadata["entry"] for one in fields(Measures)}
+MEASURES: Final[Mapping[str, Measure]] = {
+    key: entry for key, entry in _ENTRIES.items() if isinstance(entry, Measure)
+}
+OPTIONS: Final[Mapping[str, Option]] = {
+    key: entry for key, entry in _ENTRIES.items() if isinstance(entry, Option)
+}
+
+# Every variable that a sweep may measure
+VARIABLES: Final[Mapping[str, Variable]] = {
+    v.name: v for v in Measures(**dict.fromkeys(MEASURES, True)).variables
+}
+# The key that has a variable measured, of those that are not always
+MEASURE_OF: Final[Mapping[str, str]] = {
+    v.name: key for key, measure in MEASURES.items() for v in measure.variables
+}
+# What a realization has one number of, whatever asked for it
+OF_REALIZATIONS: Final[Mapping[str, Variable]] = {
+    name: variable for name, variable in VARIABLES.items() if variable.dims == _R
+}
+
+# Every landing, for small scenes.
+RECORD: Final[Mapping[str, Variable]] = {
+    v.name: v
+    for v in (
+        _real("landing_time", _RPI, "s", "time of landing"),
+        _real(
+            "liftoff_time",
+            _RPI,
+            "s",
+            "time of lift-off",
+            "equal to the landing unless the particle rests; NaN where it rests for good",
+        ),
+        _real(
+            "rebound_velocity",
+            _RPI,
+            "m s-1",
+            "speed at lift-off",
+            "NaN where the particle rests for good",
+        ),
+        _code(
+            "rested",
+            _RPI,
+            "the particle rested after the landing",
+            ((0, "bounced"), (1, "rested")),
+        ),
+        _count("impact_count", _RP, "landings of the particle"),
+        _code("status", _RP, "status of the particle", _STATUS),
+    )
+}
+
+# Names of a result that no label of a table may take
+RESERVED: Final = frozenset(
+    {*VARIABLES}
+    | {"realization", "particle", "impact", "launch_time", "duration", "transient", "record"}
+)
