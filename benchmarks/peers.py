@@ -14,10 +14,9 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
-from accuracy import write_section
 from methods import compiled, ensembles, flights
 from methods.contest import available, measure, write_table
-from methods.peers_report import draw, read_rows, section
+from methods.peers_report import draw, publish, read_rows
 from methods.scenes import Point
 from methods.sweeps import SWEEPS
 from vibrosweep.runs.driver import available_threads
@@ -66,7 +65,7 @@ def main() -> None:
     write_table(points + bare_points(threads, missing), missing, TABLE)
     rows = read_rows(TABLE)
     draw(rows, PICTURE)
-    write_section("peers", section(rows, origin(threads, missing)), ROOT / "README.md")
+    publish(rows, origin(threads, missing))
 
 
 if __name__ == "__main__":

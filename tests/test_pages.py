@@ -16,9 +16,8 @@ MADE = ("claims/", "pictures/")  # by the commands of a page
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_files_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
-    named = set(
-        re.findall(r"`(?:python )?((?:\.?\w+/)+(?:[\w-]+\.(?:py|toml|md|json))?)[ `]", text)
-    )
+    path = r"(?:\.?\w+/)+(?:[\w-]+\.(?:py|toml|md|json))?"
+    named = set(re.findall(rf"`(?:python )?({path})[ `]", text))
     named |= {link.partition("#")[0] for link in re.findall(r"\]\((?!http)([^)]+)\)", text)}
     homes = (ROOT, PACKAGE, page.parent)
     missing = {name for name in named if not any((home / name).exists() for home in homes)}

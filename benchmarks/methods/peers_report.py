@@ -11,10 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from accuracy import table
+from accuracy import table, write_section
 from methods.ensembles import NOTHING_SKIPPED, RECORD, STATISTICS
 from methods.figure import STYLE, TEXT
 from methods.sweeps import SWEEPS
+
+README = Path(__file__).parents[2] / "README.md"
 
 Row = dict[str, str]
 
@@ -101,6 +103,11 @@ def section(rows: list[Row], origin: str) -> str:
     below = BELOW.format(proved=proved, threads=threads, agreement=agreement(rows))
     paragraphs = [ABOVE, PICTURE, peers_table(rows), below, bare_sentence(rows), origin]
     return "\n\n".join(_wrapped(text) for text in paragraphs if text)
+
+
+def publish(rows: list[Row], origin: str) -> None:
+    """Replace the section of the README."""
+    write_section("peers", section(rows, origin), README)
 
 
 def _wrapped(text: str) -> str:
