@@ -15,7 +15,7 @@ LONGEST_FILE = 350  # lines
 LONGEST_BODY = 60  # lines of a function, without its docstring
 MOST_PARAMETERS = 8
 LONGER_FILES = {
-    "model/variables.py": "one entry for each variable",
+    "model/measures.py": "one entry for each measure and variable",
     "proof/judges.py": "one judge for each variable",
 }
 CLAIM = "computes a claim and then says what came out, step by step"
