@@ -212,6 +212,8 @@ def test_without_restitution_the_exponents_sum_to_minus_infinity(parameters, set
     assert np.all(found["total"] == -np.inf)
     assert np.all(found["total_error"] == 0.0)
     assert np.isfinite(found["largest"]).any()
+    nothing = settled(parameters(restitution=0.0, launch_velocity=60.0), 5.0)
+    assert np.isnan(nothing["total"]).all()
 
 
 @pytest.mark.parametrize(("e", "amplitude"), [(0.8, 1.0), (0.9, 1.2)])

@@ -202,7 +202,8 @@ def _write_exponents(
     """Write both exponents of a trajectory, each with its error."""
     out.largest[t], out.largest_error[t] = largest
     out.total[t], out.total_error[t] = total
-    if contraction(fixed, 0.0) == 0.0:  # every impact loses one dimension
+    # every impact loses one dimension; without any nothing is known
+    if contraction(fixed, 0.0) == 0.0 and not np.isnan(total[0]):
         out.total[t], out.total_error[t] = -np.inf, 0.0
 
 
