@@ -212,8 +212,8 @@ def test_threads_and_tasks_do_not_change_a_bit(
         tolerance=1e-9,
     )
     results = []
-    for threads, trajectories in ((1, 8192), (2, 8192), (2, 1), (3, 17), (3, 130)):
-        monkeypatch.setattr(trajectories, "TRAJECTORIES_PER_TASK", trajectories)
+    for threads, size in ((1, 8192), (2, 8192), (2, 1), (3, 17), (3, 130)):
+        monkeypatch.setattr(trajectories, "TRAJECTORIES_PER_TASK", size)
         with Workers(threads) as workers:
             results.append(measure(scene, observation, workers))
     for other in results[1:]:
