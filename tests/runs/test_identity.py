@@ -83,6 +83,8 @@ def test_every_field_is_in_the_identity_or_cannot_change_a_number(spec, tmp_path
         value = getattr(spec, field.name)
         others = [(n, o) for n, o in changed(value) if (field.name, n, o) != ("table", "", 1)]
         for name, other in others:
+            if other == value:  # what another measure requires cannot be left out
+                continue
             now = identity(replace(spec, **{field.name: other}))
             assert (now != before) is (field.name not in EXEMPT), f"{field.name}{name}"
 

@@ -45,15 +45,10 @@ from vibrosweep.kernels.statistics import (
     write,
 )
 from vibrosweep.model.parameters import Dimensionless
-from vibrosweep.model.status import Status
 
 __all__ = ["LOOK_AFTER", "Options", "advance"]
 
 LOOK_AFTER = 6  # impacts between two checks of which lanes are done
-
-COMPLETED = int(Status.COMPLETED)
-BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
-NON_FINITE = int(Status.NON_FINITE)
 
 
 class Options(NamedTuple):
@@ -181,23 +176,6 @@ def _load(
 
 
 @jit
-def _finish(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -> None:
-    """Write statistics and status of the trajectory in place j to its own slot."""
-    lane = int(s[ROW.LANE + j]) if j >= 0 else -1
-    if lane < 0:  # never, which spares the compiler the look at it for each index below
-        return
-    write(s, j, lane, window, out)
-    out.status[lane] = COMPLETED
-    if s[ROW.DONE + j] == SPENT:
-        flight, _ = fly(take(base, s, j), s[ROW.X + j], s[ROW.U + j])
-        x, passed = land(s[ROW.X + j], flight)
-        if s[ROW.N + j] + passed <= s[ROW.X_END + j] - x:
-            out.status[lane] = BUDGET_EXCEEDED
-    if not np.isfinite(s[RUNNING.SQUARES + j]):
-        out.status[lane] = NON_FINITE
-
-
-@jit
 def _close_gaps(s: Floats, lanes: int, places: Integers, fresh: int, done: int) -> int:
     """Move the last lanes into the gaps that were not refilled; return the number of lanes left."""
     for q in range(done - 1, fresh - 1, -1):  # from the last gap to the first
@@ -262,7 +240,7 @@ def advance(
         fresh = min(done, last - following)
         for q in range(fresh):
             lane = following + q
-            if i < 0 or p < 0 or places[q] < 0:  # never, see `_finish`
+            if i < 0 or p < 0 or places[q] < 0:  # never, see `write`
                 return 0
             start = launch(launches, i, p, problem.phase[i])
             _load(s, places[q], lane, start, watch, window, cycles, patience)
@@ -299,5 +277,5 @@ def advance(
                 places[done] = j
                 done += 1
         for q in range(done):
-            _finish(s, places[q], base, window, out)
+            write(s, places[q], base, window, out)
     return 0

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel, prefetch
-from vibrosweep.kernels.impact import Impact
-from vibrosweep.kernels.lanes import ROW, ROWS, STRIDE, aligned
+from vibrosweep.kernels.bases import Base, fly, take
+from vibrosweep.kernels.impact import Impact, land
+from vibrosweep.kernels.lanes import ROW, ROWS, SPENT, STRIDE, aligned
+from vibrosweep.model.status import Status
 
 __all__ = [
     "OF_CYCLE",
@@ -37,6 +39,10 @@ __all__ = [
 ]
 
 LINE = 8  # numbers in a cache line
+
+COMPLETED = int(Status.COMPLETED)
+BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
+NON_FINITE = int(Status.NON_FINITE)
 
 
 class Statistics(NamedTuple):
@@ -190,8 +196,12 @@ def repeat(s: Floats, j: int, times: float) -> None:
 
 
 @jit
-def write(s: Floats, j: int, lane: int, window: int | None, out: Statistics) -> None:
-    """Write the statistics of the trajectory in place j, but its status, to its own slot."""
+def write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -> None:
+    """Write the statistics of the trajectory in place j to its own slot."""
+    # all in one function: with a second one inside, numba counts references at every call
+    lane = int(s[ROW.LANE + j]) if j >= 0 else -1
+    if lane < 0:  # never, which spares the compiler the look at it for each index below
+        return
     out.landings[lane] = int(s[RUNNING.LANDINGS + j])
     out.rests[lane] = int(s[RUNNING.RESTS + j])
     out.flight_sum[lane] = s[RUNNING.SUM + j]
@@ -201,6 +211,14 @@ def write(s: Floats, j: int, lane: int, window: int | None, out: Statistics) -> 
     if window is None:  # it may have come after the end, but not where it was counted
         for_good = for_good and s[RUNNING.RESTS + j] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
+    out.status[lane] = COMPLETED
+    if s[ROW.DONE + j] == SPENT:
+        flight, _ = fly(take(base, s, j), s[ROW.X + j], s[ROW.U + j])
+        x, passed = land(s[ROW.X + j], flight)
+        if s[ROW.N + j] + passed <= s[ROW.X_END + j] - x:
+            out.status[lane] = BUDGET_EXCEEDED
+    if not np.isfinite(s[RUNNING.SQUARES + j]):
+        out.status[lane] = NON_FINITE
 
 
 @kernel
