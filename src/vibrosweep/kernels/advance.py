@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
+from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel, wide_vectors
 from vibrosweep.kernels.bases import Base, Scene, fly, lift_off, put, rebound, scene, take
 from vibrosweep.kernels.cycles import (
     FIRST_ANCHOR,
@@ -77,6 +77,7 @@ class Watch(NamedTuple):
 @jit
 def _step(s: Floats, lanes: int, base: Base, window: int | None) -> None:
     """One impact of every lane; a lane past its end goes on harmlessly and counts nothing."""
+    wide_vectors()
     for j in range(lanes):
         fixed = take(base, s, j)
         flight, v = fly(fixed, s[ROW.X + j], s[ROW.U + j])
@@ -103,6 +104,7 @@ def _step(s: Floats, lanes: int, base: Base, window: int | None) -> None:
 @jit
 def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
     """Mark the lanes that have ended, returned or spent their budget; move anchors that are due."""
+    wide_vectors()
     for j in range(lanes):
         s[ROW.AGE + j] += LOOK_AFTER
         # sums of sums, which over a long orbit are rounded a sixth as often

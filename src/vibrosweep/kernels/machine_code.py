@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from numba import njit
 
-from vibrosweep.kernels._jit import OPTIONS, Floats
+from vibrosweep.kernels._jit import OPTIONS, Floats, wide_vectors
 from vibrosweep.kernels.sine import sin_turns
 
 __all__ = ["MachineCode", "inspect_sine", "read_assembly"]
@@ -51,5 +51,6 @@ def read_assembly(assembly: str) -> MachineCode:
 
 
 def _sines(x: Floats, out: Floats) -> None:
+    wide_vectors()
     for i in range(x.size):
         out[i] = sin_turns(x[i])

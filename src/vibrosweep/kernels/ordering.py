@@ -67,6 +67,7 @@ class Workspace(NamedTuple):
     listed: Floats
     cells: Places
     rests: Floats
+    pace: Floats
 
 
 def workspace(particles: int) -> Workspace:
@@ -80,6 +81,7 @@ def workspace(particles: int) -> Workspace:
         listed=np.zeros((2 * ORDERED, capacity)),
         cells=np.zeros((2, capacity + 1), np.int32),
         rests=np.zeros(PERIODS_REMEMBERED),
+        pace=np.zeros(particles),
     )
 
 

@@ -129,13 +129,13 @@ def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
         who = int(listed[LIST.WHO, q])
         if who < 0:
             before = (begin[0] - listed[LIST.WHOLE, q]) + (begin[1] - listed[LIST.PHASE, q])
-            cycle = joint.impacts * joint.pace[-1 - who]
+            cycle = joint.impacts * work.pace[-1 - who]
             times = min(times, np.floor(before / cycle) - 1.0)
     if times > 0.0:
         for block in range(work.lanes.size):
             s = work.state[block]
             for j in range(work.lanes[block]):
-                s[STATE.N + j] += times * np.rint(joint.impacts * joint.pace[int(s[STATE.WHO + j])])
+                s[STATE.N + j] += times * np.rint(joint.impacts * work.pace[int(s[STATE.WHO + j])])
 
 
 @jit
@@ -172,7 +172,7 @@ def same_index(
     number, repeated, early = 0, 0, 0
     lift_offs = _followed_by_landings(fixed, window, begin, x_end)
     state, listed, cells, rests = work.state, work.listed, work.cells, work.rests
-    lanes_of, pace = work.lanes, joint.pace
+    lanes_of, pace = work.lanes, work.pace
     rests[:] = np.inf
     n, x, span, moved = -np.inf, 0.0, 0.0, 0.0
     while gap > 0.0:

@@ -84,7 +84,7 @@ def _window(
     """Window of realization i in which every gap and stay occurs."""
     begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
     x_end = problem.end_phase[i]
-    joint, opening, end = no_joint(pace), begin, (0.0, x_end)
+    joint, opening, end = no_joint(), begin, (0.0, x_end)
     if cycles.size == 0:
         return True, joint, opening, end
     joint = joint_cycle(cycles, i * particles, pace)
@@ -149,9 +149,8 @@ def separate(
         Only the slots of these realizations are written.
     """
     particles = batch.launches.whole.shape[1]
-    pace = np.empty(particles)
     for i in range(span[0], span[1]):
         if complete[i]:
-            found = _window(batch.problem, i, particles, budget, window, cycles, pace)
+            found = _window(batch.problem, i, particles, budget, window, cycles, work.pace)
             if found[0]:
                 _separate(batch, i, found, window, work, out)
