@@ -13,8 +13,6 @@ __all__ = ["find_equal"]
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-AT_ONCE = Launches(np.zeros((1, 1)), np.zeros((1, 1)))  # the same for all
-
 
 def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Places | None:
     """Find realizations that are the same problem.
@@ -31,12 +29,8 @@ def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Plac
     numpy.ndarray or None
         For each realization the first one that is the same; None where all differ.
     """
-    if _firsts([problem.kick], AT_ONCE) is None:  # as is plain where they are drawn
+    if any(np.unique(column).size == column.size for column in problem):  # as where they are drawn
         return None
-    return _firsts([*problem, *others], launch)
-
-
-def _firsts(columns: list[Array], launch: Launches) -> Places | None:
-    """The first place that agrees in all columns and launches, for each; None where all differ."""
-    first = np.empty(columns[0].size, np.int64)
-    return first if first_of_each(np.stack(columns), launch, first) < first.size else None
+    columns = np.stack([*problem, *others])
+    first = np.empty(columns.shape[1], np.int64)
+    return first if first_of_each(columns, launch, first) < first.size else None

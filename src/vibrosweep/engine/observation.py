@@ -68,8 +68,8 @@ class Observation:
         return -(-self.impact_budget // LOOK_AFTER) * LOOK_AFTER
 
     @property
-    def window(self) -> int | None:
-        """1 where landings before the window are possible, else None: kernels compile that out."""
+    def windowed(self) -> bool:
+        """Whether landings before the window are possible."""
         starts_late = self.transient > 0.0
         early_launch = not isinstance(self.launch, str) and min(self.launch) < self.transient
-        return 1 if starts_late or early_launch else None
+        return starts_late or early_launch

@@ -76,7 +76,10 @@ class Watch(NamedTuple):
 
 @jit
 def _step(s: Floats, lanes: int, base: Base, window: int | None) -> None:
-    """One impact of every lane; a lane past its end goes on harmlessly and counts nothing."""
+    """One impact of every lane; a lane past its end goes on harmlessly and counts nothing.
+
+    Without a window, None, what looks at its beginning is not compiled.
+    """
     wide_vectors()
     for j in range(lanes):
         fixed = take(base, s, j)
@@ -152,7 +155,7 @@ def _load(
     lane: int,
     start: Instant,
     watch: Watch,
-    window: int | None,
+    windowed: bool,
     cycles: Cycles | None,
     patience: float,
 ) -> None:
@@ -164,7 +167,7 @@ def _load(
     s[ROW.U + j] = watch.flight
     put(watch.fixed, s, j)
     s[ROW.X_END + j] = x_end
-    if window is not None:
+    if windowed:
         n_begin, x_begin = watch.begin
         s[ROW.N_BEGIN + j] = n_begin - n_end
         s[ROW.X_BEGIN + j] = x_begin
@@ -193,7 +196,7 @@ def advance(
     span: tuple[int, int, int],
     batch: Batch,
     options: Options,
-    window: int | None,
+    windowed: bool,
     s: Floats,
     out: Statistics,
     cycles: Cycles | None,
@@ -211,8 +214,8 @@ def advance(
         what the call before returned.  With none to begin, those that are under way are finished.
     batch : vibrosweep.kernels.impact.Batch
     options : Options
-    window
-        None, or 1 for a window that begins after the launch; chosen at compile time.
+    windowed
+        Whether the window may begin after a launch.
     s
         From `scratch`; not shared between threads.
     out : Statistics
@@ -246,7 +249,7 @@ def advance(
             if i < 0 or p < 0 or places[q] < 0:  # never, see `write`
                 return 0
             start = launch(launches, i, p, problem.phase[i])
-            _load(s, places[q], lane, start, watch, window, cycles, patience)
+            _load(s, places[q], lane, start, watch, windowed, cycles, patience)
             expect(out, lane)
             p += 1
             if p == particles:
@@ -259,7 +262,10 @@ def advance(
         # whole vectors only: the places behind the last lane hold stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for _ in range(LOOK_AFTER):
-            _step(s, padded, base, window)
+            if windowed:
+                _step(s, padded, base, 1)
+            else:
+                _step(s, padded, base, None)
         _mark(s, padded, options.budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:
@@ -271,7 +277,7 @@ def advance(
                     later = has_returned(s, j)
                     if later and (options.all_cycles == 1 or saves_work(s, j, options.jump)):
                         realization = int(s[ROW.LANE + j]) // particles
-                        close_cycle(s, j, realization, base, window, options.jump, cycles, rests)
+                        close_cycle(s, j, realization, base, windowed, options.jump, cycles, rests)
                     elif later:
                         forget_anchor(s, j)
                     if s[ROW.AGE + j] < options.budget:
@@ -280,5 +286,5 @@ def advance(
                 places[done] = j
                 done += 1
         for q in range(done):
-            write(s, places[q], base, window, out)
+            write(s, places[q], base, windowed, out)
     return 0

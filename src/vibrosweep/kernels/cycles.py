@@ -143,14 +143,14 @@ def _count_cycle(s: Floats, j: int, realization: int, fixed: Scene, rests: Rests
 
 
 @jit
-def _jump(s: Floats, j: int, window: int | None) -> bool:
+def _jump(s: Floats, j: int, windowed: bool) -> bool:
     """Pass over whole cycles of lane j; return whether they were the last ones.
 
     The landings that are passed over are all inside the window, or all before it.
     """
     periods = s[ROW.CYCLE_PERIODS + j]
     n, x = s[ROW.N + j], s[ROW.X + j]
-    if window is not None:
+    if windowed:
         begin = s[ROW.N_BEGIN + j] - n + (s[ROW.X_BEGIN + j] - x)
         if begin > -MARGIN:
             times = np.floor((begin - MARGIN) / periods)
@@ -194,7 +194,7 @@ def close_cycle(
     j: int,
     realization: int,
     base: Base,
-    window: int | None,
+    windowed: bool,
     jump: int,
     cycles: Cycles,
     rests: Rests,
@@ -205,7 +205,7 @@ def close_cycle(
     ----------
     s, j, realization
         Scratch memory, lane, and which realization it is of.
-    base, window
+    base, windowed
         As in `vibrosweep.kernels.advance.advance`.
     jump
         1 where cycles are to be passed over.
@@ -218,7 +218,7 @@ def close_cycle(
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
     rested = s[ROW.RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
-    if window is None and rested > 0.0 and not jumps:
+    if not windowed and rested > 0.0 and not jumps:
         # from rest to rest there is but one orbit, so many times since the anchor
         impacts = age - 0.5 * s[ROW.NEXT_ANCHOR + j]
         found = impacts / rested, since / rested, 1.0
@@ -227,7 +227,7 @@ def close_cycle(
             _count_cycle(s, j, realization, take(base, s, j), rests)
         found = s[ROW.CYCLE_IMPACTS + j], s[ROW.CYCLE_PERIODS + j], s[ROW.CYCLE_RESTS + j]
         if jumps:
-            last = _jump(s, j, window)
+            last = _jump(s, j, windowed)
             if last:
                 s[ROW.AGE + j] = -np.inf  # what is left is less than a cycle
     lane = int(s[ROW.LANE + j])

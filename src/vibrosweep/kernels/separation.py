@@ -54,12 +54,12 @@ def empty_separations(realizations: int) -> Separations:
 
 @jit
 def _until(
-    window: int | None, begin: Instant, x_end: float, joint: Joint
+    windowed: bool, begin: Instant, x_end: float, joint: Joint
 ) -> tuple[Instant, Instant]:
     """Window of two joint cycles, at most, in which every gap and stay of the true one occurs."""
     n_begin, n_end = begin[0], 0.0
     known = joint.known
-    if window is not None:
+    if windowed:
         shift = np.floor((n_begin - known) / joint.periods) * joint.periods
         if shift > 0.0:
             n_begin, n_end = n_begin - shift, -shift
@@ -77,7 +77,7 @@ def _window(
     i: int,
     particles: int,
     budget: int,
-    window: int | None,
+    windowed: bool,
     cycles: Cycles,
     pace: Floats,
 ) -> Window:
@@ -89,13 +89,13 @@ def _window(
         return True, joint, opening, end
     joint = joint_cycle(cycles, i * particles, pace)
     if joint.impacts > 0:
-        opening, end = _until(window, begin, x_end, joint)
+        opening, end = _until(windowed, begin, x_end, joint)
     return affordable(cycles, i * particles, particles, end[0], budget), joint, opening, end
 
 
 @jit
 def _separate(
-    batch: Batch, i: int, found: Window, window: int | None, work: Workspace, out: Separations
+    batch: Batch, i: int, found: Window, windowed: bool, work: Workspace, out: Separations
 ) -> None:
     """Measure realization i."""
     _, joint, opening, end = found
@@ -103,11 +103,11 @@ def _separate(
     fixed = scene(batch.base, problem, i)
     begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
     start(work, batch, i)
-    same, together = same_index(fixed, window, begin, problem.end_phase[i], work, joint)
+    same, together = same_index(fixed, windowed, begin, problem.end_phase[i], work, joint)
     gap, shared = 0.0, 1
     if not together:
         start(work, batch, i)
-        gap, shared = all_landings(fixed, window, opening, end, earliest(fixed, work), work)
+        gap, shared = all_landings(fixed, windowed, opening, end, earliest(fixed, work), work)
     out.shared[i] = shared
     if shared != UNKNOWN:
         out.gap[i] = gap if gap < np.inf else np.nan
@@ -120,7 +120,7 @@ def separate(
     batch: Batch,
     complete: NDArray[np.bool_],
     budget: int,
-    window: int | None,
+    windowed: bool,
     work: Workspace,
     cycles: Cycles,
     out: Separations,
@@ -137,8 +137,8 @@ def separate(
         is not measured, and what stands in `out` is left there.
     budget
         Landings of a particle up to which a realization is measured.
-    window
-        None, or 1 for a window that begins after the launch; chosen at compile time.
+    windowed
+        Whether the window may begin after a launch.
     work : Workspace
         Not shared between threads.
     cycles
@@ -151,6 +151,6 @@ def separate(
     particles = batch.launches.whole.shape[1]
     for i in range(span[0], span[1]):
         if complete[i]:
-            found = _window(batch.problem, i, particles, budget, window, cycles, work.pace)
+            found = _window(batch.problem, i, particles, budget, windowed, cycles, work.pace)
             if found[0]:
-                _separate(batch, i, found, window, work, out)
+                _separate(batch, i, found, windowed, work, out)

@@ -69,7 +69,7 @@ def expect(out: Statistics, lane: int) -> None:
 
 
 @jit
-def write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -> None:
+def write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> None:
     """Write the statistics of the trajectory in place j to its own slot."""
     lane = int(s[ROW.LANE + j]) if j >= 0 else -1
     if lane < 0:  # never, which spares the compiler the look at it for each index below
@@ -80,7 +80,7 @@ def write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) ->
     out.flight_squares[lane] = s[ROW.SQUARES + j]
     out.flight_max[lane] = s[ROW.LARGEST + j]
     for_good = np.isnan(s[ROW.X + j])
-    if window is None:  # it may have come after the end, but not where it was counted
+    if not windowed:  # it may have come after the end, but not where it was counted
         for_good = for_good and s[ROW.RESTS + j] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
     out.status[lane] = COMPLETED
