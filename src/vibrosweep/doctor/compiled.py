@@ -53,12 +53,16 @@ def vector_registers() -> Finding:
     if numba.config.DISABLE_JIT:
         return Finding(subject, "none: nothing is compiled", _unset("NUMBA_DISABLE_JIT"))
     from vibrosweep.kernels.machine_code import inspect_sine
+    from vibrosweep.kernels.vectors import VARIABLE, vector_bits
 
     code, processor = inspect_sine(), binding.get_host_cpu_name()
     fused = "fused multiply-add by instruction" if code.fused else "no fused multiply-add"
     state = f"{code.vector_bits} bits, {fused}, in a loop of the sine compiled for {processor}"
     if numba.config.CPU_NAME:
         state += f" as {numba.config.CPU_NAME}"
+    asked = vector_bits()
+    asked_for = "the compiler's choice" if asked is None else f"{asked} bits asked for"
+    state += f"; {asked_for}, {VARIABLE} sets another"
     if code.fused and code.vector_bits > 64:
         return Finding(subject, state)
     return Finding(subject, state, f"results are right, but slow to come: {_slow()}")

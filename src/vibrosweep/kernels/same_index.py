@@ -139,9 +139,7 @@ def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
 
 
 @jit
-def _followed_by_landings(
-    fixed: Scene, windowed: bool, begin: Instant, x_end: float
-) -> Instant:
+def _followed_by_landings(fixed: Scene, windowed: bool, begin: Instant, x_end: float) -> Instant:
     """Whole periods that bound the lift-offs from rest whose next landing is inside the window."""
     x_lift, u_lift = after_rest(fixed)
     flight, _ = fly(fixed, x_lift, u_lift)

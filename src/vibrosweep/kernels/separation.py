@@ -53,9 +53,7 @@ def empty_separations(realizations: int) -> Separations:
 
 
 @jit
-def _until(
-    windowed: bool, begin: Instant, x_end: float, joint: Joint
-) -> tuple[Instant, Instant]:
+def _until(windowed: bool, begin: Instant, x_end: float, joint: Joint) -> tuple[Instant, Instant]:
     """Window of two joint cycles, at most, in which every gap and stay of the true one occurs."""
     n_begin, n_end = begin[0], 0.0
     known = joint.known
