@@ -7,9 +7,11 @@ import math
 import numpy as np
 from numba import njit
 
+from vibrosweep.kernels._jit import wide_vectors
 from vibrosweep.kernels.bases import fly, rebound
 from vibrosweep.kernels.bases.high_bounce import Constants
 from vibrosweep.kernels.impact import base_of, land
+from vibrosweep.kernels.lanes import aligned
 from vibrosweep.kernels.sine import sin_turns
 
 BASE = base_of("rest")
@@ -51,6 +53,7 @@ def scalar_trajectories(first, last, problem, launches, periods, landings, total
 @njit(nogil=True, error_model="numpy")
 def sine_only(s, repetitions):
     """Nothing but the polynomial sine of every lane's phase."""
+    wide_vectors()
     for _ in range(repetitions):
         for j in range(LANES):
             s[U + j] = sin_turns(s[X + j])
@@ -59,6 +62,7 @@ def sine_only(s, repetitions):
 @njit(nogil=True, error_model="numpy")
 def bare_map(s, repetitions):
     """The map without rests, windows and statistics."""
+    wide_vectors()
     for _ in range(repetitions):
         for j in range(LANES):
             fixed = Constants(BASE, s[E + j], s[A + j], 0.0, 0.0, 0.0, 0.0)
@@ -69,11 +73,20 @@ def bare_map(s, repetitions):
 
 
 def lanes():
-    """Random lanes for `sine_only` and `bare_map`, aligned to a cache line."""
+    """Random lanes for `sine_only` and `bare_map`, aligned to a cache line.
+
+    Each is near a stable orbit of one impact in every period, so that no flight dies away: numbers
+    below 1e-308 would be timed instead of the map.
+    """
     rng = np.random.default_rng(1)
-    memory = np.zeros(4 * STRIDE + 8)
-    offset = (-memory.ctypes.data // 8) % 8
-    s = memory[offset : offset + 4 * STRIDE]
-    for start, low, high in ((X, -0.5, 0.5), (U, 0.0, 3.0), (E, 0.5, 0.95), (A, 0.1, 0.5)):
-        s[start : start + LANES] = rng.uniform(low, high, LANES)
+    s = aligned(4 * STRIDE)
+    e = rng.uniform(0.5, 0.95, LANES)
+    # the flight lasts where a sin(2 pi x) = 1 - e; it is stable while -2 pi a cos(2 pi x) lies
+    # between 0 and 2 (1 + e)
+    slope = rng.uniform(0.2, 1.8, LANES) * (1.0 + e)
+    a = np.hypot(1.0 - e, slope / (2.0 * np.pi))
+    x = 0.5 - np.arcsin((1.0 - e) / a) / (2.0 * np.pi)
+    near = rng.uniform(-1e-3, 1e-3, LANES)
+    for start, values in ((X, x + near), (U, 1.0), (E, e), (A, a)):
+        s[start : start + LANES] = values
     return s

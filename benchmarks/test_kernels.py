@@ -79,8 +79,8 @@ def test_speed_does_not_depend_on_the_place_in_memory():
         room = memory[start + place * page :][:size]
         room[:] = 0.0
         begin = time.perf_counter()
-        left = advance((0, trajectories, 0), batch, options, None, room, out, None, None)
-        advance((0, 0, left), batch, options, None, room, out, None, None)
+        left = advance((0, trajectories, 0), batch, options, False, room, out, None, None)
+        advance((0, 0, left), batch, options, False, room, out, None, None)
         fastest[place] = min(fastest[place], time.perf_counter() - begin)
     slow = np.mean(fastest > 1.2 * fastest.min())
     mean = fastest.mean() / fastest.min()
@@ -106,7 +106,7 @@ def test_hot_loop_uses_whole_vector_registers():
     problem, launch, observation = scene(1, 8, 12.0)
     batch = Batch(base_of(observation.rebound), problem, launch)
     fresh = njit(nogil=True, error_model="numpy")(advance.py_func)
-    fresh((0, 8, 0), batch, Options(102), None, scratch(), empty_statistics(8), None, None)
+    fresh((0, 8, 0), batch, Options(102), False, scratch(), empty_statistics(8), None, None)
     (assembly,) = fresh.inspect_asm().values()
     blocks = re.split(r"^\.LBB\w+:", assembly, flags=re.MULTILINE)
     hot = max(blocks, key=lambda block: len(re.findall(r"vfn?m(?:add|sub)\w+pd", block)))

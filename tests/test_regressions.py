@@ -10,9 +10,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from llvmlite import binding
 
 from regressions import Collector, Verdict, again, better, compare, report
 
+FAMILY = binding.get_host_cpu_name()
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 
 
@@ -40,13 +42,15 @@ def test_a_missing_figure_fails_and_a_new_one_is_told():
     ]
 
 
-def test_the_report_names_figures_and_another_processor():
+def test_the_report_names_figures_and_another_family():
     verdicts = [Verdict("a", 8.0, 5.0), Verdict("b", 1.0, None), Verdict("c", 1.0, 2.0)]
-    text = report(verdicts, "one", "one")
+    text = report(verdicts, "one", ["one", "two"])
     assert [line.split()[0] for line in text.splitlines()] == ["WORSE", "MISSING", "improved"]
     assert "8 ->        5  a" in text
-    assert "processor" not in text
-    assert "another processor, one; this is two" in report(verdicts, "one", "two")
+    assert "judged" not in text
+    assert "no figures are stored for two, only for one: nothing is judged" in report(
+        verdicts, "two", ["one"]
+    )
 
 
 def test_what_is_worse_or_failed_is_run_again_and_the_better_run_counts():
@@ -103,7 +107,7 @@ def command(tmp_path):
 
 def test_the_command_stores_compares_and_fails(command):
     assert command("--store", SUBJECT="0.005")[0] == 0
-    stored = json.loads(command.stored.read_text(encoding="utf-8"))
+    stored = json.loads(command.stored.read_text(encoding="utf-8"))[FAMILY]
     assert stored["processor"] != ""
     assert stored["ratios"] == {NAME: pytest.approx(2.0, rel=0.2)}
     code, said = command(SUBJECT="0.005")
@@ -122,20 +126,34 @@ def test_the_command_stores_compares_and_fails(command):
 def test_the_command_misses_a_figure_and_does_not_store_failures(command):
     assert command("--store", SUBJECT="0.005", MISS="1")[0] == 1
     assert not command.stored.exists()
-    known = {"processor": "an abacus", "ratios": {NAME: 2.0, "benchmarks/test_gone.py::test": 1.0}}
-    command.stored.write_text(json.dumps(known), encoding="utf-8")
+    known = {"ratios": {NAME: 2.0, "benchmarks/test_gone.py::test": 1.0}}
+    command.stored.write_text(json.dumps({FAMILY: known}), encoding="utf-8")
     code, said = command(SUBJECT="0.005")
     assert code == 1
     assert re.search(r"^MISSING .* benchmarks/test_gone\.py::test$", said, re.MULTILINE)
-    assert "those of another processor, an abacus" in said
+
+
+def test_another_family_is_measured_and_not_judged(command):
+    known = {"abacus": {"ratios": {NAME: 1e9, "benchmarks/test_gone.py::test": 1.0}}}
+    command.stored.write_text(json.dumps(known), encoding="utf-8")
+    code, said = command(SUBJECT="0.005")
+    assert code == 0
+    assert re.search(rf"^new .* {re.escape(NAME)}$", said, re.MULTILINE)
+    assert "only for abacus: nothing is judged" in said
+    assert command("--store", SUBJECT="0.005")[0] == 0
+    stored = json.loads(command.stored.read_text(encoding="utf-8"))
+    assert stored["abacus"] == known["abacus"]
+    assert stored[FAMILY]["ratios"][NAME] == pytest.approx(2.0, rel=0.2)
 
 
 def test_every_stored_figure_is_of_a_test_that_exists():
-    stored = json.loads((BENCHMARKS / "ratios.json").read_text(encoding="utf-8"))
-    assert {"processor", "date", "versions"} < set(stored)
-    assert len(stored["ratios"]) >= 10
-    for name, ratio in stored["ratios"].items():
-        path, _, test = name.partition("::")
-        function = runpy.run_path(str(BENCHMARKS.parent / path))[test.partition("[")[0]]
-        assert "race" in inspect.signature(function).parameters
-        assert ratio > 0.0
+    families = json.loads((BENCHMARKS / "ratios.json").read_text(encoding="utf-8"))
+    assert families
+    for stored in families.values():
+        assert {"processor", "date", "versions"} < set(stored)
+        assert len(stored["ratios"]) >= 10
+        for name, ratio in stored["ratios"].items():
+            path, _, test = name.partition("::")
+            function = runpy.run_path(str(BENCHMARKS.parent / path))[test.partition("[")[0]]
+            assert "race" in inspect.signature(function).parameters
+            assert ratio > 0.0

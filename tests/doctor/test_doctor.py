@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numba
 import pytest
+from llvmlite import binding
 
 from vibrosweep.cli import main
 from vibrosweep.doctor import compiled, libraries, machine
@@ -66,6 +67,18 @@ def test_switches_that_spoil_the_machine_code_are_named(tmp_path):
         assert "unset NUMBA_CPU_NAME" in text
     assert "kernel cache        0 compiled variants" in text
     assert "vibrosweep warmup" in text
+
+
+@pytest.mark.skipif(
+    not binding.get_host_cpu_features().get("avx2") or bool(numba.config.DISABLE_JIT),
+    reason="needs a choice of widths",
+)
+def test_a_width_of_vectors_that_the_user_sets(tmp_path):
+    cache = str(tmp_path / "cache")
+    code, text = doctor(tmp_path, VIBROSWEEP_VECTOR_BITS="128", NUMBA_CACHE_DIR=cache)
+    assert code == 0
+    assert "vector registers    128 bits, fused multiply-add by instruction" in text
+    assert "128 bits asked for, VIBROSWEEP_VECTOR_BITS sets another" in text
 
 
 def test_a_process_without_the_compiler(tmp_path):

@@ -6,7 +6,7 @@ import threading
 import numba
 import pytest
 
-from vibrosweep.kernels import _jit
+from vibrosweep.kernels import _jit, vectors
 from vibrosweep.kernels._cache import Variants, variants
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs machine code")
@@ -82,6 +82,15 @@ def test_machine_code_of_another_processor(kernel, tmp_path, monkeypatch):
         numba.core.codegen.CPUCodegen, "magic_tuple", lambda self: ("another", "processor", "")
     )
     assert variants(tmp_path) == Variants(0, 1, 0)
+
+
+def test_machine_code_with_vectors_of_another_width(kernel, tmp_path, monkeypatch):
+    kernel()(2.0, 1)
+    monkeypatch.setattr(vectors, "ASKED", 64)
+    assert variants(tmp_path) == Variants(0, 1, 0)
+    again = kernel()
+    assert (again(2.0, 1), hits(again)) == (-2.0, 0)
+    assert variants(tmp_path) == Variants(1, 1, 0)
 
 
 def test_a_disk_that_takes_nothing_still_computes(kernel, tmp_path, monkeypatch):

@@ -14,6 +14,7 @@ from vibrosweep.doctor.finding import Finding
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels._cache import variants
 from vibrosweep.kernels.advance import advance
+from vibrosweep.kernels.vectors import VARIABLE, vector_bits
 
 __all__ = ["kernel_cache", "threads", "vector_registers"]
 
@@ -61,7 +62,9 @@ def vector_registers() -> Finding:
     # products and sums that are fused by a call of a function come one by one
     bits = max((WIDTHS[name] for name in features if name in WIDTHS), default=64) if fused else 64
     words = "fused multiply-add by instruction" if fused else "no fused multiply-add"
-    state = f"{bits} bits, {words}, compiled for {processor}"
+    asked = vector_bits()
+    asked_for = "the compiler's choice" if asked is None else f"{asked} bits asked for"
+    state = f"{bits} bits, {words}, compiled for {processor}; {asked_for}, {VARIABLE} sets another"
     if fused and numba.config.OPT == 3:
         return Finding(subject, state)
     return Finding(subject, state, f"results are right, but slow to come: {_slow()}")

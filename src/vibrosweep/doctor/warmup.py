@@ -73,7 +73,7 @@ def warm_up() -> Compiled:
             "machine code cannot be kept beside the package nor in the home directory; set "
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
-    scene = all_parameters({"amplitude": np.array([1.0])})
+    scene = all_parameters({"amplitude": np.array([1.0, 1.0])})  # one problem twice
     with Workers(1) as workers:
         for rebound, transient, regimes in product(LAWS, (0.0, 1.0), (False, True)):
             endless = record_observation(2, "staggered", 2.0, rebound, 1000)

@@ -13,8 +13,6 @@ __all__ = ["find_equal"]
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-AT_ONCE = Launches(np.zeros((1, 1)), np.zeros((1, 1)))  # one for the whole batch
-
 
 def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Places | None:
     """Find duplicate realizations.
@@ -31,12 +29,8 @@ def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Plac
     numpy.ndarray or None
         For each realization the index of the first equal one; None if all are distinct.
     """
-    if _firsts([problem.kick], AT_ONCE) is None:  # as is plain where they are drawn
+    if any(np.unique(column).size == column.size for column in problem):  # as where they are drawn
         return None
-    return _firsts([*problem, *others], launch)
-
-
-def _firsts(columns: list[Array], launch: Launches) -> Places | None:
-    """Index of the first equal row of columns and launches, for each; None if all differ."""
-    first = np.empty(columns[0].size, np.int64)
-    return first if first_of_each(np.stack(columns), launch, first) < first.size else None
+    columns = np.stack([*problem, *others])
+    first = np.empty(columns.shape[1], np.int64)
+    return first if first_of_each(columns, launch, first) < first.size else None

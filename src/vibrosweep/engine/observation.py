@@ -50,9 +50,8 @@ class Observation:
         return -(-self.measures.impact_budget // LOOK_AFTER) * LOOK_AFTER
 
     @property
-    def window(self) -> int | None:
-        """1 where landings before the window are possible, else None: kernels compile that out."""
+    def windowed(self) -> bool:
+        """Whether landings before the window are possible."""
         begin = self.measures.transient
-        starts_late = begin > 0.0
         early_launch = not isinstance(self.launch, str) and min(self.launch) < begin
-        return 1 if starts_late or early_launch else None
+        return begin > 0.0 or early_launch

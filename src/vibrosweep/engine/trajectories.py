@@ -140,7 +140,7 @@ def statistics(
     """
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
-    window = observation.window  # loops over all launches
+    windowed = observation.windowed  # loops over all launches
     batch = Batch(base_of(observation.rebound), problem, launch)
     options = Options(
         observation.budget,
@@ -157,7 +157,7 @@ def statistics(
         def task(first: int, last: int) -> None:
             nonlocal lanes
             span = (first, last, lanes)
-            lanes = advance(span, batch, options, window, room, each, cycles, rests)
+            lanes = advance(span, batch, options, windowed, room, each, cycles, rests)
 
         return task
 
@@ -217,13 +217,13 @@ def _separations(
         return found
     complete = whole.status == Status.COMPLETED
     known = cycles if cycles is not None and observation.skip else workers.cycles(0)
-    window = observation.window  # loops over all launches
+    windowed = observation.windowed  # loops over all launches
     batch = Batch(base_of(observation.rebound), problem, launch)
     rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to allocate
 
     def task(first: int, last: int) -> None:
         room = rooms.pop()
-        separate((first, last), batch, complete, observation.budget, window, room, known, found)
+        separate((first, last), batch, complete, observation.budget, windowed, room, known, found)
         rooms.append(room)
 
     per_task = max(1, TRAJECTORIES_PER_TASK // (32 * particles))

@@ -19,6 +19,8 @@ import numba
 from numba.core.caching import FunctionCache
 from numba.core.registry import cpu_target
 
+from vibrosweep.kernels.vectors import vector_bits
+
 __all__ = ["KernelCache", "Variants", "variants"]
 
 
@@ -37,6 +39,10 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         """Save the machine code of a variant; without a writable disk it is compiled again."""
         with contextlib.suppress(OSError), self._alone():
             super().save_overload(sig, data)
+
+    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
+        """Tell variants apart by the width of their vectors too, which the environment can set."""
+        return (*super()._index_key(sig, codegen), vector_bits())
 
     def _discard(self) -> None:
         index = Path(self._cache_file._index_path)
@@ -59,7 +65,7 @@ class Variants(NamedTuple):
     usable
         Of them, those that this processor and this numba can use.
     foreign
-        Those of other processors or versions.
+        Those of other processors, versions or widths of vectors.
     damaged
         Those that cannot be read.
     """
@@ -73,7 +79,7 @@ def variants(directory: Path) -> Variants:
     """Count the compiled variants in a directory of machine code.
 
     An index file holds the version of numba, and then a stamp of the source and the variants: names
-    of files by (signature, (system, processor, its features), digest).
+    of files by (signature, (system, processor, its features), digest, width of vectors).
     """
     cpu_target.target_context.refresh()
     here = cpu_target.target_context.codegen().magic_tuple()
@@ -89,7 +95,7 @@ def variants(directory: Path) -> Variants:
         for key, name in overloads.items():
             if not (index.parent / name).is_file():
                 damaged += 1
-            elif version == numba.__version__ and key[1] == here:
+            elif version == numba.__version__ and (key[1], key[-1]) == (here, vector_bits()):
                 usable += 1
             else:
                 foreign += 1

@@ -25,6 +25,7 @@ from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._cache import KernelCache
+from vibrosweep.kernels.vectors import vector_bits
 
 __all__ = [
     "Flags",
@@ -38,6 +39,7 @@ __all__ = [
     "prefetch",
     "question",
     "sources_digest",
+    "wide_vectors",
 ]
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -46,7 +48,10 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.int8]
 
 # Division by zero gives inf or NaN, as in numpy; Python's exception would stop vectorisation.
-OPTIONS = {"error_model": "numpy", "nogil": True}
+# Nobody calls compiled code through a C pointer.
+OPTIONS = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+# Nor does Python call a piece of a kernel: what it would need to do so is a quarter of all code.
+OF_A_PIECE = OPTIONS | {"no_cpython_wrapper": True}
 
 
 def sources_digest() -> str:
@@ -96,15 +101,28 @@ def _caching_in(directory: Path) -> Iterator[None]:
 
 
 def jit(function: F) -> F:
-    """Compile a piece that kernels inline; it needs no cache of its own."""
-    return njit(**OPTIONS)(function)  # type: ignore[no-any-return]
+    """Compile a piece that kernels inline; it needs no cache of its own.
+
+    Where Python calls it, it is compiled for that alone.
+    """
+    alone = njit(**OPTIONS)(function)
+
+    @functools.wraps(function)
+    def piece(*arguments: Any) -> Any:
+        return alone(*arguments)
+
+    @overload(piece, jit_options=OF_A_PIECE, strict=False)
+    def inlined(*arguments: Any) -> Any:
+        return function
+
+    return piece  # type: ignore[return-value]
 
 
 def kernel(function: F) -> F:
     """Compile an entry point; its machine code is kept on disk, one set for each set of sources."""
-    if cache_directory is None:
-        return jit(function)
     compiled = njit(**OPTIONS)(function)
+    if cache_directory is None:
+        return compiled  # type: ignore[no-any-return]
     with _caching_in(cache_directory):
         compiled._cache = KernelCache(function)  # as njit(cache=True) sets numba's own
     return compiled  # type: ignore[no-any-return]
@@ -130,11 +148,9 @@ def question(declared: F) -> F:
     def ask(first: Any, *others: Any) -> Any:
         return answer_of(type(first))(first, *others)
 
-    # not strict: the answers name their arguments, which here are any
-    @overload(ask, strict=False)
+    @overload(ask, jit_options=OF_A_PIECE, strict=False)
     def choose(first: Any, *others: Any) -> Any:
-        code = answer_of(getattr(first, "instance_class", type(first)))
-        return getattr(code, "py_func", code)
+        return answer_of(getattr(first, "instance_class", type(first))).__wrapped__
 
     _answers[ask] = {}
     return ask  # type: ignore[return-value]
@@ -195,4 +211,29 @@ def _prefetch_instruction(typingctx: Any, array: Any, i: Any) -> Any:
 
 prefetch: Callable[[NDArray[Any], int], None] = (
     _prefetch_nothing if numba.config.DISABLE_JIT else _prefetch_instruction
+)
+
+
+def _vectors_of_nothing() -> None:
+    """Do nothing, for runs with the compiler switched off."""
+
+
+@intrinsic
+def _wide_vector_registers(typingctx: Any) -> Any:
+    """Ask for vectors of `vector_bits` in the loops of the function that this is called in.
+
+    Said where the loop stands: LLVM makes it vector code before that function is inlined.
+    """
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        bits = vector_bits()
+        if bits is not None:  # llvmlite refuses attributes that it does not know; LLVM knows it
+            set.add(builder.function.attributes, f'"prefer-vector-width"="{bits}"')
+        return context.get_dummy_value()
+
+    return types.void(), codegen
+
+
+wide_vectors: Callable[[], None] = (
+    _vectors_of_nothing if numba.config.DISABLE_JIT else _wide_vector_registers
 )

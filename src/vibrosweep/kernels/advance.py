@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
+from vibrosweep.kernels._jit import Floats, Integers, jit, kernel, wide_vectors
 from vibrosweep.kernels.bases import Base, Constants, constants, fly, lift_off, put, rebound, take
 from vibrosweep.kernels.cycles import (
     FIRST_ANCHOR,
@@ -84,7 +84,11 @@ class Watch(NamedTuple):
 
 @jit
 def _step(s: Floats, lanes: int, base: Base, window: int | None) -> None:
-    """One impact of every lane; a lane past its end continues without being counted."""
+    """One impact of every lane; a lane past its end continues without being counted.
+
+    Without a window, None, what looks at its beginning is not compiled.
+    """
+    wide_vectors()
     for j in range(lanes):
         fixed = take(base, s, j)
         flight, v = fly(fixed, s[ROW.X + j], s[ROW.U + j])
@@ -106,6 +110,7 @@ def _step(s: Floats, lanes: int, base: Base, window: int | None) -> None:
 @jit
 def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
     """Mark lanes that have ended, recur, or have spent their budget; save anchors that are due."""
+    wide_vectors()
     for j in range(lanes):
         s[ROW.AGE + j] += LOOK_AFTER
         sum_up(s, j)
@@ -150,7 +155,7 @@ def _load(
     lane: int,
     start: Instant,
     watch: Watch,
-    window: int | None,
+    windowed: bool,
     cycles: Cycles | None,
     patience: float,
 ) -> None:
@@ -162,7 +167,7 @@ def _load(
     s[ROW.U + j] = watch.flight
     put(watch.fixed, s, j)
     s[ROW.X_END + j] = x_end
-    if window is not None:
+    if windowed:
         n_begin, x_begin = watch.begin
         s[ROW.N_BEGIN + j] = n_begin - n_end
         s[ROW.X_BEGIN + j] = x_begin
@@ -190,7 +195,7 @@ def advance(
     span: tuple[int, int, int],
     batch: Batch,
     options: Options,
-    window: int | None,
+    windowed: bool,
     s: Floats,
     out: Statistics,
     cycles: Cycles | None,
@@ -208,8 +213,8 @@ def advance(
         value returned by the previous call.  With none to start, those in progress are finished.
     batch : vibrosweep.kernels.impact.Batch
     options : Options
-    window
-        None, or 1 for a window that begins after the launch; chosen at compile time.
+    windowed
+        Whether the window may begin after a launch.
     s
         From `scratch`; not shared between threads.
     out : Statistics
@@ -243,7 +248,7 @@ def advance(
             if i < 0 or p < 0 or places[q] < 0:  # never, see `write`
                 return 0
             start = launch(launches, i, p, problem.phase[i])
-            _load(s, places[q], lane, start, watch, window, cycles, patience)
+            _load(s, places[q], lane, start, watch, windowed, cycles, patience)
             expect(out, lane)
             p += 1
             if p == particles:
@@ -256,7 +261,10 @@ def advance(
         # whole vectors only: lanes behind the last one hold stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for _ in range(LOOK_AFTER):
-            _step(s, padded, base, window)
+            if windowed:
+                _step(s, padded, base, 1)
+            else:
+                _step(s, padded, base, None)
         _mark(s, padded, options.budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:
@@ -268,7 +276,7 @@ def advance(
                     later = recurs(s, j)
                     if later and (options.all_cycles == 1 or saves_work(s, j, options.jump)):
                         realization = int(s[ROW.LANE + j]) // particles
-                        close_cycle(s, j, realization, base, window, options.jump, cycles, rests)
+                        close_cycle(s, j, realization, base, windowed, options.jump, cycles, rests)
                     elif later:
                         stop_search(s, j)
                     if s[ROW.AGE + j] < options.budget:
@@ -277,5 +285,5 @@ def advance(
                 places[done] = j
                 done += 1
         for q in range(done):
-            write(s, places[q], base, window, out)
+            write(s, places[q], base, windowed, out)
     return 0

@@ -137,14 +137,14 @@ def _count_cycle(s: Floats, j: int, realization: int, fixed: Constants, rests: R
 
 
 @jit
-def _jump(s: Floats, j: int, window: int | None) -> bool:
+def _jump(s: Floats, j: int, windowed: bool) -> bool:
     """Skip whole cycles of lane j; return whether they were the last ones.
 
     The skipped landings are either all inside the window or all before it.
     """
     periods = s[RUNNING.CYCLE_PERIODS + j]
     n, x = s[ROW.N + j], s[ROW.X + j]
-    if window is not None:
+    if windowed:
         begin = s[ROW.N_BEGIN + j] - n + (s[ROW.X_BEGIN + j] - x)
         if begin > -MARGIN:
             times = np.floor((begin - MARGIN) / periods)
@@ -184,7 +184,7 @@ def close_cycle(
     j: int,
     realization: int,
     base: Base,
-    window: int | None,
+    windowed: bool,
     jump: int,
     cycles: Cycles,
     rests: Rests,
@@ -195,7 +195,7 @@ def close_cycle(
     ----------
     s, j, realization
         Scratch memory, lane, and index of its realization.
-    base, window
+    base, windowed
         As in `vibrosweep.kernels.advance.advance`.
     jump
         1 to skip repetitions of cycles.
@@ -208,7 +208,7 @@ def close_cycle(
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
     rested = s[RUNNING.RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
-    if window is None and rested > 0.0 and not jumps:
+    if not windowed and rested > 0.0 and not jumps:
         # the orbit from rest to rest is unique, and was passed `rested` times since the anchor
         impacts = age - 0.5 * s[ROW.NEXT_ANCHOR + j]
         found = impacts / rested, since / rested, 1.0
@@ -221,7 +221,7 @@ def close_cycle(
             s[RUNNING.CYCLE_RESTS + j],
         )
         if jumps:
-            last = _jump(s, j, window)
+            last = _jump(s, j, windowed)
             if last:
                 s[ROW.AGE + j] = -np.inf  # less than a cycle is left
     lane = int(s[ROW.LANE + j])

@@ -28,21 +28,18 @@ class Joint(NamedTuple):
         Impacts after which each particle is on its cycle.
     known
         Whole periods from the end's, after which each is.
-    pace
-        Forcing periods for one impact, shape (particle,).
     """
 
     impacts: int
     periods: float
     age: int
     known: float
-    pace: Floats
 
 
 @jit
-def no_joint(pace: Floats) -> Joint:
+def no_joint() -> Joint:
     """No joint cycle."""
-    return Joint(0, 0.0, 0, 0.0, pace)
+    return Joint(0, 0.0, 0, 0.0)
 
 
 @jit
@@ -55,20 +52,23 @@ def _common_multiple(a: int, b: int) -> int:
 
 @jit
 def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
-    """Joint cycle of trajectories first, ...; `pace` is written."""
+    """Joint cycle of trajectories first, ...
+
+    Written to `pace`, shape (particle,): forcing periods for one impact.
+    """
     impacts, periods, age, known = 1, 1, 0, -np.inf
     for p in range(pace.size):
         t = first + p
         if cycles[CYCLE.IMPACTS, t] == 0.0:
-            return no_joint(pace)
+            return no_joint()
         impacts = _common_multiple(impacts, int(cycles[CYCLE.IMPACTS, t]))
         periods = _common_multiple(periods, int(cycles[CYCLE.PERIODS, t]))
         if impacts > LONGEST or periods > LONGEST:
-            return no_joint(pace)
+            return no_joint()
         age = max(age, int(cycles[CYCLE.AGE, t]))
         known = max(known, cycles[CYCLE.WHOLE, t] + 1.0)
         pace[p] = cycles[CYCLE.PERIODS, t] / cycles[CYCLE.IMPACTS, t]
-    return Joint(impacts, float(periods), age, known, pace)
+    return Joint(impacts, float(periods), age, known)
 
 
 @jit

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, jit
+from vibrosweep.kernels._jit import Floats, jit, wide_vectors
 from vibrosweep.kernels.bases import Constants, contact_time
 from vibrosweep.kernels.impact import Batch, Instant, impact, launch
 from vibrosweep.kernels.lanes import LANES
@@ -40,6 +40,7 @@ def start(work: Workspace, batch: Batch, i: int) -> None:
 def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> None:
     """Find the next landing of each lane; take those up to the stop and leave the others be."""
     n_stop, x_stop = stop
+    wide_vectors()
     shortest = contact_time(fixed)
     for j in range(lanes):
         hit = impact(fixed, s[STATE.N + j], s[STATE.X + j], s[STATE.U + j])

@@ -74,6 +74,7 @@ class Workspace(NamedTuple):
     listed: Floats
     cells: Places
     rests: Floats
+    pace: Floats
 
 
 def workspace(particles: int) -> Workspace:
@@ -87,6 +88,7 @@ def workspace(particles: int) -> Workspace:
         listed=np.zeros((2 * ORDERED, capacity)),
         cells=np.zeros((len(CELL), capacity + 1), np.int32),
         rests=np.zeros(PERIODS_REMEMBERED),
+        pace=np.zeros(particles),
     )
 
 

@@ -25,7 +25,7 @@ __all__ = ["same_index"]
 
 @jit
 def _append_all(
-    s: Floats, lanes: int, window: int | None, begin: Instant, listed: Floats, k: int
+    s: Floats, lanes: int, windowed: bool, begin: Instant, listed: Floats, k: int
 ) -> tuple[int, int]:
     """Append the landings that were due; return the length of the list and how many were early.
 
@@ -37,7 +37,7 @@ def _append_all(
         listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = s[STATE.N_LAND + j], s[STATE.X_LAND + j]
         listed[LIST.STAY, k] = 0.0
         who = s[STATE.WHO + j]
-        if window is not None:
+        if windowed:
             before = (n_begin - s[STATE.N_LAND + j]) + (x_begin - s[STATE.X_LAND + j]) > 0.0
             early += 1 if before and s[STATE.DUE + j] != 0.0 else 0
             who = -1.0 - who if before else who
@@ -66,7 +66,7 @@ def _lift_off_together(s: Floats, lanes: int, low: float, high: float, rests: Fl
 @jit
 def _next_numbers(
     fixed: Constants,
-    window: int | None,
+    windowed: bool,
     begin: Instant,
     ends: tuple[float, float, float],
     state: Floats,
@@ -88,7 +88,7 @@ def _next_numbers(
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         next_landings(s, padded, fixed, (0.0, x_end))
         start = k
-        k, outside = _append_all(s, lanes, window, begin, listed, k)
+        k, outside = _append_all(s, lanes, windowed, begin, listed, k)
         early += outside
         together |= _lift_off_together(s, lanes, low, high, rests)
         if k - start < lanes:  # the others have passed the end
@@ -129,25 +129,25 @@ def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
         who = int(listed[LIST.WHO, q])
         if who < 0:
             before = (begin[0] - listed[LIST.WHOLE, q]) + (begin[1] - listed[LIST.PHASE, q])
-            cycle = joint.impacts * joint.pace[-1 - who]
+            cycle = joint.impacts * work.pace[-1 - who]
             times = min(times, np.floor(before / cycle) - 1.0)
     if times > 0.0:
         for block in range(work.lanes.size):
             s = work.state[block]
             for j in range(work.lanes[block]):
-                s[STATE.N + j] += times * np.rint(joint.impacts * joint.pace[int(s[STATE.WHO + j])])
+                s[STATE.N + j] += times * np.rint(joint.impacts * work.pace[int(s[STATE.WHO + j])])
 
 
 @jit
 def _followed_by_landings(
-    fixed: Constants, window: int | None, begin: Instant, x_end: float
+    fixed: Constants, windowed: bool, begin: Instant, x_end: float
 ) -> Instant:
     """Whole periods that bound the lift-offs from rest whose next landing is inside the window."""
     x_lift, u_lift = after_rest(fixed)
     flight, _ = fly(fixed, x_lift, u_lift)
     x, passed = land(x_lift, flight)
     low = -np.inf
-    if window is not None:
+    if windowed:
         low = begin[0] + np.ceil(begin[1] - x) - passed - 1.0
     return low, np.floor(x_end - x) - passed
 
@@ -155,7 +155,7 @@ def _followed_by_landings(
 @jit
 def same_index(
     fixed: Constants,
-    window: int | None,
+    windowed: bool,
     begin: Instant,
     x_end: float,
     work: Workspace,
@@ -170,15 +170,15 @@ def same_index(
     """
     gap, together = np.inf, False
     number, repeated, early = 0, 0, 0
-    lift_offs = _followed_by_landings(fixed, window, begin, x_end)
+    lift_offs = _followed_by_landings(fixed, windowed, begin, x_end)
     state, listed, cells, rests = work.state, work.listed, work.cells, work.rests
-    lanes_of, pace = work.lanes, joint.pace
+    lanes_of, pace = work.lanes, work.pace
     rests[:] = np.inf
     n, x, span, moved = -np.inf, 0.0, 0.0, 0.0
     while gap > 0.0:
         before = early
         k, early, met = _next_numbers(
-            fixed, window, begin, (x_end, *lift_offs), state, lanes_of, listed, rests
+            fixed, windowed, begin, (x_end, *lift_offs), state, lanes_of, listed, rests
         )
         together |= met
         if k < 2:

@@ -53,13 +53,11 @@ def empty_separations(realizations: int) -> Separations:
 
 
 @jit
-def _until(
-    window: int | None, begin: Instant, x_end: float, joint: Joint
-) -> tuple[Instant, Instant]:
+def _until(windowed: bool, begin: Instant, x_end: float, joint: Joint) -> tuple[Instant, Instant]:
     """Window of at most two joint cycles that contains every gap and stay of the full one."""
     n_begin, n_end = begin[0], 0.0
     known = joint.known
-    if window is not None:
+    if windowed:
         shift = np.floor((n_begin - known) / joint.periods) * joint.periods
         if shift > 0.0:
             n_begin, n_end = n_begin - shift, -shift
@@ -77,25 +75,25 @@ def _window(
     i: int,
     particles: int,
     budget: int,
-    window: int | None,
+    windowed: bool,
     cycles: Cycles,
     pace: Floats,
 ) -> Window:
     """Window of realization i that contains every gap and stay."""
     begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
     x_end = problem.end_phase[i]
-    joint, opening, end = no_joint(pace), begin, (0.0, x_end)
+    joint, opening, end = no_joint(), begin, (0.0, x_end)
     if cycles.size == 0:
         return True, joint, opening, end
     joint = joint_cycle(cycles, i * particles, pace)
     if joint.impacts > 0:
-        opening, end = _until(window, begin, x_end, joint)
+        opening, end = _until(windowed, begin, x_end, joint)
     return affordable(cycles, i * particles, particles, end[0], budget), joint, opening, end
 
 
 @jit
 def _separate(
-    batch: Batch, i: int, found: Window, window: int | None, work: Workspace, out: Separations
+    batch: Batch, i: int, found: Window, windowed: bool, work: Workspace, out: Separations
 ) -> None:
     """Measure realization i."""
     _, joint, opening, end = found
@@ -103,11 +101,11 @@ def _separate(
     fixed = constants(batch.base, problem, i)
     begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
     start(work, batch, i)
-    same, together = same_index(fixed, window, begin, problem.end_phase[i], work, joint)
+    same, together = same_index(fixed, windowed, begin, problem.end_phase[i], work, joint)
     gap, shared = 0.0, 1
     if not together:
         start(work, batch, i)
-        gap, shared = all_landings(fixed, window, opening, end, earliest(fixed, work), work)
+        gap, shared = all_landings(fixed, windowed, opening, end, earliest(fixed, work), work)
     out.shared[i] = shared
     if shared != UNKNOWN:
         out.gap[i] = gap if gap < np.inf else np.nan
@@ -120,7 +118,7 @@ def separate(
     batch: Batch,
     complete: NDArray[np.bool_],
     budget: int,
-    window: int | None,
+    windowed: bool,
     work: Workspace,
     cycles: Cycles,
     out: Separations,
@@ -137,8 +135,8 @@ def separate(
         is not measured, and what stands in `out` is left there.
     budget
         Landings of a particle up to which a realization is measured.
-    window
-        None, or 1 for a window that begins after the launch; chosen at compile time.
+    windowed
+        Whether the window may begin after a launch.
     work : Workspace
         Not shared between threads.
     cycles
@@ -149,9 +147,8 @@ def separate(
         Only the slots of these realizations are written.
     """
     particles = batch.launches.whole.shape[1]
-    pace = np.empty(particles)
     for i in range(span[0], span[1]):
         if complete[i]:
-            found = _window(batch.problem, i, particles, budget, window, cycles, pace)
+            found = _window(batch.problem, i, particles, budget, windowed, cycles, work.pace)
             if found[0]:
-                _separate(batch, i, found, window, work, out)
+                _separate(batch, i, found, windowed, work, out)

@@ -35,7 +35,7 @@ SHORTEST_SLAB = 2.0**-40
 
 @jit
 def _append(
-    s: Floats, lanes: int, window: int | None, begin: Instant, listed: Floats, k: int
+    s: Floats, lanes: int, windowed: bool, begin: Instant, listed: Floats, k: int
 ) -> tuple[int, int]:
     """Append the landings that were due to the list; return its length and how many were due.
 
@@ -50,7 +50,7 @@ def _append(
         listed[LIST.STAY, k], listed[LIST.WHO, k] = s[STATE.STAY + j], s[STATE.WHO + j]
         k += int(s[STATE.DUE + j])
     due = k - start
-    if window is not None:
+    if windowed:
         k = start
         for q in range(start, start + due):
             n, x = listed[LIST.WHOLE, q], listed[LIST.PHASE, q]
@@ -70,7 +70,7 @@ def _append(
 def _collect(
     fixed: Constants,
     stop: Instant,
-    window: int | None,
+    windowed: bool,
     begin: Instant,
     state: Floats,
     lanes_of: Integers,
@@ -85,7 +85,7 @@ def _collect(
                 return -1
             padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
             next_landings(s, padded, fixed, stop)
-            k, due = _append(s, lanes, window, begin, listed, k)
+            k, due = _append(s, lanes, windowed, begin, listed, k)
             if 2 * due < lanes or due == 0:
                 lanes = due_first(s, lanes)
     return k
@@ -135,7 +135,7 @@ def _last(listed: Floats, k: int, latest: Latest) -> Latest:
 @jit
 def all_landings(
     fixed: Constants,
-    window: int | None,
+    windowed: bool,
     begin: Instant,
     end: Instant,
     n_first: float,
@@ -149,7 +149,7 @@ def all_landings(
     state, listed, cells = work.state, work.listed, work.cells
     n_end, x_end = end
     n_stop, x_stop = n_first, -0.5
-    if window is not None and begin[0] > n_stop:
+    if windowed and begin[0] > n_stop:
         n_stop = begin[0]
     slab = 1.0
     latest = (np.inf, 0.0, 0.0, 0.0)
@@ -160,7 +160,7 @@ def all_landings(
         x_next -= np.floor(x_next + 0.5)
         at_end = not n_next - n_end <= x_end - x_next
         stop = end if at_end else (n_next, x_next)
-        k = _collect(fixed, stop, window, begin, state, work.lanes, listed)
+        k = _collect(fixed, stop, windowed, begin, state, work.lanes, listed)
         if k < 0:
             if slab <= SHORTEST_SLAB:
                 return np.inf, UNKNOWN

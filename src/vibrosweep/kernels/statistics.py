@@ -196,7 +196,7 @@ def repeat(s: Floats, j: int, times: float) -> None:
 
 
 @jit
-def write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) -> None:
+def write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> None:
     """Write the statistics of the trajectory in place j to its own slot."""
     # all in one function: with a second one inside, numba counts references at every call
     lane = int(s[ROW.LANE + j]) if j >= 0 else -1
@@ -208,7 +208,7 @@ def write(s: Floats, j: int, base: Base, window: int | None, out: Statistics) ->
     out.flight_squares[lane] = s[RUNNING.SQUARES + j]
     out.flight_max[lane] = s[RUNNING.LARGEST + j]
     for_good = np.isnan(s[ROW.X + j])
-    if window is None:  # it may have come after the end, but not where it was counted
+    if not windowed:  # it may have come after the end, but not where it was counted
         for_good = for_good and s[RUNNING.RESTS + j] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
     out.status[lane] = COMPLETED

@@ -95,7 +95,7 @@ class Sample:
             launch_times=launch,
             transient=observation.measures.transient,
             duration=observation.duration,
-            windowed=observation.window is not None,
+            windowed=observation.windowed,
             launch_rounding=rounding,
             rebound=observation.rebound,
         )

@@ -1,0 +1,131 @@
+"""How wide vectors are, and that hot loops become vector code on every kind of processor."""
+
+import os
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numba
+import pytest
+from llvmlite import binding
+
+from vibrosweep.errors import VibrosweepError
+from vibrosweep.kernels import vectors
+
+compiles = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+
+
+@pytest.mark.parametrize(
+    ("processor", "features", "bits"),
+    [
+        ("sapphirerapids", "+avx2,+avx512f,+fma", 512),
+        ("znver4", "+avx512f", 512),
+        ("znver3", "+avx2,-avx512f,+fma", None),
+        ("skylake-avx512", "+avx512f", None),
+        ("cascadelake", "+avx512f", None),
+        ("neoverse-n1", "+neon", None),
+    ],
+)
+def test_the_width_by_processor(monkeypatch, processor, features, bits):
+    codegen = SimpleNamespace(magic_tuple=lambda: ("system", processor, features))
+    context = SimpleNamespace(codegen=lambda: codegen)
+    monkeypatch.setattr(vectors, "cpu_target", SimpleNamespace(target_context=context))
+    monkeypatch.setattr(vectors, "ASKED", None)
+    assert vectors.vector_bits() == bits
+    monkeypatch.setattr(vectors, "ASKED", 256)
+    assert vectors.vector_bits() == 256
+
+
+@pytest.mark.parametrize(("text", "bits"), [("", None), ("128", 128), ("512", 512)])
+def test_the_width_from_the_environment(monkeypatch, text, bits):
+    monkeypatch.setenv(vectors.VARIABLE, text)
+    assert vectors._asked() == bits
+
+
+def test_no_width(monkeypatch):
+    monkeypatch.setenv(vectors.VARIABLE, "1024")
+    with pytest.raises(VibrosweepError, match=r"VIBROSWEEP_VECTOR_BITS=1024.*128, 256, 512 bits"):
+        vectors._asked()
+
+
+STEP = """
+import re, sys
+from numba import njit, typeof, types
+from vibrosweep.kernels._jit import OPTIONS
+from vibrosweep.kernels.advance import _step
+from vibrosweep.kernels.impact import base_of
+signature = (types.float64[::1], types.int64, typeof(base_of("rest")), types.none)
+# without references there is nothing for numba to remove before loops become vector code
+step = njit(signature, _nrt=False, **OPTIONS)(_step.__wrapped__)
+"""
+
+
+def hot_loop(show, **environment):
+    """What a fresh process prints of the kernels' hottest loop."""
+    inherited = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "VIBROSWEEP_"))}
+    done = subprocess.run(
+        [sys.executable, "-c", STEP + show],
+        env=inherited | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+REGISTERS = r"""
+(assembly,) = step.inspect_asm().values()
+blocks = re.split(r"^\.LBB\w+:", assembly, flags=re.MULTILINE)
+packed = [re.findall(r"vfn?m(?:add|sub)\w+pd.*%([xyz]mm)", block) for block in blocks]
+print(*max(packed, key=len))
+"""
+
+
+@compiles
+@pytest.mark.parametrize(
+    ("bits", "register", "feature"),
+    [(128, "xmm", "avx2"), (256, "ymm", "avx2"), (512, "zmm", "avx512f")],
+)
+def test_the_hot_loop_uses_registers_of_the_width_that_is_asked_for(bits, register, feature):
+    if not binding.get_host_cpu_features().get(feature):
+        pytest.skip(f"this processor has no {feature}")
+    registers = hot_loop(REGISTERS, VIBROSWEEP_VECTOR_BITS=str(bits)).split()
+    assert len(registers) >= 11
+    assert set(registers) == {register}
+
+
+# numba's code before any optimisation, made into code for a plain ARMv8
+ON_ARM = """
+from llvmlite import binding
+(text,) = step.inspect_llvm().values()
+text = re.sub(r"^target (triple|datalayout).*$", "", text, flags=re.MULTILINE)
+assert "x double>" not in text
+binding.initialize_all_targets()
+binding.initialize_all_asmprinters()
+triple = "aarch64-unknown-linux-gnu"
+arm = binding.Target.from_triple(triple).create_target_machine(cpu="generic", opt=3)
+module = binding.parse_assembly(text)
+module.triple, module.data_layout = triple, str(arm.target_data)
+options = binding.create_pipeline_tuning_options(speed_level=3)
+options.loop_vectorization = True
+passes = binding.create_pass_builder(arm, options)
+passes.getModulePassManager().run(module, passes)
+print(arm.emit_assembly(module))
+"""
+
+
+@compiles
+def test_the_hot_loop_becomes_vector_code_on_arm():
+    plain = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    try:
+        assembly = hot_loop(ON_ARM, **plain)
+    except AssertionError as error:
+        if "No available targets" in str(error):
+            pytest.skip("this LLVM has no code for ARM")
+        raise
+    # a packed fused multiply-add for each `fma` of the source, and no call of a library's
+    packed = [line for line in assembly.splitlines() if "\tfmla\t" in line and ".2d" in line]
+    assert len(packed) >= 10
+    assert "\tbl\tfma" not in assembly
