@@ -132,7 +132,7 @@ def test_what_exists_is_told_apart(spec, output, refused):
     assert main(["run", str(spec()), "-o", str(output)]) == 0
     before = output.read_bytes()
     message = refused("run", spec("# a comment\n" + SWEEP), "-o", output)
-    assert "exists and is kept: it is the finished result of this very sweep;" in message
+    assert "exists and is kept: it is the finished result of exactly this sweep;" in message
     message = refused("run", spec(SWEEP + "[measure]\nregimes = true\n"), "-o", output)
     assert "the result of another sweep or version:\n  measure.regimes: was False, is" in message
     assert "with -o, or replace it with --force" in message

@@ -65,7 +65,7 @@ def _perform(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt as error:
         _complain(str(error) or "interrupted; an unfinished result is not kept")
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has gone, as `head` does
+    except BrokenPipeError:  # the reader has closed the pipe, as `head` does
         _drop_output()
         return DONE
     except OSError as error:
@@ -122,7 +122,7 @@ def _interruptible() -> Iterator[None]:
 
 
 def _leave_kernels() -> None:
-    """End the process if a kernel still runs: it cannot be stopped and nobody waits for it."""
+    """End the process even if a kernel is still running, since a kernel cannot be interrupted."""
     for thread in threading.enumerate():
         if thread is not threading.current_thread() and not thread.daemon:
             started = thread.ident is not None  # it was not where the interruption came in between

@@ -76,7 +76,7 @@ class ExistingOutputError(OutputError):
 
 
 class TakenOutputError(OutputError):
-    """Another program wrote the output while it was computed; what was computed is beside it."""
+    """Another program wrote the output meanwhile; the result was saved under another name."""
 
     def __init__(self, path: Path, beside: Path) -> None:
         super().__init__(
@@ -90,7 +90,7 @@ class DataError(VibrosweepError, ValueError):
 
 
 class RunError(VibrosweepError, RuntimeError):
-    """Another run or an unfinished one stands in the way, or chunks of a run failed."""
+    """Another run or an unfinished run blocks the output, or chunks of a run failed."""
 
 
 class Interruption(KeyboardInterrupt):

@@ -53,7 +53,7 @@ def test_sound_dataset_without_bounds(bare):
     assert not report.claimed
     assert report.count(State.COMPARED) == 5
     assert "landing_time_error" not in report.variables()
-    assert any("computed anew" in line for line in report.lines())
+    assert any("computed again" in line for line in report.lines())
 
 
 def test_sample_is_seeded_and_without_replacement(bare):

@@ -397,7 +397,7 @@ def test_a_directory_that_is_removed(sweep, expected, tmp_path, what):
         shutil.rmtree(place / what)
         return chunks.in_process(1)(job, indices[3:], tick)
 
-    with pytest.raises(OutputError, match=r"has gone.*what was finished has gone with"):
+    with pytest.raises(OutputError, match=r"was removed.*the finished chunks were removed with"):
         sweep(output="place/out.h5", runner=removing)
     assert not run_directory(place / "out.h5").exists()
     place.mkdir(exist_ok=True)

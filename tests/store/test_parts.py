@@ -94,7 +94,7 @@ def test_what_is_no_part_is_not_counted(parts):
 
 
 def test_a_part_that_cannot_be_written(tmp_path):
-    with pytest.raises(OutputError, match=r"gone has gone; make the directory again"):
+    with pytest.raises(OutputError, match=r"gone was removed; make the directory again"):
         Parts(tmp_path / "gone", manifest()).write(0, COLUMNS)
 
 

@@ -23,7 +23,7 @@ class Motion:
     Attributes
     ----------
     start, end, velocity
-        Beginning and end of every flight in s (a flight that is still under way ends at the
+        Beginning and end of every flight in s (a flight in progress ends at the
         instant asked for), and the speed it starts with in m/s.
     rests
         Shape (rest, 2): from landing to lift-off, in s.

@@ -52,7 +52,7 @@ class Motion:
     Attributes
     ----------
     start, end
-        Lift-off and landing in s; the end of a flight that is still under way is its landing.
+        Lift-off and landing in s; a flight in progress also ends at its landing.
     velocity
         Speed at lift-off, m s-1.
     gravity

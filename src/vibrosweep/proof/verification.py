@@ -131,7 +131,7 @@ class Report:
     outcomes
         Of each realization drawn, then of the record where there is one.
     claimed
-        Whether the dataset states its claims; else they were computed anew.
+        Whether the dataset holds error bounds; else they were computed again.
     coordinates
         Comparisons of what all realizations share with the sweep file.
     names
@@ -206,7 +206,7 @@ class Report:
             f"{self.count(State.COMPARED)} proved, {landings} landings"
         )
         if not self.claimed:
-            yield "the dataset holds no bounds of its errors: they were computed anew"
+            yield "the dataset holds no error bounds: they were computed again"
         for state in State:
             if state is not State.COMPARED and self.count(state):
                 yield f"{self.count(state)} {state.value}"

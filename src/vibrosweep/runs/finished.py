@@ -30,7 +30,7 @@ def origin(spec: SweepSpec, path: Path) -> str:
     if isinstance(changes, str):
         return changes
     if not changes:
-        return "it is the finished result of this very sweep"
+        return "it is the finished result of exactly this sweep"
     return "it is the result of another sweep or version:\n  " + "\n  ".join(changes) + "\n"
 
 

@@ -22,9 +22,9 @@ __all__ = ["EXEMPT", "differences", "identity", "programs", "sources"]
 
 # Fields of a spec that are not part of the identity, each with the reason.
 EXEMPT: Final[Mapping[str, str]] = {
-    "text": "wording and comments; what the text says stands in the other fields",
+    "text": "wording and comments; the values of the text are in the other fields",
     "source": "where the sweep file lies",
-    "given": "which parameters are stated and which are defaults; their values stand in `fixed`",
+    "given": "which parameters are stated and which are defaults; their values are in `fixed`",
     "table": "where the table lies; the digest of its contents takes its place",
     "windows": "what `vibrosweep windows` looks for; a sweep computes nothing of it",
 }

@@ -46,7 +46,7 @@ def continued(
     if changes:
         finished = len(Parts(directory, manifest).finished())
         raise RunError(
-            f"{output}: an unfinished run of another sweep stands in {directory}, "
+            f"{output}: {directory} holds an unfinished run of another sweep, "
             f"{finished} of {manifest.chunks} chunks finished:\n  "
             + "\n  ".join(changes)
             + "\nfinish it with what it began with, write to another file with output=, or throw "
@@ -150,7 +150,7 @@ class KeptRun:
         try:
             finished = len(self.job.parts.finished())
         except OSError:
-            return f"what was finished has gone with {directory}"
+            return f"the finished chunks were removed with {directory}"
         again = "without force=True " if self.job.manifest.replaces else ""
         return (
             f"{finished} of {self.job.manifest.chunks} chunks are finished and kept in "

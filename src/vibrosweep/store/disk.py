@@ -236,7 +236,7 @@ def unwritten(path: Path, error: OSError) -> OutputError:
     """Return an error that says what could not be written, and what to do."""
     if error.errno == errno.ENOENT:
         return OutputError(
-            f"{path}: writing failed, for {target_of(path).parent} has gone; make the directory "
+            f"{path}: writing failed: {target_of(path).parent} was removed; make the directory "
             f"again, or choose another place with output=, then run again"
         )
     return OutputError(
