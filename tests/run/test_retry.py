@@ -182,5 +182,7 @@ def test_a_retry_with_any_other_measure_is_refused(tmp_path, output):
         value = getattr(spec.measures, field.name)
         other = {field.name: not value if isinstance(value, bool) else value + 1}
         spec = replace(spec, measures=replace(spec.measures, **other))
-        with pytest.raises(RunError, match=rf"another sweep or version:\n(.*\n)*  measure.{field.name}: "):
+        with pytest.raises(
+            RunError, match=rf"another sweep or version:\n(.*\n)*  measure.{field.name}: "
+        ):
             retry_failed(spec, output, threads=1, impact_budget=1000)
