@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-import readme
-from vibrosweep.model.measures import RECORD, VARIABLES
+from vibrosweep.model.markdown import insert
 from vibrosweep.spec.schema import _KEYS
 
 ROOT = Path(__file__).parents[1]
@@ -70,12 +69,13 @@ def test_pictures_are_small():
     assert sum((ROOT / path).stat().st_size for path in shown) < 400_000
 
 
-def test_the_tables_follow_from_the_registry_of_measures():
-    """`python checks/readme.py --write` writes them."""
-    assert readme.written(README) == README
-    assert len(readme.variables().splitlines()) == len(VARIABLES) > 40
+def test_the_tables_of_measures_are_those_of_the_registry():
+    assert insert(README) == README
+
+
+def test_every_other_key_is_explained():
     names = {key for keys in _KEYS.values() for key in keys} | {f"[{t}]" for t in _KEYS}
-    assert {name for name in {*names, *RECORD} if f"`{name}`" not in README} == set()
+    assert {name for name in names if f"`{name}`" not in README} == set()
 
 
 def test_the_python_prints_what_is_shown(paper, monkeypatch, capsys):

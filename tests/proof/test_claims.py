@@ -7,7 +7,9 @@ from fractions import Fraction
 import pytest
 from flint import arb
 
+from vibrosweep.model.measures import VARIABLES
 from vibrosweep.proof.judgement import judge
+from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.measured import Measured
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import EPS, Bounds, claims, record_claims
@@ -47,6 +49,12 @@ def test_claims_of_a_window_that_is_clear():
     assert found["flight_time_mean"] == pytest.approx(2 * 1e-5 / 10, rel=1e-6)
     assert found["dt_min"] == pytest.approx(2e-6, rel=1e-6)
     assert None not in found.values()
+
+
+def test_every_variable_that_is_proved_has_a_claim():
+    by_proof = JUDGES["measure"].by_proof
+    proved = {v.name for v in VARIABLES.values() if JUDGES[v.judged].by_proof is by_proof}
+    assert claims(BOUNDS, SCENE, MEASURED).keys() == proved
 
 
 def test_claims_without_errors_are_roundings():

@@ -13,11 +13,12 @@ import numpy as np
 from vibrosweep.proof.bounds import Errors
 from vibrosweep.proof.cycle import largest_exponent
 from vibrosweep.proof.growth import mean_growth
-from vibrosweep.proof.measured import Measured, Proved, measures
+from vibrosweep.proof.measured import Measured, measures
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
 from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.reference.results import Impact
 from vibrosweep.proof.sample import Realization
+from vibrosweep.proof.statistics import Proved
 from vibrosweep.proof.tolerances import Bounds, claims
 
 __all__ = ["Case", "Exponents"]

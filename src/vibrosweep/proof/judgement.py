@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from vibrosweep.proof.measured import Proved
+from vibrosweep.proof.statistics import Proved
 
 __all__ = ["Judgement", "judge"]
 

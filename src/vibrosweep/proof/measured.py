@@ -11,17 +11,24 @@ from fractions import Fraction
 from itertools import groupby, pairwise
 from operator import attrgetter
 from sys import float_info
-from typing import NamedTuple, TypeAlias
 
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.sample import Realization
+from vibrosweep.proof.statistics import (
+    Flights,
+    Landing,
+    Proved,
+    flights_of,
+    landings_of,
+    largest,
+    largest_height,
+    launch_depth,
+    statistics,
+)
 
-__all__ = ["Measured", "Proved", "measures"]
-
-# A ball, an exact count, code or double, or None where the variable is undefined (NaN stored).
-Proved: TypeAlias = "arb | int | float | None"
+__all__ = ["Measured", "measures"]
 
 GUARD_BITS = 64
 
@@ -58,26 +65,6 @@ class Measured:
     overlap: arb | None
 
 
-class _Landing(NamedTuple):
-    """A landing in the window, or an earlier one whose stay reaches into it."""
-
-    particle: int
-    number: int
-    time: arb
-    stay_end: arb
-    speed: arb | None
-    rested: bool
-
-
-class _Flights(NamedTuple):
-    """Sums over the flights that follow landings."""
-
-    landings: int
-    rests: int
-    speeds: list[arb]
-    squares: arb
-
-
 def measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measured:
     """Measure a realization from the proved trajectories of all its particles."""
     with ctx.workprec(GUARD_BITS + max(t.precision_bits for t in trajectories)):
@@ -87,81 +74,37 @@ def measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Me
 def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measured:
     begin = arb(realization.transient) if realization.windowed else arb.neg_inf()
     gravity = arb(realization.parameters["gravity"])
-    landings = _landings(realization, trajectories)
+    landings = landings_of(realization, trajectories)
     seen = [x for x in landings if x.time >= begin]
-    each = [_flights(x for x in seen if x.particle == p) for p in range(len(trajectories))]
-    whole = _flights(seen)
+    each = [flights_of(x for x in seen if x.particle == p) for p in range(len(trajectories))]
+    whole = flights_of(seen)
     status = [
         _status(t, flights, realization) for t, flights in zip(trajectories, each, strict=True)
     ]
     overlap = _overlap(landings, begin)
     shared = int(overlap is not None and bool(overlap.mid() >= 0))
-    values: dict[str, Proved | list[Proved]] = dict(_of_flights(whole, gravity))
-    values["flight_height_max"] = _largest_height(whole, realization)
+    values: dict[str, Proved | list[Proved]] = dict(statistics(whole, gravity))
+    values["flight_height_max"] = largest_height(whole, realization)
     values["at_rest_count"] = sum(t.at_rest for t in trajectories)
     values["dt_min"] = _closest(seen)
     values["dt_min_same_index"] = _closest_same_index(seen)
     values["base_shared"], values["collision_free"] = shared, 1 - shared
     values["status"] = max(status)
-    for name in _of_flights(whole, gravity):
-        values[f"particle_{name}"] = [_of_flights(flights, gravity)[name] for flights in each]
+    for name in statistics(whole, gravity):
+        values[f"particle_{name}"] = [statistics(flights, gravity)[name] for flights in each]
     values["particle_at_rest"] = [int(t.at_rest) for t in trajectories]
     values["particle_status"] = list(status)
     return Measured(
         values=values,
-        fastest=_largest(whole.speeds),
+        fastest=largest(whole.speeds),
         longest=max(len(flights.speeds) for flights in each),
         edge=_least([abs(x.time - begin) for x in landings]) if realization.windowed else None,
-        launch_depth=_launch_depth(realization),
+        launch_depth=launch_depth(realization),
         overlap=overlap,
     )
 
 
-def _landings(realization: Realization, trajectories: Sequence[Trajectory]) -> list[_Landing]:
-    """All landings in the order of time."""
-    contact = arb(realization.parameters["contact_time"])
-    landings = [
-        _Landing(
-            particle=particle,
-            number=number,
-            time=impact.landing_time,
-            stay_end=arb.pos_inf()
-            if impact.liftoff_time is None
-            else impact.liftoff_time.max(impact.landing_time + contact),
-            speed=impact.rebound_velocity,
-            rested=impact.rested,
-        )
-        for particle, trajectory in enumerate(trajectories)
-        for number, impact in enumerate(trajectory.impacts)
-    ]
-    return sorted(landings, key=lambda landing: landing.time.mid())
-
-
-def _flights(landings: Iterable[_Landing]) -> _Flights:
-    listed = list(landings)
-    speeds = [x.speed for x in listed if x.speed is not None]
-    squares = sum((speed * speed for speed in speeds), arb(0))
-    return _Flights(len(listed), sum(x.rested for x in listed), speeds, squares)
-
-
-def _of_flights(flights: _Flights, gravity: arb) -> dict[str, Proved]:
-    """Measured of flights, the same for a realization and for one particle."""
-    number, fastest = len(flights.speeds), _largest(flights.speeds)
-    mean_square = mean_time = highest = None
-    if fastest is not None:
-        mean_square = flights.squares / number / (2 * gravity)
-        mean_time = 2 * sum(flights.speeds, arb(0)) / number / gravity
-        highest = fastest * fastest / (2 * gravity)
-    return {
-        "impact_count": flights.landings,
-        "rest_count": flights.rests,
-        "rebound_height_mean": mean_square,
-        "rebound_height_max": highest,
-        "flight_time_mean": mean_time,
-    }
-
-
-def _status(trajectory: Trajectory, flights: _Flights, realization: Realization) -> Status:
+def _status(trajectory: Trajectory, flights: Flights, realization: Realization) -> Status:
     """Status that a computation in doubles must report."""
     if trajectory.status != Status.COMPLETED:
         return trajectory.status
@@ -170,20 +113,7 @@ def _status(trajectory: Trajectory, flights: _Flights, realization: Realization)
     return Status.NON_FINITE if overflows else Status.COMPLETED
 
 
-def _largest_height(flights: _Flights, realization: Realization) -> Proved:
-    speeds = list(flights.speeds)
-    if _launch_depth(realization) >= 0:
-        speeds.append(arb(realization.parameters["launch_velocity"]))
-    fastest = _largest(speeds)
-    return None if fastest is None else fastest**2 / (2 * arb(realization.parameters["gravity"]))
-
-
-def _launch_depth(realization: Realization) -> Fraction:
-    begin, end = Fraction(realization.transient), Fraction(realization.duration)
-    return max(min(time - begin, end - time) for time in realization.launch_times)
-
-
-def _closest(landings: Sequence[_Landing]) -> arb | None:
+def _closest(landings: Sequence[Landing]) -> arb | None:
     """Smallest time between landings of different particles, given in the order of time.
 
     It is found between neighbours: a landing in between would be closer to one of the two.
@@ -192,13 +122,13 @@ def _closest(landings: Sequence[_Landing]) -> arb | None:
     return _least([abs(b.time - a.time) for a, b in pairs])
 
 
-def _closest_same_index(landings: Sequence[_Landing]) -> arb | None:
+def _closest_same_index(landings: Sequence[Landing]) -> arb | None:
     by_number = groupby(sorted(landings, key=attrgetter("number")), attrgetter("number"))
     gaps = [_closest(list(group)) for _, group in by_number]
     return _least([gap for gap in gaps if gap is not None])
 
 
-def _overlap(landings: Sequence[_Landing], begin: arb) -> arb | None:
+def _overlap(landings: Sequence[Landing], begin: arb) -> arb | None:
     """Longest overlap of two stays inside the window, as `Measured` says.
 
     The partner with which a stay overlaps longest is the one that stays longest of those that
@@ -219,13 +149,6 @@ def _overlap(landings: Sequence[_Landing], begin: arb) -> arb | None:
         if len(longest) > 2:
             del longest[min(longest, key=lambda particle: longest[particle].mid())]
     return overlap
-
-
-def _largest(balls: Iterable[arb]) -> arb | None:
-    largest = None
-    for ball in balls:
-        largest = ball if largest is None else largest.max(ball)
-    return largest
 
 
 def _least(balls: Iterable[arb]) -> arb | None:

@@ -23,16 +23,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
-from vibrosweep.proof.measured import Measured, Proved
+from vibrosweep.proof.measured import Measured
 from vibrosweep.proof.sample import Realization
+from vibrosweep.proof.statistics import EPS, Proved, statistics_claims
 
 __all__ = ["EPS", "Bounds", "claims", "record_claims"]
-
-EPS: Final = 2.0**-53
-HEIGHTS: Final = ("rebound_height_mean", "rebound_height_max", "flight_height_max")
-OF_EACH: Final = ("impact_count", "rest_count", "flight_time_mean", *HEIGHTS[:2])
 
 
 class Bounds(NamedTuple):
@@ -68,27 +65,15 @@ def claims(
     exact |= {"particle_at_rest": 0.0, "particle_status": 0.0}
     undecided = _reaches(measured.overlap, _stay_error(dt, realization))
     exact |= dict.fromkeys(("base_shared", "collision_free"), None if undecided else 0.0)
-    windowed = _flights(bounds, realization, measured) | _separations(dt, measured, period)
+    windowed = statistics_claims(
+        bounds.rebound_velocity, realization, measured.fastest, measured.longest
+    ) | _separations(dt, measured, period)
     if _reaches(measured.edge, dt + 4.0 * EPS * period):
         windowed = dict.fromkeys(windowed)
     # only a late window over staggered launches compares anything that is rounded
     if realization.windowed and abs(measured.launch_depth) < realization.launch_rounding:
         windowed["flight_height_max"] = None
     return exact | windowed
-
-
-def _flights(
-    bounds: Bounds, realization: Realization, measured: Measured
-) -> dict[str, float | None]:
-    dv, gravity = bounds.rebound_velocity, realization.parameters["gravity"]
-    rounding = (measured.longest + len(realization.launch_times) + 10) * EPS
-    v = 0.0 if measured.fastest is None else float(measured.fastest)
-    height = (2.0 * v * dv + dv * dv) / (2.0 * gravity)
-    largest = max(v, realization.parameters["launch_velocity"])
-    claimed: dict[str, float | None] = {"impact_count": 0.0, "rest_count": 0.0}
-    claimed |= dict.fromkeys(HEIGHTS, height + rounding * largest * largest / (2.0 * gravity))
-    claimed["flight_time_mean"] = (2.0 * dv + rounding * 2.0 * v) / gravity
-    return claimed | {f"particle_{name}": claimed[name] for name in OF_EACH}
 
 
 def _separations(dt: float, measured: Measured, period: float) -> dict[str, float | None]:

@@ -1,0 +1,69 @@
+"""The registry of measures as the tables of the README, which holds just these.
+
+``python -m vibrosweep.model.markdown README.md`` writes them anew between their markers.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Final
+
+from vibrosweep.model.measures import ALWAYS, MEASURES, OPTIONS, RECORD, Measures, Variable
+
+__all__ = ["TABLES", "insert"]
+
+
+def _keys() -> Iterator[str]:
+    """Give the keys of [measure] with their defaults."""
+    yield "| key | meaning | default | cost |"
+    yield "|---|---|---|---|"
+    for key, default in vars(Measures()).items():
+        if key in OPTIONS:
+            units = "" if OPTIONS[key].units == "1" else f" ({OPTIONS[key].units})"
+            yield f"| `{key}` | {OPTIONS[key].meaning}{units} | {default:g} | |"
+        else:
+            measure = MEASURES[key]
+            includes = "".join(f"; includes `{other}`" for other in measure.requires)
+            yield f"| `{key}` | {measure.meaning}{includes} | false | {measure.cost} |"
+
+
+def _variables() -> Iterator[str]:
+    """Give every variable under the key that has it measured."""
+    yield "| variable | of each | unit | meaning |"
+    yield "|---|---|---|---|"
+    yield from _rows("always", ALWAYS)
+    for key, measure in MEASURES.items():
+        yield from _rows(f"`{key} = true`", measure.variables)
+    yield from _rows("`[record]`", RECORD.values())
+
+
+def _rows(asked: str, variables: Iterable[Variable]) -> Iterator[str]:
+    yield f"| **{asked}** | | | |"
+    for variable in variables:
+        codes = ", ".join(f"{value} `{meaning}`" for value, meaning in variable.flags)
+        meaning = "; ".join(filter(None, (variable.long_name, variable.comment, codes)))
+        unit = "code" if codes else variable.units
+        yield f"| `{variable.name}` | {variable.dims[-1]} | {unit} | {meaning} |"
+
+
+# By the names in the markers around them
+TABLES: Final = {"keys of measure": "\n".join(_keys()), "variables": "\n".join(_variables())}
+
+
+def insert(text: str) -> str:
+    """Put the tables between their markers, which stay."""
+    for name, table in TABLES.items():
+        begin, end = f"<!-- begin {name} -->\n", f"\n<!-- end {name} -->"
+        before, _, rest = text.partition(begin)
+        _, found, after = rest.partition(end)
+        if not found:
+            raise ValueError(f"there is no {begin.strip()} with its end")
+        text = before + begin + table + end + after
+    return text
+
+
+if __name__ == "__main__":
+    readme = Path(sys.argv[1])
+    readme.write_text(insert(readme.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,0 +1,86 @@
+"""The registry of measures agrees with itself, and whatever derives from it with the registry."""
+
+from collections import Counter
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from vibrosweep.errors import SpecError
+from vibrosweep.kernels.advance import LOOK_AFTER
+from vibrosweep.model.markdown import TABLES, insert
+from vibrosweep.model.measures import (
+    ALWAYS,
+    MEASURE_OF,
+    MEASURES,
+    OPTIONS,
+    RECORD,
+    VARIABLES,
+    Measures,
+)
+from vibrosweep.spec.sweep import parse_spec
+
+
+def test_every_key_is_a_measure_or_an_option_and_every_variable_has_one_home():
+    assert [field.name for field in fields(Measures)] == list(vars(Measures()))
+    assert {*MEASURES, *OPTIONS} == vars(Measures()).keys()
+    homes = Counter(v.name for m in MEASURES.values() for v in m.variables)
+    homes.update(v.name for v in ALWAYS)
+    assert set(homes.values()) == {1}
+    assert VARIABLES.keys() == homes.keys() == MEASURE_OF.keys() | {v.name for v in ALWAYS}
+
+
+@pytest.mark.parametrize("key", MEASURES)
+def test_a_measure_brings_what_it_requires_and_nothing_else(key):
+    asked = Measures(**{key: True})
+    expected = {key, *MEASURES[key].requires}
+    assert {other for other in MEASURES if getattr(asked, other)} == expected
+    names = {v.name for v in ALWAYS} | {n for n, home in MEASURE_OF.items() if home in expected}
+    assert [v.name for v in asked.variables] == [n for n in VARIABLES if n in names]
+
+
+def test_exponents_cannot_do_without_regimes():
+    assert replace(Measures(lyapunov=True), regimes=False).regimes
+
+
+@pytest.mark.parametrize("variable", [*VARIABLES.values(), *RECORD.values()], ids=lambda v: v.name)
+def test_a_code_fits_its_type_and_only_codes_are_eight_bits(variable):
+    codes = [code for code, _ in variable.flags]
+    assert bool(codes) == (variable.dtype == "int8")
+    assert np.array_equal(np.array(codes, variable.dtype), codes)
+    assert len(set(codes)) == len(codes)
+
+
+@pytest.mark.parametrize("key", MEASURES)
+def test_a_sweep_file_asks_for_a_measure_by_its_key(key):
+    text = 'title = "x"\n[measure]\n'
+    assert parse_spec(f"{text}{key} = true").measures == Measures(**{key: True})
+    with pytest.raises(SpecError, match=f"measure.{key} = 1: must be true or false"):
+        parse_spec(f"{text}{key} = 1")
+
+
+@pytest.mark.parametrize(
+    ("key", "refused"),
+    [
+        ("transient", -1e-300),
+        ("tolerance", 0.0),
+        ("impact_budget", 0),
+        ("impact_budget", 2**62 + 1),
+    ],
+)
+def test_an_option_out_of_its_range_is_refused_in_the_words_of_the_registry(key, refused):
+    assert all(OPTIONS[k].accepts(getattr(Measures(), k)) for k in OPTIONS)
+    with pytest.raises(SpecError) as caught:
+        parse_spec(f'title = "x"\n[measure]\n{key} = {refused}')
+    assert f"must be {OPTIONS[key].allowed}" in str(caught.value)
+
+
+def test_the_budget_is_a_multiple_of_what_its_meaning_says():
+    assert OPTIONS["impact_budget"].meaning.endswith(f"a multiple of {LOOK_AFTER}")
+
+
+def test_tables_go_between_their_markers():
+    empty = "\n".join(f"<!-- begin {name} -->\n\n<!-- end {name} -->" for name in TABLES)
+    assert all(f" -->\n{table}\n<!-- end" in insert(f"a\n{empty}\nb") for table in TABLES.values())
+    with pytest.raises(ValueError, match="variables"):
+        insert(empty.replace("<!-- end variables -->", ""))
