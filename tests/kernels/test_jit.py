@@ -166,9 +166,13 @@ def test_machine_code_is_kept_on_disk_and_never_stale(package):
     assert value == pytest.approx(2.25, abs=1e-12)
     assert hits == [0, 0]
     # a code that a kernel has as a constant, and the order of the arrays it is given
-    edit(package / "status.py", "BUDGET_EXCEEDED = 1", "BUDGET_EXCEEDED = 5")
-    edit(package / "scene.py", "    kick: Array\n", "")
-    edit(package / "scene.py", "    end_phase: Array\n", "    end_phase: Array\n    kick: Array\n")
+    edit(package / "model" / "status.py", "BUDGET_EXCEEDED = 1", "BUDGET_EXCEEDED = 5")
+    edit(package / "model" / "parameters.py", "    kick: Array\n", "")
+    edit(
+        package / "model" / "parameters.py",
+        "    end_phase: Array\n",
+        "    end_phase: Array\n    kick: Array\n",
+    )
     value, field, hits = use(package)
     assert value == pytest.approx(6.25, abs=1e-12)
     assert field == 1.0

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import inspect
 import shutil
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -105,6 +106,8 @@ def jit(function: F) -> F:
 
     Where Python calls it, it is compiled for that alone.
     """
+    if numba.config.DISABLE_JIT:
+        return function
     alone = njit(**OPTIONS)(function)
 
     @functools.wraps(function)
@@ -150,7 +153,7 @@ def question(declared: F) -> F:
 
     @overload(ask, jit_options=OF_A_PIECE, strict=False)
     def choose(first: Any, *others: Any) -> Any:
-        return answer_of(getattr(first, "instance_class", type(first))).__wrapped__
+        return inspect.unwrap(answer_of(getattr(first, "instance_class", type(first))))
 
     _answers[ask] = {}
     return ask  # type: ignore[return-value]
