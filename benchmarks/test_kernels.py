@@ -12,10 +12,10 @@ from numba import njit
 
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
 from methods.sweeps import paper_parameters
+from vibrosweep.engine.landings import all_parameters as complete
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
-from vibrosweep.engine.landings import all_parameters as complete
 from vibrosweep.kernels.advance import Options, _step, advance
 from vibrosweep.kernels.bases import put
 from vibrosweep.kernels.bases import scene as scene_of

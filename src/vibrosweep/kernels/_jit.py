@@ -108,11 +108,14 @@ def jit(function: F) -> F:
     """
     if numba.config.DISABLE_JIT:
         return function
-    alone = njit(**OPTIONS)(function)
+
+    @functools.cache
+    def alone() -> Any:  # hardly a piece is ever called so: none is prepared for it
+        return njit(**OPTIONS)(function)
 
     @functools.wraps(function)
     def piece(*arguments: Any) -> Any:
-        return alone(*arguments)
+        return alone()(*arguments)
 
     @overload(piece, jit_options=OF_A_PIECE, strict=False)
     def inlined(*arguments: Any) -> Any:
