@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import statistics as statistics_of
 import time
 
 import numpy as np
@@ -11,11 +12,15 @@ from numba import njit
 
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
 from methods.sweeps import paper_parameters
+from vibrosweep.engine.landings import all_parameters as complete
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
-from vibrosweep.kernels.advance import Options, advance
+from vibrosweep.kernels.advance import Options, _step, advance
+from vibrosweep.kernels.bases import constants, put
 from vibrosweep.kernels.impact import Batch, base_of
+from vibrosweep.kernels.lanes import LANES as LANES_OF_KERNEL
+from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.statistics import empty_statistics, scratch
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import dimensionless, launches
@@ -23,7 +28,7 @@ from vibrosweep.model.parameters import dimensionless, launches
 THREADS = 2
 
 
-def scene(realizations, particles, duration):
+def scene(realizations, particles, duration, **options):
     """The ranges of sweeps/paper.toml."""
     parameters = paper_parameters(realizations)
     observation = Observation(
@@ -31,7 +36,7 @@ def scene(realizations, particles, duration):
         launch="staggered",
         duration=duration,
         rebound="rest",
-        measures=Measures(),
+        measures=Measures(**options),
     )
     problem = dimensionless(parameters, duration, 0.0)
     return problem, launches("staggered", particles, parameters["frequency"]), observation
@@ -99,6 +104,50 @@ def test_bare_map_against_the_sine_alone(race):
         work_reference=work,
     )
     assert ratio >= 0.7
+
+
+@njit(nogil=True, error_model="numpy")
+def passes(s, repetitions, base):
+    for _ in range(repetitions):
+        _step(s, LANES_OF_KERNEL, base, None)
+
+
+def filled(law, flight, e, a, r):
+    """Scratch memory with lanes on their way, all with one flight and the same parameters."""
+    rng = np.random.default_rng(1)
+    given = {"restitution": e, "amplitude": a, "contact_time": r, "gravity": 2.0, "frequency": 1.0}
+    given = {name: np.array([value]) for name, value in given.items()}
+    fixed = constants(base_of(law), dimensionless(complete(given), 1.0, 0.0), 0)
+    s = scratch()
+    for j in range(LANES_OF_KERNEL):
+        put(fixed, s, j)
+        s[ROW.X + j], s[ROW.U + j], s[ROW.N + j] = rng.uniform(-0.5, 0.5), flight, -1e12
+    return s
+
+
+@pytest.mark.parametrize("law", ["rest", "reflect"])
+def test_speed_does_not_depend_on_how_small_flights_are(law):
+    """Numbers below 1e-308 would cost some processors a hundred cycles each: there are none."""
+    kinds = {
+        "chaotic": (1.0, 0.9, 0.7, 1e-4),
+        "locked": (1.0, 0.5, 0.55, 1e-4),
+        "decaying": (1.0, 0.9999, 0.0, 1e-30),
+        "decaying at once": (1.0, 1e-300, 0.0, 1e-30),
+        "tiny": (1e-29, 0.9, 2e-30, 1e-30),
+        "at rest in every period": (1.0, 0.0, 0.7, 1e-4),
+        "dead": (1e-4, 0.0, 0.0, 1e-4),
+    }
+    base = base_of(law)
+    rooms = {kind: filled(law, *given) for kind, given in kinds.items()}
+    times = {kind: [] for kind in kinds}
+    for _ in range(15):
+        for kind, room in rooms.items():
+            began = time.thread_time()
+            passes(room, 5000, base)
+            times[kind].append(time.thread_time() - began)
+    medians = {kind: statistics_of.median(values[1:]) for kind, values in times.items()}
+    print("\n", {kind: round(t / medians["locked"], 3) for kind, t in medians.items()})
+    assert max(medians.values()) <= 1.2 * min(medians.values())
 
 
 def test_hot_loop_uses_whole_vector_registers():

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import inspect
 import shutil
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -105,11 +106,16 @@ def jit(function: F) -> F:
 
     Where Python calls it, it is compiled for that alone.
     """
-    alone = njit(**OPTIONS)(function)
+    if numba.config.DISABLE_JIT:
+        return function
+
+    @functools.cache
+    def alone() -> Any:  # hardly a piece is ever called so: none is prepared for it
+        return njit(**OPTIONS)(function)
 
     @functools.wraps(function)
     def piece(*arguments: Any) -> Any:
-        return alone(*arguments)
+        return alone()(*arguments)
 
     @overload(piece, jit_options=OF_A_PIECE, strict=False)
     def inlined(*arguments: Any) -> Any:
@@ -150,7 +156,7 @@ def question(declared: F) -> F:
 
     @overload(ask, jit_options=OF_A_PIECE, strict=False)
     def choose(first: Any, *others: Any) -> Any:
-        return answer_of(getattr(first, "instance_class", type(first))).__wrapped__
+        return inspect.unwrap(answer_of(getattr(first, "instance_class", type(first))))
 
     _answers[ask] = {}
     return ask  # type: ignore[return-value]

@@ -1,0 +1,21 @@
+"""The kernels against their sine, with every width; ``pytest benchmarks/test_processors.py -s``."""
+
+from __future__ import annotations
+
+import pytest
+
+from processors import measured, ways
+
+# Of the bare map: its chain of dependent operations is half as long again as that of the sine
+# alone.  How many such chains a core has under way decides; a vector half as wide halves the lanes
+# in each of them, but not the chain.
+BARE_MAP = {"512": 1.0 / 0.75}
+
+
+@pytest.mark.parametrize("way", ways())
+def test_streaming_and_the_bare_map_as_multiples_of_the_sine(way):
+    found = measured(way)
+    print(f"\n{way} bits: {found}")
+    assert found["1000 periods"] <= 6.0
+    assert found["12 periods"] <= 8.0
+    assert found["bare map"] <= BARE_MAP.get(way, 2.0)
