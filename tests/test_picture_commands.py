@@ -47,6 +47,24 @@ def test_windows_and_their_picture_are_written(spec, tmp_path, capsys):
     assert output.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize(
+    ("conditions", "duration", "told"),
+    [
+        ('["locked(1)", "periodic"]', 100.0, True),
+        ('["locked(1)", "periodic"]', 2000.0, False),
+        ('["locked(1)", "separated"]', 100.0, False),  # no orbit has to be recognised
+    ],
+)
+def test_too_short_an_observation_is_told(conditions, duration, told, spec, tmp_path, capsys):
+    text = SPEC.replace('["locked(1)", "periodic"]', conditions)
+    output = tmp_path / "found.h5"
+    file = spec(text.replace("duration = 100.0", f"duration = {duration}"))
+    assert main(["windows", str(file), "-o", str(output)]) == 0
+    assert ("may be called unsettled" in capsys.readouterr().out) == told
+    with xr.open_dataset(output, engine="h5netcdf") as found:
+        assert bool(found.attrs["notes"]) == told
+
+
 def test_an_existing_output_is_kept_unless_forced(spec, tmp_path, capsys):
     output = tmp_path / "found.h5"
     output.with_suffix(".png").write_bytes(b"mine")

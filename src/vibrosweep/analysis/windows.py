@@ -31,7 +31,14 @@ if TYPE_CHECKING:
     from vibrosweep.analysis.bisection import Codes
     from vibrosweep.spec.sweep import SweepSpec
 
-__all__ = ["DIRECTIONS", "TOLERANCE", "find_windows", "summary", "windows_of_spec"]
+__all__ = [
+    "DIRECTIONS",
+    "TOLERANCE",
+    "find_windows",
+    "recognises_orbits",
+    "summary",
+    "windows_of_spec",
+]
 
 Array = NDArray[np.float64]
 
@@ -126,6 +133,15 @@ def find_windows(
         ]
     table = _table(found, (len(chosen), len(directions), e.size))
     return _dataset(scene, chosen, directions, e, a, tolerance, table)
+
+
+def recognises_orbits(spec: SweepSpec) -> bool:
+    """Whether a condition of a sweep file depends on orbits that are recognised."""
+    conditions = () if spec.windows is None else map(named, spec.windows.conditions)
+    return any(
+        isinstance(condition, Condition) and condition.measures.keys() & {"regimes", "lyapunov"}
+        for condition in conditions
+    )
 
 
 def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:

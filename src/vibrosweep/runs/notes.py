@@ -9,12 +9,13 @@ from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.sweep import Range, SweepSpec
 
-__all__ = ["notes", "silent_defaults"]
+__all__ = ["notes", "short_observation", "silent_defaults"]
 
 
 def notes(spec: SweepSpec, design: Design) -> dict[str, str]:
     """Remarks on a sweep, by subject; empty if there are none."""
-    found = {"defaults": _defaults(spec, design), "observation": _observation(spec, design)}
+    short = short_observation(spec, design) if spec.measures.regimes else ""
+    found = {"defaults": _defaults(spec, design), "observation": short}
     return {subject: text for subject, text in found.items() if text}
 
 
@@ -31,10 +32,8 @@ def _defaults(spec: SweepSpec, design: Design) -> str:
     )
 
 
-def _observation(spec: SweepSpec, design: Design) -> str:
-    """Say where locked orbits cannot be recognised before the observation ends."""
-    if not spec.measures.regimes:
-        return ""
+def short_observation(spec: SweepSpec, design: Design) -> str:
+    """Say where locked orbits cannot be recognised before the observation ends; else empty."""
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
     needed = float(theory.recognition_periods(restitution[1]))
     if spec.duration * frequency[0] >= needed:
