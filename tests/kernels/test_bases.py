@@ -19,7 +19,7 @@ from vibrosweep.kernels.impact import base_of, impact
 from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.sine import COSINE_ERROR
-from vibrosweep.kernels.statistics import scratch
+from vibrosweep.kernels.statistics import RUNNING, scratch
 from vibrosweep.model.parameters import LAWS
 from vibrosweep.proof.reference.ball import step
 
@@ -102,8 +102,9 @@ def test_constants_in_scratch_memory_are_taken_back(constants_of, law, drawn):
             assert then[2:] == left[2:]
         if a > r:
             assert taken == fixed
-    assert not memory[ROW.X_END :].any()
-    rows = memory[: ROW.X_END].reshape(-1, STRIDE)
+    assert not memory[: ROW.CONSTANTS].any()
+    assert not memory[RUNNING.LANDINGS :].any()
+    rows = memory[ROW.CONSTANTS : RUNNING.LANDINGS].reshape(-1, STRIDE)
     assert not rows[:, len(several) :].any()
 
 

@@ -63,8 +63,11 @@ def vector_registers() -> Finding:
     bits = max((WIDTHS[name] for name in features if name in WIDTHS), default=64) if fused else 64
     words = "fused multiply-add by instruction" if fused else "no fused multiply-add"
     asked = vector_bits()
-    asked_for = "the compiler's choice" if asked is None else f"{asked} bits asked for"
-    state = f"{bits} bits, {words}, compiled for {processor}; {asked_for}, {VARIABLE} sets another"
+    choice = "the compiler's choice" if asked is None else f"{asked} bits asked for"
+    state = (
+        f"{min(bits, asked or bits)} bits, {words}, compiled for {processor}; {choice}, "
+        f"{VARIABLE} sets another"
+    )
     if fused and numba.config.OPT == 3:
         return Finding(subject, state)
     return Finding(subject, state, f"results are right, but slow to come: {_slow()}")
