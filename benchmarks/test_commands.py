@@ -41,9 +41,9 @@ def seconds(command, **options):
 def test_warm_start_against_importing_numba_and_hdf5(race, tmp_path):
     command = [*VIBROSWEEP, "run", str(SWEEPS / "paper.toml"), "-o", str(tmp_path / "p.h5")]
     ratio = race(lambda: seconds([*command, "--force"]), lambda: seconds(IMPORTS))
-    # half was reached before runs were planned, kept and sealed; declaring the forty variables of
-    # this file and its record takes a sixth of the time, in the libraries
-    assert ratio >= 0.4
+    # 0.56 on a quiet machine: a third of the rest is numba's, which prepares its types before it
+    # loads a kernel, and another one declaring forty variables, in the libraries
+    assert ratio >= 0.5
 
 
 def test_help_against_starting_python(race):
@@ -62,7 +62,7 @@ def test_cold_start_against_compiling_something_else(race, tmp_path):
             took.append(seconds([*command, "--force"], env=environment))
 
     race(cold, lambda: seconds(COMPILES), rounds=3, warm_up=False)
-    assert min(took) <= 20.0
+    assert min(took) <= 15.0
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import sys
 import time
 from pathlib import Path
@@ -54,12 +53,10 @@ def perform(options: argparse.Namespace) -> None:
 
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
-    gc.disable()  # imports create many objects and hardly any garbage
     _check(options, spec, output)
     from vibrosweep.runs.driver import run_sweep
     from vibrosweep.runs.progress import reporting
 
-    gc.enable()
     print(spec.title)
     began = time.perf_counter()
     with opened_place(options) as place, reporting(sys.stderr) as advance:

@@ -16,7 +16,6 @@ from vibrosweep.kernels.listing import start
 from vibrosweep.kernels.ordering import Workspace, workspace
 from vibrosweep.kernels.same_index import same_index
 from vibrosweep.kernels.slabs import UNKNOWN, all_landings, earliest
-from vibrosweep.model.parameters import Dimensionless
 
 __all__ = [
     "UNKNOWN",
@@ -71,45 +70,22 @@ Window = tuple[bool, Joint, Instant, Instant]
 
 @jit
 def _window(
-    problem: Dimensionless,
-    i: int,
-    particles: int,
+    begin: Instant,
+    x_end: float,
+    first: int,
     budget: int,
     windowed: bool,
     cycles: Cycles,
     pace: Floats,
 ) -> Window:
-    """Window of realization i that contains every gap and stay."""
-    begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
-    x_end = problem.end_phase[i]
+    """Window of trajectories first, ... of a realization in which every gap and stay occurs."""
     joint, opening, end = no_joint(), begin, (0.0, x_end)
     if cycles.size == 0:
         return True, joint, opening, end
-    joint = joint_cycle(cycles, i * particles, pace)
+    joint = joint_cycle(cycles, first, pace)
     if joint.impacts > 0:
         opening, end = _until(windowed, begin, x_end, joint)
-    return affordable(cycles, i * particles, particles, end[0], budget), joint, opening, end
-
-
-@jit
-def _separate(
-    batch: Batch, i: int, found: Window, windowed: bool, work: Workspace, out: Separations
-) -> None:
-    """Measure realization i."""
-    _, joint, opening, end = found
-    problem = batch.problem
-    fixed = constants(batch.base, problem, i)
-    begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
-    start(work, batch, i)
-    same, together = same_index(fixed, windowed, begin, problem.end_phase[i], work, joint)
-    gap, shared = 0.0, 1
-    if not together:
-        start(work, batch, i)
-        gap, shared = all_landings(fixed, windowed, opening, end, earliest(fixed, work), work)
-    out.shared[i] = shared
-    if shared != UNKNOWN:
-        out.gap[i] = gap if gap < np.inf else np.nan
-        out.same[i] = same if same < np.inf else np.nan
+    return affordable(cycles, first, pace.size, end[0], budget), joint, opening, end
 
 
 @kernel
@@ -146,9 +122,26 @@ def separate(
     out : Separations
         Only the slots of these realizations are written.
     """
-    particles = batch.launches.whole.shape[1]
+    base, problem, launches = batch
+    particles = launches.whole.shape[1]
     for i in range(span[0], span[1]):
-        if complete[i]:
-            found = _window(batch.problem, i, particles, budget, windowed, cycles, work.pace)
-            if found[0]:
-                _separate(batch, i, found, windowed, work, out)
+        if not complete[i]:
+            continue
+        begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
+        x_end = problem.end_phase[i]
+        measurable, joint, opening, end = _window(
+            begin, x_end, i * particles, budget, windowed, cycles, work.pace
+        )
+        if not measurable:
+            continue
+        fixed = constants(base, problem, i)
+        start(work, batch, i)
+        same, together = same_index(fixed, windowed, begin, x_end, work, joint)
+        gap, shared = 0.0, 1
+        if not together:
+            start(work, batch, i)
+            gap, shared = all_landings(fixed, windowed, opening, end, earliest(fixed, work), work)
+        out.shared[i] = shared
+        if shared != UNKNOWN:
+            out.gap[i] = gap if gap < np.inf else np.nan
+            out.same[i] = same if same < np.inf else np.nan

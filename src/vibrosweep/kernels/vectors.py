@@ -2,7 +2,7 @@
 
 On Intel processors with AVX-512 LLVM takes 256 bits, since on the first of them 512 lowered the
 clock of the whole core.  Measured on an Emerald Rapids, 512 bits make the streaming kernel 1.3 to
-2 times as fast, and on a Zen 4 1.2 to 1.5 times, so they are asked for wherever a processor has
+2 times as fast, and on a Zen 4 1.4 to 1.5 times, so they are asked for wherever a processor has
 them, except on that first family.
 """
 
