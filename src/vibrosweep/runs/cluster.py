@@ -259,6 +259,9 @@ class _Chunks:
         if future.status == "finished":
             start, stop = self._job.manifest.bounds(index)
             return stop - start
+        if future.status in ("pending", "lost"):  # its worker has died since it ended
+            self._queue.append(index)
+            return None
         if future.status != "error":
             raise RunError(GONE)
         error = future.exception()
