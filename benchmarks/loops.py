@@ -14,7 +14,7 @@ from vibrosweep.kernels.impact import base_of, land
 from vibrosweep.kernels.lanes import aligned
 from vibrosweep.kernels.sine import sin_turns
 
-BASE = base_of("rest")
+BASE = base_of("high-bounce", "rest")
 LANES = 256
 STRIDE = LANES + 24
 X, U, E, A = 0, STRIDE, 2 * STRIDE, 3 * STRIDE

@@ -73,7 +73,7 @@ def test_speed_does_not_depend_on_the_place_in_memory():
     """Rows that meet in the cache would make the kernel slow at some places of its memory."""
     trajectories, places, page = 10_000, 200, 4096 // 8
     problem, launch, observation = scene(trajectories // 20, 20, 12.0)
-    batch = Batch(base_of(observation.rebound), problem, launch)
+    batch = Batch(base_of("high-bounce", observation.rebound), problem, launch)
     options = Options(observation.budget)
     out = empty_statistics(trajectories)
     size = scratch().size
@@ -117,7 +117,7 @@ def filled(law, flight, e, a, r):
     rng = np.random.default_rng(1)
     given = {"restitution": e, "amplitude": a, "contact_time": r, "gravity": 2.0, "frequency": 1.0}
     given = {name: np.array([value]) for name, value in given.items()}
-    fixed = constants(base_of(law), dimensionless(complete(given), 1.0, 0.0), 0)
+    fixed = constants(base_of("high-bounce", law), dimensionless(complete(given), 1.0, 0.0), 0)
     s = scratch()
     for j in range(LANES_OF_KERNEL):
         put(fixed, s, j)
@@ -137,7 +137,7 @@ def test_speed_does_not_depend_on_how_small_flights_are(law):
         "at rest in every period": (1.0, 0.0, 0.7, 1e-4),
         "dead": (1e-4, 0.0, 0.0, 1e-4),
     }
-    base = base_of(law)
+    base = base_of("high-bounce", law)
     rooms = {kind: filled(law, *given) for kind, given in kinds.items()}
     times = {kind: [] for kind in kinds}
     for _ in range(15):
@@ -153,7 +153,7 @@ def test_speed_does_not_depend_on_how_small_flights_are(law):
 def test_hot_loop_uses_whole_vector_registers():
     """The inner loop holds fused multiply-adds on the widest registers and calls nothing."""
     problem, launch, observation = scene(1, 8, 12.0)
-    batch = Batch(base_of(observation.rebound), problem, launch)
+    batch = Batch(base_of("high-bounce", observation.rebound), problem, launch)
     fresh = njit(nogil=True, error_model="numpy")(advance.py_func)
     fresh((0, 8, 0), batch, Options(102), False, scratch(), empty_statistics(8), None, None)
     (assembly,) = fresh.inspect_asm().values()

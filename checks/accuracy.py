@@ -58,7 +58,7 @@ def batch_of(scenes: Sequence[Mapping[str, float]], law: str) -> Batch:
         starts.append(launches((scene["launch_time"],), 1, given["frequency"]))
     problem = Dimensionless(*(np.concatenate(field) for field in zip(*parts, strict=True)))
     start = Launches(*(np.concatenate(field) for field in zip(*starts, strict=True)))
-    return Batch(base_of(law), problem, start)
+    return Batch(base_of("high-bounce", law), problem, start)
 
 
 def bare_problem(e: np.ndarray, a: np.ndarray) -> Dimensionless:

@@ -27,7 +27,7 @@ from accuracy import bare_problem, provenance, table, write_section
 from vibrosweep.kernels.bases import constants, fly, rebound
 from vibrosweep.kernels.impact import base_of, land
 
-BASE = base_of("rest")
+BASE = base_of("high-bounce", "rest")
 BITS = 192
 BESIDE = 1e-4  # turns
 TURN_HALF_ULP = 2.0**-54  # largest rounding of a landing phase

@@ -82,7 +82,7 @@ def _phases(batch, counts, phases):
 
 def kernel_phases(scene: Scene, impacts: int) -> tuple[np.ndarray, np.ndarray]:
     """Whole periods and phases of the sample's landings; shape (trajectory, impact)."""
-    batch = Batch(base_of(scene.rebound), *_problem(scene, scene.sample))
+    batch = Batch(base_of("high-bounce", scene.rebound), *_problem(scene, scene.sample))
     counts, phases = np.empty((2, scene.proved, impacts))
     _phases(batch, counts, phases)
     return counts, phases

@@ -14,6 +14,6 @@ def constants_of(parameters):
     def make(rebound, e, a, r=1e-4):
         # gravity 2 and frequency 1: an amplitude is its kick, and a contact time its threshold
         given = parameters(restitution=e, amplitude=a, contact_time=r, gravity=2.0, frequency=1.0)
-        return constants(base_of(rebound), dimensionless(given, 1.0), 0)
+        return constants(base_of("high-bounce", rebound), dimensionless(given, 1.0), 0)
 
     return make

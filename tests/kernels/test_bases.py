@@ -91,7 +91,7 @@ def test_constants_in_scratch_memory_are_taken_back(constants_of, law, drawn):
     for j, fixed in enumerate(several):
         bases.put(fixed, memory, j)
     for j, (fixed, (_, a, r, x, u)) in enumerate(zip(several, drawn, strict=True)):
-        taken = bases.take(base_of(law), memory, j)
+        taken = bases.take(base_of("high-bounce", law), memory, j)
         w = bases.rebound(fixed, x, u)
         assert bases.rebound(taken, x, u) == w
         left, then = (bases.lift_off(one, 7.0, x, w) for one in (fixed, taken))
@@ -153,7 +153,8 @@ ways = {inspect.unwrap(ask_all), ask_all}  # asked one by one, and inlined
 for law in LAWS:
     for ask in ways:
         room = scratch()
-        found = [ask(base_of(law), problem, i, *states[i].tolist(), room) for i in range(size)]
+        base = base_of("high-bounce", law)
+        found = [ask(base, problem, i, *states[i].tolist(), room) for i in range(size)]
         numbers = [np.concatenate([np.ravel(part) for part in row]).tolist() for row in found]
         print(json.dumps([law, numbers, room.tolist()]))
 """

@@ -21,7 +21,7 @@ def solved(e, a, k, r=1e-4, sign=1.0):
     given = {name: np.full(e.size, p.default) for name, p in PARAMETERS.items()}
     given |= {name: np.full(e.size, value) for name, value in UNITS.items()}
     given |= {"restitution": e.astype(float), "amplitude": a.astype(float), "contact_time": r}
-    found, base = empty_fixed(e.size), base_of("rest" if sign > 0.0 else "reflect")
+    found, base = empty_fixed(e.size), base_of("high-bounce", "rest" if sign > 0.0 else "reflect")
     find_fixed((0, e.size), base, dimensionless(given, 1.0), k, sign, found)
     return found
 
@@ -83,7 +83,7 @@ given = {name: np.full(3, p.default) for name, p in PARAMETERS.items()}
 given["restitution"], given["gravity"] = np.array([0.9, 0.5, 0.3]), np.full(3, 2.0)
 given["amplitude"] = np.array([0.3, 0.2, 0.75])
 problem = dimensionless(given, 1.0)
-find_fixed((0, 3), base_of("rest"), problem, np.ones(3, int), 1.0, found)
+find_fixed((0, 3), base_of("high-bounce", "rest"), problem, np.ones(3, int), 1.0, found)
 print(json.dumps([found.state.tolist(), found.phase.tolist()]))
 """
     outputs = [

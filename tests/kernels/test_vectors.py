@@ -54,7 +54,7 @@ from numba import njit, typeof, types
 from vibrosweep.kernels._jit import OPTIONS
 from vibrosweep.kernels.advance import _step
 from vibrosweep.kernels.impact import base_of
-signature = (types.float64[::1], types.int64, typeof(base_of("rest")), types.none)
+signature = (types.float64[::1], types.int64, typeof(base_of("high-bounce", "rest")), types.none)
 # without references there is nothing for numba to remove before loops become vector code
 step = njit(signature, _nrt=False, **OPTIONS)(_step.__wrapped__)
 """

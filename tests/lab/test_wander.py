@@ -20,7 +20,7 @@ def landings(parameters, walk, particles=4, duration=5.0, **scene):
     given = {name: np.broadcast_to(value, particles) for name, value in values.items()}
     sets = parameters(**given)
     start = launches("staggered", particles, sets["frequency"][:1])
-    batch = Batch(base_of("rest"), dimensionless(sets, duration), start)
+    batch = Batch(base_of("high-bounce", "rest"), dimensionless(sets, duration), start)
     return wandering_record(batch, walk, values["frequency"], values["gravity"])
 
 
@@ -87,7 +87,7 @@ given = dict(np.load(sys.argv[1] + "/given.npz"))
 walk = given.pop("walk")
 start = launches("staggered", 2, given["frequency"][:1])
 frequency, gravity = float(given["frequency"][0]), float(given["gravity"][0])
-batch = Batch(base_of("rest"), dimensionless(given, 0.5), start)
+batch = Batch(base_of("high-bounce", "rest"), dimensionless(given, 0.5), start)
 record = wandering_record(batch, walk, frequency, gravity)
 for name, values in np.load(sys.argv[1] + "/found.npz").items():
     np.testing.assert_array_equal(getattr(record, name), values)

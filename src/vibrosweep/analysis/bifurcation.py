@@ -19,7 +19,7 @@ from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
+from vibrosweep.model.parameters import BASES, PARAMETERS, Launches, dimensionless
 from vibrosweep.model.status import Regime
 from vibrosweep.runs.result import coordinate_attributes
 
@@ -167,7 +167,7 @@ def _impacts(
     problem = problem._replace(launch_flight=orbits.flight, end_count=endless)
     launch = Launches(np.zeros((orbits.phase.size, 1)), orbits.phase[:, np.newaxis])
     out = empty_record(orbits.phase.size, samples)
-    batch = Batch(base_of(scene.rebound), problem, launch)
+    batch = Batch(base_of(BASES[0], scene.rebound), problem, launch)
     # a frequency of 1: times in periods are counted from 0
     units = Units(np.ones(orbits.phase.size), repeated["gravity"] / (2.0 * repeated["frequency"]))
     workers.each(lambda first, last: record(first, last, batch, units, out), orbits.phase.size, 16)

@@ -26,7 +26,7 @@ from vibrosweep.kernels.fixed import (
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import Launches, dimensionless, launches
+from vibrosweep.model.parameters import BASES, Launches, dimensionless, launches
 
 __all__ = ["HOLDING", "continued", "launch_states", "launched", "locked", "settle_from"]
 
@@ -73,7 +73,7 @@ def locked(
     parameters = scene.parameters(restitution=restitution, amplitude=amplitude)
     problem = dimensionless(parameters, scene.duration)
     k = np.full(problem.kick.size, condition.k)
-    base = base_of(scene.rebound)
+    base = base_of(BASES[0], scene.rebound)
 
     def state(sign: float) -> Codes:
         found = empty_fixed(k.size)

@@ -72,7 +72,7 @@ def record_landings(
     problem, launch, each = _counted(parameters, observation, workers)
     capacity = int(each.landings.max())
     out = empty_record(each.landings.size, capacity)
-    batch = Batch(base_of(observation.rebound), problem, launch)
+    batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
     units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
 
     def task(first: int, last: int) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.model.measures import Measures
+from vibrosweep.model.parameters import BASES
 
 __all__ = ["Observation"]
 
@@ -30,6 +31,8 @@ class Observation:
     skip
         Whether what is known already is counted instead of followed; off where every landing is
         kept, and to compare.
+    base
+        One of `vibrosweep.model.parameters.BASES`.
     """
 
     particles: int
@@ -38,6 +41,7 @@ class Observation:
     rebound: str
     measures: Measures
     skip: bool = True
+    base: str = BASES[0]
 
     def measuring(self, **changes: float) -> Observation:
         """Return the same observation with other values of some keys of [measure]."""

@@ -141,7 +141,7 @@ def statistics(
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
     windowed = observation.windowed  # loops over all launches
-    batch = Batch(base_of(observation.rebound), problem, launch)
+    batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
     options = Options(
         observation.budget,
         PERIODS_TO_RECUR,
@@ -187,7 +187,7 @@ def _orbits(
 ) -> Orbits:
     orbits = empty_orbits(each.status.size)
 
-    batch = Batch(base_of(observation.rebound), problem, launch)
+    batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
     exponents = int(observation.measures.lyapunov)
 
     def task(first: int, last: int) -> None:
@@ -218,7 +218,7 @@ def _separations(
     complete = whole.status == Status.COMPLETED
     known = cycles if cycles is not None and observation.skip else workers.cycles(0)
     windowed = observation.windowed  # loops over all launches
-    batch = Batch(base_of(observation.rebound), problem, launch)
+    batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
     rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to allocate
 
     def task(first: int, last: int) -> None:
@@ -240,7 +240,7 @@ def _error_bounds(
 ) -> Trust:
     bounds = empty_trust(tolerance.size * observation.particles)
 
-    batch = Batch(base_of(observation.rebound), problem, launch)
+    batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
 
     def task(first: int, last: int) -> None:
         trust(first, last, batch, tolerance, observation.budget, bounds)

@@ -6,7 +6,7 @@ reduction of a flight s to s - rint(s) is exact, so nothing is lost as time grow
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from vibrosweep.model.parameters import Dimensionless, Launches
 __all__ = ["Batch", "Impact", "Instant", "base_of", "impact", "land", "launch"]
 
 Instant = tuple[float, float]  # whole periods and phase
+
+BASE_OF: Final = {"high-bounce": HighBounce}
 
 
 class Batch(NamedTuple):
@@ -63,9 +65,9 @@ class Impact(NamedTuple):
     leaves: bool
 
 
-def base_of(rebound: str) -> Base:
-    """Base with a law of rebound, one of `vibrosweep.model.parameters.LAWS`."""
-    return HighBounce(LAW_OF[rebound])
+def base_of(base: str, rebound: str) -> Base:
+    """Base and law of rebound by their names, in `vibrosweep.model.parameters` BASES and LAWS."""
+    return BASE_OF[base](LAW_OF[rebound])
 
 
 @jit

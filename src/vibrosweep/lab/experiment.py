@@ -20,7 +20,7 @@ from vibrosweep.kernels.record import Record
 from vibrosweep.lab.camera import Camera, Motion, film, heights
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import phase_walk, wandering_record
-from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
+from vibrosweep.model.parameters import BASES, PARAMETERS, dimensionless, launches
 
 __all__ = [
     "LABORATORY",
@@ -177,7 +177,7 @@ def _landings(
     }
     parameters = all_parameters(given)
     launch = launches(experiment.launch, experiment.particles, parameters["frequency"][:1])
-    batch = Batch(base_of(experiment.rebound), dimensionless(parameters, end), launch)
+    batch = Batch(base_of(BASES[0], experiment.rebound), dimensionless(parameters, end), launch)
     return wandering_record(batch, walk, frequency, experiment.scene["gravity"])
 
 

@@ -20,7 +20,7 @@ from vibrosweep.lab.impacts import fit_tracks, impacts_of
 from vibrosweep.lab.prediction import DRAWS
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
-from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
+from vibrosweep.model.parameters import BASES, PARAMETERS, Launches, dimensionless
 
 __all__ = ["Comparison", "camera_shares"]
 
@@ -120,7 +120,7 @@ def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list
     sets["launch_velocity"] = speed
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
     at_once = np.zeros((1, each.size))
-    batch = Batch(base_of(rebound), problem, Launches(at_once, at_once))
+    batch = Batch(base_of(BASES[0], rebound), problem, Launches(at_once, at_once))
     record = wandering_record(batch, np.zeros(2), scene["frequency"], scene["gravity"])
     motions = [Motion.of(record, p, 0.0, speed[p], scene["gravity"]) for p in range(len(flight))]
     return [

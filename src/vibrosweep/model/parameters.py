@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.errors import ParameterError
 
 __all__ = [
+    "BASES",
     "LAWS",
     "MAX_PERIODS",
     "PARAMETERS",
@@ -34,6 +35,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+BASES: Final = ("high-bounce", "moving")
 LAWS: Final = ("rest", "reflect")
 STAGGERED: Final = "staggered"
 
