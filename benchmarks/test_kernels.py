@@ -109,7 +109,7 @@ def test_bare_map_against_the_sine_alone(race):
 @njit(nogil=True, error_model="numpy")
 def passes(s, repetitions, base):
     for _ in range(repetitions):
-        _step(s, LANES_OF_KERNEL, base, None)
+        _step(s, LANES_OF_KERNEL, base, np.inf, None)
 
 
 def filled(law, flight, e, a, r):

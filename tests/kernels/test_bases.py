@@ -45,7 +45,7 @@ def test_the_jacobian_is_the_derivative_of_the_exact_map(constants_of, law, e, a
     hit = impact(fixed, 0.0, x, u)
     w = float(step(e, a, x, u, bits=BITS)[2].mid())
     assume(abs(w) > 1e-9)  # |w| has no derivative where w = 0
-    xx, xu, ux, uu, terms = bases.jacobian(fixed, hit.x, hit.v)
+    xx, xu, ux, uu, terms = bases.jacobian(fixed, hit.flight)
     sign = -1.0 if law == "reflect" and w < 0.0 else 1.0
     # the cosine's error, and its change by the rounding of the phase of the landing
     allowed = ROUNDING * terms + TURN * a * (COSINE_ERROR + TURN * HALF_ULP)
@@ -70,7 +70,9 @@ def test_the_jacobian_changes_by_no_more_than_its_error(constants_of, law, e, a,
     fixed = constants_of(law, e, a)
     assume(bases.reverses(fixed, x, v) == bases.reverses(fixed, x + off, v))
     assume(e > 0.0)  # else that does not tell whether the particle is turned back at both
-    here, there = (bases.jacobian(fixed, phase, v) for phase in (x, x + off))
+    here, there = (
+        bases.jacobian(fixed, bases.Flight(0.0, v, v, phase, v)) for phase in (x, x + off)
+    )
     allowed = bases.jacobian_error(fixed, v, abs(off), 0.0)[0] + TURN * a * 2.0 * COSINE_ERROR
     assert here[:2] == there[:2]
     for one, other in zip(here[2:4], there[2:4], strict=True):
@@ -115,6 +117,7 @@ import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.impact import base_of
+from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.statistics import scratch
 from vibrosweep.model.parameters import LAWS, PARAMETERS, dimensionless
 
@@ -125,13 +128,20 @@ def ask_all(base, problem, i, x, u, s):
     taken = bases.take(base, s, i)
     flight, v = bases.fly(fixed, x, u)
     w = bases.rebound(fixed, x, v)
+    s[ROW.X + i], s[ROW.U + i] = x, u
+    bases.prepare(base, s, i + 1)
+    time, _, landed = bases.approach(fixed, s, i, 100.0)
     return (
+        bases.approach(fixed, s, i, 100.0),
+        (bases.keep(fixed, s, i, time, landed, True), bases.pending(fixed, s, i)),
+        (bases.leave(fixed, x, u), bases.speed(fixed, x, u), bases.common_age(base)),
+        bases.counted(fixed, x, u, flight, w),
         (flight, v, w, bases.reverses(fixed, x, v), bases.contraction(fixed, v)),
         bases.lift_off(fixed, 7.0, x, w),
         bases.lift_off(taken, 7.0, x, w),
         bases.lift_off(fixed, 7.0, x, -1.0),
         bases.after_rest(fixed),
-        bases.jacobian(fixed, x, v),
+        bases.jacobian(fixed, bases.Flight(x, u, flight, x, v)),
         bases.jacobian_error(fixed, v, 1e-9, 1e-9),
         bases.contact_time(fixed),
         bases.fixed_residual(fixed, x, 2.0, 1.0),
@@ -156,7 +166,8 @@ for law in LAWS:
         base = base_of("high-bounce", law)
         found = [ask(base, problem, i, *states[i].tolist(), room) for i in range(size)]
         numbers = [np.concatenate([np.ravel(part) for part in row]).tolist() for row in found]
-        print(json.dumps([law, numbers, room.tolist()]))
+        of_base = bases.lifts(base, problem).tolist(), bases.lowest(base, problem)
+        print(json.dumps([law, numbers, room.tolist(), of_base]))
 """
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibrosweep.kernels.bases import jacobian, rebound
+from vibrosweep.kernels.bases import Flight, jacobian, rebound
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.tangent import carry, stretch
 from vibrosweep.model.parameters import LAWS
@@ -29,7 +29,7 @@ def test_a_small_change_of_state_is_carried_by_the_jacobian(constants_of, x, u, 
     hit = impact(fixed, 0.0, x, u)
     if abs(rebound(fixed, hit.x, hit.v)) < 10.0 * h * (1.0 + 2.0 * np.pi * a):
         return  # |w| has no derivative where w = 0
-    derivative = jacobian(fixed, hit.x, hit.v)
+    derivative = jacobian(fixed, hit.flight)
     for dx, du in ((1.0, 0.0), (0.0, 1.0), (0.6, -0.8)):
         ahead, behind = image(h * dx, h * du), image(-h * dx, -h * du)
         slope = (np.array(ahead) - np.array(behind)) / (2.0 * h)
@@ -42,7 +42,7 @@ def test_a_small_change_of_state_is_carried_by_the_jacobian(constants_of, x, u, 
 def test_a_frame_stays_orthonormal_and_its_area_shrinks_by_the_restitution(
     constants_of, angle, x, v, e, a, law
 ):
-    derivative = jacobian(constants_of(law, e, a), x, v)
+    derivative = jacobian(constants_of(law, e, a), Flight(0.0, v, v, x, v))
     c, s, along, across, slack = stretch(np.cos(angle), np.sin(angle), derivative)
     assert c * c + s * s == pytest.approx(1.0, rel=1e-15)
     assert np.hypot(*carry(np.cos(angle), np.sin(angle), derivative)) == pytest.approx(along)

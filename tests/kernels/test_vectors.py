@@ -11,6 +11,7 @@ from llvmlite import binding
 
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.kernels import vectors
+from vibrosweep.model.parameters import BASES
 
 compiles = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -54,17 +55,18 @@ from numba import njit, typeof, types
 from vibrosweep.kernels._jit import OPTIONS
 from vibrosweep.kernels.advance import _step
 from vibrosweep.kernels.impact import base_of
-signature = (types.float64[::1], types.int64, typeof(base_of("high-bounce", "rest")), types.none)
+base = typeof(base_of("BASE", "rest"))
+signature = (types.float64[::1], types.int64, base, types.float64, types.none)
 # without references there is nothing for numba to remove before loops become vector code
 step = njit(signature, _nrt=False, **OPTIONS)(_step.__wrapped__)
 """
 
 
-def hot_loop(show, **environment):
-    """What a fresh process prints of the kernels' hottest loop."""
+def hot_loop(show, base, **environment):
+    """What a fresh process prints of the kernels' hottest loop, compiled for a base."""
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "VIBROSWEEP_"))}
     done = subprocess.run(
-        [sys.executable, "-c", STEP + show],
+        [sys.executable, "-c", STEP.replace("BASE", base) + show],
         env=inherited | environment,
         capture_output=True,
         text=True,
@@ -88,10 +90,11 @@ print(*max(packed, key=len))
     ("bits", "register", "feature"),
     [(128, "xmm", "avx2"), (256, "ymm", "avx2"), (512, "zmm", "avx512f")],
 )
-def test_the_hot_loop_uses_registers_of_the_width_that_is_asked_for(bits, register, feature):
+@pytest.mark.parametrize("base", BASES)
+def test_the_hot_loop_uses_registers_of_the_width_that_is_asked_for(base, bits, register, feature):
     if not binding.get_host_cpu_features().get(feature):
         pytest.skip(f"this processor has no {feature}")
-    registers = hot_loop(REGISTERS, VIBROSWEEP_VECTOR_BITS=str(bits)).split()
+    registers = hot_loop(REGISTERS, base, VIBROSWEEP_VECTOR_BITS=str(bits)).split()
     assert len(registers) >= 11
     assert set(registers) == {register}
 
@@ -117,10 +120,11 @@ print(arm.emit_assembly(module))
 
 
 @compiles
-def test_the_hot_loop_becomes_vector_code_on_arm():
+@pytest.mark.parametrize("base", BASES)
+def test_the_hot_loop_becomes_vector_code_on_arm(base):
     plain = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     try:
-        assembly = hot_loop(ON_ARM, **plain)
+        assembly = hot_loop(ON_ARM, base, **plain)
     except AssertionError as error:
         if "No available targets" in str(error):
             pytest.skip("this LLVM has no code for ARM")

@@ -12,6 +12,8 @@ from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow
 from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.bases import lifts, lowest
+from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.statistics import Statistics, physical
 from vibrosweep.kernels.trust import Trust
@@ -54,8 +56,9 @@ def measure(
     frequency, particles = parameters["frequency"], observation.particles
     launch = launches(observation.launch, particles, frequency)
     found = follow(problem, launch, measures.tolerance * frequency, observation, workers)
-    lifts = problem.kick > problem.rest_flight
-    measured = physical(found.whole, frequency, parameters["gravity"], lifts)
+    base = base_of(observation.base, observation.rebound)
+    of_base = lifts(base, problem), lowest(base, problem)
+    measured = physical(found.whole, frequency, parameters["gravity"], *of_base)
     measured["at_rest_count"] = found.whole.at_rest
     measured["status"] = found.whole.status
     with np.errstate(over="ignore"):
@@ -65,7 +68,7 @@ def measure(
         measured["rebound_height_max"], np.where(launched, launch_height, np.nan)
     )
     if measures.per_particle and found.each is not None:
-        measured |= _per_particle(found.each, parameters, lifts, particles)
+        measured |= _per_particle(found.each, parameters, of_base, particles)
     if found.orbits is not None:
         of_orbits = orbit_variables(found.orbits, frequency)
         asked = {variable.name for variable in measures.variables}
@@ -80,11 +83,12 @@ def measure(
 def _per_particle(
     each: Statistics,
     parameters: Mapping[str, Array],
-    lifts: NDArray[np.bool_],
+    of_base: tuple[NDArray[np.bool_], Array | None],
     particles: int,
 ) -> Measured:
     frequency, gravity = (np.repeat(parameters[n], particles) for n in ("frequency", "gravity"))
-    measured = physical(each, frequency, gravity, np.repeat(lifts, particles))
+    lifted, low = (None if v is None else np.repeat(v, particles) for v in of_base)
+    measured = physical(each, frequency, gravity, lifted, low)
     measured["at_rest"] = each.at_rest.astype(np.int8)
     measured["status"] = each.status
     # copies: `each` is written over by the next batch

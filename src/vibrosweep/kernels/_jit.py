@@ -52,7 +52,7 @@ Flags = NDArray[np.int8]
 # Nobody calls compiled code through a C pointer.
 OPTIONS = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 # Nor does Python call a piece of a kernel: what it would need to do so is a quarter of all code.
-OF_A_PIECE = OPTIONS | {"no_cpython_wrapper": True}
+OF_A_PIECE = OPTIONS | {"no_cpython_wrapper": True, "forceinline": True}
 
 
 def sources_digest() -> str:

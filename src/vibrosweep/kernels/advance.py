@@ -12,7 +12,21 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, kernel, wide_vectors
-from vibrosweep.kernels.bases import Base, Constants, constants, fly, lift_off, put, rebound, take
+from vibrosweep.kernels.bases import (
+    Base,
+    Constants,
+    approach,
+    common_age,
+    constants,
+    counted,
+    keep,
+    leave,
+    lift_off,
+    prepare,
+    put,
+    rebound,
+    take,
+)
 from vibrosweep.kernels.cycles import (
     FIRST_ANCHOR,
     Cycles,
@@ -77,42 +91,45 @@ class Watch(NamedTuple):
     """Data shared by the trajectories of a realization: scene and window."""
 
     fixed: Constants
-    flight: float
+    speed: float
     end: Instant
     begin: Instant
 
 
 @jit
-def _step(s: Floats, lanes: int, base: Base, window: int | None) -> None:
-    """One impact of every lane; a lane past its end continues without being counted.
+def _step(s: Floats, lanes: int, base: Base, budget: float, window: int | None) -> None:
+    """One pass of every lane; a lane past its end continues without being counted.
 
     Without a window, None, what looks at its beginning is not compiled.
     """
     wide_vectors()
+    prepare(base, s, lanes)
     for j in range(lanes):
         fixed = take(base, s, j)
-        flight, v = fly(fixed, s[ROW.X + j], s[ROW.U + j])
-        x, passed = land(s[ROW.X + j], flight)
+        x_from, u_from = s[ROW.X + j], s[ROW.U + j]
+        time, v, landed = approach(fixed, s, j, budget)
+        x, passed = land(x_from, time)
         n = s[ROW.N + j] + passed
-        seen = n <= s[ROW.X_END + j] - x
+        seen = landed & (n <= s[ROW.X_END + j] - x)
         # after a rest for good the phase is NaN, which is never before the end
         n_off, x_off, u, leaves = lift_off(fixed, n, x, rebound(fixed, x, v))
         if window is not None:
             # not counted after the end; a phase of 1/2 is never before an end with x behind it
             x_off = 0.5 if n > s[ROW.X_END + j] - x else x_off
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
-        s[ROW.N + j] = n_off
-        s[ROW.X + j] = x_off
-        s[ROW.U + j] = u
-        count(s, j, v, u, leaves, seen)
+        s[ROW.N + j] = n_off if landed else s[ROW.N + j]
+        s[ROW.X + j] = x_off if landed else x_from
+        s[ROW.U + j] = u if landed else u_from
+        ends = keep(fixed, s, j, time, landed, seen)
+        count(s, j, counted(fixed, x_from, u_from, time, u), ends, leaves, seen)
 
 
 @jit
-def _mark(s: Floats, lanes: int, budget: int, cycles: Cycles | None) -> None:
+def _mark(s: Floats, lanes: int, base: Base, budget: int, cycles: Cycles | None) -> None:
     """Mark lanes that have ended, recur, or have spent their budget; save anchors that are due."""
     wide_vectors()
     for j in range(lanes):
-        s[ROW.AGE + j] += LOOK_AFTER
+        s[ROW.AGE + j] += LOOK_AFTER * common_age(base)
         sum_up(s, j)
         why = SPENT if s[ROW.AGE + j] >= budget else GOES_ON
         if cycles is not None:
@@ -164,7 +181,7 @@ def _load(
     n_end, x_end = watch.end
     s[ROW.X + j] = x
     s[ROW.N + j] = n - n_end
-    s[ROW.U + j] = watch.flight
+    s[ROW.U + j] = leave(watch.fixed, x, watch.speed)
     put(watch.fixed, s, j)
     s[ROW.X_END + j] = x_end
     if windowed:
@@ -232,6 +249,7 @@ def advance(
         Number of trajectories in progress.
     """
     base, problem, launches = batch
+    budget = float(options.budget)
     first, last, lanes = span
     particles = launches.whole.shape[1]
     i, p = first // particles, first % particles
@@ -262,10 +280,10 @@ def advance(
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for _ in range(LOOK_AFTER):
             if windowed:
-                _step(s, padded, base, 1)
+                _step(s, padded, base, budget, 1)
             else:
-                _step(s, padded, base, None)
-        _mark(s, padded, options.budget, cycles)
+                _step(s, padded, base, budget, None)
+        _mark(s, padded, base, options.budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:
             # not in a function of its own: numba would count references to all its array arguments

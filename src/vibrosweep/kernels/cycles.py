@@ -109,7 +109,7 @@ def once_round(fixed: Constants, x_start: float, u_start: float) -> Cycle:
     while found.impacts == 0.0 or x != x_start or u != u_start:
         hit = impact(fixed, n, x, u)
         n, x, u = hit.n_off, hit.x_off, hit.u
-        found = add(found, hit)
+        found = add(found, fixed, hit)
         if not hit.leaves and (x != x_start or u != u_start):
             return no_impacts()
     return found

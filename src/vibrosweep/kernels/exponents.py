@@ -75,7 +75,7 @@ def _state_error(fixed: Constants, state: State, impacts: int) -> Box:
     m00, m01, m10, m11 = 1.0, 0.0, 0.0, 1.0
     for _ in range(impacts):
         hit = impact(fixed, n, x, u)
-        derivative = jacobian(fixed, hit.x, hit.v)
+        derivative = jacobian(fixed, hit.flight)
         m00, m10 = carry(m00, m10, derivative)
         m01, m11 = carry(m01, m11, derivative)
         frame, box = turn_box(frame, box, derivative)
@@ -111,7 +111,7 @@ def cycle_exponents(
     frame_0, box_0, frame_1, box_1 = (1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 0.0)
     for _ in range(impacts):
         hit = impact(fixed, n, x, u)
-        derivative = jacobian(fixed, hit.x, hit.v)
+        derivative = jacobian(fixed, hit.flight)
         one = contraction(fixed, hit.v)
         if one != shrunk:
             exponent += alike * growth.logarithm(shrunk)

@@ -11,16 +11,17 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import jit
-from vibrosweep.kernels.bases import Base, Constants, fly, lift_off, rebound
+from vibrosweep.kernels.bases import Base, Constants, Flight, fly, leave, lift_off, rebound
 from vibrosweep.kernels.bases.high_bounce import HighBounce
+from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.model.parameters import Dimensionless, Launches
 
-__all__ = ["Batch", "Impact", "Instant", "base_of", "impact", "land", "launch"]
+__all__ = ["Batch", "Impact", "Instant", "base_of", "impact", "land", "launch", "launch_speed"]
 
 Instant = tuple[float, float]  # whole periods and phase
 
-BASE_OF: Final = {"high-bounce": HighBounce}
+BASE_OF: Final = {"high-bounce": HighBounce, "moving": Moving}
 
 
 class Batch(NamedTuple):
@@ -49,6 +50,8 @@ class Impact(NamedTuple):
         Whole periods and phase of the landing.
     v
         Speed of arrival.
+    flight
+        The flight that ends with it.
     n_off, x_off, u
         Whole periods and phase of the lift-off, and its speed; an infinite count and a speed of 0
         where the particle rests for good.
@@ -59,6 +62,7 @@ class Impact(NamedTuple):
     n: float
     x: float
     v: float
+    flight: Flight
     n_off: float
     x_off: float
     u: float
@@ -80,6 +84,12 @@ def launch(launches: Launches, i: int, p: int, phase: float) -> Instant:
 
 
 @jit
+def launch_speed(fixed: Constants, problem: Dimensionless, i: int, x: float) -> float:
+    """Speed relative to the base with which particles of realization i are launched at phase x."""
+    return leave(fixed, x, problem.launch_flight[i])
+
+
+@jit
 def land(x: float, s: float) -> tuple[float, float]:
     """Phase of the landing after a flight of s periods from phase x, and whole periods passed."""
     whole = np.rint(s)
@@ -91,8 +101,9 @@ def land(x: float, s: float) -> tuple[float, float]:
 @jit
 def impact(fixed: Constants, n: float, x: float, u: float) -> Impact:
     """Landing and lift-off after leaving the base at (n, x) with speed u."""
-    s, v = fly(fixed, x, u)
-    x, passed = land(x, s)
+    time, v = fly(fixed, x, u)
+    x_land, passed = land(x, time)
     n += passed
-    n_off, x_off, u, leaves = lift_off(fixed, n, x, rebound(fixed, x, v))
-    return Impact(n, x, v, n_off, x_off, u, leaves)
+    flight = Flight(x, u, time, x_land, v)
+    n_off, x_off, u, leaves = lift_off(fixed, n, x_land, rebound(fixed, x_land, v))
+    return Impact(n, x_land, v, flight, n_off, x_off, u, leaves)

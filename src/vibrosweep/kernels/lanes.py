@@ -36,11 +36,17 @@ class LaneRows(NamedTuple):
     U_ANCHOR: int
     RESTS_ANCHOR: int
     NEXT_ANCHOR: int  # age at which the next anchor is saved
-    AGE: int  # impacts so far
     N_BEGIN: int  # of the window
     X_BEGIN: int
     DONE: int  # reason why the trajectory leaves its lane
     LANE: int  # index of the trajectory
+    AGE: int  # impacts so far
+    TRIES: int  # of a search for the landing: passes so far,
+    COUNTS: int  # whether the flight is counted when it ends,
+    SINE: int  # of the phase of its lift-off, with the cosine,
+    COSINE: int
+    SURE: int  # whether there is only one root,
+    REACHED: int  # and the time that is tried next
     X_END: int
     X: int  # phase
     N: int  # whole periods, counted from the end of the window

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit, wide_vectors
-from vibrosweep.kernels.bases import Constants, contact_time
-from vibrosweep.kernels.impact import Batch, Instant, impact, launch
+from vibrosweep.kernels.bases import Constants, constants, contact_time
+from vibrosweep.kernels.impact import Batch, Instant, impact, launch, launch_speed
 from vibrosweep.kernels.lanes import LANES
 from vibrosweep.kernels.ordering import LIST, ORDERED, STATE, Workspace
 
@@ -24,13 +24,14 @@ Latest = tuple[float, float, float, float]  # whole periods, phase, stay, partic
 def start(work: Workspace, batch: Batch, i: int) -> None:
     """Put all particles of realization i at their launch; counts are relative to the end."""
     problem, launches = batch.problem, batch.launches
+    fixed = constants(batch.base, problem, i)
     particles = launches.whole.shape[1]
     for p in range(particles):
         s, j = work.state[p // LANES], p % LANES
         n, x = launch(launches, i, p, problem.phase[i])
         s[STATE.X + j] = x
         s[STATE.N + j] = n - problem.end_count[i]
-        s[STATE.U + j] = problem.launch_flight[i]
+        s[STATE.U + j] = launch_speed(fixed, problem, i, x)
         s[STATE.WHO + j] = p
     for block in range(work.lanes.size):
         work.lanes[block] = min(LANES, particles - block * LANES)

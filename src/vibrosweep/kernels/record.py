@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, kernel
-from vibrosweep.kernels.bases import constants
-from vibrosweep.kernels.impact import Batch, impact, launch
+from vibrosweep.kernels.bases import constants, speed
+from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
 
 __all__ = ["Record", "Units", "empty_record", "record"]
 
@@ -73,7 +73,7 @@ def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> No
         i, p = t // particles, t % particles
         fixed = constants(base, problem, i)
         n, x = launch(launches, i, p, problem.phase[i])
-        u = problem.launch_flight[i]
+        u = launch_speed(fixed, problem, i, x)
         for k in range(out.rested.shape[1]):
             hit = impact(fixed, n, x, u)
             if not hit.n - problem.end_count[i] <= problem.end_phase[i] - hit.x:
@@ -84,4 +84,4 @@ def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> No
                 break
             n, x, u = hit.n_off, hit.x_off, hit.u
             out.liftoff_time[t, k] = (n + (x - problem.phase[i])) / units.frequency[i]
-            out.rebound_velocity[t, k] = u * units.velocity[i]
+            out.rebound_velocity[t, k] = speed(fixed, x, u) * units.velocity[i]

@@ -23,7 +23,7 @@ from vibrosweep.kernels.bases import (
 )
 from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
 from vibrosweep.kernels.exponents import State, cycle_exponents
-from vibrosweep.kernels.impact import Batch, Instant, impact, launch
+from vibrosweep.kernels.impact import Batch, Instant, impact, launch, launch_speed
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.tangent import stretch
@@ -133,7 +133,7 @@ def _follow(
             break
         if begin[0] - hit.n <= hit.x - begin[1]:
             rests += 0 if hit.leaves else 1
-            c, d, along, across, error = stretch(c, d, jacobian(fixed, hit.x, hit.v))
+            c, d, along, across, error = stretch(c, d, jacobian(fixed, hit.flight))
             growth.add(g, growth.logarithm(along))
             area += growth.logarithm(along * across)
             slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
@@ -317,7 +317,7 @@ def settle(
             n, x = launch(launches, i, t % particles, problem.phase[i])
             begin = problem.begin_count[i], problem.begin_phase[i]
             end = problem.end_count[i], problem.end_phase[i]
-            launched = (n, x, problem.launch_flight[i])
+            launched = (n, x, launch_speed(fixed, problem, i, x))
             state, rests, area, slack = _follow(fixed, launched, begin, end, budget, g)
             out.whole[t], out.phase[t], out.flight[t] = state
             _write_mean(t, fixed, 1 if each.at_rest[t] > 0 else rests, area, slack, g, out)

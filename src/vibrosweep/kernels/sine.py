@@ -7,7 +7,16 @@ import math
 from vibrosweep.kernels._jit import fma, jit
 from vibrosweep.kernels.rounding import HALF_ULP
 
-__all__ = ["COSINE_ERROR", "SINE_ERROR", "cos_turns", "sin_turns"]
+__all__ = [
+    "COSINE_ERROR",
+    "SINE_ERROR",
+    "cos_turns",
+    "rough_sine_and_lag",
+    "rough_sine_near",
+    "sin_and_lag",
+    "sin_near",
+    "sin_turns",
+]
 
 # Relative error of `sin_turns`, proved: checks/sine_error.py finds 3.42 half ulps at most.
 SINE_ERROR = 3.5 * HALF_ULP
@@ -28,20 +37,18 @@ C5 = -15.094641620506104
 C6 = 3.819927050405184
 C7 = -0.7177235794204939
 C8 = 0.10085632779802037
+# The same with three coefficients.
+ROUGH_0 = 6.2825056
+ROUGH_1 = -41.1664422
+ROUGH_2 = 74.4524174
 
 
 @jit
-def sin_turns(x: float) -> float:
-    """sin(2 pi x) for a phase x in [-1/2, 1/2].
+def _terms(z: float) -> tuple[float, float]:
+    """Odd and even coefficients of the polynomial, those from z^2 on, summed separately.
 
-    The fold of |x| > 1/4 onto 1/2 - |x| is exact (Sterbenz), so the zeros at -1/2, 0 and 1/2 are
-    exact and phases next to them keep their relative accuracy.
+    That halves the chain of dependent operations.
     """
-    near = abs(x)
-    far = 0.5 - near
-    y = math.copysign(far if far < near else near, x)
-    z = y * y
-    # even and odd coefficients separately: halves the chain of dependent operations
     z2 = z * z
     even = fma(z2, C8, C6)
     odd = fma(z2, C7, C5)
@@ -49,11 +56,68 @@ def sin_turns(x: float) -> float:
     odd = fma(z2, odd, C3)
     even = fma(z2, even, C2)
     odd = fma(z2, odd, C1)
-    even = fma(z2, even, C0_LOW)
+    return odd, even
+
+
+@jit
+def sin_near(y: float) -> float:
+    """sin(2 pi y) for a phase y in [-1/4, 1/4]."""
+    z = y * y
+    odd, even = _terms(z)
+    even = fma(z * z, even, C0_LOW)
     return fma(y, C0_HIGH, y * fma(z, odd, even))
+
+
+@jit
+def _folded(x: float) -> float:
+    """Phase in [-1/4, 1/4] with the same sine; exact (Sterbenz)."""
+    near = abs(x)
+    far = 0.5 - near
+    return math.copysign(far if far < near else near, x)
+
+
+@jit
+def sin_turns(x: float) -> float:
+    """sin(2 pi x) for a phase x in [-1/2, 1/2].
+
+    As the fold is exact, the zeros at -1/2, 0 and 1/2 are exact and phases next to them keep their
+    relative accuracy.
+    """
+    return sin_near(_folded(x))
+
+
+@jit
+def sin_and_lag(s: float, part: float) -> tuple[float, float]:
+    """sin(2 pi s) and 2 pi s - sin(2 pi s), each to some relative roundings; s = part + integer.
+
+    Below a quarter turn the difference is the polynomial without its first term.
+    """
+    y = _folded(part)
+    z = y * y
+    odd, even = _terms(z)
+    sine = fma(y, C0_HIGH, y * fma(z, odd, fma(z * z, even, C0_LOW)))
+    near = -(y * z) * fma(z, even, odd)
+    return sine, near if abs(s) <= 0.25 else fma(C0_HIGH, s, -sine)
+
+
+@jit
+def rough_sine_near(y: float) -> float:
+    """sin(2 pi y) for y in [-1/4, 1/4], to a relative error of 1.1e-4."""
+    z = y * y
+    return y * fma(z, fma(z, ROUGH_2, ROUGH_1), ROUGH_0)
+
+
+@jit
+def rough_sine_and_lag(s: float, part: float) -> tuple[float, float]:
+    """Return what `sin_and_lag` does, roughly: the sine to 1.1e-4, the difference to 5e-3."""
+    y = _folded(part)
+    z = y * y
+    bend = y * z * fma(z, ROUGH_2, ROUGH_1)
+    sine = fma(y, ROUGH_0, bend)
+    return sine, -bend if abs(s) <= 0.25 else fma(C0_HIGH, s, -sine)
 
 
 @jit
 def cos_turns(x: float) -> float:
     """cos(2 pi x) for a phase x in [-1/2, 1/2]."""
-    return sin_turns(0.25 - abs(x))
+    return sin_near(0.25 - abs(x))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel, prefetch
-from vibrosweep.kernels.bases import Base, fly, take
+from vibrosweep.kernels.bases import Base, Constants, Counted, counted, fly, pending, take
 from vibrosweep.kernels.impact import Impact, land
 from vibrosweep.kernels.lanes import ROW, ROWS, SPENT, STRIDE, aligned
 from vibrosweep.model.status import Status
@@ -144,16 +144,17 @@ def clear(s: Floats, j: int) -> None:
 
 
 @jit
-def count(s: Floats, j: int, v: float, u: float, leaves: bool, seen: bool) -> None:
-    """Count a landing with speed v in place j, where it is seen; u is the speed of lift-off."""
-    counted = u if seen else 0.0
+def count(s: Floats, j: int, flight: Counted, ends: bool, leaves: bool, seen: bool) -> None:
+    """Count a landing in place j where it is seen, and a flight where it ends."""
+    time = flight[0] if ends else 0.0
+    height, factor = flight[1] if ends else 0.0, flight[2] if ends else 0.0
     landings = s[RUNNING.LANDINGS + j]
     s[RUNNING.LANDINGS + j] = landings + 1.0 if seen else landings
     s[RUNNING.RESTS + j] += 0.0 if leaves else (1.0 if seen else 0.0)
-    s[RUNNING.NEW_SUM + j] += counted
-    s[RUNNING.NEW_SQUARES + j] = fma(counted, counted, s[RUNNING.NEW_SQUARES + j])
+    s[RUNNING.NEW_SUM + j] += time
+    s[RUNNING.NEW_SQUARES + j] = fma(height, factor, s[RUNNING.NEW_SQUARES + j])
     largest = s[RUNNING.LARGEST + j]
-    s[RUNNING.LARGEST + j] = counted if counted > largest else largest
+    s[RUNNING.LARGEST + j] = height if height > largest else largest
 
 
 @jit
@@ -172,15 +173,17 @@ def no_impacts() -> Cycle:
 
 
 @jit
-def add(to: Cycle, hit: Impact) -> Cycle:
+def add(to: Cycle, fixed: Constants, hit: Impact) -> Cycle:
     """Add an impact, whose lift-off is counted from the beginning of the cycle."""
+    flight = hit.flight
+    time, height, factor = counted(fixed, flight.x, flight.u, flight.time, hit.u)
     return Cycle(
         to.impacts + 1.0,
         hit.n_off,
         to.rests + (0.0 if hit.leaves else 1.0),
-        to.flight_sum + hit.u,
-        to.flight_squares + hit.u * hit.u,
-        max(to.flight_max, hit.u),
+        to.flight_sum + time,
+        to.flight_squares + height * factor,
+        max(to.flight_max, height),
     )
 
 
@@ -202,6 +205,17 @@ def write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> Non
     lane = int(s[ROW.LANE + j]) if j >= 0 else -1
     if lane < 0:  # never, which spares the compiler the look at it for each index below
         return
+    over = False
+    if s[ROW.DONE + j] == SPENT:
+        fixed = take(base, s, j)
+        time, _ = fly(fixed, s[ROW.X + j], s[ROW.U + j])
+        x, passed = land(s[ROW.X + j], time)
+        over = s[ROW.N + j] + passed <= s[ROW.X_END + j] - x
+        if pending(fixed, s, j):
+            last = counted(fixed, s[ROW.X + j], s[ROW.U + j], time, 0.0)
+            s[RUNNING.SUM + j] += last[0]
+            s[RUNNING.SQUARES + j] += last[1] * last[2]
+            s[RUNNING.LARGEST + j] = max(s[RUNNING.LARGEST + j], last[1])
     out.landings[lane] = int(s[RUNNING.LANDINGS + j])
     out.rests[lane] = int(s[RUNNING.RESTS + j])
     out.flight_sum[lane] = s[RUNNING.SUM + j]
@@ -211,13 +225,8 @@ def write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> Non
     if not windowed:  # it may have come after the end, but not where it was counted
         for_good = for_good and s[RUNNING.RESTS + j] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
-    out.status[lane] = COMPLETED
-    if s[ROW.DONE + j] == SPENT:
-        flight, _ = fly(take(base, s, j), s[ROW.X + j], s[ROW.U + j])
-        x, passed = land(s[ROW.X + j], flight)
-        if s[ROW.N + j] + passed <= s[ROW.X_END + j] - x:
-            out.status[lane] = BUDGET_EXCEEDED
-    if not np.isfinite(s[RUNNING.SQUARES + j]):
+    out.status[lane] = BUDGET_EXCEEDED if over else COMPLETED
+    if not np.isfinite(s[RUNNING.SQUARES + j] + s[RUNNING.SUM + j]):
         out.status[lane] = NON_FINITE
 
 
@@ -258,7 +267,11 @@ def combine(first: int, last: int, particles: int, each: Statistics, out: Statis
 
 
 def physical(
-    found: Statistics, frequency: Floats, gravity: Floats, lifts: NDArray[np.bool_]
+    found: Statistics,
+    frequency: Floats,
+    gravity: Floats,
+    lifts: NDArray[np.bool_],
+    lowest: Floats | None,
 ) -> dict[str, NDArray[Any]]:
     """Statistics in physical units, by the names of `vibrosweep.model.measures`.
 
@@ -266,17 +279,20 @@ def physical(
     ----------
     found
         Of trajectories or of realizations.
-    frequency, gravity, lifts
-        Hz, m s-2, and whether a resting particle is ever lifted; each of the shape of `found`.
+    frequency, gravity, lifts, lowest
+        Hz, m s-2, and of the base whether a resting particle is ever lifted and what heights are
+        counted from; each of the shape of `found`.
     """
     # height of a flight that lasts one forcing period: g / (8 f^2)
     height = gravity / (8.0 * frequency * frequency)
     # where nothing lifts a resting particle, its last landing is followed by no flight
     flights = found.landings - np.where(lifts, 0, found.rests)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        mean, largest = found.flight_squares / flights, found.flight_max
         of_flights = {
-            "rebound_height_mean": height * (found.flight_squares / flights),
-            "rebound_height_max": height * (found.flight_max * found.flight_max),
+            "rebound_height_mean": height * (mean if lowest is None else mean - lowest),
+            "rebound_height_max": height
+            * (largest * largest if lowest is None else largest - lowest),
             "flight_time_mean": found.flight_sum / flights / frequency,
         }
     # one NaN for all: that of 0 / 0 has a sign which depends on the length of the batch

@@ -21,6 +21,7 @@ import numpy as np
 from vibrosweep.kernels._jit import Floats, jit, kernel
 from vibrosweep.kernels.bases import (
     Constants,
+    Flight,
     Jacobian,
     constants,
     fly,
@@ -32,7 +33,7 @@ from vibrosweep.kernels.bases import (
     rebound_error,
     rest_is_doubtful,
 )
-from vibrosweep.kernels.impact import Batch, land, launch
+from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
 from vibrosweep.kernels.rounding import KICK_ERROR, LAUNCH_ERROR, ROUNDING, SMALLEST
 from vibrosweep.kernels.tangent import carry
 
@@ -155,8 +156,9 @@ def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box) -> Bou
     """An impact of a particle that leaves phase x with speed u, its error in frame and box."""
     rounding = landing_rounding(fixed, x, u)
     flight, v = fly(fixed, x, u)
+    x_off = x
     x, passed = land(x, flight)
-    derivative = jacobian(fixed, x, v)
+    derivative = jacobian(fixed, Flight(x_off, u, flight, x, v))
     error = (landing_error(frame, box, derivative) + rounding) * INFLATION
     kicked = rebound_error(fixed, x, v, rounding, error, speed_error(frame, box))
     frame, box = turn_box(frame, box, derivative)
@@ -215,7 +217,7 @@ def _follow(
     x_end = problem.end_phase[i]
     n, x = launch(batch.launches, i, p, problem.phase[i])
     n -= problem.end_count[i]
-    u = problem.launch_flight[i]
+    u = launch_speed(fixed, problem, i, x)
     frame, box = (1.0, 0.0), (LAUNCH_ERROR, KICK_ERROR * u + SMALLEST)
     until, worst, flight_error = np.nan, 0.0, 0.0
     known = True

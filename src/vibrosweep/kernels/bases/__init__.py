@@ -6,12 +6,19 @@ one file here, which holds its constants and its answers; no other kernel knows 
 compiled for.
 
 All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
-duration of the flight that they begin on a base at rest.
+duration of the flight that they begin on a base at rest.  Speeds are relative to the base, where
+nothing else is said.
+
+A flight may take several passes to be computed: a kernel that advances many lanes asks `approach`
+for one pass of each, others ask `fly` for the whole of one flight.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Floats, question
 from vibrosweep.model.parameters import Dimensionless
@@ -19,31 +26,54 @@ from vibrosweep.model.parameters import Dimensionless
 __all__ = [
     "Base",
     "Constants",
+    "Counted",
+    "Flight",
     "Jacobian",
     "after_rest",
+    "approach",
+    "common_age",
     "constants",
     "contact_time",
     "contraction",
+    "counted",
     "fixed_attracts",
     "fixed_residual",
     "fly",
     "jacobian",
     "jacobian_error",
+    "keep",
     "landing_rounding",
+    "leave",
     "lift_off",
     "liftoff_error",
+    "lifts",
+    "lowest",
+    "pending",
+    "prepare",
     "put",
     "rebound",
     "rebound_error",
     "rest_is_doubtful",
     "reverses",
+    "speed",
     "take",
 ]
 
 Base = Any  # an empty named tuple: its type is what numba compiles for
 Constants = Any  # the named tuple of one base
+Counted = tuple[float, float, float]  # duration, and height as a product of two factors
 # the rows, then the sum of the moduli of the terms that the rows are sums of
 Jacobian = tuple[float, float, float, float, float]
+
+
+class Flight(NamedTuple):
+    """A flight: phase and speed of its lift-off, duration, phase and speed of its landing."""
+
+    x: float
+    u: float
+    time: float
+    landing: float
+    v: float
 
 
 @question
@@ -69,7 +99,82 @@ def take(base: Base, s: Floats, j: int) -> Constants:
 
 @question
 def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
-    """Time of flight and speed of arrival after leaving the base at phase x with speed u."""
+    """Time of flight and speed of arrival after leaving the base at phase x with speed u.
+
+    The time is NaN where no landing can be found.
+    """
+    raise NotImplementedError
+
+
+@question
+def prepare(base: Base, s: Floats, lanes: int) -> None:
+    """Compute what `approach` needs of every lane, apart from what `keep` has kept."""
+    raise NotImplementedError
+
+
+@question
+def approach(fixed: Constants, s: Floats, j: int, budget: float) -> tuple[float, float, bool]:
+    """One pass of the search for the landing of lane j: time of flight, speed, and whether found.
+
+    Where it is not, the time is that at which the search goes on.  None is found of a particle
+    that has had `budget` impacts.
+    """
+    raise NotImplementedError
+
+
+@question
+def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
+    """Keep what the next pass of lane j needs; whether a flight is to be counted now.
+
+    `seen` is whether the landing, if there is one, is in the window.
+    """
+    raise NotImplementedError
+
+
+@question
+def pending(fixed: Constants, s: Floats, j: int) -> bool:
+    """Whether the flight that lane j is in is to be counted when it ends."""
+    raise NotImplementedError
+
+
+@question
+def common_age(base: Base) -> float:
+    """Impacts in a pass of any lane, 0 where `keep` counts them lane by lane."""
+    raise NotImplementedError
+
+
+@question
+def counted(fixed: Constants, x: float, u: float, time: float, u_off: float) -> Counted:
+    """Duration and height of the flight that is counted at a landing.
+
+    It is the one that ends, begun at phase x with speed u, or the one that begins with speed u_off
+    where its duration is known by then.  The height is that of the apex, in units of that of a
+    flight of one period, above what `lowest` says.
+    """
+    raise NotImplementedError
+
+
+@question
+def lowest(base: Base, problem: Dimensionless) -> Floats | None:
+    """What heights are counted from, below the mean level; None where it is that level."""
+    raise NotImplementedError
+
+
+@question
+def lifts(base: Base, problem: Dimensionless) -> NDArray[np.bool_]:
+    """Whether a resting particle is ever lifted, shape (realization,)."""
+    raise NotImplementedError
+
+
+@question
+def leave(fixed: Constants, x: float, u: float) -> float:
+    """Speed relative to the base of a particle that leaves phase x with the absolute speed u."""
+    raise NotImplementedError
+
+
+@question
+def speed(fixed: Constants, x: float, u: float) -> float:
+    """Absolute speed of a particle that leaves phase x with speed u."""
     raise NotImplementedError
 
 
@@ -102,10 +207,10 @@ def contact_time(fixed: Constants) -> float:
 
 
 @question
-def jacobian(fixed: Constants, x: float, v: float) -> Jacobian:
+def jacobian(fixed: Constants, flight: Flight) -> Jacobian:
     """Derivative of phase and speed after an impact by those before its flight.
 
-    `x` and `v` are phase and speed of arrival; the particle leaves at once.
+    The particle leaves at once.
     """
     raise NotImplementedError
 

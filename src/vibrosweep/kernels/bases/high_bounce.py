@@ -19,10 +19,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, answer, jit
-from vibrosweep.kernels.bases import Jacobian
+from vibrosweep.kernels.bases import Counted, Flight, Jacobian
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.laws import (
     Law,
@@ -102,6 +103,57 @@ def _(fixed: Constants, x: float, u: float) -> tuple[float, float]:
     return u, u
 
 
+@answer(bases.prepare, HighBounce)
+def _(base: HighBounce, s: Floats, lanes: int) -> None:
+    pass
+
+
+@answer(bases.approach, Constants)
+def _(fixed: Constants, s: Floats, j: int, budget: float) -> tuple[float, float, bool]:
+    u = s[ROW.U + j]
+    return u, u, True
+
+
+@answer(bases.keep, Constants)
+def _(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
+    return seen
+
+
+@answer(bases.pending, Constants)
+def _(fixed: Constants, s: Floats, j: int) -> bool:
+    return False
+
+
+@answer(bases.common_age, HighBounce)
+def _(base: HighBounce) -> float:
+    return 1.0
+
+
+@answer(bases.counted, Constants)
+def _(fixed: Constants, x: float, u: float, time: float, u_off: float) -> Counted:
+    return u_off, u_off, u_off
+
+
+@answer(bases.lowest, HighBounce)
+def _(base: HighBounce, problem: Dimensionless) -> Floats | None:
+    return None
+
+
+@answer(bases.lifts, HighBounce)
+def _(base: HighBounce, problem: Dimensionless) -> NDArray[np.bool_]:
+    return problem.kick > problem.rest_flight
+
+
+@answer(bases.leave, Constants)
+def _(fixed: Constants, x: float, u: float) -> float:
+    return u
+
+
+@answer(bases.speed, Constants)
+def _(fixed: Constants, x: float, u: float) -> float:
+    return u
+
+
 @answer(bases.rebound, Constants)
 def _(fixed: Constants, x: float, v: float) -> float:
     return speed_after(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
@@ -136,7 +188,8 @@ def _kick_slope(x: float, a: float) -> float:
 
 
 @answer(bases.jacobian, Constants)
-def _(fixed: Constants, x: float, v: float) -> Jacobian:
+def _(fixed: Constants, flight: Flight) -> Jacobian:
+    x, v = flight.landing, flight.v
     by_speed, by_kick = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
     k = by_kick * _kick_slope(x, fixed.a)
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)

@@ -1,0 +1,234 @@
+"""The first landing on a base that moves.
+
+The base has the velocity alpha sin(2 pi x) and the height -alpha / (4 pi) cos(2 pi x), alpha = a /
+(1 + e), in units in which a flight with speed u is s (u - s) / 2 high after s periods; its largest
+acceleration is Gamma = pi alpha in units of gravity.  A particle that leaves it at phase x with the
+speed y relative to it has, after s periods, the clearance
+
+    F(s) = s (y - s) / 2 + alpha / (4 pi) (sin(2 pi x) D - cos(2 pi x) C),
+    D = 2 pi s - sin(2 pi s),  C = 1 - cos(2 pi s),
+
+in which no term is a difference of nearly equal numbers: a chattering particle is followed as
+accurately as a fast one.  It lands at the first s > 0 with F = 0, with the relative speed -2 F'(s).
+
+Where 1 + Gamma cos(2 pi x) > 0, the base presses a particle that rests on it, and F is concave;
+elsewhere F is convex.  No root is missed:
+
+- Where Gamma <= 1, F is concave and has one root.  So it has where the particle is so fast that it
+  arrives faster than the base ever moves, (pi u)^2 >= Gamma^2 + 2 Gamma (1 + cos(2 pi x)) for its
+  absolute speed u > 0.  Any iteration that converges has found it.
+- Else the search goes from one stretch of time with F > 0 to the next.  In a concave stretch any
+  step inside it may be tried: F > 0 there says that there is no root up to it, F <= 0 that there is
+  one before it.  In a convex stretch Newton's step from the left passes no root; where F' >= 0 it
+  has none.  While the particle is above every height of the base it can't land.
+
+The iteration is the inverse of the Taylor polynomial of fourth degree: the sine that it needs costs
+more than all its terms.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import fma, jit
+from vibrosweep.kernels.rounding import HALF_ULP
+from vibrosweep.kernels.sine import (
+    cos_turns,
+    rough_sine_and_lag,
+    rough_sine_near,
+    sin_and_lag,
+    sin_near,
+    sin_turns,
+)
+
+__all__ = ["Start", "absolute", "first_try", "lands_at_once", "start", "try_landing"]
+
+TWO_PI = 2.0 * math.pi
+SLOW = 0.15  # periods; the first try for a particle that is neither chattering nor fast
+# A step of the iteration ends it where the terms of its series fall so fast that what is left out
+# is below half an ulp of the step, and of the flight.
+LAST = 2.0**-12
+SHORT = 0.25  # ... and is better than Newton's where they fall by so much
+BORDER = 2.0**-30  # turns; so near to its end, a stretch has ended
+ULP = 2.0**-52
+NOISE = 8.0 * HALF_ULP  # of the clearance, relative to the terms that it is made of
+
+
+class Start(NamedTuple):
+    """Beginning of a flight.
+
+    Attributes
+    ----------
+    alpha, x_lift
+        Of the base: its largest velocity, and the phase at which it begins to fall faster than
+        gravity, NaN where it never does.
+    x, y, sine, cosine
+        Phase and speed relative to the base, and sine and cosine of the phase.
+    """
+
+    alpha: float
+    x_lift: float
+    x: float
+    y: float
+    sine: float
+    cosine: float
+
+
+class Clearance(NamedTuple):
+    """Height above the base during a flight, and its first four derivatives by time."""
+
+    f: float
+    f1: float
+    f2: float
+    f3: float
+    f4: float
+
+
+@jit
+def start(alpha: float, x_lift: float, x: float, y: float) -> Start:
+    """Beginning of the flight that leaves phase x with speed y."""
+    return Start(alpha, x_lift, x, y, sin_turns(x), cos_turns(x))
+
+
+@jit
+def absolute(begin: Start) -> float:
+    """Absolute speed at the lift-off."""
+    return fma(begin.alpha, begin.sine, begin.y)
+
+
+@jit
+def lands_at_once(x_lift: float, x: float, y: float) -> bool:
+    """Whether a particle that leaves phase x with relative speed y is pushed into the base."""
+    return (y < 0.0) | ((y == 0.0) & (abs(x) <= 0.5) & (not abs(x) >= x_lift))
+
+
+@jit
+def _clearance(begin: Start, s: float, turned: float, lag: float, half: float) -> Clearance:
+    """Clearance after s periods, given sin(2 pi s), 2 pi s - sin(2 pi s) and sin(pi s)."""
+    sine, cosine = begin.sine, begin.cosine
+    gamma = math.pi * begin.alpha
+    c = 2.0 * half * half
+    slowed = fma(sine, c, -cosine * turned)  # the base, since the lift-off
+    sunk = (0.25 / math.pi) * begin.alpha * fma(sine, lag, -cosine * c)
+    then = cosine - fma(cosine, c, sine * turned)
+    return Clearance(
+        fma(0.5 * s, begin.y - s, sunk),
+        fma(0.5 * begin.alpha, slowed, 0.5 * begin.y - s),
+        fma(-gamma, then, -1.0),
+        (TWO_PI * gamma) * (sine - slowed),
+        (TWO_PI * TWO_PI * gamma) * then,
+    )
+
+
+@jit
+def first_try(begin: Start) -> tuple[bool, float]:
+    """Whether the flight has one root for sure, and the time to be tried first.
+
+    One step of Halley's method with a rough sine comes near it.
+    """
+    alpha, x_lift, x, y, _, cosine = begin
+    gamma, u = math.pi * alpha, absolute(begin)
+    pull = fma(gamma, cosine, 1.0)
+    parabola = y / pull if pull > 0.0 else np.inf
+    w = math.pi * u
+    fast = (u > 0.0) & (w * w >= gamma * (gamma + 2.0 * (1.0 + cosine)))
+    sure = fast | (gamma <= 1.0)
+    bound = u if u > SLOW else SLOW
+    falling = abs(x) >= x_lift
+    to_fall = x_lift - x
+    to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
+    most = bound if sure else to_fall
+    s = parabola if parabola < most else most
+    s = u if fast else s
+    part = s - np.rint(s)
+    turned, lag = rough_sine_and_lag(s, part)
+    rough = _clearance(begin, s, turned, lag, rough_sine_near(0.5 * part))
+    f, f1, f2 = rough.f, rough.f1, rough.f2
+    step = -f * f1 / fma(f1, f1, -0.5 * f * f2)
+    near = (f1 < 0.0) & (abs(step) < 0.5 * s) & (abs(step) < 0.25)
+    s = s + step if near else s
+    s = s if sure | (s < to_fall) else to_fall
+    return sure, to_press if falling & (not sure) else s
+
+
+@jit
+def _ends(x: float, x_lift: float) -> tuple[bool, float, float]:
+    """Whether the base presses at phase x, and periods until it falls, or presses again.
+
+    A stretch that is as good as over has ended.
+    """
+    presses = not abs(x) > x_lift
+    to_fall = x_lift - x
+    to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
+    over = (to_fall if presses else to_press) <= BORDER
+    to_press = (1.0 - 2.0 * x_lift) + to_fall if over & presses else to_press
+    to_fall = 2.0 * x_lift + to_press if over & (not presses) else to_fall
+    return presses != over, to_fall, to_press
+
+
+@jit
+def _across(begin: Start, s: float, clear: Clearance, series: float, good: bool) -> float:
+    """Time to be tried next after s, of a flight that may have several roots.
+
+    The clearance at s is positive, and so it is before s.
+    """
+    f1, f2 = clear.f1, clear.f2
+    newton = -clear.f / f1
+    nears = f1 < 0.0
+    at = begin.x + (s - np.rint(s))
+    at -= np.rint(at)
+    presses, to_fall, to_press = _ends(at, begin.x_lift)
+    into = (series if good else newton) if nears else s
+    into = into if into < to_fall else to_fall
+    # the slope stays negative for so long, as the third derivative is at most 2 pi Gamma
+    beyond = 1.01 * (series if series > newton else newton)
+    bend = f2 if f2 > 0.0 else 0.0
+    falls = f1 + beyond * (bend + math.pi * math.pi * begin.alpha * beyond) < 0.0
+    convex = series if good & falls else newton
+    convex = convex if nears & (convex < to_press) else to_press
+    tried = s + (into if presses else convex)
+    # once the particle is above every height of the base, it is so until the time `until`
+    u = absolute(begin)
+    highest = (0.25 / math.pi) * begin.alpha
+    free = fma(0.5 * s, u - s, -highest * begin.cosine) > highest
+    until = u - 4.0 * highest * (1.0 + begin.cosine) / u
+    return until if free & (until > tried) else tried
+
+
+@jit
+def try_landing(begin: Start, sure: bool, s: float) -> tuple[float, float, bool]:
+    """Try the time s: the next one to be tried, or the landing, its speed, and which of both."""
+    part = s - np.rint(s)
+    turned, lag = sin_and_lag(s, part)
+    clear = _clearance(begin, s, turned, lag, sin_near(0.5 * part))
+    f, f1, f2, f3, f4 = clear
+    inverse = 1.0 / f1
+    newton = -f * inverse
+    squared = newton * newton
+    q = 0.5 * f2 * inverse * newton
+    q3 = (1.0 / 6.0) * f3 * inverse * squared
+    q4 = (1.0 / 24.0) * f4 * inverse * squared * newton
+    second = fma(2.0 * q, q, -q3)
+    series = newton * (1.0 - q + second - fma(5.0 * q, fma(q, q, -q3), q4))
+    nears, above = f1 < 0.0, f > 0.0
+    small = (abs(q) <= LAST) & (abs(q3) <= LAST * LAST) & (abs(q4) <= LAST * LAST * LAST)
+    last = nears & (small | (abs(newton) <= ULP * s))
+    good = (abs(q) <= SHORT) & (abs(q3) <= SHORT * SHORT) & (abs(q4) <= SHORT * SHORT * SHORT)
+    step = series if good else newton
+    forth = step if step < 0.5 else 0.5
+    forth = forth if nears else (s if s < 0.25 else 0.25)
+    back = step if -step < s else -0.75 * s
+    tried = s + (forth if above else back)
+    tried = _across(begin, s, clear, series, good) if above & (not sure) else tried
+    noise = NOISE * s * (begin.alpha + abs(begin.y - s))
+    grazes = (not sure) & (not above) & ((-f <= noise) | (not nears))
+    arrival = -2.0 * (f1 + series * (f2 + series * (0.5 * f3 + series * f4 * (1.0 / 6.0))))
+    stays = -2.0 * f1 if nears else 0.0
+    return (
+        s + series if last else (s if grazes else tried),
+        arrival if last else stays,
+        last | grazes,
+    )

@@ -1,0 +1,243 @@
+"""The base that moves with the velocity alpha sin(2 pi x), alpha = a / (1 + e).
+
+Speeds are relative to it: a particle arrives with z and leaves with e z.  It comes to rest where
+that is at most r and the base presses it, 1 + Gamma cos(2 pi x) > 0 with Gamma = pi alpha, and is
+lifted, with speed 0, where the base begins to fall faster than gravity; never if Gamma <= 1.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.kernels import bases
+from vibrosweep.kernels._jit import Floats, answer, fma, wide_vectors
+from vibrosweep.kernels.bases import Flight, Jacobian
+from vibrosweep.kernels.bases.landing_search import (
+    Start,
+    absolute,
+    first_try,
+    lands_at_once,
+    start,
+    try_landing,
+)
+from vibrosweep.kernels.lanes import ROW, STRIDE
+from vibrosweep.kernels.laws import Law
+from vibrosweep.kernels.sine import cos_turns, sin_turns
+from vibrosweep.model.parameters import Dimensionless
+
+__all__ = ["Moving", "MovingConstants"]
+
+TWO_PI = 2.0 * math.pi
+FRESH = -1.0  # instead of the time that has been reached: the flight has just begun
+TRIES = 20000.0  # passes after which the search for a landing is given up
+
+
+class Moving(NamedTuple):
+    """The base; the law must be `Rest`, the only one with a meaning here."""
+
+    law: Law
+
+
+class MovingConstants(NamedTuple):
+    """What decides the impacts of one realization.
+
+    Attributes
+    ----------
+    base
+        The base.
+    e, alpha, r
+        Restitution, largest velocity of the base, and threshold of rest.
+    x_lift
+        Phase at which the base begins to fall faster than gravity, and a resting particle leaves
+        it; NaN where it never does.
+    """
+
+    base: Moving
+    e: float
+    alpha: float
+    r: float
+    x_lift: float
+
+
+@answer(bases.constants, Moving)
+def _(base: Moving, problem: Dimensionless, i: int) -> MovingConstants:
+    e = problem.restitution[i]
+    alpha = problem.kick[i] / (1.0 + e)
+    gamma = math.pi * alpha
+    x_lift = np.nan
+    if gamma > 1.0:
+        # half the angle from pi, whose sine loses nothing near Gamma = 1
+        x_lift = 0.5 - math.asin(math.sqrt((gamma - 1.0) / (2.0 * gamma))) / math.pi
+    return MovingConstants(base, e, alpha, problem.rest_flight[i], x_lift)
+
+
+@answer(bases.put, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int) -> None:
+    row = ROW.CONSTANTS + j
+    s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
+    s[row + 3 * STRIDE] = fixed.x_lift
+    s[ROW.REACHED + j], s[ROW.TRIES + j], s[ROW.COUNTS + j] = FRESH, 0.0, 0.0
+
+
+@answer(bases.take, Moving)
+def _(base: Moving, s: Floats, j: int) -> MovingConstants:
+    row = ROW.CONSTANTS + j
+    e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
+    return MovingConstants(base, e, alpha, r, s[row + 3 * STRIDE])
+
+
+@answer(bases.prepare, Moving)
+def _(base: Moving, s: Floats, lanes: int) -> None:
+    # in a loop of its own: the processor computes one lane's sine while another's waits
+    wide_vectors()
+    for j in range(lanes):
+        fixed = bases.take(base, s, j)
+        begin = start(fixed.alpha, fixed.x_lift, s[ROW.X + j], s[ROW.U + j])
+        sure, first = first_try(begin)
+        reached = s[ROW.REACHED + j]
+        s[ROW.REACHED + j] = first if reached < 0.0 else reached
+        s[ROW.SINE + j] = begin.sine
+        s[ROW.COSINE + j] = begin.cosine
+        s[ROW.SURE + j] = 1.0 if sure else 0.0
+
+
+@answer(bases.approach, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int, budget: float) -> tuple[float, float, bool]:
+    x, y = s[ROW.X + j], s[ROW.U + j]
+    begin = Start(fixed.alpha, fixed.x_lift, x, y, s[ROW.SINE + j], s[ROW.COSINE + j])
+    time, v, found = try_landing(begin, s[ROW.SURE + j] != 0.0, s[ROW.REACHED + j])
+    at_once = lands_at_once(fixed.x_lift, x, y)
+    lost = s[ROW.TRIES + j] >= TRIES
+    time = 0.0 if at_once else (np.nan if lost else time)
+    landed = (found | at_once | lost) & (s[ROW.AGE + j] < budget)
+    return time, -y if at_once else v, landed
+
+
+@answer(bases.keep, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
+    counts = s[ROW.COUNTS + j] != 0.0
+    s[ROW.COUNTS + j] = (1.0 if seen else 0.0) if landed else s[ROW.COUNTS + j]
+    s[ROW.REACHED + j] = FRESH if landed else time
+    s[ROW.TRIES + j] = 0.0 if landed else s[ROW.TRIES + j] + 1.0
+    s[ROW.AGE + j] += 1.0 if landed else 0.0
+    return landed & counts
+
+
+@answer(bases.pending, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int) -> bool:
+    return s[ROW.COUNTS + j] != 0.0
+
+
+@answer(bases.fly, MovingConstants)
+def _(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
+    if lands_at_once(fixed.x_lift, x, u):
+        return 0.0, -u
+    begin = start(fixed.alpha, fixed.x_lift, x, u)
+    sure, time = first_try(begin)
+    v, landed, tries = 0.0, False, 0.0
+    while not landed and tries <= TRIES:
+        time, v, landed = try_landing(begin, sure, time)
+        tries += 1.0
+    return time if landed else np.nan, v
+
+
+@answer(bases.rebound, MovingConstants)
+def _(fixed: MovingConstants, x: float, v: float) -> float:
+    return fixed.e * v
+
+
+@answer(bases.lift_off, MovingConstants)
+def _(fixed: MovingConstants, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
+    leaves = (w > fixed.r) | (abs(x) > fixed.x_lift)
+    later = n if fixed.x_lift > 0.0 else np.inf
+    return n if leaves else later, x if leaves else fixed.x_lift, w if leaves else 0.0, leaves
+
+
+@answer(bases.after_rest, MovingConstants)
+def _(fixed: MovingConstants) -> tuple[float, float]:
+    return fixed.x_lift, 0.0
+
+
+@answer(bases.contact_time, MovingConstants)
+def _(fixed: MovingConstants) -> float:
+    return fixed.r
+
+
+@answer(bases.leave, MovingConstants)
+def _(fixed: MovingConstants, x: float, u: float) -> float:
+    return fma(-fixed.alpha, sin_turns(x), u)
+
+
+@answer(bases.speed, MovingConstants)
+def _(fixed: MovingConstants, x: float, u: float) -> float:
+    return fma(fixed.alpha, sin_turns(x), u)
+
+
+@answer(bases.counted, MovingConstants)
+def _(fixed: MovingConstants, x: float, u: float, time: float, u_off: float) -> bases.Counted:
+    # the apex above the lowest level of the base; one that leaves downwards is highest at once
+    begin = start(fixed.alpha, fixed.x_lift, x, u)
+    absolute_speed = absolute(begin)
+    rising = absolute_speed if absolute_speed > 0.0 else 0.0
+    base = (2.0 / math.pi) * fixed.alpha * (1.0 - begin.cosine)
+    return time, fma(rising, rising, base), 1.0
+
+
+@answer(bases.common_age, Moving)
+def _(base: Moving) -> float:
+    return 0.0
+
+
+@answer(bases.lifts, Moving)
+def _(base: Moving, problem: Dimensionless) -> NDArray[np.bool_]:
+    return math.pi * (problem.kick / (1.0 + problem.restitution)) > 1.0
+
+
+@answer(bases.lowest, Moving)
+def _(base: Moving, problem: Dimensionless) -> Floats | None:
+    return (2.0 / math.pi) * (problem.kick / (1.0 + problem.restitution))
+
+
+@answer(bases.jacobian, MovingConstants)
+def _(fixed: MovingConstants, flight: Flight) -> Jacobian:
+    # of F(s) = 0 by x, y and s, and of z = -2 F'(s)
+    e, alpha, gamma = fixed.e, fixed.alpha, math.pi * fixed.alpha
+    s, z = flight.time, flight.v
+    cosine, then = cos_turns(flight.x), cos_turns(flight.landing)
+    gained = sin_turns(flight.landing) - sin_turns(flight.x)
+    by_x = alpha * (TWO_PI * s * cosine - gained) / z
+    by_y = s / z
+    pull = 2.0 * (1.0 + gamma * then)
+    turned = 2.0 * gamma * (then - cosine)
+    scale = 1.0 + abs(by_x) + by_y
+    size = scale + e * (abs(pull) * (abs(by_x) + by_y) + 4.0 * gamma + 1.0)
+    return 1.0 + by_x, by_y, e * (pull * by_x + turned), e * (pull * by_y - 1.0), size
+
+
+@answer(bases.reverses, MovingConstants)
+def _(fixed: MovingConstants, x: float, v: float) -> float:
+    return 1.0
+
+
+@answer(bases.contraction, MovingConstants)
+def _(fixed: MovingConstants, v: float) -> float:
+    # e times the relative speed before the flight over that of arrival, which is 1 / e of the next
+    return fixed.e * fixed.e
+
+
+@answer(bases.fixed_residual, MovingConstants)
+def _(fixed: MovingConstants, x: float, k: float, sign: float) -> tuple[float, float, float]:
+    a = fixed.alpha * (1.0 + fixed.e)
+    return a * sin_turns(x) - (1.0 - fixed.e) * k, TWO_PI * a * cos_turns(x), a
+
+
+@answer(bases.fixed_attracts, MovingConstants)
+def _(fixed: MovingConstants, x: float, k: float) -> bool:
+    # both multipliers are inside the unit circle
+    e = fixed.e
+    s = -math.pi * fixed.alpha * cos_turns(x)
+    return e < 1.0 and 0.0 < s < 2.0 * (1.0 + e * e) / ((1.0 + e) * (1.0 + e))
