@@ -135,7 +135,9 @@ def ask_all(base, problem, i, x, u, s):
         bases.approach(fixed, s, i, 100.0),
         (bases.keep(fixed, s, i, time, landed, True), bases.pending(fixed, s, i)),
         (bases.leave(fixed, x, u), bases.speed(fixed, x, u), bases.common_age(base)),
-        bases.counted(fixed, x, u, flight, w),
+        bases.counted(fixed, bases.Flight(x, u, flight, x, v), w),
+        bases.counted_now(fixed, s, i, flight, w),
+        (bases.gives_up(base, s, i, 6), bases.at_a_time(base)),
         (flight, v, w, bases.reverses(fixed, x, v), bases.contraction(fixed, v)),
         bases.lift_off(fixed, 7.0, x, w),
         bases.lift_off(taken, 7.0, x, w),
@@ -167,6 +169,7 @@ for law in LAWS:
         found = [ask(base, problem, i, *states[i].tolist(), room) for i in range(size)]
         numbers = [np.concatenate([np.ravel(part) for part in row]).tolist() for row in found]
         of_base = bases.lifts(base, problem).tolist(), bases.lowest(base, problem)
+        assert bases.fitted(base, problem) == base
         print(json.dumps([law, numbers, room.tolist(), of_base]))
 """
 

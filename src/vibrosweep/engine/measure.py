@@ -87,7 +87,8 @@ def _per_particle(
     particles: int,
 ) -> Measured:
     frequency, gravity = (np.repeat(parameters[n], particles) for n in ("frequency", "gravity"))
-    lifted, low = (None if v is None else np.repeat(v, particles) for v in of_base)
+    lifted, low = of_base
+    lifted, low = np.repeat(lifted, particles), None if low is None else np.repeat(low, particles)
     measured = physical(each, frequency, gravity, lifted, low)
     measured["at_rest"] = each.at_rest.astype(np.int8)
     measured["status"] = each.status

@@ -17,6 +17,7 @@ from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance
+from vibrosweep.kernels.bases import fitted
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
@@ -141,7 +142,8 @@ def statistics(
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
     windowed = observation.windowed  # loops over all launches
-    batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
+    base = fitted(base_of(observation.base, observation.rebound), problem)
+    batch = Batch(base, problem, launch)
     options = Options(
         observation.budget,
         PERIODS_TO_RECUR,

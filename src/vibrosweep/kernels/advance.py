@@ -16,9 +16,11 @@ from vibrosweep.kernels.bases import (
     Base,
     Constants,
     approach,
+    at_a_time,
     common_age,
     constants,
-    counted,
+    counted_now,
+    gives_up,
     keep,
     leave,
     lift_off,
@@ -98,7 +100,7 @@ class Watch(NamedTuple):
 
 @jit
 def _step(s: Floats, lanes: int, base: Base, budget: float, window: int | None) -> None:
-    """One pass of every lane; a lane past its end continues without being counted.
+    """One pass of the first lanes; a lane past its end continues without being counted.
 
     Without a window, None, what looks at its beginning is not compiled.
     """
@@ -117,11 +119,12 @@ def _step(s: Floats, lanes: int, base: Base, budget: float, window: int | None) 
             # not counted after the end; a phase of 1/2 is never before an end with x behind it
             x_off = 0.5 if n > s[ROW.X_END + j] - x else x_off
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
+        flight = counted_now(fixed, s, j, time, u)
         s[ROW.N + j] = n_off if landed else s[ROW.N + j]
         s[ROW.X + j] = x_off if landed else x_from
         s[ROW.U + j] = u if landed else u_from
         ends = keep(fixed, s, j, time, landed, seen)
-        count(s, j, counted(fixed, x_from, u_from, time, u), ends, leaves, seen)
+        count(s, j, flight, ends, leaves, seen)
 
 
 @jit
@@ -143,6 +146,8 @@ def _mark(s: Floats, lanes: int, base: Base, budget: int, cycles: Cycles | None)
                 s[ROW.RESTS_ANCHOR + j] = s[RUNNING.RESTS + j]
                 s[ROW.NEXT_ANCHOR + j] = 2.0 * s[ROW.AGE + j]
         s[ROW.DONE + j] = why if s[ROW.N + j] <= s[ROW.X_END + j] - s[ROW.X + j] else ENDED
+        if gives_up(base, s, j, LOOK_AFTER):
+            s[ROW.DONE + j], s[RUNNING.SUM + j] = ENDED, np.nan
 
 
 @jit
@@ -278,11 +283,14 @@ def advance(
             return lanes
         # whole vectors only: lanes behind the last one hold stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
-        for _ in range(LOOK_AFTER):
-            if windowed:
-                _step(s, padded, base, budget, 1)
-            else:
-                _step(s, padded, base, budget, None)
+        together = at_a_time(base)
+        for ahead in range(0, padded, together):
+            block, size = s[ahead:], min(together, padded - ahead)
+            for _ in range(LOOK_AFTER):
+                if windowed:
+                    _step(block, size, base, budget, 1)
+                else:
+                    _step(block, size, base, budget, None)
         _mark(s, padded, base, options.budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:

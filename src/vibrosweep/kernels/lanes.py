@@ -41,12 +41,17 @@ class LaneRows(NamedTuple):
     DONE: int  # reason why the trajectory leaves its lane
     LANE: int  # index of the trajectory
     AGE: int  # impacts so far
-    TRIES: int  # of a search for the landing: passes so far,
-    COUNTS: int  # whether the flight is counted when it ends,
-    SINE: int  # of the phase of its lift-off, with the cosine,
+    TRIES: int  # of a search for the landing: passes so far, and the age at the last look
+    AGE_SEEN: int
+    COUNTS: int  # whether the flight is counted when it ends
+    SINE: int  # of the phase of its lift-off, with the cosine
     COSINE: int
-    SURE: int  # whether there is only one root,
-    REACHED: int  # and the time that is tried next
+    SURE: int  # whether it has only one root
+    REACHED: int  # the time that is tried next, and there
+    CLEAR: int  # the clearance above the base
+    CLEAR_SLOPE: int
+    SINE_THEN: int
+    COSINE_THEN: int
     X_END: int
     X: int  # phase
     N: int  # whole periods, counted from the end of the window

@@ -13,7 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, fma, jit, kernel, prefetch
-from vibrosweep.kernels.bases import Base, Constants, Counted, counted, fly, pending, take
+from vibrosweep.kernels.bases import (
+    Base,
+    Constants,
+    Counted,
+    counted,
+    counted_now,
+    fly,
+    pending,
+    take,
+)
 from vibrosweep.kernels.impact import Impact, land
 from vibrosweep.kernels.lanes import ROW, ROWS, SPENT, STRIDE, aligned
 from vibrosweep.model.status import Status
@@ -175,8 +184,7 @@ def no_impacts() -> Cycle:
 @jit
 def add(to: Cycle, fixed: Constants, hit: Impact) -> Cycle:
     """Add an impact, whose lift-off is counted from the beginning of the cycle."""
-    flight = hit.flight
-    time, height, factor = counted(fixed, flight.x, flight.u, flight.time, hit.u)
+    time, height, factor = counted(fixed, hit.flight, hit.u)
     return Cycle(
         to.impacts + 1.0,
         hit.n_off,
@@ -212,7 +220,7 @@ def write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> Non
         x, passed = land(s[ROW.X + j], time)
         over = s[ROW.N + j] + passed <= s[ROW.X_END + j] - x
         if pending(fixed, s, j):
-            last = counted(fixed, s[ROW.X + j], s[ROW.U + j], time, 0.0)
+            last = counted_now(fixed, s, j, time, 0.0)
             s[RUNNING.SUM + j] += last[0]
             s[RUNNING.SQUARES + j] += last[1] * last[2]
             s[RUNNING.LARGEST + j] = max(s[RUNNING.LARGEST + j], last[1])

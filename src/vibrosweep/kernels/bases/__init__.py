@@ -9,12 +9,15 @@ All numbers are dimensionless: phases in turns, times and flights in forcing per
 duration of the flight that they begin on a base at rest.  Speeds are relative to the base, where
 nothing else is said.
 
+Questions about whole batches are asked by Python code alone.
+
 A flight may take several passes to be computed: a kernel that advances many lanes asks `approach`
 for one pass of each, others ask `fly` for the whole of one flight.
 """
 
 from __future__ import annotations
 
+from functools import singledispatch
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,14 +34,18 @@ __all__ = [
     "Jacobian",
     "after_rest",
     "approach",
+    "at_a_time",
     "common_age",
     "constants",
     "contact_time",
     "contraction",
     "counted",
+    "counted_now",
+    "fitted",
     "fixed_attracts",
     "fixed_residual",
     "fly",
+    "gives_up",
     "jacobian",
     "jacobian_error",
     "keep",
@@ -108,7 +115,7 @@ def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
 
 @question
 def prepare(base: Base, s: Floats, lanes: int) -> None:
-    """Compute what `approach` needs of every lane, apart from what `keep` has kept."""
+    """Compute what `approach` needs of the first lanes, apart from what `keep` keeps."""
     raise NotImplementedError
 
 
@@ -132,6 +139,18 @@ def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: b
 
 
 @question
+def gives_up(base: Base, s: Floats, j: int, passes: int) -> bool:
+    """Whether lane j finds no landing however often it is tried; asked every so many passes."""
+    raise NotImplementedError
+
+
+@question
+def at_a_time(base: Base) -> int:
+    """Lanes that take several passes before others do: what they need stays in the cache."""
+    raise NotImplementedError
+
+
+@question
 def pending(fixed: Constants, s: Floats, j: int) -> bool:
     """Whether the flight that lane j is in is to be counted when it ends."""
     raise NotImplementedError
@@ -144,10 +163,10 @@ def common_age(base: Base) -> float:
 
 
 @question
-def counted(fixed: Constants, x: float, u: float, time: float, u_off: float) -> Counted:
+def counted(fixed: Constants, flight: Flight, u_off: float) -> Counted:
     """Duration and height of the flight that is counted at a landing.
 
-    It is the one that ends, begun at phase x with speed u, or the one that begins with speed u_off
+    It is the one that ends, or the one that begins with speed u_off
     where its duration is known by then.  The height is that of the apex, in units of that of a
     flight of one period, above what `lowest` says.
     """
@@ -155,12 +174,24 @@ def counted(fixed: Constants, x: float, u: float, time: float, u_off: float) -> 
 
 
 @question
+def counted_now(fixed: Constants, s: Floats, j: int, time: float, u_off: float) -> Counted:
+    """Return what `counted` does, of the flight of lane j, before the lane is changed."""
+    raise NotImplementedError
+
+
+@singledispatch
+def fitted(base: Base, problem: Dimensionless) -> Base:
+    """Return the base without what none of these realizations needs; the results are the same."""
+    raise NotImplementedError
+
+
+@singledispatch
 def lowest(base: Base, problem: Dimensionless) -> Floats | None:
     """What heights are counted from, below the mean level; None where it is that level."""
     raise NotImplementedError
 
 
-@question
+@singledispatch
 def lifts(base: Base, problem: Dimensionless) -> NDArray[np.bool_]:
     """Whether a resting particle is ever lifted, shape (realization,)."""
     raise NotImplementedError

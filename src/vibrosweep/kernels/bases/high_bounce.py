@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, answer, jit
 from vibrosweep.kernels.bases import Counted, Flight, Jacobian
-from vibrosweep.kernels.lanes import ROW, STRIDE
+from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
 from vibrosweep.kernels.laws import (
     Law,
     curvature,
@@ -119,6 +119,16 @@ def _(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool
     return seen
 
 
+@answer(bases.gives_up, HighBounce)
+def _(base: HighBounce, s: Floats, j: int, passes: int) -> bool:
+    return False
+
+
+@answer(bases.at_a_time, HighBounce)
+def _(base: HighBounce) -> int:
+    return LANES
+
+
 @answer(bases.pending, Constants)
 def _(fixed: Constants, s: Floats, j: int) -> bool:
     return False
@@ -130,16 +140,26 @@ def _(base: HighBounce) -> float:
 
 
 @answer(bases.counted, Constants)
-def _(fixed: Constants, x: float, u: float, time: float, u_off: float) -> Counted:
+def _(fixed: Constants, flight: Flight, u_off: float) -> Counted:
     return u_off, u_off, u_off
 
 
-@answer(bases.lowest, HighBounce)
+@answer(bases.counted_now, Constants)
+def _(fixed: Constants, s: Floats, j: int, time: float, u_off: float) -> Counted:
+    return u_off, u_off, u_off
+
+
+@bases.fitted.register(HighBounce)
+def _(base: HighBounce, problem: Dimensionless) -> HighBounce:
+    return base
+
+
+@bases.lowest.register(HighBounce)
 def _(base: HighBounce, problem: Dimensionless) -> Floats | None:
     return None
 
 
-@answer(bases.lifts, HighBounce)
+@bases.lifts.register(HighBounce)
 def _(base: HighBounce, problem: Dimensionless) -> NDArray[np.bool_]:
     return problem.kick > problem.rest_flight
 

@@ -44,14 +44,13 @@ from vibrosweep.kernels.sine import (
     sin_turns,
 )
 
-__all__ = ["Start", "absolute", "first_try", "lands_at_once", "start", "try_landing"]
+__all__ = ["Clearance", "Start", "absolute", "clearance", "first_try", "start", "try_landing"]
 
 TWO_PI = 2.0 * math.pi
 SLOW = 0.15  # periods; the first try for a particle that is neither chattering nor fast
 # A step of the iteration ends it where the terms of its series fall so fast that what is left out
 # is below half an ulp of the step, and of the flight.
 LAST = 2.0**-12
-SHORT = 0.25  # ... and is better than Newton's where they fall by so much
 BORDER = 2.0**-30  # turns; so near to its end, a stretch has ended
 ULP = 2.0**-52
 NOISE = 8.0 * HALF_ULP  # of the clearance, relative to the terms that it is made of
@@ -78,13 +77,20 @@ class Start(NamedTuple):
 
 
 class Clearance(NamedTuple):
-    """Height above the base during a flight, and its first four derivatives by time."""
+    """Height above the base during a flight.
+
+    Attributes
+    ----------
+    f, f1
+        The clearance and its derivative by time.
+    sine, cosine
+        Of the phase of the base.
+    """
 
     f: float
     f1: float
-    f2: float
-    f3: float
-    f4: float
+    sine: float
+    cosine: float
 
 
 @jit
@@ -100,34 +106,34 @@ def absolute(begin: Start) -> float:
 
 
 @jit
-def lands_at_once(x_lift: float, x: float, y: float) -> bool:
-    """Whether a particle that leaves phase x with relative speed y is pushed into the base."""
-    return (y < 0.0) | ((y == 0.0) & (abs(x) <= 0.5) & (not abs(x) >= x_lift))
-
-
-@jit
 def _clearance(begin: Start, s: float, turned: float, lag: float, half: float) -> Clearance:
     """Clearance after s periods, given sin(2 pi s), 2 pi s - sin(2 pi s) and sin(pi s)."""
     sine, cosine = begin.sine, begin.cosine
-    gamma = math.pi * begin.alpha
     c = 2.0 * half * half
     slowed = fma(sine, c, -cosine * turned)  # the base, since the lift-off
     sunk = (0.25 / math.pi) * begin.alpha * fma(sine, lag, -cosine * c)
-    then = cosine - fma(cosine, c, sine * turned)
     return Clearance(
         fma(0.5 * s, begin.y - s, sunk),
         fma(0.5 * begin.alpha, slowed, 0.5 * begin.y - s),
-        fma(-gamma, then, -1.0),
-        (TWO_PI * gamma) * (sine - slowed),
-        (TWO_PI * TWO_PI * gamma) * then,
+        sine - slowed,
+        cosine - fma(cosine, c, sine * turned),
     )
 
 
 @jit
-def first_try(begin: Start) -> tuple[bool, float]:
+def clearance(begin: Start, s: float) -> Clearance:
+    """Clearance after s periods."""
+    part = s - np.rint(s)
+    turned, lag = sin_and_lag(s, part)
+    return _clearance(begin, s, turned, lag, sin_near(0.5 * part))
+
+
+@jit
+def first_try(begin: Start, arcs: int | None) -> tuple[bool, float]:
     """Whether the flight has one root for sure, and the time to be tried first.
 
-    One step of Halley's method with a rough sine comes near it.
+    One step of Halley's method with a rough sine comes near it.  Without arcs, None, what only
+    flights with Gamma > 1 need is not compiled.
     """
     alpha, x_lift, x, y, _, cosine = begin
     gamma, u = math.pi * alpha, absolute(begin)
@@ -137,21 +143,24 @@ def first_try(begin: Start) -> tuple[bool, float]:
     fast = (u > 0.0) & (w * w >= gamma * (gamma + 2.0 * (1.0 + cosine)))
     sure = fast | (gamma <= 1.0)
     bound = u if u > SLOW else SLOW
-    falling = abs(x) >= x_lift
     to_fall = x_lift - x
-    to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
-    most = bound if sure else to_fall
+    most = bound
+    if arcs is not None:
+        most = bound if sure else to_fall
     s = parabola if parabola < most else most
     s = u if fast else s
     part = s - np.rint(s)
     turned, lag = rough_sine_and_lag(s, part)
     rough = _clearance(begin, s, turned, lag, rough_sine_near(0.5 * part))
-    f, f1, f2 = rough.f, rough.f1, rough.f2
+    f, f1, f2 = rough.f, rough.f1, fma(-gamma, rough.cosine, -1.0)
     step = -f * f1 / fma(f1, f1, -0.5 * f * f2)
     near = (f1 < 0.0) & (abs(step) < 0.5 * s) & (abs(step) < 0.25)
     s = s + step if near else s
-    s = s if sure | (s < to_fall) else to_fall
-    return sure, to_press if falling & (not sure) else s
+    if arcs is not None:
+        to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
+        s = s if sure | (s < to_fall) else to_fall
+        s = to_press if (abs(x) >= x_lift) & (not sure) else s
+    return sure, 0.0 if y < 0.0 else s  # pushed into the base, it lands at once
 
 
 @jit
@@ -170,13 +179,14 @@ def _ends(x: float, x_lift: float) -> tuple[bool, float, float]:
 
 
 @jit
-def _across(begin: Start, s: float, clear: Clearance, series: float, good: bool) -> float:
+def _across(
+    begin: Start, s: float, clear: Clearance, newton: float, series: float, good: bool
+) -> float:
     """Time to be tried next after s, of a flight that may have several roots.
 
     The clearance at s is positive, and so it is before s.
     """
-    f1, f2 = clear.f1, clear.f2
-    newton = -clear.f / f1
+    f1, f2 = clear.f1, fma(-math.pi * begin.alpha, clear.cosine, -1.0)
     nears = f1 < 0.0
     at = begin.x + (s - np.rint(s))
     at -= np.rint(at)
@@ -199,12 +209,17 @@ def _across(begin: Start, s: float, clear: Clearance, series: float, good: bool)
 
 
 @jit
-def try_landing(begin: Start, sure: bool, s: float) -> tuple[float, float, bool]:
-    """Try the time s: the next one to be tried, or the landing, its speed, and which of both."""
-    part = s - np.rint(s)
-    turned, lag = sin_and_lag(s, part)
-    clear = _clearance(begin, s, turned, lag, sin_near(0.5 * part))
-    f, f1, f2, f3, f4 = clear
+def try_landing(
+    begin: Start, sure: bool, s: float, clear: Clearance, arcs: int | None
+) -> tuple[float, float, bool]:
+    """Try the time s: the next one to be tried, or the landing, its speed, and which of both.
+
+    `clear` is the clearance at that time.
+    """
+    f, f1, sine, cosine = clear
+    gamma = math.pi * begin.alpha
+    f2 = fma(-gamma, cosine, -1.0)
+    f3, f4 = (TWO_PI * gamma) * sine, (TWO_PI * TWO_PI * gamma) * cosine
     inverse = 1.0 / f1
     newton = -f * inverse
     squared = newton * newton
@@ -216,19 +231,20 @@ def try_landing(begin: Start, sure: bool, s: float) -> tuple[float, float, bool]
     nears, above = f1 < 0.0, f > 0.0
     small = (abs(q) <= LAST) & (abs(q3) <= LAST * LAST) & (abs(q4) <= LAST * LAST * LAST)
     last = nears & (small | (abs(newton) <= ULP * s))
-    good = (abs(q) <= SHORT) & (abs(q3) <= SHORT * SHORT) & (abs(q4) <= SHORT * SHORT * SHORT)
+    good = abs(series - newton) <= 0.5 * abs(newton)
     step = series if good else newton
     forth = step if step < 0.5 else 0.5
     forth = forth if nears else (s if s < 0.25 else 0.25)
     back = step if -step < s else -0.75 * s
     tried = s + (forth if above else back)
-    tried = _across(begin, s, clear, series, good) if above & (not sure) else tried
-    noise = NOISE * s * (begin.alpha + abs(begin.y - s))
-    grazes = (not sure) & (not above) & ((-f <= noise) | (not nears))
     arrival = -2.0 * (f1 + series * (f2 + series * (0.5 * f3 + series * f4 * (1.0 / 6.0))))
-    stays = -2.0 * f1 if nears else 0.0
-    return (
-        s + series if last else (s if grazes else tried),
-        arrival if last else stays,
-        last | grazes,
-    )
+    tried = s + series if last else tried
+    if arcs is not None:
+        across = _across(begin, s, clear, newton, series, good)
+        tried = across if above & (not sure) & (not last) else tried
+        noise = NOISE * s * (begin.alpha + abs(begin.y - s))
+        grazes = (not (sure | above | last)) & ((-f <= noise) | (not nears))
+        tried = s if grazes else tried
+        arrival = (-2.0 * f1 if nears else 0.0) if grazes else arrival
+        last = last | grazes
+    return tried, arrival, last

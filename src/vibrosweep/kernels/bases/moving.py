@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import Floats, answer, fma, wide_vectors
-from vibrosweep.kernels.bases import Flight, Jacobian
+from vibrosweep.kernels._jit import Floats, answer, fma, jit, wide_vectors
+from vibrosweep.kernels.bases import Counted, Flight, Jacobian
 from vibrosweep.kernels.bases.landing_search import (
+    Clearance,
     Start,
     absolute,
+    clearance,
     first_try,
-    lands_at_once,
     start,
     try_landing,
 )
@@ -34,12 +35,22 @@ __all__ = ["Moving", "MovingConstants"]
 TWO_PI = 2.0 * math.pi
 FRESH = -1.0  # instead of the time that has been reached: the flight has just begun
 TRIES = 20000.0  # passes after which the search for a landing is given up
+TINY = 1e-300  # of a speed: pushed into the base, if ever so little
 
 
 class Moving(NamedTuple):
-    """The base; the law must be `Rest`, the only one with a meaning here."""
+    """The base.
+
+    Attributes
+    ----------
+    law
+        `Rest`, the only one with a meaning here.
+    arcs
+        None where Gamma <= 1 in all realizations, so that no particle is ever lifted.
+    """
 
     law: Law
+    arcs: int | None = 1
 
 
 class MovingConstants(NamedTuple):
@@ -80,7 +91,8 @@ def _(fixed: MovingConstants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
     s[row + 3 * STRIDE] = fixed.x_lift
-    s[ROW.REACHED + j], s[ROW.TRIES + j], s[ROW.COUNTS + j] = FRESH, 0.0, 0.0
+    s[ROW.REACHED + j], s[ROW.COUNTS + j] = FRESH, 0.0
+    s[ROW.TRIES + j], s[ROW.AGE_SEEN + j] = 0.0, 0.0
 
 
 @answer(bases.take, Moving)
@@ -92,29 +104,56 @@ def _(base: Moving, s: Floats, j: int) -> MovingConstants:
 
 @answer(bases.prepare, Moving)
 def _(base: Moving, s: Floats, lanes: int) -> None:
-    # in a loop of its own: the processor computes one lane's sine while another's waits
+    # loops of their own: while one lane's sine waits for a sum, the processor computes another's
+    _begin(base, s, lanes)
+    _look(base, s, lanes)
+
+
+@jit
+def _begin(base: Moving, s: Floats, lanes: int) -> None:
+    """Compute the beginning of the flight of each lane, and what is to be tried first."""
     wide_vectors()
     for j in range(lanes):
         fixed = bases.take(base, s, j)
         begin = start(fixed.alpha, fixed.x_lift, s[ROW.X + j], s[ROW.U + j])
-        sure, first = first_try(begin)
+        sure, tried = first_try(begin, base.arcs)
         reached = s[ROW.REACHED + j]
-        s[ROW.REACHED + j] = first if reached < 0.0 else reached
+        s[ROW.REACHED + j] = tried if reached < 0.0 else reached
         s[ROW.SINE + j] = begin.sine
         s[ROW.COSINE + j] = begin.cosine
         s[ROW.SURE + j] = 1.0 if sure else 0.0
 
 
+@jit
+def _look(base: Moving, s: Floats, lanes: int) -> None:
+    """Compute the clearance of each lane at the time that is to be tried."""
+    wide_vectors()
+    for j in range(lanes):
+        clear = clearance(_begun(bases.take(base, s, j), s, j), s[ROW.REACHED + j])
+        s[ROW.CLEAR + j] = clear.f
+        s[ROW.CLEAR_SLOPE + j] = clear.f1
+        s[ROW.SINE_THEN + j] = clear.sine
+        s[ROW.COSINE_THEN + j] = clear.cosine
+
+
+@jit
+def _begun(fixed: MovingConstants, s: Floats, j: int) -> Start:
+    """Return the beginning of the flight of lane j, as `prepare` left it."""
+    x, y = s[ROW.X + j], s[ROW.U + j]
+    return Start(fixed.alpha, fixed.x_lift, x, y, s[ROW.SINE + j], s[ROW.COSINE + j])
+
+
 @answer(bases.approach, MovingConstants)
 def _(fixed: MovingConstants, s: Floats, j: int, budget: float) -> tuple[float, float, bool]:
-    x, y = s[ROW.X + j], s[ROW.U + j]
-    begin = Start(fixed.alpha, fixed.x_lift, x, y, s[ROW.SINE + j], s[ROW.COSINE + j])
-    time, v, found = try_landing(begin, s[ROW.SURE + j] != 0.0, s[ROW.REACHED + j])
-    at_once = lands_at_once(fixed.x_lift, x, y)
-    lost = s[ROW.TRIES + j] >= TRIES
-    time = 0.0 if at_once else (np.nan if lost else time)
-    landed = (found | at_once | lost) & (s[ROW.AGE + j] < budget)
-    return time, -y if at_once else v, landed
+    clear = Clearance(
+        s[ROW.CLEAR + j],
+        s[ROW.CLEAR_SLOPE + j],
+        s[ROW.SINE_THEN + j],
+        s[ROW.COSINE_THEN + j],
+    )
+    sure, reached = s[ROW.SURE + j] != 0.0, s[ROW.REACHED + j]
+    time, v, found = try_landing(_begun(fixed, s, j), sure, reached, clear, fixed.base.arcs)
+    return time, v, found & (s[ROW.AGE + j] < budget)
 
 
 @answer(bases.keep, MovingConstants)
@@ -122,25 +161,36 @@ def _(fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen
     counts = s[ROW.COUNTS + j] != 0.0
     s[ROW.COUNTS + j] = (1.0 if seen else 0.0) if landed else s[ROW.COUNTS + j]
     s[ROW.REACHED + j] = FRESH if landed else time
-    s[ROW.TRIES + j] = 0.0 if landed else s[ROW.TRIES + j] + 1.0
     s[ROW.AGE + j] += 1.0 if landed else 0.0
-    return landed & counts
+    return bool(landed & counts)
+
+
+@answer(bases.gives_up, Moving)
+def _(base: Moving, s: Floats, j: int, passes: int) -> bool:
+    stays = s[ROW.AGE + j] == s[ROW.AGE_SEEN + j]
+    s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
+    s[ROW.TRIES + j] = s[ROW.TRIES + j] + passes if stays else 0.0
+    return bool(s[ROW.TRIES + j] >= TRIES)
+
+
+@answer(bases.at_a_time, Moving)
+def _(base: Moving) -> int:
+    return 64
 
 
 @answer(bases.pending, MovingConstants)
 def _(fixed: MovingConstants, s: Floats, j: int) -> bool:
-    return s[ROW.COUNTS + j] != 0.0
+    return bool(s[ROW.COUNTS + j] != 0.0)
 
 
 @answer(bases.fly, MovingConstants)
 def _(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
-    if lands_at_once(fixed.x_lift, x, u):
-        return 0.0, -u
     begin = start(fixed.alpha, fixed.x_lift, x, u)
-    sure, time = first_try(begin)
+    arcs = fixed.base.arcs
+    sure, time = first_try(begin, arcs)
     v, landed, tries = 0.0, False, 0.0
     while not landed and tries <= TRIES:
-        time, v, landed = try_landing(begin, sure, time)
+        time, v, landed = try_landing(begin, sure, time, clearance(begin, time), arcs)
         tries += 1.0
     return time if landed else np.nan, v
 
@@ -169,7 +219,8 @@ def _(fixed: MovingConstants) -> float:
 
 @answer(bases.leave, MovingConstants)
 def _(fixed: MovingConstants, x: float, u: float) -> float:
-    return fma(-fixed.alpha, sin_turns(x), u)
+    y = fma(-fixed.alpha, sin_turns(x), u)
+    return -TINY if y == 0.0 and not abs(x) >= fixed.x_lift else y
 
 
 @answer(bases.speed, MovingConstants)
@@ -177,14 +228,23 @@ def _(fixed: MovingConstants, x: float, u: float) -> float:
     return fma(fixed.alpha, sin_turns(x), u)
 
 
+@jit
+def _apex(begin: Start) -> float:
+    """Height of the apex above the lowest level of the base; of one that falls, of its start."""
+    u = absolute(begin)
+    rising = u if u > 0.0 else 0.0
+    return fma(rising, rising, (2.0 / math.pi) * begin.alpha * (1.0 - begin.cosine))
+
+
 @answer(bases.counted, MovingConstants)
-def _(fixed: MovingConstants, x: float, u: float, time: float, u_off: float) -> bases.Counted:
-    # the apex above the lowest level of the base; one that leaves downwards is highest at once
-    begin = start(fixed.alpha, fixed.x_lift, x, u)
-    absolute_speed = absolute(begin)
-    rising = absolute_speed if absolute_speed > 0.0 else 0.0
-    base = (2.0 / math.pi) * fixed.alpha * (1.0 - begin.cosine)
-    return time, fma(rising, rising, base), 1.0
+def _(fixed: MovingConstants, flight: Flight, u_off: float) -> Counted:
+    begin = start(fixed.alpha, fixed.x_lift, flight.x, flight.u)
+    return flight.time, _apex(begin), 1.0
+
+
+@answer(bases.counted_now, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int, time: float, u_off: float) -> Counted:
+    return time, _apex(_begun(fixed, s, j)), 1.0
 
 
 @answer(bases.common_age, Moving)
@@ -192,12 +252,17 @@ def _(base: Moving) -> float:
     return 0.0
 
 
-@answer(bases.lifts, Moving)
+@bases.lifts.register(Moving)
 def _(base: Moving, problem: Dimensionless) -> NDArray[np.bool_]:
     return math.pi * (problem.kick / (1.0 + problem.restitution)) > 1.0
 
 
-@answer(bases.lowest, Moving)
+@bases.fitted.register(Moving)
+def _(base: Moving, problem: Dimensionless) -> Moving:
+    return base if bases.lifts(base, problem).any() else base._replace(arcs=None)
+
+
+@bases.lowest.register(Moving)
 def _(base: Moving, problem: Dimensionless) -> Floats | None:
     return (2.0 / math.pi) * (problem.kick / (1.0 + problem.restitution))
 
