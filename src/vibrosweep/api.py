@@ -27,7 +27,7 @@ from vibrosweep.model.forcing import (
 )
 from vibrosweep.model.measures import RECORD, Measures
 from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, refuse_masked
-from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time
+from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, unit_of
 from vibrosweep.runs.driver import available_threads, run_sweep
 from vibrosweep.runs.finished import is_of, origin
 from vibrosweep.runs.result import LAUNCH_TIME, TIMES, coordinate_attributes, periods_given
@@ -148,12 +148,10 @@ def simulate(
 def _end(duration: float | None, duration_periods: float | None) -> Time:
     """Return the end of an observation that is a number above 0."""
     end = one_time("duration", duration, duration_periods, 12.0)
-    name, unit = "duration", "s"
-    if isinstance(end, Periods):
-        name, unit = "duration_periods", "forcing periods"
-    length = _numbers(name, amount(end), unit)
+    name = "duration_periods" if isinstance(end, Periods) else "duration"
+    length = _numbers(name, amount(end), unit_of(end))
     positive = length.ndim == 0 and 0 < length < np.inf
-    _require(positive, name, amount(end), f"a finite number greater than 0 {unit}")
+    _require(positive, name, amount(end), f"a finite number greater than 0 {unit_of(end)}")
     return Periods(float(length)) if isinstance(end, Periods) else float(length)
 
 

@@ -24,7 +24,7 @@ from vibrosweep.model.forcing import (
 )
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, STAGGERED, refuse_masked
-from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, precedes
+from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, precedes, unit_of
 from vibrosweep.runs.driver import available_threads
 from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
 from vibrosweep.spec.rules import Axis
@@ -116,9 +116,9 @@ class Scene:
     def _judge_window(self) -> None:
         begin, end = self._stated("transient"), self._stated("duration")
         positive = 0.0 < amount(self.end) < math.inf
-        self._require(positive, end, f"finite and greater than 0 {_unit(self.end)}")
+        self._require(positive, end, f"finite and greater than 0 {unit_of(self.end)}")
         inside = precedes(self.begin, self.end, np.array([self.frequency]))
-        allowed = f"at least 0 {_unit(self.begin)} and below {end} = {amount(self.end)}"
+        allowed = f"at least 0 {unit_of(self.begin)} and below {end} = {amount(self.end)}"
         self._require(amount(self.begin) >= 0.0 and inside, begin, allowed)
 
     def _require(self, condition: bool, name: str, allowed: str) -> None:
@@ -210,10 +210,6 @@ class Scene:
         for (name, attributes), time in zip(TIMES.items(), (self.end, self.begin), strict=True):
             fixed[name] = ((), in_seconds(time, found["frequency"])[0], attributes)
         return fixed
-
-
-def _unit(time: Time) -> str:
-    return "forcing periods" if isinstance(time, Periods) else "s"
 
 
 def axis(name: str, values: ArrayLike) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.times import Periods, Time, amount, described
+from vibrosweep.model.times import Periods, Time, amount, unit_of
 
 __all__ = [
     "BASES",
@@ -321,6 +321,6 @@ def _require_countable(what: str, frequency: Array, time: Time) -> None:
         if not isinstance(time, Periods):
             number, remedy = number * float(np.max(frequency)), "lower it or the frequency"
         raise ParameterError(
-            f"{what} = {described(time)} is {number:.3g} forcing periods: at most "
+            f"{what} = {amount(time):g} {unit_of(time)} is {number:.3g} forcing periods: at "
             f"{MAX_PERIODS:.3g} can be counted exactly; {remedy}"
         )

@@ -13,12 +13,12 @@ __all__ = [
     "Periods",
     "Time",
     "amount",
-    "described",
     "fraction_of",
     "in_periods",
     "in_seconds",
     "one_time",
     "precedes",
+    "unit_of",
 ]
 
 Array = NDArray[np.float64]
@@ -66,11 +66,9 @@ def precedes(first: Time, second: Time, frequency: Array) -> bool:
     return bool(np.all(in_seconds(first, frequency) < in_seconds(second, frequency)))
 
 
-def described(time: Time) -> str:
-    """Time with its unit, for messages."""
-    if isinstance(time, Periods):
-        return f"{time.number:g} periods"
-    return f"{time:g} s"
+def unit_of(time: Time) -> str:
+    """Unit of a time in words, for messages."""
+    return "forcing periods" if isinstance(time, Periods) else "s"
 
 
 def one_time(name: str, seconds: float | None, periods: float | None, default: float) -> Time:

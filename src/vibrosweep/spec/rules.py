@@ -27,7 +27,7 @@ from vibrosweep.model.parameters import (
     dimensionless,
     launches,
 )
-from vibrosweep.model.times import Periods, Time, amount, described, precedes
+from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
 from vibrosweep.spec.messages import Mistakes
 from vibrosweep.spec.schema import DRAWN, MAX_REALIZATIONS, SampleTable, SceneTable, Steps
 
@@ -139,7 +139,7 @@ def check_window(
             f"{key}_periods" if isinstance(time, Periods) else key
             for key, time in (("measure.transient", begin), ("scene.duration", end))
         ]
-        rule = f"must be less than {keys[1]} = {described(end)}"
+        rule = f"must be less than {keys[1]} = {amount(end)} {unit_of(end)}"
         mistakes.add(keys[0], rule, amount(begin), involves=["scene.duration", *keys])
 
 
