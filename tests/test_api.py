@@ -26,7 +26,7 @@ def test_dims_types_and_attributes_of_a_record():
         assert found[name].dtype == variable.dtype
         for key, value in variable.attributes.items():
             assert np.array_equal(found[name].attrs[key], value)
-    assert found.attrs == {"rebound": "rest"}
+    assert found.attrs == {"base": "high-bounce", "rebound": "rest", "forcing": "amplitude"}
 
 
 def test_parameters_are_coordinates():
@@ -105,7 +105,7 @@ KIND = "a number{} or a 1-D array of numbers"
         ("contact_time", 0.0, "0.0", ALLOWED["contact_time"]),
         ("restitution", "0.9", "'0.9'", KIND.format("")),
         ("restitution", True, "True", KIND.format("")),
-        ("amplitude", None, "None", KIND.format(" in m s-1")),
+        ("restitution", None, "None", KIND.format("")),
         ("amplitude", 1j, "1j", KIND.format(" in m s-1")),
         ("amplitude", [[1.0]], "[[1.0]]", KIND.format(" in m s-1")),
         ("amplitude", [1.0, [2.0]], "[1.0, [2.0]]", KIND.format(" in m s-1")),

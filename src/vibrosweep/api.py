@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,20 @@ from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings, require_room
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ExistingOutputError, ParameterError
+from vibrosweep.model.forcing import (
+    INPUTS,
+    completed,
+    differing,
+    forcing_of,
+    only_parameters,
+    refuse_large,
+)
 from vibrosweep.model.measures import RECORD, Measures
-from vibrosweep.model.parameters import LAWS, PARAMETERS, refuse_masked
+from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, refuse_masked
+from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, unit_of
 from vibrosweep.runs.driver import available_threads, run_sweep
 from vibrosweep.runs.finished import is_of, origin
-from vibrosweep.runs.result import DURATION, LAUNCH_TIME, coordinate_attributes
+from vibrosweep.runs.result import LAUNCH_TIME, TIMES, coordinate_attributes, periods_given
 from vibrosweep.spec.sweep import read_spec
 from vibrosweep.store.disk import check_output
 from vibrosweep.store.kinds import SWEEP, kind_of
@@ -34,14 +43,19 @@ __all__ = ["open_record", "open_sweep", "run", "simulate"]
 def simulate(
     *,
     restitution: ArrayLike = PARAMETERS["restitution"].default,
-    amplitude: ArrayLike = PARAMETERS["amplitude"].default,
+    amplitude: ArrayLike | None = None,
+    base_velocity: ArrayLike | None = None,
+    base_displacement: ArrayLike | None = None,
+    base_acceleration: ArrayLike | None = None,
     frequency: ArrayLike = PARAMETERS["frequency"].default,
     phase: ArrayLike = PARAMETERS["phase"].default,
     gravity: ArrayLike = PARAMETERS["gravity"].default,
     launch_velocity: ArrayLike = PARAMETERS["launch_velocity"].default,
     launch_time: ArrayLike = 0.0,
-    duration: float = 12.0,
+    duration: float | None = None,
+    duration_periods: float | None = None,
     contact_time: ArrayLike = PARAMETERS["contact_time"].default,
+    base: str = BASES[0],
     rebound: str = "rest",
     impact_budget: int = Measures.impact_budget,
     threads: int | None = None,
@@ -50,15 +64,23 @@ def simulate(
 
     Parameters
     ----------
-    restitution, amplitude, frequency, phase, gravity, launch_velocity, contact_time
-        Physical parameters (1, m s-1, Hz, rad, m s-2, m s-1, s): a number, or a 1-D array with
-        one entry per realization; arrays are broadcast together.
+    restitution, frequency, phase, gravity, launch_velocity, contact_time
+        Physical parameters (1, Hz, rad, m s-2, m s-1, s): a number, or a 1-D array with one entry
+        per realization; arrays are broadcast together.
+    amplitude, base_velocity, base_displacement, base_acceleration
+        The forcing, as a physical parameter in one of four ways: amplitude A of the kick (m s-1),
+        or peak velocity V0 (m s-1), displacement B (m) or acceleration Gamma (in units of gravity)
+        of the base; A = (1 + e) V0, V0 = 2 pi f B, Gamma = 2 pi f V0 / g.  Without any of them the
+        amplitude of Table 1.
     launch_time
         When particles leave the base, in s: a number, or a 1-D array with one entry per particle.
-    duration
-        Landings at t <= duration (s) are recorded.
+    duration, duration_periods
+        Landings up to this time are recorded: in s, 12 by default, or in forcing periods of each
+        realization.
+    base
+        ``"high-bounce"``, a base that stays at height zero and kicks, or ``"moving"``.
     rebound
-        ``"rest"`` or ``"reflect"``.
+        ``"rest"`` or ``"reflect"``; only the former with a moving base.
     impact_budget
         Landings after which a particle is given up, rounded up to a multiple of 6; its status says
         so.
@@ -75,38 +97,62 @@ def simulate(
     Raises
     ------
     ParameterError
-        A parameter is of the wrong kind or outside its range, or the record would be too large.
+        A parameter is of the wrong kind or outside its range, two contradict each other, or the
+        record would be too large.
     """
-    given = {
+    asked = {
         "restitution": restitution,
         "amplitude": amplitude,
+        "base_velocity": base_velocity,
+        "base_displacement": base_displacement,
+        "base_acceleration": base_acceleration,
         "frequency": frequency,
         "phase": phase,
         "gravity": gravity,
         "launch_velocity": launch_velocity,
         "contact_time": contact_time,
     }
-    values = {name: _checked(name, value) for name, value in given.items()}
+    given = {name: value for name, value in asked.items() if value is not None}
+    forcing = forcing_of(given)
+    given = {forcing: PARAMETERS["amplitude"].default, **given}
+    values = {name: _checked(name, given[name]) for name in INPUTS if name in given}
     launch = _numbers("launch_time", launch_time, "s")
     _require(np.all(np.isfinite(launch)), "launch_time", launch_time, "finite, in s")
-    known = isinstance(rebound, str) and rebound in LAWS
-    _require(known, "rebound", rebound, f"one of {', '.join(LAWS)}")
-    length = _numbers("duration", duration, "s")
-    positive = length.ndim == 0 and 0 < length < np.inf
-    _require(positive, "duration", duration, "a finite number greater than 0 s")
+    for name, value, known in (("base", base, BASES), ("rebound", rebound, LAWS)):
+        _require(
+            isinstance(value, str) and value in known, name, value, f"one of {', '.join(known)}"
+        )
+    end = _end(duration, duration_periods)
     _require_whole("impact_budget", impact_budget)
     require_room(max(v.size for v in values.values()), launch.size)
-    parameters = _broadcast(values)
+    quantities = completed(_broadcast(values))
+    refuse_large(quantities["amplitude"], forcing)
+    parameters = only_parameters(quantities)
     observation = record_observation(
-        launch.size, tuple(launch.ravel().tolist()), float(length), rebound, impact_budget
+        launch.size, tuple(launch.ravel().tolist()), end, rebound, impact_budget, base
     )
     with Workers(_threads(threads)) as workers:
         found = record_landings(parameters, observation, workers)
     dataset = xr.Dataset(
         {name: (v.dims, found[name], v.attributes) for name, v in RECORD.items()},
-        attrs={"rebound": rebound},
+        attrs={"base": base, "rebound": rebound, "forcing": forcing, **periods_given(end)},
     )
-    return dataset.assign_coords(_coordinates(values, np.atleast_1d(launch), float(length)))
+    quantities["duration"] = in_seconds(end, quantities["frequency"])
+    several = parameters["frequency"].size > 1
+    varied = differing([n for n, v in values.items() if v.ndim and several], forcing)
+    if isinstance(end, Periods) and "frequency" in varied:
+        varied = (*varied, "duration")
+    return dataset.assign_coords(_coordinates(quantities, np.atleast_1d(launch), varied))
+
+
+def _end(duration: float | None, duration_periods: float | None) -> Time:
+    """Return the end of an observation that is a number above 0."""
+    end = one_time("duration", duration, duration_periods, 12.0)
+    name = "duration_periods" if isinstance(end, Periods) else "duration"
+    length = _numbers(name, amount(end), unit_of(end))
+    positive = length.ndim == 0 and 0 < length < np.inf
+    _require(positive, name, amount(end), f"a finite number greater than 0 {unit_of(end)}")
+    return Periods(float(length)) if isinstance(end, Periods) else float(length)
 
 
 def run(
@@ -235,7 +281,7 @@ def _numbers(name: str, value: object, units: str) -> NDArray[np.float64]:
 
 
 def _checked(name: str, value: object) -> NDArray[np.float64]:
-    parameter = PARAMETERS[name]
+    parameter = INPUTS[name]
     array = _numbers(name, value, parameter.units)
     bad = array[~parameter.accepts(array)]
     if bad.size:
@@ -256,20 +302,19 @@ def _broadcast(values: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
 
 
 def _coordinates(
-    values: Mapping[str, NDArray[np.float64]], launch: NDArray[np.float64], duration: float
+    quantities: Mapping[str, NDArray[np.float64]],
+    launch: NDArray[np.float64],
+    varied: Collection[str],
 ) -> dict[str, Any]:
-    size = max(v.size for v in values.values())
     coordinates: dict[str, Any] = {
         name: (
-            ("realization",) if v.ndim and size > 1 else (),
-            np.broadcast_to(v, size) if v.ndim and size > 1 else v.reshape(()),
-            coordinate_attributes(PARAMETERS[name]),
+            ("realization",) if name in varied else (),
+            v if name in varied else v[0],
+            TIMES[name] if name in TIMES else coordinate_attributes(INPUTS[name]),
         )
-        for name, v in values.items()
+        for name, v in quantities.items()
     }
-    coordinates["launch_time"] = (("particle",), launch, LAUNCH_TIME)
-    coordinates["duration"] = ((), duration, DURATION)
-    return coordinates
+    return coordinates | {"launch_time": (("particle",), launch, LAUNCH_TIME)}
 
 
 def _threads(threads: int | None) -> int:

@@ -11,10 +11,12 @@ from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.model.markdown import TABLES, insert
 from vibrosweep.model.measures import (
     ALWAYS,
+    KEYS,
     MEASURE_OF,
     MEASURES,
     OPTIONS,
     RECORD,
+    TRANSIENT_PERIODS,
     VARIABLES,
     Measures,
 )
@@ -23,7 +25,7 @@ from vibrosweep.spec.sweep import parse_spec
 
 def test_every_key_is_a_measure_or_an_option_and_every_variable_has_one_home():
     assert [field.name for field in fields(Measures)] == list(vars(Measures()))
-    assert {*MEASURES, *OPTIONS} == vars(Measures()).keys()
+    assert {*MEASURES, *OPTIONS} == KEYS.keys() == vars(Measures()).keys() | {TRANSIENT_PERIODS}
     homes = Counter(v.name for m in MEASURES.values() for v in m.variables)
     homes.update(v.name for v in ALWAYS)
     assert set(homes.values()) == {1}
@@ -63,13 +65,14 @@ def test_a_sweep_file_asks_for_a_measure_by_its_key(key):
     ("key", "refused"),
     [
         ("transient", -1e-300),
+        ("transient_periods", -1e-300),
         ("tolerance", 0.0),
         ("impact_budget", 0),
         ("impact_budget", 2**62 + 1),
     ],
 )
 def test_an_option_out_of_its_range_is_refused_in_the_words_of_the_registry(key, refused):
-    assert all(OPTIONS[k].accepts(getattr(Measures(), k)) for k in OPTIONS)
+    assert all(OPTIONS[k].accepts(KEYS[k]) for k in OPTIONS if KEYS[k] is not None)
     with pytest.raises(SpecError) as caught:
         parse_spec(f'title = "x"\n[measure]\n{key} = {refused}')
     assert f"must be {OPTIONS[key].allowed}" in str(caught.value)

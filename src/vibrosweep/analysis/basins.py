@@ -76,7 +76,7 @@ def basins(
     require_memory("launches", speeds.size * times.size, BYTES_PER_LAUNCH)
     shape = (speeds.size, times.size)
     parameters = scene.parameters(launch_velocity=np.repeat(speeds, times.size))
-    problem = dimensionless(parameters, scene.duration, scene.transient)
+    problem = dimensionless(parameters, scene.end, scene.begin)
     whole, phase = reduced_turns(scene.frequency, np.tile(times, speeds.size), 0.0)
     launch = Launches(whole[:, np.newaxis], phase[:, np.newaxis])
     with Workers(thread_count(threads)) as workers:

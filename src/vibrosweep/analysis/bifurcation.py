@@ -18,8 +18,9 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.kernels.settle import Orbits
+from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import BASES, PARAMETERS, Launches, dimensionless
+from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
 from vibrosweep.model.status import Regime
 from vibrosweep.runs.result import coordinate_attributes
 
@@ -162,12 +163,12 @@ def _impacts(
     """Phases in turns and speeds of the impacts that follow; shape (point, particle, sample)."""
     repeated = {n: np.repeat(v, scene.particles) for n, v in parameters.items()}
     repeated["phase"] = np.zeros(orbits.phase.size)
-    problem = dimensionless(repeated, scene.duration)
+    problem = dimensionless(repeated, scene.end)
     endless = np.full(orbits.phase.size, np.inf)
     problem = problem._replace(launch_flight=orbits.flight, end_count=endless)
     launch = Launches(np.zeros((orbits.phase.size, 1)), orbits.phase[:, np.newaxis])
     out = empty_record(orbits.phase.size, samples)
-    batch = Batch(base_of(BASES[0], scene.rebound), problem, launch)
+    batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
     # a frequency of 1: times in periods are counted from 0
     units = Units(np.ones(orbits.phase.size), repeated["gravity"] / (2.0 * repeated["frequency"]))
     workers.each(lambda first, last: record(first, last, batch, units, out), orbits.phase.size, 16)
@@ -190,6 +191,11 @@ def _dataset(
     coordinates = {
         "direction": list(DIRECTIONS),
         "amplitude": ("amplitude", amplitude, words),
+        "base_acceleration": (
+            "amplitude",
+            scene.quantities(amplitude=amplitude)["base_acceleration"],
+            coordinate_attributes(FORCINGS["base_acceleration"]),
+        ),
         **scene.coordinates(("amplitude",)),
     }
     title = scene.attributes("Bifurcation diagram along the amplitude, up and down")

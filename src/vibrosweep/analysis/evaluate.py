@@ -26,7 +26,7 @@ from vibrosweep.kernels.fixed import (
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import BASES, Launches, dimensionless, launches
+from vibrosweep.model.parameters import Launches, dimensionless, launches
 
 __all__ = ["HOLDING", "continued", "launch_states", "launched", "locked", "settle_from"]
 
@@ -71,9 +71,9 @@ def locked(
     between them.
     """
     parameters = scene.parameters(restitution=restitution, amplitude=amplitude)
-    problem = dimensionless(parameters, scene.duration)
+    problem = dimensionless(parameters, scene.end)
     k = np.full(problem.kick.size, condition.k)
-    base = base_of(BASES[0], scene.rebound)
+    base = base_of(scene.base, scene.rebound)
 
     def state(sign: float) -> Codes:
         found = empty_fixed(k.size)
@@ -112,7 +112,7 @@ def launch_states(scene: Scene, points: int) -> States:
         Shape (point, particle, 2).
     """
     parameters = scene.parameters()
-    problem = dimensionless(parameters, scene.duration)
+    problem = dimensionless(parameters, scene.end)
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
     phase = launch.phase[0] + problem.phase
     states = np.stack([phase - np.rint(phase), np.full_like(phase, problem.launch_flight)], axis=-1)
@@ -136,7 +136,7 @@ def settle_from(
     repeated["phase"] = np.zeros(
         states.shape[0] * particles
     )  # the states' phases are the forcing's
-    problem = dimensionless(repeated, scene.duration, scene.transient)
+    problem = dimensionless(repeated, scene.end, scene.begin)
     phase, flight = states.reshape(-1, 2).T
     problem = problem._replace(launch_flight=np.ascontiguousarray(flight))
     launch = Launches(np.zeros((phase.size, 1)), np.ascontiguousarray(phase)[:, np.newaxis])

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,10 +13,20 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.engine.landings import physical_memory
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import ParameterError, SpecError
+from vibrosweep.model.forcing import (
+    FORCINGS,
+    INPUTS,
+    completed,
+    differing,
+    forcing_of,
+    only_parameters,
+    refuse_large,
+)
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED, refuse_masked
+from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, STAGGERED, refuse_masked
+from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, precedes, unit_of
 from vibrosweep.runs.driver import available_threads
-from vibrosweep.runs.result import DURATION, TRANSIENT, coordinate_attributes
+from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
 from vibrosweep.spec.rules import Axis
 
 if TYPE_CHECKING:
@@ -25,6 +35,10 @@ if TYPE_CHECKING:
 __all__ = ["Scene", "axis", "grid_axes", "require_memory", "thread_count"]
 
 Array = NDArray[np.float64]
+
+DURATION: Final = 2000.0  # s, by default
+# Of the forcings, what a result holds in any case
+KEPT: Final = ("amplitude", "base_acceleration")
 
 
 @dataclass(frozen=True)
@@ -36,30 +50,37 @@ class Scene:
 
     Attributes
     ----------
-    restitution, amplitude, frequency, phase, gravity, launch_velocity, contact_time
-        Physical parameters (1, m s-1, Hz, rad, m s-2, m s-1, s).
+    restitution, frequency, phase, gravity, launch_velocity, contact_time
+        Physical parameters (1, Hz, rad, m s-2, m s-1, s).
+    amplitude, base_velocity, base_displacement, base_acceleration
+        The forcing, in one of four ways (m s-1, m s-1, m, 1); without any the amplitude of Table 1.
     particles
         Number of particles.
     launch
         ``"staggered"`` evenly over one forcing period, or the launch times of all particles in s.
-    duration
-        End of the observation in s: orbits that have not recurred by then are unsettled or
-        aperiodic.
-    transient
-        Time in s before the window that measures cover.
+    duration, duration_periods
+        End of the observation in s, 2000 by default, or in forcing periods: orbits that have not
+        recurred by then are unsettled or aperiodic.
+    transient, transient_periods
+        Time before the window that measures cover, in s, 0 by default, or in forcing periods.
+    base
+        ``"high-bounce"`` or ``"moving"``.
     rebound
-        ``"rest"`` or ``"reflect"``.
+        ``"rest"`` or ``"reflect"``; only the former with a moving base.
     impact_budget
         Impacts after which a particle is given up.
 
     Raises
     ------
     ParameterError
-        A value is of the wrong kind or outside its range.
+        A value is of the wrong kind or outside its range, or two contradict each other.
     """
 
     restitution: float = PARAMETERS["restitution"].default
-    amplitude: float = PARAMETERS["amplitude"].default
+    amplitude: float | None = None
+    base_velocity: float | None = None
+    base_displacement: float | None = None
+    base_acceleration: float | None = None
     frequency: float = PARAMETERS["frequency"].default
     phase: float = PARAMETERS["phase"].default
     gravity: float = PARAMETERS["gravity"].default
@@ -67,53 +88,99 @@ class Scene:
     contact_time: float = PARAMETERS["contact_time"].default
     particles: int = 1
     launch: str | tuple[float, ...] = STAGGERED
-    duration: float = 2000.0
-    transient: float = Measures.transient
+    duration: float | None = None
+    duration_periods: float | None = None
+    transient: float | None = None
+    transient_periods: float | None = None
+    base: str = BASES[0]
     rebound: str = LAWS[0]
     impact_budget: int = Measures.impact_budget
 
     def __post_init__(self) -> None:
-        for name in PARAMETERS:
-            axis(name, getattr(self, name))
+        own = self._own()
+        for name, value in own.items():
+            axis(name, value)
+        refuse_large(self.quantities()["amplitude"], forcing_of(own))
         self._require(self.particles >= 1, "particles", "at least 1")
         self._require(self.impact_budget >= 1, "impact_budget", "at least 1")
+        self._require(self.base in BASES, "base", f"one of {', '.join(BASES)}")
         self._require(self.rebound in LAWS, "rebound", f"one of {', '.join(LAWS)}")
-        positive = 0.0 < self.duration < math.inf
-        self._require(positive, "duration", "finite and greater than 0 s")
-        inside = 0.0 <= self.transient < self.duration
-        self._require(inside, "transient", f"at least 0 s and below duration = {self.duration}")
+        self._judge_window()
         if isinstance(self.launch, str):
             self._require(self.launch == STAGGERED, "launch", f'"{STAGGERED}" or launch times in s')
         else:
             fits = len(self.launch) == self.particles and all(map(math.isfinite, self.launch))
             self._require(fits, "launch", f"{self.particles} finite launch times in s")
+        self.observation()  # judges base and rebound together
+
+    def _judge_window(self) -> None:
+        begin, end = self._stated("transient"), self._stated("duration")
+        positive = 0.0 < amount(self.end) < math.inf
+        self._require(positive, end, f"finite and greater than 0 {unit_of(self.end)}")
+        inside = precedes(self.begin, self.end, np.array([self.frequency]))
+        allowed = f"at least 0 {unit_of(self.begin)} and below {end} = {amount(self.end)}"
+        self._require(amount(self.begin) >= 0.0 and inside, begin, allowed)
 
     def _require(self, condition: bool, name: str, allowed: str) -> None:
         if not condition:
             raise ParameterError(f"{name} = {getattr(self, name)!r}: must be {allowed}")
 
+    def _stated(self, name: str) -> str:
+        """Name of a time as it is given: in s or in periods."""
+        periods = f"{name}_periods"
+        return name if getattr(self, periods) is None else periods
+
     @classmethod
     def of(cls, spec: SweepSpec) -> Scene:
         """Scene of a sweep file; a sampled parameter is at its default."""
-        own = {field.name for field in fields(cls)} - PARAMETERS.keys()
-        given = {**vars(spec), **vars(spec.measures)}
-        values: dict[str, Any] = {name: given[name] for name in own}
-        return cls(**{**values, **spec.fixed})
+        given = {
+            "impact_budget": spec.measures.impact_budget,
+            **{name: getattr(spec, name) for name in ("particles", "launch", "base", "rebound")},
+            **spec.fixed,
+        }
+        for name, time in (("duration", spec.duration), ("transient", spec.measures.transient)):
+            given[f"{name}_periods" if isinstance(time, Periods) else name] = amount(time)
+        return cls(**given)
+
+    @property
+    def end(self) -> Time:
+        """End of the observation."""
+        return one_time("duration", self.duration, self.duration_periods, DURATION)
+
+    @property
+    def begin(self) -> Time:
+        """Beginning of the window that measures cover."""
+        return one_time("transient", self.transient, self.transient_periods, 0.0)
+
+    def _own(self) -> dict[str, float]:
+        """What is given of `INPUTS`, defaults included."""
+        given = {name: getattr(self, name) for name in INPUTS}
+        given = {name: value for name, value in given.items() if value is not None}
+        return {forcing_of(given): PARAMETERS["amplitude"].default, **given}
+
+    def quantities(self, **varied: Array) -> dict[str, Array]:
+        """Return `parameters`, the forcing that is given, and the acceleration of the base."""
+        size = max((values.size for values in varied.values()), default=1)
+        own: dict[str, ArrayLike] = {**self._own()}
+        if not FORCINGS.keys().isdisjoint(varied):
+            del own[forcing_of(own)]
+        return completed(
+            {
+                name: np.ascontiguousarray(np.broadcast_to(value, (size,)), np.float64)
+                for name, value in {**own, **varied}.items()
+            }
+        )
 
     def parameters(self, **varied: Array) -> dict[str, Array]:
         """Every parameter of a batch of realizations, each of shape (realization,)."""
-        size = max((values.size for values in varied.values()), default=1)
-        return {
-            name: np.ascontiguousarray(
-                np.broadcast_to(varied.get(name, getattr(self, name)), (size,)), np.float64
-            )
-            for name in PARAMETERS
-        }
+        return only_parameters(self.quantities(**varied))
 
     def observation(self, **measured: bool) -> Observation:
         """Return the observation of this scene's particles, with the measures that are named."""
-        measures = Measures(self.transient, impact_budget=self.impact_budget)
-        plain = Observation(self.particles, self.launch, self.duration, self.rebound, measures)
+        measures = Measures(self.begin, impact_budget=self.impact_budget)
+        plain = Observation(
+            self.particles, self.launch, self.end, self.rebound, measures, base=self.base
+        )
         return plain.measuring(**measured)
 
     def attributes(self, title: str) -> dict[str, Any]:
@@ -123,19 +190,25 @@ class Scene:
             "title": title,
             "particles": self.particles,
             "launch": launch,
+            "base": self.base,
             "rebound": self.rebound,
+            "forcing": forcing_of(self._own()),
             "impact_budget": self.impact_budget,
+            **periods_given(self.end, self.begin),
         }
 
-    def coordinates(self, varied: Mapping[str, object] | tuple[str, ...]) -> dict[str, Any]:
-        """Scalar coordinates: the parameters that are not varied, and the observation's times."""
+    def coordinates(self, varied: Collection[str]) -> dict[str, Any]:
+        """Scalar coordinates: what is not varied and follows from nothing that is, and times."""
+        found = self.quantities()
+        given = forcing_of([name for name in varied if name in FORCINGS] or self._own())
+        differ = {*differing(varied, given), *(FORCINGS.keys() - {*KEPT, given})}
         fixed: dict[str, Any] = {
-            name: ((), getattr(self, name), coordinate_attributes(parameter))
-            for name, parameter in PARAMETERS.items()
-            if name not in varied
+            name: ((), values[0], coordinate_attributes(INPUTS[name]))
+            for name, values in found.items()
+            if name not in differ
         }
-        for name, attributes in (("duration", DURATION), ("transient", TRANSIENT)):
-            fixed[name] = ((), getattr(self, name), attributes)
+        for (name, attributes), time in zip(TIMES.items(), (self.end, self.begin), strict=True):
+            fixed[name] = ((), in_seconds(time, found["frequency"])[0], attributes)
         return fixed
 
 
@@ -147,7 +220,7 @@ def axis(name: str, values: ArrayLike) -> Array:
     ParameterError
         They are no numbers, or one is outside its range.
     """
-    parameter = PARAMETERS[name]
+    parameter = INPUTS[name]
     refuse_masked(name, values)
     try:
         array = np.atleast_1d(np.asarray(values, dtype=np.float64))

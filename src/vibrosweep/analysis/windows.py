@@ -23,6 +23,7 @@ from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, th
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.kernels.fixed import END_ERROR
+from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs.result import coordinate_attributes
@@ -270,6 +271,7 @@ def _dataset(
             {"units": "1", "long_name": "index of the widest window", "comment": comment},
         ),
     }
+    every = scene.quantities(restitution=np.repeat(e, a.size), amplitude=np.tile(a, e.size))
     scan = {
         **coordinate_attributes(PARAMETERS["amplitude"]),
         "comment": "points of the coarse scan",
@@ -279,6 +281,11 @@ def _dataset(
         "direction": list(directions),
         "restitution": (("restitution",), e, coordinate_attributes(PARAMETERS["restitution"])),
         "scan": (("scan",), a, scan),
+        "base_acceleration": (
+            ("restitution", "scan"),
+            every["base_acceleration"].reshape(e.size, a.size),
+            coordinate_attributes(FORCINGS["base_acceleration"]),
+        ),
         **scene.coordinates(("restitution", "amplitude")),
     }
     meanings = "; ".join(f"{c.name}: {c.sentence}" for c in conditions if c.sentence)

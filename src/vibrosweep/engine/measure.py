@@ -19,6 +19,7 @@ from vibrosweep.kernels.statistics import Statistics, physical
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.parameters import dimensionless, launches
+from vibrosweep.model.times import Periods, Time, amount, in_periods, in_seconds
 
 __all__ = ["measure"]
 
@@ -100,11 +101,24 @@ def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.
     """Whether any particle of a realization is launched inside the window; shape (realization,)."""
     begin, end = observation.measures.transient, observation.duration
     if isinstance(observation.launch, str):
-        per_second = observation.particles * frequency
-        first = np.maximum(np.ceil(per_second * begin), 0.0)
-        return np.asarray((first < observation.particles) & (first <= per_second * end))
-    inside = any(begin <= time <= end for time in observation.launch)
-    return np.full(frequency.shape, inside)
+        particles = observation.particles
+        first = np.maximum(np.ceil(_launches_until(begin, particles, frequency)), 0.0)
+        last = _launches_until(end, particles, frequency)
+        return np.asarray((first < particles) & (first <= last))
+    if not isinstance(begin, Periods) and not isinstance(end, Periods):
+        inside = any(begin <= time <= end for time in observation.launch)
+        return np.full(frequency.shape, inside)
+    first, last = in_periods(begin, frequency), in_periods(end, frequency)
+    found = np.zeros(frequency.shape, dtype=np.bool_)
+    for launched in observation.launch:
+        found |= (first <= frequency * launched) & (frequency * launched <= last)
+    return found
+
+
+def _launches_until(time: Time, particles: int, frequency: Array) -> Array:
+    """Staggered launches up to a time, if they went on for ever; not rounded."""
+    per_time = particles * (np.ones_like(frequency) if isinstance(time, Periods) else frequency)
+    return np.asarray(per_time * amount(time))
 
 
 def _separations(found: Separations, frequency: Array) -> Measured:
@@ -124,9 +138,10 @@ def _error_bounds(
 ) -> Measured:
     frequency, particles = parameters["frequency"], observation.particles
     until = bounds.until.reshape(-1, particles) / frequency[:, np.newaxis]
+    end = in_seconds(observation.duration, frequency)
     velocity = parameters["gravity"] / (2.0 * frequency)
     return {
-        "trusted_until": np.where(until == np.inf, observation.duration, until),
+        "trusted_until": np.where(until == np.inf, end[:, np.newaxis], until),
         "landing_time_error": bounds.landing_error.reshape(-1, particles).max(axis=1) / frequency,
         "rebound_velocity_error": bounds.flight_error.reshape(-1, particles).max(axis=1) * velocity,
     }

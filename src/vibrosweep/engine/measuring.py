@@ -14,6 +14,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import UNDETERMINED, Variable
 from vibrosweep.model.parameters import representable
 from vibrosweep.model.status import Status
+from vibrosweep.model.times import Time
 
 __all__ = ["measure_all"]
 
@@ -41,7 +42,7 @@ def measure_all(
     return found
 
 
-def _times(observation: Observation) -> tuple[float, ...]:
+def _times(observation: Observation) -> tuple[Time, ...]:
     launch = () if isinstance(observation.launch, str) else observation.launch
     return (observation.duration, observation.measures.transient, *launch)
 

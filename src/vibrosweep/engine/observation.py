@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
+from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import BASES
+from vibrosweep.model.times import Periods, Time, amount
 
 __all__ = ["Observation"]
 
@@ -23,7 +26,7 @@ class Observation:
     launch
         ``"staggered"`` or the launch times of all particles in s.
     duration
-        End of the observation in s.
+        End of the observation: a number in s, or `Periods`.
     rebound
         ``"rest"`` or ``"reflect"``.
     measures
@@ -33,17 +36,27 @@ class Observation:
         kept, and to compare.
     base
         One of `vibrosweep.model.parameters.BASES`.
+
+    Raises
+    ------
+    ParameterError
+        The law of rebound has no meaning with the base.
     """
 
     particles: int
     launch: str | tuple[float, ...]
-    duration: float
+    duration: Time
     rebound: str
     measures: Measures
     skip: bool = True
     base: str = BASES[0]
 
-    def measuring(self, **changes: float) -> Observation:
+    def __post_init__(self) -> None:
+        wrong = invalid_law(self.base, self.rebound)
+        if wrong:
+            raise ParameterError(wrong)
+
+    def measuring(self, **changes: float | Periods) -> Observation:
         """Return the same observation with other values of some keys of [measure]."""
         asked: dict[str, Any] = changes
         return replace(self, measures=replace(self.measures, **asked))
@@ -56,6 +69,7 @@ class Observation:
     @property
     def windowed(self) -> bool:
         """Whether landings before the window are possible."""
-        begin = self.measures.transient
+        # a launch before a window that begins at 0 is early in any unit
+        begin = amount(self.measures.transient)
         early_launch = not isinstance(self.launch, str) and min(self.launch) < begin
         return begin > 0.0 or early_launch

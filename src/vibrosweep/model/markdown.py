@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from vibrosweep.model.measures import ALWAYS, MEASURES, OPTIONS, RECORD, Measures, Variable
+from vibrosweep.model.measures import ALWAYS, KEYS, MEASURES, OPTIONS, RECORD, Variable
 
 __all__ = ["TABLES", "insert"]
 
@@ -19,10 +19,11 @@ def _keys() -> Iterator[str]:
     """Give the keys of [measure] with their defaults."""
     yield "| key | meaning | default | cost |"
     yield "|---|---|---|---|"
-    for key, default in vars(Measures()).items():
+    for key, default in KEYS.items():
         if key in OPTIONS:
             units = "" if OPTIONS[key].units == "1" else f" ({OPTIONS[key].units})"
-            yield f"| `{key}` | {OPTIONS[key].meaning}{units} | {default:g} | |"
+            value = "" if default is None else f"{default:g}"
+            yield f"| `{key}` | {OPTIONS[key].meaning}{units} | {value} | |"
         else:
             measure = MEASURES[key]
             includes = "".join(f"; includes `{other}`" for other in measure.requires)

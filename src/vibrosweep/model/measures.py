@@ -14,9 +14,11 @@ from typing import Any, Final
 import numpy as np
 
 from vibrosweep.model.status import Regime, Status
+from vibrosweep.model.times import Time
 
 __all__ = [
     "ALWAYS",
+    "KEYS",
     "MEASURES",
     "MEASURE_OF",
     "OF_REALIZATIONS",
@@ -24,6 +26,7 @@ __all__ = [
     "RECORD",
     "RESERVED",
     "RESOLUTION",
+    "TRANSIENT_PERIODS",
     "UNDETERMINED",
     "VARIABLES",
     "Measure",
@@ -33,6 +36,7 @@ __all__ = [
 ]
 
 UNDETERMINED: Final = -1
+TRANSIENT_PERIODS: Final = "transient_periods"
 # Forcing periods.  A landing phase is rounded to 2**-54, and orbits that contract by 2**-12 or more
 # per impact keep the error below this; a separation that is smaller may be all rounding.
 RESOLUTION: Final = 2.0**-40
@@ -436,7 +440,7 @@ class Measures:
     What a measure requires is measured with it.
     """
 
-    transient: float = _key(
+    transient: Time = _key(  # noqa: RUF009 - a time is never changed
         0.0,
         Option(
             "beginning of the window that measures cover",
@@ -492,6 +496,19 @@ MEASURES: Final[Mapping[str, Measure]] = {
 }
 OPTIONS: Final[Mapping[str, Option]] = {
     key: entry for key, entry in _ENTRIES.items() if isinstance(entry, Option)
+} | {
+    TRANSIENT_PERIODS: Option(
+        "the same in forcing periods, instead of `transient`",
+        "1",
+        "a number of forcing periods, finite and at least 0",
+        lambda number: number >= 0.0,
+    )
+}
+# The keys of [measure] with their defaults; None where another key has one
+KEYS: Final[Mapping[str, bool | float | None]] = {
+    "transient": 0.0,
+    TRANSIENT_PERIODS: None,
+    **vars(Measures()),
 }
 
 # Every variable that a sweep may measure
@@ -541,4 +558,5 @@ RECORD: Final[Mapping[str, Variable]] = {
 RESERVED: Final = frozenset(
     {*VARIABLES}
     | {"realization", "particle", "impact", "launch_time", "duration", "transient", "record"}
+    | {"base", "forcing", "duration_periods", TRANSIENT_PERIODS}
 )

@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.times import Periods, Time, amount, unit_of
 
 __all__ = [
     "BASES",
+    "LARGEST",
     "LAWS",
     "MAX_PERIODS",
     "PARAMETERS",
@@ -210,7 +212,7 @@ def _turns_of_radians(phi: Array) -> Array:
 
 
 def dimensionless(
-    parameters: Mapping[str, Array], duration: float, transient: float = 0.0
+    parameters: Mapping[str, Array], duration: Time, transient: Time = 0.0
 ) -> Dimensionless:
     """Change realizations to the dimensionless form.
 
@@ -219,9 +221,9 @@ def dimensionless(
     parameters
         Every parameter of `PARAMETERS`, each of shape (realization,), within its range.
     duration
-        End of the observation in s.
+        End of the observation, in s or forcing periods.
     transient
-        Beginning of the window that measures cover, in s; -inf covers every landing.
+        Beginning of the window that measures cover; -inf covers every landing.
 
     Raises
     ------
@@ -234,15 +236,12 @@ def dimensionless(
     rest_flight = frequency * parameters["contact_time"]
     lifts = kick > rest_flight
     ratio = np.divide(rest_flight, kick, out=np.zeros_like(kick), where=lifts)
-    _require_countable("duration", frequency, duration)
-    if math.isfinite(transient):
-        _require_countable("transient", frequency, transient)
     turns = _turns_of_radians(parameters["phase"])
-    end_count, end_phase = reduced_turns(frequency, duration, turns)
-    if math.isfinite(transient):
-        begin_count, begin_phase = reduced_turns(frequency, transient, turns)
+    end_count, end_phase = _instant("duration", frequency, duration, turns)
+    if math.isfinite(amount(transient)):
+        begin_count, begin_phase = _instant("transient", frequency, transient, turns)
     else:
-        begin_count, begin_phase = np.full_like(turns, transient), np.zeros_like(turns)
+        begin_count, begin_phase = np.full_like(turns, amount(transient)), np.zeros_like(turns)
     return Dimensionless(
         restitution=parameters["restitution"],
         kick=kick,
@@ -255,6 +254,13 @@ def dimensionless(
         end_count=end_count,
         end_phase=end_phase,
     )
+
+
+def _instant(what: str, frequency: Array, time: Time, turns: Array) -> tuple[Array, Array]:
+    """Whole periods and phase of the forcing at a time."""
+    _require_countable(what, frequency, time)
+    rate = 1.0 if isinstance(time, Periods) else frequency
+    return reduced_turns(rate, amount(time), turns)
 
 
 def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) -> Launches:
@@ -281,29 +287,40 @@ def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) 
     return Launches(count, phase)
 
 
-def representable(parameters: Mapping[str, Array], times: Iterable[float]) -> NDArray[np.bool_]:
+def representable(parameters: Mapping[str, Array], times: Iterable[Time]) -> NDArray[np.bool_]:
     """Tell which realizations `dimensionless` and `launches` take; shape (realization,).
 
     Parameters
     ----------
     parameters
-        Every parameter of `PARAMETERS`, each of shape (realization,), within its range.
+        Every parameter of `PARAMETERS`, each of shape (realization,), within its range; only an
+        amplitude that follows from another forcing may be above it.
     times
-        Launch times, transient and duration, in s; infinite ones are left out.
+        Launch times, transient and duration; infinite ones are left out.
     """
-    longest = max(abs(time) for time in times if math.isfinite(time))
-    return _countable(parameters["frequency"], longest)
+    usable = PARAMETERS["amplitude"].accepts(parameters["amplitude"])
+    longest = {float: 0.0, Periods: 0.0}
+    for time in times:
+        number, unit = abs(amount(time)), Periods if isinstance(time, Periods) else float
+        if math.isfinite(number):
+            longest[unit] = max(longest[unit], number)
+    usable &= _countable(parameters["frequency"], longest[float])
+    return usable & _countable(parameters["frequency"], Periods(longest[Periods]))
 
 
-def _countable(frequency: Array, time: float) -> NDArray[np.bool_]:
+def _countable(frequency: Array, time: Time) -> NDArray[np.bool_]:
+    if isinstance(time, Periods):
+        return np.full(frequency.shape, abs(time.number) <= MAX_PERIODS)
     # not the product, which may overflow
     return np.asarray(abs(time) <= MAX_PERIODS / frequency)
 
 
-def _require_countable(what: str, frequency: Array, time: float) -> None:
+def _require_countable(what: str, frequency: Array, time: Time) -> None:
     if not _countable(frequency, time).all():
-        fastest = float(np.max(frequency))
+        number, remedy = abs(amount(time)), "lower it"
+        if not isinstance(time, Periods):
+            number, remedy = number * float(np.max(frequency)), "lower it or the frequency"
         raise ParameterError(
-            f"{what} = {time:g} s is {fastest * abs(time):.3g} forcing periods: at most "
-            f"{MAX_PERIODS:.3g} can be counted exactly; lower it or the frequency"
+            f"{what} = {amount(time):g} {unit_of(time)} is {number:.3g} forcing periods: at "
+            f"{MAX_PERIODS:.3g} can be counted exactly; {remedy}"
         )

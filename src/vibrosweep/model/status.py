@@ -74,7 +74,7 @@ _SENTENCES = {
     ),
     Status.REFUSED: (
         "A time is more than 2^51 forcing periods of this realization, which cannot be counted "
-        "exactly; nothing was measured, and counts are -1: lower its frequency, or shorten "
-        "scene.duration."
+        "exactly, or its forcing makes an amplitude above 1e30 m s-1; nothing was measured, and "
+        "counts are -1: lower its frequency or forcing, or shorten scene.duration."
     ),
 }

@@ -15,6 +15,7 @@ from vibrosweep.proof.cycle import largest_exponent
 from vibrosweep.proof.growth import mean_growth
 from vibrosweep.proof.measured import Measured, measures
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
+from vibrosweep.proof.reference._flint import exact
 from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.reference.results import Impact
 from vibrosweep.proof.sample import Realization
@@ -190,7 +191,8 @@ class Case:
         impacts = self.orbits[particle].trajectory.impacts
         if not self.realization.windowed:
             return impacts, 0
-        return impacts, sum(1 for i in impacts if i.landing_time < self.realization.transient)
+        begin = exact(self.realization.transient)
+        return impacts, sum(1 for i in impacts if i.landing_time < begin)
 
     def _stated(self, name: str, particle: int) -> float | None:
         """Return an error that the dataset states; None where it states none."""

@@ -276,7 +276,7 @@ def _rounding_bound(case: Case, name: str, particle: int) -> Judgement:
 
 
 def _trusted_until(case: Case, name: str) -> Judgements:
-    end, bound = case.realization.duration, float(case.stored["landing_time_error"])
+    end, bound = float(case.realization.duration), float(case.stored["landing_time_error"])
     for particle, until in enumerate(case.stored[name].tolist()):
         times, errors = case.trajectories[particle].landing_time, case.errors[particle]
         problem, error = untrusted(until, times, errors, end, case.tolerance, bound)

@@ -13,7 +13,7 @@ from operator import attrgetter
 from sys import float_info
 
 from vibrosweep.model.status import Status
-from vibrosweep.proof.reference._flint import arb, ctx
+from vibrosweep.proof.reference._flint import arb, ctx, exact
 from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import (
@@ -72,7 +72,7 @@ def measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Me
 
 
 def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measured:
-    begin = arb(realization.transient) if realization.windowed else arb.neg_inf()
+    begin = exact(realization.transient) if realization.windowed else arb.neg_inf()
     gravity = arb(realization.parameters["gravity"])
     landings = landings_of(realization, trajectories)
     seen = [x for x in landings if x.time >= begin]

@@ -89,7 +89,8 @@ class Orbit:
             launched = arb(launch.numerator) / launch.denominator
         self.times = [launched, *(i.liftoff_time for i in left)]
         self.flights = [first, *(i.flight for i in left)]
-        self.time_error = record_claims(bounds, realization, realization.duration)["liftoff_time"]
+        end = float(realization.duration)
+        self.time_error = record_claims(bounds, realization, end)["liftoff_time"]
         time = record_claims(bounds, realization, 0.0)["liftoff_time"] * p["frequency"]
         # of the difference of two states of the kernel, in periods
         self._error = 2.0 * max(time, bounds.flight_error(realization)) + 8.0 * EPS

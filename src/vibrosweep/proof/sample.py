@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.engine.observation import Observation
+from vibrosweep.model.times import Periods, Time
 
 __all__ = ["Realization", "Sample"]
 
@@ -28,7 +29,7 @@ class Realization:
     launch_times
         Exact, s; a staggered particle j is launched at j / (particles frequency).
     transient, duration
-        Window of the measures, s.
+        Window of the measures, s; a `Fraction` where it was given in forcing periods.
     windowed
         Whether landings before the window are possible; if not, every landing up to the end counts.
     launch_rounding
@@ -39,8 +40,8 @@ class Realization:
 
     parameters: Mapping[str, float]
     launch_times: tuple[Fraction, ...]
-    transient: float
-    duration: float
+    transient: float | Fraction
+    duration: float | Fraction
     windowed: bool
     launch_rounding: float
     rebound: str
@@ -83,19 +84,30 @@ class Sample:
         """Return the realization of one of the rows."""
         observation, rounding = self.observation, 0.0
         parameters = {name: float(values[row]) for name, values in self.parameters.items()}
+        begin, end = (
+            _exact(time, parameters["frequency"])
+            for time in (observation.measures.transient, observation.duration)
+        )
         if isinstance(observation.launch, str):
             period = 1 / Fraction(parameters["frequency"])
             steps = range(observation.particles)
-            rounding = 2.0**-51 * (observation.duration + float(period))
+            rounding = 2.0**-51 * (float(end) + float(period))
             launch = tuple(j * period / observation.particles for j in steps)
         else:
             launch = tuple(Fraction(time) for time in observation.launch)
+            if isinstance(begin, Fraction) or isinstance(end, Fraction):
+                rounding = 2.0**-51 * float(end)  # launches are compared in periods
         return Realization(
             parameters=parameters,
             launch_times=launch,
-            transient=observation.measures.transient,
-            duration=observation.duration,
+            transient=begin,
+            duration=end,
             windowed=observation.windowed,
             launch_rounding=rounding,
             rebound=observation.rebound,
         )
+
+
+def _exact(time: Time, frequency: float) -> float | Fraction:
+    """Time in s, without rounding."""
+    return Fraction(time.number) / Fraction(frequency) if isinstance(time, Periods) else time

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
-from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED
+from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, STAGGERED
+from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.setting import (
     RECORD_COORDINATES,
@@ -123,16 +124,23 @@ def _observation(file: Any, attributes: Mapping[str, Any]) -> Observation:
     watched = record_observation(
         particles=int(attributes["particles"]),
         launch=launch,
-        duration=float(file.variables["duration"][()]),
+        duration=_time(file, attributes, "duration"),
         rebound=str(attributes["rebound"]),
         impact_budget=int(attributes["impact_budget"]),
+        base=str(attributes.get("base", BASES[0])),
     )
     if "transient" not in file.variables:
         return watched
     return watched.measuring(
-        transient=float(file.variables["transient"][()]),
+        transient=_time(file, attributes, "transient"),
         tolerance=float(attributes.get("tolerance", math.inf)),
     )
+
+
+def _time(file: Any, attributes: Mapping[str, Any], name: str) -> Time:
+    """Duration or transient as it was given: in forcing periods where an attribute says so."""
+    periods = attributes.get(f"{name}_periods")
+    return float(file.variables[name][()]) if periods is None else Periods(float(periods))
 
 
 def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable]) -> None:
@@ -140,14 +148,16 @@ def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable])
     observation = sample.observation
     bad = [n for n, v in sample.parameters.items() if not np.all(PARAMETERS[n].accepts(v))]
     times = () if isinstance(observation.launch, str) else observation.launch
-    if math.isnan(observation.measures.transient) or not all(
-        math.isfinite(time) for time in (observation.duration, *times)
+    if math.isnan(amount(observation.measures.transient)) or not all(
+        math.isfinite(time) for time in (amount(observation.duration), *times)
     ):
         bad.append("transient, duration or launch_time")
     if observation.particles < 1 or (times and len(times) != observation.particles):
         bad.append("particles")
     if observation.rebound not in LAWS:
         bad.append("rebound")
+    if observation.base not in BASES:
+        bad.append("base")
     shapes = {"realization": sample.rows.size, "particle": observation.particles}
     for name, variable in registry.items():
         if name not in sample.stored:

@@ -13,17 +13,19 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.engine.asked import quantities_of, varying
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.errors import SpecError, TableError
+from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.parameters import PARAMETERS, STAGGERED
-from vibrosweep.runs.result import IDENTITY
+from vibrosweep.runs.result import IDENTITY, recorded_quantities
 from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
 
 __all__ = ["RECORD_COORDINATES", "SWEEP_COORDINATES", "Setting", "asked"]
 
-SWEEP_COORDINATES: Final = (*PARAMETERS, "launch_time", "duration", "transient")
-RECORD_COORDINATES: Final = (*PARAMETERS, "launch_time", "duration")
+SWEEP_COORDINATES: Final = (*INPUTS, "launch_time", "duration", "transient")
+RECORD_COORDINATES: Final = (*INPUTS, "launch_time", "duration")
 # designs drawn by another library, whose versions may differ
 DRAWN_BY_SCIPY: Final = ("latin", "sobol")
 
@@ -66,27 +68,39 @@ def asked(path: Path, attributes: Mapping[str, Any], rows: NDArray[np.int64]) ->
     except (KeyError, SpecError):
         reason = "the dataset holds no sweep file that this version reads"
         return Setting({}, {}, dict.fromkeys(names, reason))
-    window = {"duration": spec.duration, "transient": spec.measures.transient}
-    shared: dict[str, Any] = {**spec.fixed, **window}
-    frequency = spec.fixed.get("frequency")
-    if spec.launch != STAGGERED or frequency is not None:
-        shared["launch_time"] = launch_times(spec.launch, spec.particles, frequency or 1.0)
+    shared: dict[str, Any] = {}
     if spec.record is not None:
         own = spec.record
-        times = launch_times(own.launch, own.particles, own.parameters["frequency"])
-        found: dict[str, Any] = {**own.parameters, "launch_time": times, "duration": own.duration}
-        shared |= {f"record/{name}": value for name, value in found.items()}
+        known = {name: values[0] for name, values in recorded_quantities(own).items()}
+        frequency = own.parameters["frequency"]
+        known["launch_time"] = launch_times(own.launch, own.particles, frequency)
+        shared = {f"record/{name}": value for name, value in known.items()}
+    drawn, reason = _drawn(spec, attributes, rows)
+    found, varied = quantities_of(spec, drawn, rows.size), varying(spec, drawn)
+    shared |= {name: values[0] for name, values in found.items() if name not in varied}
+    if spec.launch != STAGGERED or "frequency" in shared:
+        frequency = float(shared.get("frequency", 1.0))
+        shared["launch_time"] = launch_times(spec.launch, spec.particles, frequency)
+    if reason:
+        unknown = [name for name in SWEEP_COORDINATES if name not in shared]
+        return Setting(shared, {}, dict.fromkeys(unknown, reason))
+    return Setting(shared, {name: found[name] for name in varied}, {})
+
+
+def _drawn(
+    spec: SweepSpec, attributes: Mapping[str, Any], rows: NDArray[np.int64]
+) -> tuple[dict[str, NDArray[np.float64]], str]:
+    """Sampled parameters of the rows; NaN, and the reason, where they cannot be known."""
     design = _design(spec, attributes)
     if isinstance(design, str):
         # a table decides which parameters are sampled
-        varied = [n for n in PARAMETERS if n not in spec.fixed or spec.design == "table"]
-        shared = {n: v for n, v in shared.items() if n not in varied}
-        return Setting(shared, {}, dict.fromkeys(varied, design))
-    if np.any(rows >= design.realizations):
+        names, reason = tuple(PARAMETERS if spec.design == "table" else spec.sampled), design
+    elif np.any(rows >= design.realizations):
         reason = f"the sweep file asks for {design.realizations} realizations"
-        return Setting(shared, {}, dict.fromkeys(design.sampled, reason))
-    sampled = chosen(design, rows.tolist()).take(0, rows.size)
-    return Setting({n: v for n, v in shared.items() if n not in sampled}, sampled, {})
+        names = design.sampled
+    else:
+        return chosen(design, rows.tolist()).take(0, rows.size), ""
+    return {name: np.full(rows.size, np.nan) for name in names}, reason
 
 
 def _design(spec: SweepSpec, attributes: Mapping[str, Any]) -> Design | str:

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.recorded import RECORDED
 
@@ -20,7 +20,7 @@ __all__ = ["Outcome", "Report", "State", "VariableReport"]
 ALL: Final = {**VARIABLES, **RECORDED}
 UNITS: Final = {
     **dict.fromkeys(("launch_time", "duration", "transient"), "s"),
-    **{name: parameter.units for name, parameter in PARAMETERS.items()},
+    **{name: parameter.units for name, parameter in INPUTS.items()},
 }
 DATASET: Final = "dataset"
 RECORD: Final = "record"

@@ -134,8 +134,9 @@ def _checked(
     """Judge one realization as far as it can be."""
     realization = int(sample.rows[row])
     judged = [
-        judge(name, None, float(sample.parameters[name][row]), float(values[row]), 0.0)
+        judge(name, None, float(sample.coordinates[name][row]), float(values[row]), 0.0)
         for name, values in setting.sampled.items()
+        if sample.coordinates.get(name, values[0]).shape == values.shape
     ]
     bounds = _bounds(sample.stored if claimed else again, row)
     proved = _proved(sample, row, bounds, int(again["impact_count"][row]), max_landings)

@@ -9,7 +9,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import observation_of, parameters_of
+from vibrosweep.engine.asked import observation_of, parameters_of, varied_quantities, varying
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
@@ -175,7 +175,7 @@ def _design(job: Job) -> Design:
 def column_kinds(spec: SweepSpec, design: Design) -> dict[str, str]:
     """Kind of each column of a sweep, as `vibrosweep.store.parts.kinds` gives it."""
     sizes = {"realization": 0, "particle": spec.particles}
-    columns = {name: np.empty(0) for name in design.sampled}
+    columns = {name: np.empty(0) for name in varying(spec, design.sampled)}
     for variable in spec.measures.variables:
         columns[variable.name] = np.empty([sizes[d] for d in variable.dims], variable.dtype)
     return kinds(columns)
@@ -189,8 +189,8 @@ def compute_rows(
     Yields
     ------
     dict
-        Sampled parameters and measured variables, each of shape (realization, ...): exactly those
-        of `column_kinds`.
+        What differs between realizations, and measured variables, each of shape
+        (realization, ...): exactly those of `column_kinds`.
     """
     for first in range(start, stop, batch_size(spec)):
         # free the memory before the next batch is computed
@@ -207,7 +207,7 @@ def _batch(spec: SweepSpec, design: Design, start: int, stop: int, workers: Work
         raise
     except Exception:  # try once more: the failure may have been temporary
         measured = measure_all(parameters, observation, workers)
-    return {**sampled, **measured}
+    return {**varied_quantities(spec, sampled, size), **measured}
 
 
 def batch_size(spec: SweepSpec) -> int:

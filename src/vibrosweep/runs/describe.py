@@ -10,8 +10,9 @@ from typing import Any, Final
 import h5netcdf
 import numpy as np
 
+from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.measures import OF_REALIZATIONS
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.parameters import BASES
 from vibrosweep.model.status import Status
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.store.kinds import SWEEP, Kind, kind_of, load_dataset
@@ -83,25 +84,31 @@ def _head(file: Any) -> Iterator[str]:
     sizes = ", ".join(f"{name} {d.size}" for name, d in file.dimensions.items())
     yield f"dimensions: {sizes}"
     defaults = str(file.attrs.get("defaults", "")).split()
-    for name in PARAMETERS:
-        variable = file.variables[name]
-        units = variable.attrs["units"]
-        if variable.dimensions:
-            low, high = _range(variable)
-            spread = f"{low:g} ... {high:g}"
-        else:
-            spread = f"{variable[()]:g}"
-        remark = " (default)" if name in defaults else ""
-        yield f"{name:32}{spread}{'' if units == '1' else f' {units}'}{remark}"
-    yield f"{'rebound':32}{file.attrs['rebound']}"
-    for name in ("transient", "duration"):
-        yield f"{name:32}{file.variables[name][()]:g} s"
+    for name in (*INPUTS, "transient", "duration"):
+        if name == "transient":
+            yield f"{'base':32}{file.attrs.get('base', BASES[0])}"
+            yield f"{'rebound':32}{file.attrs['rebound']}"
+        if name in file.variables:
+            remark = " (default)" if name in defaults else ""
+            if f"{name}_periods" in file.attrs:
+                remark = f" ({file.attrs[f'{name}_periods']:g} forcing periods)"
+            yield f"{name:32}{_spread(file.variables[name])}{remark}"
     if "record" in file.groups:
         landings = file.groups["record"].variables["impact_count"][...].sum()
         yield f"{'record of every landing':32}{landings} landings, in the group 'record'"
     if file.attrs.get("notes"):
         yield f"{'notes':32}{file.attrs['notes']}"
     yield from _provenance(file.attrs)
+
+
+def _spread(variable: Any) -> str:
+    """Value of a coordinate, or its smallest and largest, with the unit."""
+    units = variable.attrs["units"]
+    unit = "" if units == "1" else f" {units}"
+    if not variable.dimensions:
+        return f"{variable[()]:g}{unit}"
+    low, high = _range(variable)
+    return f"{low:g} ... {high:g}{unit}"
 
 
 def _provenance(attributes: Mapping[str, Any]) -> Iterator[str]:
@@ -127,7 +134,9 @@ def summary_of(file: Any) -> Summary:
 def _unsettled(file: Any) -> Iterator[str]:
     """List the realizations that did not complete."""
     names = [name for name in SETTLING if name in file.variables]
-    sampled = [name for name in PARAMETERS if file.variables[name].dimensions]
+    held = [name for name in INPUTS if name in file.variables and file.variables[name].dimensions]
+    forcing = str(file.attrs.get("forcing", "amplitude"))
+    sampled = [name for name in held if name not in FORCINGS or name == forcing]
     lines: list[str] = []
     total = 0
     for rows in _rows(file.dimensions["realization"].size):

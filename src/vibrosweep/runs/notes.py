@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from vibrosweep.model import theory
+from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.times import Periods, in_periods
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.sweep import Range, SweepSpec
 
@@ -22,6 +26,8 @@ def notes(spec: SweepSpec, design: Design) -> dict[str, str]:
 def silent_defaults(spec: SweepSpec, design: Design) -> dict[str, float]:
     """Parameters left at their defaults by a sweep that states others."""
     stated = {*spec.given, *design.sampled}
+    if not stated.isdisjoint(FORCINGS):
+        stated.add("amplitude")
     return {n: p.default for n, p in PARAMETERS.items() if stated and n not in stated}
 
 
@@ -36,13 +42,17 @@ def short_observation(spec: SweepSpec, design: Design) -> str:
     """Say where locked orbits cannot be recognised before the observation ends; else empty."""
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
     needed = float(theory.recognition_periods(restitution[1]))
-    if spec.duration * frequency[0] >= needed:
+    observed = float(in_periods(spec.duration, np.array(frequency[:1]))[0])
+    if observed >= needed:
         return ""
     takes = f"up to {needed:.0f}" if math.isfinite(needed) else "more than any number of"
-    longer = f"; {needed / frequency[0]:.4g} s are enough" if math.isfinite(needed) else ""
+    enough = f"{needed / frequency[0]:.4g} s"
+    if isinstance(spec.duration, Periods):
+        enough = f"{needed:.0f} periods"
+    longer = f"; {enough} are enough" if math.isfinite(needed) else ""
     return (
         f"an orbit locked to one period takes {takes} periods to return bit for bit at restitution "
-        f"{restitution[1]:g}, and {spec.duration * frequency[0]:g} are observed: such orbits may "
+        f"{restitution[1]:g}, and {observed:g} are observed: such orbits may "
         f"be called unsettled{longer}"
     )
 

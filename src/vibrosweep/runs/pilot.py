@@ -14,9 +14,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import observation_of, parameters_of
+from vibrosweep.engine.asked import observation_of, parameters_of, varied_quantities
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model.times import fraction_of, in_periods
 from vibrosweep.runs.chunks import Columns, batch_size
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.schema import DRAWN
@@ -151,7 +152,7 @@ def memory_per_realization(spec: SweepSpec, design: Design, workers: Workers) ->
 def _shares(spec: SweepSpec, design: Design) -> Iterator[float]:
     """Growing fractions of the duration and of the impact budget, up to 1."""
     frequency = design.take(0, 1).get("frequency", np.array([spec.fixed.get("frequency", 1.0)]))
-    periods = float(frequency[0]) * spec.duration
+    periods = float(in_periods(spec.duration, frequency)[0])
     steps = 0
     while max(periods / PERIODS, spec.measures.impact_budget / IMPACTS) > STEP**steps:
         steps += 1
@@ -189,16 +190,17 @@ def _timed(
     if share < 1.0:
         short = replace(
             spec,
-            duration=spec.duration * share,
+            duration=fraction_of(spec.duration, share),
             measures=replace(
                 spec.measures,
-                transient=spec.measures.transient * share,
+                transient=fraction_of(spec.measures.transient, share),
                 impact_budget=max(1, int(spec.measures.impact_budget * share)),
             ),
         )
     began = time.perf_counter()
     measured = measure_all(parameters_of(short, sampled, size), observation_of(short), workers)
-    return time.perf_counter() - began, {**sampled, **measured}
+    took = time.perf_counter() - began
+    return took, {**varied_quantities(spec, sampled, size), **measured}
 
 
 def _sampled(spec: SweepSpec, design: Design, size: int) -> dict[str, Array]:

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from vibrosweep.engine.asked import varying
 from vibrosweep.engine.landings import physical_memory
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, VibrosweepError
@@ -138,4 +139,4 @@ def bytes_per_realization(spec: SweepSpec, design: Design) -> int:
         np.dtype(v.dtype).itemsize * int(np.prod([sizes[d] for d in v.dims]))
         for v in spec.measures.variables
     )
-    return 8 * len(design.sampled) + measured
+    return 8 * len(varying(spec, design.sampled)) + measured

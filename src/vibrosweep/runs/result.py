@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Collection, Mapping
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.asked import given_forcing, quantities_of, record_observation, varying
 from vibrosweep.engine.landings import launch_times, record_landings
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
+from vibrosweep.model.forcing import INPUTS, completed, forcing_of, only_parameters
 from vibrosweep.model.measures import OPTIONS, RECORD
-from vibrosweep.model.parameters import PARAMETERS, Parameter
+from vibrosweep.model.parameters import Parameter
+from vibrosweep.model.times import Periods, Time, in_seconds
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import notes, silent_defaults
 from vibrosweep.spec.design import Design
@@ -34,7 +35,9 @@ __all__ = [
     "Rows",
     "coordinate_attributes",
     "declare",
+    "periods_given",
     "recorded",
+    "recorded_quantities",
     "write_record",
 ]
 
@@ -49,6 +52,7 @@ TRANSIENT: Final = {
     "units": OPTIONS["transient"].units,
     "long_name": OPTIONS["transient"].meaning,
 }
+TIMES: Final[Mapping[str, Mapping[str, str]]] = {"duration": DURATION, "transient": TRANSIENT}
 
 
 def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
@@ -123,18 +127,19 @@ class Rows:
 def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
     """Declare what the file will hold."""
     file.dimensions({"realization": design.realizations, "particle": spec.particles})
-    for name, parameter in PARAMETERS.items():
-        attributes = coordinate_attributes(parameter)
-        if name in design.sampled:
-            file.coordinate(name, ("realization",), attributes)
-        else:
-            file.coordinate(name, (), attributes, np.array(spec.fixed[name]))
+    quantities = quantities_of(spec, design.take(0, 1), 1)
+    varied = varying(spec, design.sampled)
+    for name in quantities:
+        if name in INPUTS:
+            _declare_quantity(file, name, quantities, varied)
     for name, label in design.labels.items():
         file.coordinate(
             name, ("realization",), label.attributes, label.values[: design.realizations]
         )
-    _declare_times(file, spec.launch, spec.particles, spec.fixed.get("frequency"), spec.duration)
-    file.coordinate("transient", (), TRANSIENT, np.array(spec.measures.transient))
+    frequency = None if "frequency" in varied else float(quantities["frequency"][0])
+    _declare_launches(file, spec.launch, spec.particles, frequency)
+    for name in TIMES:
+        _declare_quantity(file, name, quantities, varied)
     for variable in spec.measures.variables:
         file.variable(variable)
     file.attributes(
@@ -144,12 +149,15 @@ def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
             # parameters that the sweep file does not state
             "defaults": " ".join(silent_defaults(spec, design)),
             "notes": "; ".join(f"{about}: {text}" for about, text in notes(spec, design).items()),
+            "base": spec.base,
             "rebound": spec.rebound,
+            "forcing": given_forcing(spec, design.sampled),
             "particles": spec.particles,
             "design": spec.design,
             "seed": spec.seed,
             "impact_budget": spec.measures.impact_budget,
             **({"tolerance": spec.measures.tolerance} if spec.measures.trust else {}),
+            **periods_given(spec.duration, spec.measures.transient),
             "sweep_file": spec.text,
             IDENTITY: json.dumps(identity(spec)),
             **provenance(threads),
@@ -157,26 +165,44 @@ def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
     )
 
 
-def _declare_times(
-    file: Group,
-    launch: str | tuple[float, ...],
-    particles: int,
-    frequency: float | None,
-    duration: float,
+def periods_given(duration: Time, transient: Time = 0.0) -> dict[str, float]:
+    """Attributes of a dataset whose times were given in forcing periods."""
+    given = {"duration": duration, "transient": transient}
+    return {f"{n}_periods": t.number for n, t in given.items() if isinstance(t, Periods)}
+
+
+def _declare_quantity(
+    file: Group, name: str, quantities: Mapping[str, Array], varied: Collection[str]
 ) -> None:
-    """Launch times and duration; staggered launches follow the frequency, fixed or not."""
+    attributes = TIMES[name] if name in TIMES else coordinate_attributes(INPUTS[name])
+    if name in varied:
+        file.coordinate(name, ("realization",), attributes)
+    else:
+        file.coordinate(name, (), attributes, quantities[name][0])
+
+
+def _declare_launches(
+    file: Group, launch: str | tuple[float, ...], particles: int, frequency: float | None
+) -> None:
+    """Launch times; staggered launches follow the frequency, fixed or not."""
     if frequency is not None or not isinstance(launch, str):
         times = launch_times(launch, particles, frequency or 1.0)
         file.coordinate("launch_time", ("particle",), LAUNCH_TIME, times)
     file.attributes({"launch": launch if isinstance(launch, str) else "listed"})
-    file.coordinate("duration", (), DURATION, np.array(duration))
 
 
 def recorded(record: RecordSpec, budget: int) -> tuple[dict[str, Array], Observation]:
     """Parameters of the recorded scene, and how it is watched."""
-    scene = asdict(record)
-    parameters = {name: np.array([value]) for name, value in scene.pop("parameters").items()}
-    return parameters, record_observation(**scene, impact_budget=budget)
+    watched = record_observation(
+        record.particles, record.launch, record.duration, record.rebound, budget, record.base
+    )
+    return only_parameters(recorded_quantities(record)), watched
+
+
+def recorded_quantities(record: RecordSpec) -> dict[str, Array]:
+    """What a result says of the recorded scene, as `vibrosweep.engine.asked.quantities_of`."""
+    found = completed({name: np.array([value]) for name, value in record.parameters.items()})
+    return found | {"duration": in_seconds(record.duration, found["frequency"])}
 
 
 def write_record(file: Group, record: RecordSpec, budget: int, workers: Workers) -> None:
@@ -185,12 +211,20 @@ def write_record(file: Group, record: RecordSpec, budget: int, workers: Workers)
     found = record_landings(parameters, observation, workers)
     sizes = dict(zip(RECORD["landing_time"].dims, found["landing_time"].shape, strict=True))
     file.dimensions(sizes)
-    for name, values in parameters.items():
-        file.coordinate(name, (), coordinate_attributes(PARAMETERS[name]), values[0])
-    _declare_times(
-        file, record.launch, record.particles, record.parameters["frequency"], record.duration
-    )
+    quantities = recorded_quantities(record)
+    for name in quantities:
+        if name in INPUTS:
+            _declare_quantity(file, name, quantities, ())
+    _declare_launches(file, record.launch, record.particles, record.parameters["frequency"])
+    _declare_quantity(file, "duration", quantities, ())
     for name, variable in RECORD.items():
         file.variable(variable)
         file.write(name, 0, found[name])
-    file.attributes({"rebound": record.rebound})
+    file.attributes(
+        {
+            "base": record.base,
+            "rebound": record.rebound,
+            "forcing": forcing_of(record.parameters),
+            **periods_given(record.duration),
+        }
+    )

@@ -12,6 +12,7 @@ import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.engine.asked import varying
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.runs.chunks import Columns, Job, Runner, batch_size, column_kinds, in_process
@@ -166,7 +167,7 @@ def _blocks(
     path: Path, spec: SweepSpec, design: Design, size: int
 ) -> Iterator[tuple[int, Columns]]:
     """Give the rows of a result in blocks, each with the index of its first."""
-    names = [*design.sampled, *(v.name for v in spec.measures.variables)]
+    names = [*varying(spec, design.sampled), *(v.name for v in spec.measures.variables)]
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         for start in range(0, design.realizations, size):
             rows = slice(start, min(start + size, design.realizations))

@@ -39,7 +39,7 @@ class Design:
     realizations
         Number of realizations.
     sampled
-        Names of the sampled parameters, in the order of `scene.PARAMETERS`.
+        Names of the sampled parameters, in the order of `vibrosweep.model.forcing.INPUTS`.
     labels
         Other columns of a table, which are copied to the result only.
     """

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from vibrosweep.errors import SpecError
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.forcing import INPUTS
 
 __all__ = ["ABSENT", "Mistakes", "likely_parameter", "nearest", "quoted", "shown"]
 
@@ -87,10 +87,13 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 def likely_parameter(word: str) -> str | None:
     """Return the physical parameter that an unknown word was probably meant to be."""
     short = word.lower()
-    for name, parameter in PARAMETERS.items():
+    for name, parameter in INPUTS.items():
+        if word == parameter.symbol:  # v0 is not V0
+            return name
+    for name, parameter in INPUTS.items():
         if short and (short == parameter.symbol.lower() or name.startswith(short)):
             return name
-    return nearest(word, PARAMETERS)
+    return nearest(word, INPUTS)
 
 
 def _toml(value: object) -> str:

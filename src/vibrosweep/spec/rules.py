@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
@@ -10,7 +11,23 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED, dimensionless, launches
+from vibrosweep.model.forcing import (
+    FORCINGS,
+    INPUTS,
+    completed,
+    forcing_of,
+    invalid_law,
+    only_parameters,
+    refuse_large,
+)
+from vibrosweep.model.parameters import (
+    BASES,
+    LAWS,
+    STAGGERED,
+    dimensionless,
+    launches,
+)
+from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
 from vibrosweep.spec.messages import Mistakes
 from vibrosweep.spec.schema import DRAWN, MAX_REALIZATIONS, SampleTable, SceneTable, Steps
 
@@ -19,7 +36,9 @@ __all__ = [
     "Range",
     "RecordSpec",
     "Setting",
-    "check_countable",
+    "check_extremes",
+    "check_forcing",
+    "check_window",
     "columns",
     "fixed_numbers",
     "kind",
@@ -52,22 +71,25 @@ class RecordSpec:
     Attributes
     ----------
     parameters
-        All physical parameters of `scene.PARAMETERS`, in their units.
+        All of `vibrosweep.model.forcing.INPUTS`, of the forcings one, in their units.
     particles
         Number of particles.
     launch
         ``"staggered"`` or the launch times of all particles in s.
     duration
-        End of the observation in s.
+        End of the observation.
     rebound
-        One of `scene.LAWS`.
+        One of `vibrosweep.model.parameters.LAWS`.
+    base
+        One of `vibrosweep.model.parameters.BASES`.
     """
 
     parameters: dict[str, float]
     particles: int
     launch: str | tuple[float, ...]
-    duration: float
+    duration: Time
     rebound: str
+    base: str
 
 
 class Setting(NamedTuple):
@@ -75,8 +97,9 @@ class Setting(NamedTuple):
 
     particles: int = 1
     launch: str | tuple[float, ...] = STAGGERED
-    duration: float = 12.0
+    duration: Time = 12.0
     rebound: str = LAWS[0]
+    base: str = BASES[0]
 
 
 def kind(sample: SampleTable) -> str:
@@ -84,11 +107,11 @@ def kind(sample: SampleTable) -> str:
     return sample.design if sample.design in (*DRAWN, "grid") else "table"
 
 
-def setting(name: str, table: SceneTable, base: Setting, mistakes: Mistakes) -> Setting:
-    """Return the settings of the table ``name`` ([scene] or [record]), completed by ``base``."""
+def setting(name: str, table: SceneTable, shared: Setting, mistakes: Mistakes) -> Setting:
+    """Return the settings of the table ``name`` ([scene] or [record]), completed by ``shared``."""
     listed = len(table.launch) if isinstance(table.launch, tuple) else None
-    particles = table.particles or listed or base.particles
-    launch = base.launch if table.launch is None else table.launch
+    particles = table.particles or listed or shared.particles
+    launch = shared.launch if table.launch is None else table.launch
     if table.particles and isinstance(launch, tuple) and len(launch) != particles:
         holder = "scene.launch" if table.launch is None else f"{name}.launch"
         mistakes.add(
@@ -97,12 +120,44 @@ def setting(name: str, table: SceneTable, base: Setting, mistakes: Mistakes) -> 
             particles,
             involves=[f"{name}.launch", "scene.launch"],
         )
-    return Setting(
-        particles,
-        launch,
-        base.duration if table.duration is None else table.duration,
-        base.rebound if table.rebound is None else table.rebound,
-    )
+    base, rebound = table.base or shared.base, table.rebound or shared.rebound
+    if table.base or table.rebound:
+        own = [f"{name}.{key}" for key in ("base", "rebound")]
+        wrong = invalid_law(base, rebound)
+        if wrong:
+            mistakes.add(name, wrong, involves=[*own, "scene.base", "scene.rebound"])
+    duration = shared.duration if table.duration is None else table.duration
+    return Setting(particles, launch, duration, rebound, base)
+
+
+def check_window(
+    begin: Time, end: Time, frequencies: Collection[float], mistakes: Mistakes
+) -> None:
+    """Report if the window of measures is empty at one of the frequencies, in Hz."""
+    if not precedes(begin, end, np.array([*frequencies], np.float64)):
+        keys = [
+            f"{key}_periods" if isinstance(time, Periods) else key
+            for key, time in (("measure.transient", begin), ("scene.duration", end))
+        ]
+        rule = f"must be less than {keys[1]} = {amount(end)} {unit_of(end)}"
+        mistakes.add(keys[0], rule, amount(begin), involves=["scene.duration", *keys])
+
+
+def check_forcing(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> None:
+    """Report if the forcing is given in two ways."""
+    given: list[tuple[str, str, object]] = [
+        (f"{table}.{name}", name, parameters[name])
+        for table, parameters in (("scene", scene.parameters), ("sample", sample.parameters))
+        for name in FORCINGS
+        if name in parameters
+    ]
+    named = sample.columns or ()
+    given += [("sample.columns", name, named) for name in FORCINGS if name in named]
+    for key, name, value in given[1:]:
+        first, before, _ = given[0]
+        if name != before:
+            text = f"{name} gives the forcing, and so does {before} in {first}; keep one of the two"
+            mistakes.add(key, text, value, involves=[first])
 
 
 def fixed_numbers(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> dict[str, float]:
@@ -116,7 +171,7 @@ def fixed_numbers(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) ->
 
 
 def sampled(sample: SampleTable, mistakes: Mistakes) -> dict[str, Range | Axis]:
-    """Ranges under a drawn design, axes under a grid; in the order of `scene.PARAMETERS`."""
+    """Ranges under a drawn design, axes under a grid; in the order of `INPUTS`."""
     found: dict[str, Range | Axis] = {}
     for name, value in sample.parameters.items():
         if isinstance(value, float):
@@ -147,7 +202,7 @@ def _range(key: str, value: tuple[float, ...] | Steps, design: str, mistakes: Mi
         mistakes.add(key, text, asdict(value) if isinstance(value, Steps) else value)
         return Range(0.0, 1.0)
     low, high = value
-    allowed = PARAMETERS[key.partition(".")[2]].allowed
+    allowed = INPUTS[key.partition(".")[2]].allowed
     if low == high:
         text = f"the range is empty: low must be less than high (allowed: {allowed}); to keep the "
         mistakes.add(key, text + f"parameter fixed write the number {low}", value)
@@ -198,7 +253,7 @@ def realizations(
 
 def record(
     table: SceneTable,
-    base: Setting,
+    shared: Setting,
     values: Mapping[str, float],
     varied: Collection[str] | None,
     mistakes: Mistakes,
@@ -214,22 +269,36 @@ def record(
             'sample.columns = ["restitution", "amplitude"]'
         )
         mistakes.add("record", text, involves=["sample.design", "sample.columns"])
+    forcings = [name for name in FORCINGS if name in given]
+    if len(forcings) > 1:
+        text = f"gives the forcing, and so does record.{forcings[0]}; keep one of the two"
+        mistakes.add(f"record.{forcings[1]}", text, given[forcings[1]])
     for name in varied or ():
-        if name in PARAMETERS and name not in given:
+        stated = bool(forcings) if name in FORCINGS else name in given
+        if name in INPUTS and not stated:
             text = "is missing; the sweep samples it, so state the value of the recorded scene"
-            mistakes.add(f"record.{name}", f"{text} (allowed: {PARAMETERS[name].allowed})")
-    own = setting("record", table, base, mistakes)
-    return RecordSpec({**values, **given}, *own)
+            mistakes.add(f"record.{name}", f"{text} (allowed: {INPUTS[name].allowed})")
+    found = {n: v for n, v in values.items() if not (forcings and n in FORCINGS)} | {**given}
+    own = setting("record", table, shared, mistakes)
+    return RecordSpec({name: found[name] for name in INPUTS if name in found}, *own)
 
 
-def check_countable(
-    key: str, corner: Mapping[str, float], shared: Setting, mistakes: Mistakes
+def check_extremes(
+    key: str, spreads: Mapping[str, Collection[float]], shared: Setting, mistakes: Mistakes
 ) -> None:
-    """Report if forcing periods cannot be counted exactly for the most extreme realization."""
+    """Report if a realization of the sweep, whose parameters have these values, is too extreme.
+
+    The amplitude may follow from a forcing that makes it too large; forcing periods may be too
+    many to be counted exactly.
+    """
+    ends = [sorted({min(values), max(values)}) for values in spreads.values()]
+    corners = np.array([*itertools.product(*ends)]).T
+    values = completed(dict(zip(spreads, corners, strict=True)))
     # the phase does not affect the number of periods
-    arrays = {name: np.array([corner[name]]) for name in PARAMETERS} | {"phase": np.zeros(1)}
+    arrays = only_parameters(values) | {"phase": np.zeros(corners.shape[1])}
     try:
+        refuse_large(values["amplitude"], forcing_of(spreads))
         dimensionless(arrays, shared.duration)
-        launches(shared.launch, 1, arrays["frequency"])
+        launches(shared.launch, 1, np.max(arrays["frequency"], keepdims=True))
     except ParameterError as error:
         mistakes.add(key, str(error))

@@ -14,8 +14,10 @@ from functools import partial
 from pathlib import PurePath
 from typing import Any, Final
 
-from vibrosweep.model.measures import OPTIONS, Measures, Option
-from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED, Parameter
+from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.measures import KEYS, OPTIONS, Measures, Option
+from vibrosweep.model.parameters import BASES, LAWS, STAGGERED, Parameter
+from vibrosweep.model.times import Periods, Time
 from vibrosweep.spec.messages import Mistakes, likely_parameter, nearest, quoted, shown
 from vibrosweep.spec.windows import WindowsTable, condition_names, tolerance
 
@@ -61,7 +63,8 @@ class SceneTable:
     parameters: Mapping[str, float] = field(default_factory=dict)
     particles: int | None = None
     launch: str | tuple[float, ...] | None = None
-    duration: float | None = None
+    duration: Time | None = None
+    base: str | None = None
     rebound: str | None = None
 
 
@@ -102,6 +105,9 @@ def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
         for name, checks in _KEYS.items()
         if name in top
     }
+    for name in ("scene", "record"):
+        _one_time(name, "duration", tables.get(name, {}), mistakes)
+    _one_time("measure", "transient", tables.get("measure", {}), mistakes)
     return SpecFile(
         title=top.get("title"),
         scene=SceneTable(**_grouped(tables.get("scene", {}))),
@@ -145,10 +151,24 @@ def _note_unknown(
         mistakes.broken.add(prefix + guess)
 
 
+def _one_time(table: str, key: str, values: dict[str, Any], mistakes: Mistakes) -> None:
+    """Put a time in periods into the place of that in s, of which only one may be given."""
+    of_periods = f"{key}_periods"
+    if of_periods not in values:
+        return
+    number = values.pop(of_periods)
+    if key in values:
+        text = f"{table}.{key} = {values[key]} is given too; keep one of the two"
+        mistakes.add_broken(f"{table}.{of_periods}", text, number)
+        mistakes.broken.add(f"{table}.{key}")
+    else:
+        values[key] = Periods(number)
+
+
 def _grouped(values: Mapping[str, Any]) -> dict[str, Any]:
     """Gather the physical parameters of a table under one name."""
-    own = {name: value for name, value in values.items() if name not in PARAMETERS}
-    physical = {name: values[name] for name in PARAMETERS if name in values}
+    own = {name: value for name, value in values.items() if name not in INPUTS}
+    physical = {name: values[name] for name in INPUTS if name in values}
     return {**own, "parameters": physical}
 
 
@@ -182,10 +202,10 @@ def _flag(value: object) -> bool:
     raise ValueError("must be true or false")
 
 
-def _positive_time(value: object) -> float:
+def _positive(units: str, value: object) -> float:
     if _is_finite_number(value) and value > 0:  # type: ignore[operator]
         return float(value)  # type: ignore[arg-type]
-    raise ValueError("must be a number, finite and above 0 s")
+    raise ValueError(f"must be a number, finite and above 0 {units}")
 
 
 def _option(option: Option, kind: type, value: object) -> float:
@@ -203,10 +223,10 @@ def _launch(value: object) -> str | tuple[float, ...]:
     raise ValueError(f'must be "{STAGGERED}" or a list of finite launch times in s')
 
 
-def _rebound(value: object) -> str:
-    if isinstance(value, str) and value in LAWS:
+def _one_of(names: tuple[str, ...], value: object) -> str:
+    if isinstance(value, str) and value in names:
         return value
-    raise ValueError(f"must be {quoted(LAWS)}")
+    raise ValueError(f"must be {quoted(names)}")
 
 
 def _spread(parameter: Parameter, value: object) -> Spread:
@@ -238,21 +258,19 @@ def _design(value: object) -> str:
 
 def _columns(value: object) -> tuple[str, ...]:
     if not (isinstance(value, list) and value and all(isinstance(v, str) for v in value)):
-        raise ValueError(
-            f"must be a list of columns of the table: {quoted(PARAMETERS)}, and labels"
-        )
+        raise ValueError(f"must be a list of columns of the table: {quoted(INPUTS)}, and labels")
     for name in value:
-        guess = None if name in PARAMETERS else likely_parameter(name)
+        guess = None if name in INPUTS else likely_parameter(name)
         if guess:
             raise ValueError(
                 f'"{name}" is not a physical parameter; did you mean "{guess}"? Known: '
-                f"{quoted(PARAMETERS)}; a label needs another name"
+                f"{quoted(INPUTS)}; a label needs another name"
             )
-    if not set(value) & PARAMETERS.keys():
-        raise ValueError(f"must name one or more of {quoted(PARAMETERS)}")
+    if not set(value) & INPUTS.keys():
+        raise ValueError(f"must name one or more of {quoted(INPUTS)}")
     if len(set(value)) < len(value):
         raise ValueError("names a column twice: name each once")
-    return tuple(sorted(value, key=[*PARAMETERS, *value].index))
+    return tuple(sorted(value, key=[*INPUTS, *value].index))
 
 
 def _is_finite_number(value: object) -> bool:
@@ -292,11 +310,13 @@ def _steps(parameter: Parameter, value: Mapping[str, object]) -> Steps:
 
 
 _SCENE: Final[Mapping[str, Check]] = {
-    **{name: partial(_within, parameter) for name, parameter in PARAMETERS.items()},
+    **{name: partial(_within, parameter) for name, parameter in INPUTS.items()},
     "particles": partial(_whole, ", at least 1", 1, None),
     "launch": _launch,
-    "duration": _positive_time,
-    "rebound": _rebound,
+    "duration": partial(_positive, "s"),
+    "duration_periods": partial(_positive, "forcing periods"),
+    "base": partial(_one_of, BASES),
+    "rebound": partial(_one_of, LAWS),
 }
 _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
     "scene": _SCENE,
@@ -307,11 +327,13 @@ _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
         ),
         "seed": partial(_whole, ", at least 0", 0, None),
         "columns": _columns,
-        **{name: partial(_spread, parameter) for name, parameter in PARAMETERS.items()},
+        **{name: partial(_spread, parameter) for name, parameter in INPUTS.items()},
     },
     "measure": {
-        key: partial(_option, OPTIONS[key], type(default)) if key in OPTIONS else _flag
-        for key, default in vars(Measures()).items()
+        key: partial(_option, OPTIONS[key], int if isinstance(default, int) else float)
+        if key in OPTIONS
+        else _flag
+        for key, default in KEYS.items()
     },
     "record": _SCENE,
     "windows": {"conditions": condition_names, "continuation": _flag, "tolerance": tolerance},

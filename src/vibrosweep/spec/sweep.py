@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vibrosweep.errors import SpecError
+from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.times import Time
 from vibrosweep.spec import rules as rules
 from vibrosweep.spec.messages import Mistakes
 from vibrosweep.spec.rules import Axis, Range, RecordSpec, Setting
@@ -33,14 +34,15 @@ class SweepSpec:
     source
         The file it was read from, None for a text.
     fixed
-        Parameters that are not sampled, defaults included.  Under a table these are all that
-        ``columns`` does not name; a column of the table overrides the default that stands here.
+        Parameters that are not sampled, defaults included; of the forcings no more than one.  Under
+        a table these are all that ``columns`` does not name; a column of the table overrides the
+        default that stands here.
     given
         Names of the parameters in ``fixed`` that the file states.
     sampled
-        Sampled parameters in the order of `scene.PARAMETERS`: a `Range` under a drawn design, an
-        `Axis` under a grid; empty for a table, which decides by itself.
-    particles, launch, duration, rebound
+        Sampled parameters in the order of `vibrosweep.model.forcing.INPUTS`: a `Range` under a
+        drawn design, an `Axis` under a grid; empty for a table, which decides by itself.
+    particles, launch, duration, rebound, base
         As in `RecordSpec`.
     design
         ``"uniform"``, ``"latin"``, ``"sobol"``, ``"grid"`` or ``"table"``.
@@ -68,8 +70,9 @@ class SweepSpec:
     sampled: Mapping[str, Range | Axis]
     particles: int
     launch: str | tuple[float, ...]
-    duration: float
+    duration: Time
     rebound: str
+    base: str
     design: str
     table: Path | None
     columns: tuple[str, ...] | None
@@ -138,7 +141,7 @@ def parse_spec(text: str, source: Path | None = None) -> SweepSpec:
         raise SpecError(f"{mistakes.file}: is not valid TOML: {error}") from error
     spec = _assembled(read_tables(data, mistakes), text, source, mistakes)
     mistakes.raise_any()
-    _check_countable(spec, mistakes)
+    _check_extremes(spec, mistakes)
     mistakes.raise_any()
     return spec
 
@@ -147,17 +150,24 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
     """Apply the rules between keys; the result is sound if no mistake was noted."""
     if file.title is None:
         mistakes.add("title", 'is missing; begin with title = "..." that says what the sweep shows')
-    sample, begin = file.sample, file.measures.transient
+    sample = file.sample
     design = rules.kind(sample)
     sampled = rules.sampled(sample, mistakes)
     numbers = rules.fixed_numbers(file.scene, sample, mistakes)
     columns = rules.columns(sample, numbers, mistakes)
+    rules.check_forcing(file.scene, sample, mistakes)
     varied = (*sampled, *(columns or ()))
     shared = rules.setting("scene", file.scene, Setting(), mistakes)
-    if not begin < shared.duration:
-        rule = f"must be less than scene.duration = {shared.duration} s"
-        mistakes.add("measure.transient", rule, begin, involves=["scene.duration"])
-    values = {name: numbers.get(name, p.default) for name, p in PARAMETERS.items()}
+    forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
+    values = {
+        name: numbers.get(name, p.default)
+        for name, p in INPUTS.items()
+        if name not in FORCINGS or name == forcing
+    }
+    frequencies = _values(sampled["frequency"]) if "frequency" in sampled else ()
+    if "frequency" not in varied:
+        frequencies = (values["frequency"],)
+    rules.check_window(file.measures.transient, shared.duration, frequencies, mistakes)
     record = None
     if file.record is not None:
         known = design != "table" or columns is not None
@@ -181,22 +191,24 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
     )
 
 
-def _check_countable(spec: SweepSpec, mistakes: Mistakes) -> None:
-    """Judge the extreme corner of the sweep, and the recorded scene.
+def _check_extremes(spec: SweepSpec, mistakes: Mistakes) -> None:
+    """Judge the extreme corners of the sweep, and the recorded scene.
 
     A table is judged when it is computed, for only then its values are known.
     """
     if spec.design != "table":
-        shared = Setting(spec.particles, spec.launch, spec.duration, spec.rebound)
-        corner = {**spec.fixed, **{n: _extreme(n, s) for n, s in spec.sampled.items()}}
-        rules.check_countable("scene", corner, shared, mistakes)
+        shared = Setting(spec.particles, spec.launch, spec.duration)
+        ends: dict[str, tuple[float, ...]]
+        ends = {name: (value,) for name, value in spec.fixed.items()}
+        ends |= {name: _values(spread) for name, spread in spec.sampled.items()}
+        rules.check_extremes("scene", ends, shared, mistakes)
     if spec.record is not None:
         own = spec.record
-        shared = Setting(own.particles, own.launch, own.duration, own.rebound)
-        rules.check_countable("record", own.parameters, shared, mistakes)
+        shared = Setting(own.particles, own.launch, own.duration)
+        ends = {name: (value,) for name, value in own.parameters.items()}
+        rules.check_extremes("record", ends, shared, mistakes)
 
 
-def _extreme(name: str, spread: Range | Axis) -> float:
-    """Return the end of the spread at which periods are shortest and kicks largest."""
-    ends = (spread.low, spread.high) if isinstance(spread, Range) else spread.values
-    return min(ends) if name == "gravity" else max(ends)
+def _values(spread: Range | Axis) -> tuple[float, ...]:
+    """Return the ends of a range, or the values of an axis."""
+    return (spread.low, spread.high) if isinstance(spread, Range) else spread.values

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import TableError
+from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.measures import RESERVED
-from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.spec.messages import likely_parameter
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.units import KNOWN_UNITS, factor
@@ -50,8 +50,8 @@ class Table:
     Attributes
     ----------
     parameters
-        Parameter name -> array of shape (realization,), in the order of `scene.PARAMETERS`, each
-        value within the parameter's range.
+        Parameter name -> array of shape (realization,), in the order of
+        `vibrosweep.model.forcing.INPUTS`, each value within the parameter's range.
     labels
         The other columns by their names.
     """
@@ -107,9 +107,9 @@ def read_table(spec: SweepSpec) -> Table:
     if chosen and not columns[chosen[0]].values.size:
         mistakes.add("has no rows; give one for each realization")
     parameters = {
-        name: _numbers(name, columns[name], mistakes) for name in PARAMETERS if name in chosen
+        name: _numbers(name, columns[name], mistakes) for name in INPUTS if name in chosen
     }
-    labels = {name: _label(columns[name]) for name in chosen if name not in PARAMETERS}
+    labels = {name: _label(columns[name]) for name in chosen if name not in INPUTS}
     mistakes.raise_any()
     return Table(parameters, labels)
 
@@ -178,7 +178,7 @@ def _read_netcdf(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
     except Exception as error:  # the libraries' exceptions for damaged files have no common base
         raise TableError(f"{path}: is not a readable netCDF-4 file: {error}") from error
     found = {str(name): variable for name, variable in dataset.variables.items()}
-    shared = next((v.dims for name, v in found.items() if name in PARAMETERS), None)
+    shared = next((v.dims for name, v in found.items() if name in INPUTS), None)
     return {
         name: Label(
             variable.to_numpy(),
@@ -187,7 +187,7 @@ def _read_netcdf(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
         )
         for name, variable in found.items()
         # a running number of the realizations is no column
-        if name in PARAMETERS or (variable.dims == shared and name != "realization")
+        if name in INPUTS or (variable.dims == shared and name != "realization")
     }
 
 
@@ -206,27 +206,35 @@ def _chosen(columns: Mapping[str, Label], spec: SweepSpec, mistakes: _Mistakes) 
                     f'column "{name}" is also fixed, {name} = {spec.fixed[name]:g} in '
                     f"{_sweep(spec)}; keep one of the two"
                 )
-        meant = [likely_parameter(name) for name in found if name not in PARAMETERS]
+        meant = [likely_parameter(name) for name in found if name not in INPUTS]
+        known = {*found, *spec.given, *meant}
         for name in _EXPECTED:
-            if name not in found and name not in spec.given and name not in meant:
+            same = FORCINGS if name in FORCINGS else (name,)
+            if known.isdisjoint(same):
                 mistakes.add(_lacking(name, found, f"{_sweep(spec)} does not fix it"))
         chosen = found
+    forcings = [name for name in FORCINGS if name in chosen or name in spec.given]
+    if len(forcings) > 1:
+        mistakes.add(
+            f"{forcings[0]} and {forcings[1]} both give the forcing, here or in {_sweep(spec)}; "
+            f"keep one of the two"
+        )
     for name in chosen:
         _judge_name(name, spec.columns is not None, mistakes)
-    _judge_shapes({name: columns[name] for name in chosen if name in PARAMETERS}, mistakes)
+    _judge_shapes({name: columns[name] for name in chosen if name in INPUTS}, mistakes)
     return chosen
 
 
 def _judge_name(name: str, wanted: bool, mistakes: _Mistakes) -> None:
     """Check that the name of a column that is not a parameter can be a label."""
-    if name in PARAMETERS:
+    if name in INPUTS:
         return
     elsewhere = "; rename it, or list the columns to use in sample.columns"
     guess = None if wanted else likely_parameter(name)
     if guess:
         mistakes.add(
             f'column "{name}" is not a physical parameter; did you mean "{guess}"? Known columns: '
-            f"{', '.join(PARAMETERS)}; to keep it as a label rename it, to leave it out list the "
+            f"{', '.join(INPUTS)}; to keep it as a label rename it, to leave it out list the "
             f"others in sample.columns"
         )
     elif name in RESERVED:
@@ -251,8 +259,8 @@ def _judge_shapes(columns: Mapping[str, Label], mistakes: _Mistakes) -> None:
 
 def _lacking(name: str, found: Iterable[str], reason: str) -> str:
     has = ", ".join(found) or "none"
-    allowed = f"; allowed values: {PARAMETERS[name].allowed}" if name in PARAMETERS else ""
-    fixed = f" or write {name} as a number in [scene]" if name in PARAMETERS else ""
+    allowed = f"; allowed values: {INPUTS[name].allowed}" if name in INPUTS else ""
+    fixed = f" or write {name} as a number in [scene]" if name in INPUTS else ""
     return (
         f'column "{name}" is missing and {reason}; add the column (columns found: {has}{allowed})'
         f"{fixed}"
@@ -261,7 +269,7 @@ def _lacking(name: str, found: Iterable[str], reason: str) -> str:
 
 def _numbers(name: str, column: Label, mistakes: _Mistakes) -> Array:
     """Return a column in the parameter's unit as float64; report invalid values."""
-    parameter, values = PARAMETERS[name], column.values
+    parameter, values = INPUTS[name], column.values
     if values.dtype.kind in "iuf":
         numbers = values.astype(np.float64)
     else:

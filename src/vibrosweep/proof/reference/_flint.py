@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 from vibrosweep.errors import VibrosweepError
 
-__all__ = ["MissingFlintError", "UndecidableError", "arb", "ctx", "fmpq"]
+__all__ = ["MissingFlintError", "UndecidableError", "arb", "ctx", "exact", "fmpq"]
 
 
 class MissingFlintError(VibrosweepError, ImportError):
@@ -45,3 +47,10 @@ except ImportError as error:
         "the proved reference computes in ball arithmetic with python-flint, which is not "
         'installed: pip install "vibrosweep[verify]"'
     ) from error
+
+
+def exact(number: float | Fraction) -> arb:
+    """Ball around a number that holds it, of radius 0 for a double."""
+    if isinstance(number, Fraction):
+        return arb(fmpq(number.numerator, number.denominator))
+    return arb(number)

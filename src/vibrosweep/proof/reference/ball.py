@@ -48,7 +48,7 @@ def trajectory(
     launch_velocity: float,
     contact_time: float,
     launch_time: float | Fraction,
-    duration: float,
+    duration: float | Fraction,
     rebound: str = "rest",
     max_impacts: int = 100_000,
     digits: int = 20,
@@ -65,7 +65,7 @@ def trajectory(
     restitution, amplitude, frequency, phase, gravity, launch_velocity, contact_time
         As in `vibrosweep.model.parameters.PARAMETERS`: 1, m s-1, Hz, rad, m s-2, m s-1, s.
     launch_time, duration
-        s; landings at t <= duration count.  A `Fraction` is a launch time that no double is.
+        s; landings at t <= duration count.  A `Fraction` is a time that no double is.
     rebound
         ``"rest"`` or ``"reflect"``.
     max_impacts
@@ -111,7 +111,7 @@ def trajectory(
 def _checked(
     values: dict[str, float],
     launch_time: float | Fraction,
-    duration: float,
+    duration: float | Fraction,
     rebound: str,
     max_impacts: int,
     digits: int,
@@ -129,8 +129,11 @@ def _checked(
     for name, number in (("max_impacts", max_impacts), ("digits", digits)):
         if number < 1:
             raise ParameterError(f"{name} = {number!r}: must be at least 1")
-    launched = launch_time if isinstance(launch_time, Fraction) else Fraction(float(launch_time))
-    return Problem(parameters, launched, float(duration), rebound, max_impacts, digits)
+    launched, end = (
+        time if isinstance(time, Fraction) else Fraction(float(time))
+        for time in (launch_time, duration)
+    )
+    return Problem(parameters, launched, end, rebound, max_impacts, digits)
 
 
 def step(e: float, a: float, x: float, u: float, bits: int = 300) -> tuple[arb, int, arb]:

@@ -11,7 +11,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from vibrosweep.model.status import Status
-from vibrosweep.proof.reference._flint import arb, ctx, fmpq
+from vibrosweep.proof.reference._flint import arb, ctx, exact
 from vibrosweep.proof.reference.high_bounce import BallMap, Enclosure, nearest_integer
 from vibrosweep.proof.reference.results import Impact, Trajectory
 
@@ -43,7 +43,7 @@ class Problem:
 
     parameters: dict[str, float]
     launch_time: Fraction
-    duration: float
+    duration: Fraction
     rebound: str
     max_impacts: int
     digits: int
@@ -60,12 +60,11 @@ class _Constants:
     def __init__(self, problem: Problem) -> None:
         p = {name: arb(value) for name, value in problem.parameters.items()}
         gravity = p["gravity"]
-        launched = problem.launch_time
-        self.launch_time = arb(fmpq(launched.numerator, launched.denominator))
+        self.launch_time = exact(problem.launch_time)
         self.map = BallMap.of(problem.parameters, problem.rebound, self.launch_time)
         self.launch_velocity = p["launch_velocity"]
         self.rest_velocity = gravity * p["contact_time"] / 2
-        self.flown_at_end = gravity * (arb(problem.duration) - self.launch_time) / 2
+        self.flown_at_end = gravity * (exact(problem.duration) - self.launch_time) / 2
         self.digits_bits = problem.digits_bits
         self.phase_radius = arb(10) ** -problem.digits
         self.time_radius = self.phase_radius * p["contact_time"]

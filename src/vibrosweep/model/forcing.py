@@ -1,0 +1,167 @@
+"""The four ways to give how strongly the base is driven, and what each makes of the others.
+
+The base moves with the velocity V0 sin(2 pi f t + phi), where it moves at all.  A ball that lands
+gains (1 + e) times the velocity of the base, which is the kick of the high-bounce map:
+
+    A = (1 + e) V0        V0 = 2 pi f B        Gamma = 2 pi f V0 / g
+
+The kernels are given the amplitude A: that double is what a realization is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.parameters import LARGEST, PARAMETERS, Parameter
+
+__all__ = [
+    "FORCINGS",
+    "INPUTS",
+    "completed",
+    "differing",
+    "forcing_of",
+    "invalid_law",
+    "only_parameters",
+    "refuse_large",
+]
+
+Array = NDArray[np.float64]
+
+AMPLITUDE: Final = "amplitude"
+ACCELERATION: Final = "base_acceleration"
+
+FORCINGS: Final[Mapping[str, Parameter]] = {
+    p.name: p
+    for p in (
+        PARAMETERS[AMPLITUDE],
+        # so that the amplitude is at most LARGEST; for the other two that depends on f and g
+        Parameter(
+            "base_velocity", "V0", "m s-1", "peak velocity of the base", math.nan, 0.0, LARGEST / 2
+        ),
+        Parameter(
+            "base_displacement", "B", "m", "peak displacement of the base", math.nan, 0.0, LARGEST
+        ),
+        Parameter(
+            ACCELERATION,
+            "Gamma",
+            "1",
+            "peak acceleration of the base in units of gravity",
+            math.nan,
+            0.0,
+            LARGEST,
+        ),
+    )
+}
+
+# What a realization may be given by, in the order of files: the parameters, with the forcings
+# together.  Of these exactly one is given.
+INPUTS: Final[Mapping[str, Parameter]] = {
+    name: parameter
+    for own, one in PARAMETERS.items()
+    for name, parameter in (FORCINGS if own == AMPLITUDE else {own: one}).items()
+}
+
+# What V0 and each of them follow from, apart from each other
+_SOURCES: Final[Mapping[str, frozenset[str]]] = {
+    AMPLITUDE: frozenset({"restitution"}),
+    "base_velocity": frozenset(),
+    "base_displacement": frozenset({"frequency"}),
+    ACCELERATION: frozenset({"frequency", "gravity"}),
+}
+
+
+def forcing_of(given: Collection[str]) -> str:
+    """Name of the forcing among the names of what is given; the amplitude where none is.
+
+    Raises
+    ------
+    ParameterError
+        There are two or more.
+    """
+    found = [name for name in FORCINGS if name in given]
+    if len(found) > 1:
+        raise ParameterError(
+            f"{' and '.join(found)}: each gives the forcing; give exactly one of them"
+        )
+    return found[0] if found else AMPLITUDE
+
+
+def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
+    """Names of what differs between realizations: of `INPUTS` what is varied, and what follows.
+
+    Parameters
+    ----------
+    varied
+        Names of what is varied.
+    forcing
+        The one that is given, varied or not.
+    """
+    derived = [name for name in (AMPLITUDE, ACCELERATION) if name not in (forcing, *varied)]
+    follows = {name: _SOURCES[forcing] | _SOURCES[name] | {forcing} for name in derived}
+    return (*varied, *(name for name in derived if not follows[name].isdisjoint(varied)))
+
+
+def completed(given: Mapping[str, Array]) -> dict[str, Array]:
+    """Add what follows from the forcing: the amplitude, and the acceleration of the base.
+
+    Parameters
+    ----------
+    given
+        All of `INPUTS` but for the forcings, of which there is one; each of shape (realization,).
+
+    Returns
+    -------
+    dict
+        In the order of `INPUTS`.  Only an amplitude above its range can come out, of a
+        displacement or an acceleration; `vibrosweep.model.parameters.representable` tells.
+    """
+    name, e = forcing_of(given), given["restitution"]
+    value, omega, gravity = given[name], 2.0 * math.pi * given["frequency"], given["gravity"]
+    if name == AMPLITUDE:
+        velocity = value / (1.0 + e)
+    elif name == "base_displacement":
+        velocity = omega * value
+    elif name == ACCELERATION:
+        velocity = value * gravity / omega
+    else:
+        velocity = value
+    found = {AMPLITUDE: (1.0 + e) * velocity, ACCELERATION: omega * velocity / gravity}
+    every = found | dict(given)
+    return {name: every[name] for name in INPUTS if name in every}
+
+
+def only_parameters(values: Mapping[str, Array]) -> dict[str, Array]:
+    """Return what the engine takes of `completed`: the entries of `PARAMETERS`."""
+    return {name: values[name] for name in PARAMETERS}
+
+
+def refuse_large(amplitude: Array, forcing: str) -> None:
+    """Refuse a forcing that makes an amplitude above its range.
+
+    Raises
+    ------
+    ParameterError
+        Naming the forcing.
+    """
+    allowed = PARAMETERS[AMPLITUDE]
+    if not np.all(allowed.accepts(amplitude)):
+        raise ParameterError(
+            f"{forcing}: makes an amplitude of {float(np.max(amplitude)):.3g} m s-1, which must be "
+            f"{allowed.allowed}"
+        )
+
+
+def invalid_law(base: str, rebound: str) -> str:
+    """Say why a law of rebound cannot be had with a base; empty if it can."""
+    if base == "moving" and rebound == "reflect":
+        return (
+            'rebound = "reflect" has no meaning with base = "moving", which a ball cannot be '
+            'pushed into: take rebound = "rest", or base = "high-bounce"'
+        )
+    return ""

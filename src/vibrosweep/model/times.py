@@ -1,0 +1,88 @@
+"""Times of an observation: in seconds, or in forcing periods of each realization."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.errors import ParameterError
+
+__all__ = [
+    "Periods",
+    "Time",
+    "amount",
+    "fraction_of",
+    "in_periods",
+    "in_seconds",
+    "one_time",
+    "precedes",
+    "unit_of",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Periods:
+    """A time in forcing periods: where frequencies differ, realizations last differently long."""
+
+    number: float
+
+
+# A plain number is in s.
+Time = float | Periods
+
+
+def amount(time: Time) -> float:
+    """Number of seconds or of periods, whichever the time is in."""
+    return time.number if isinstance(time, Periods) else time
+
+
+def fraction_of(time: Time, share: float) -> Time:
+    """Return a share of a time, in its own unit."""
+    return Periods(time.number * share) if isinstance(time, Periods) else time * share
+
+
+def in_seconds(time: Time, frequency: Array) -> Array:
+    """Time in s of each realization; `frequency` in Hz, shape (realization,)."""
+    if isinstance(time, Periods):
+        return np.asarray(time.number / frequency)
+    return np.full(frequency.shape, time)
+
+
+def in_periods(time: Time, frequency: Array) -> Array:
+    """Time in forcing periods of each realization; `frequency` in Hz, shape (realization,)."""
+    if isinstance(time, Periods):
+        return np.full(frequency.shape, time.number)
+    return np.asarray(frequency * time)
+
+
+def precedes(first: Time, second: Time, frequency: Array) -> bool:
+    """Whether one time is before another at every frequency (Hz)."""
+    if isinstance(first, Periods) == isinstance(second, Periods):
+        return amount(first) < amount(second)
+    return bool(np.all(in_seconds(first, frequency) < in_seconds(second, frequency)))
+
+
+def unit_of(time: Time) -> str:
+    """Unit of a time in words, for messages."""
+    return "forcing periods" if isinstance(time, Periods) else "s"
+
+
+def one_time(name: str, seconds: float | None, periods: float | None, default: float) -> Time:
+    """Time that is given in s or in forcing periods, `default` in s where in neither.
+
+    Raises
+    ------
+    ParameterError
+        It is given in both.
+    """
+    if seconds is not None and periods is not None:
+        raise ParameterError(
+            f"{name} = {seconds!r} and {name}_periods = {periods!r}: give one of the two"
+        )
+    if periods is not None:
+        return Periods(periods)
+    return default if seconds is None else seconds
