@@ -189,7 +189,7 @@ def _(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
     arcs = fixed.base.arcs
     sure, time = first_try(begin, arcs)
     v, landed, tries = 0.0, False, 0.0
-    while not landed and tries <= TRIES:
+    while not landed and tries <= TRIES and not np.isnan(time):  # NaN after a rest for good
         time, v, landed = try_landing(begin, sure, time, clearance(begin, time), arcs)
         tries += 1.0
     return time if landed else np.nan, v
