@@ -185,11 +185,15 @@ def _(fixed: MovingConstants, s: Floats, j: int) -> bool:
 
 @answer(bases.fly, MovingConstants)
 def _(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
+    if not abs(x) <= 0.5:  # after a rest for good
+        return np.nan, np.nan
+    if u == 0.0 and not abs(x) >= fixed.x_lift:  # on a base that presses
+        return 0.0, 0.0
     begin = start(fixed.alpha, fixed.x_lift, x, u)
     arcs = fixed.base.arcs
     sure, time = first_try(begin, arcs)
     v, landed, tries = 0.0, False, 0.0
-    while not landed and tries <= TRIES and not np.isnan(time):  # NaN after a rest for good
+    while not landed and tries <= TRIES:
         time, v, landed = try_landing(begin, sure, time, clearance(begin, time), arcs)
         tries += 1.0
     return time if landed else np.nan, v
