@@ -44,7 +44,8 @@ def test_all_ways_lead_to_one_amplitude(e, f, g, v):
     }
     assert ways.keys() == FORCINGS.keys()
     own = OTHERS | {
-        n: np.array([x]) for n, x in zip(("restitution", "frequency", "gravity"), (e, f, g))
+        n: np.array([x])
+        for n, x in zip(("restitution", "frequency", "gravity"), (e, f, g), strict=True)
     }
     for name, value in ways.items():
         found = completed(own | {name: np.array([value])})
@@ -88,7 +89,7 @@ def test_no_extreme_overflows_and_what_is_too_large_is_refused(forcing):
     ends = {n: (p.low, p.high) for n, p in INPUTS.items() if n == forcing or n not in FORCINGS}
     for which in np.ndindex(*(2,) * 4):
         names = ("restitution", "frequency", "gravity", forcing)
-        own = OTHERS | {n: np.array([ends[n][k]]) for n, k in zip(names, which)}
+        own = OTHERS | {n: np.array([ends[n][k]]) for n, k in zip(names, which, strict=True)}
         found = completed(own)
         assert all(np.isfinite(values).all() for values in found.values())
         if PARAMETERS["amplitude"].accepts(found["amplitude"]).all():

@@ -26,7 +26,7 @@ def test_at_one_hertz_periods_are_seconds_to_the_bit(number, begin, phase):
         dimensionless(own, number, begin),
         dimensionless(own, Periods(number), Periods(begin)),
     )
-    assert all(np.array_equal(a, b) for a, b in zip(one, other))
+    assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 
 
 @given(number=PERIODS, frequency=st.floats(1e-3, 1e4))
@@ -60,5 +60,5 @@ def test_an_amplitude_that_is_too_large_is_not_computed_with():
 def test_a_time_is_given_once():
     assert one_time("duration", None, None, 3.0) == 3.0
     assert one_time("duration", None, 4.0, 3.0) == Periods(4.0)
-    with pytest.raises(ParameterError, match="duration = 1.0 and duration_periods = 2.0"):
+    with pytest.raises(ParameterError, match=r"duration = 1\.0 and duration_periods = 2\.0"):
         one_time("duration", 1.0, 2.0, 3.0)
