@@ -236,7 +236,7 @@ def test_two_forcings_and_two_durations_are_refused():
 
 
 def test_a_law_without_meaning_is_refused():
-    with pytest.raises(ParameterError, match='rebound = "reflect" .* base = "moving"'):
+    with pytest.raises(ParameterError, match=r'rebound = "reflect" .* base = "moving"'):
         simulate(base="moving", rebound="reflect")
     with pytest.raises(ParameterError, match="base = 'still': must be one of high-bounce, moving"):
         simulate(base="still")
