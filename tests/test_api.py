@@ -204,3 +204,57 @@ def test_public_names_are_loaded_lazily():
     assert "simulate" in shown
     with pytest.raises(AttributeError, match="no attribute 'absent'"):
         _ = vibrosweep.absent
+
+
+WAYS = {
+    "base_velocity": [0.3, 1.0],
+    "base_displacement": [0.02, 0.1],
+    "base_acceleration": [0.2, 2.0],
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_forcing_is_its_amplitude(way):
+    shared = {"frequency": [1.0, 2.0], "restitution": 0.8, "launch_time": [0.0, 0.3]}
+    one = simulate(**{way: WAYS[way]}, **shared)
+    other = simulate(amplitude=one.amplitude.values, **shared)
+    assert one[way].values.tolist() == WAYS[way]
+    assert one.attrs["forcing"] == way
+    xr.testing.assert_equal(one.reset_coords(drop=True), other.reset_coords(drop=True))
+    assert np.allclose(one.base_acceleration, other.base_acceleration, rtol=1e-14)
+
+
+def test_two_forcings_and_two_durations_are_refused():
+    with pytest.raises(ParameterError, match="amplitude and base_velocity: each gives the forcing"):
+        simulate(amplitude=1.2, base_velocity=0.5)
+    with pytest.raises(ParameterError, match=r"duration = 3\.0 and duration_periods = 4"):
+        simulate(duration=3.0, duration_periods=4)
+    with pytest.raises(ParameterError, match="base_acceleration: makes an amplitude"):
+        simulate(base_acceleration=1e30, frequency=1e-3)
+    with pytest.raises(ParameterError, match=r"duration_periods = 0: must be a finite number"):
+        simulate(duration_periods=0)
+
+
+def test_a_law_without_meaning_is_refused():
+    with pytest.raises(ParameterError, match=r'rebound = "reflect" .* base = "moving"'):
+        simulate(base="moving", rebound="reflect")
+    with pytest.raises(ParameterError, match="base = 'still': must be one of high-bounce, moving"):
+        simulate(base="still")
+
+
+def test_each_realization_lasts_its_own_periods():
+    frequency = [1.0, 3.0, 0.7]
+    found = simulate(frequency=frequency, duration_periods=9, launch_time=[0.0, 0.1])
+    assert found.attrs["duration_periods"] == 9.0
+    assert np.array_equal(found.duration, 9.0 / np.array(frequency))
+    assert np.nanmax(found.landing_time / found.duration) <= 1.0
+    for i, f in enumerate(frequency):
+        alone = simulate(frequency=f, duration_periods=9, launch_time=[0.0, 0.1])
+        size = alone.sizes["impact"]
+        assert np.array_equal(
+            found.landing_time[i, :, :size], alone.landing_time[0], equal_nan=True
+        )
+        assert np.isnan(found.landing_time[i, :, size:]).all()
+    seconds = simulate(duration=9, launch_time=[0.0, 0.1])
+    periods = simulate(duration_periods=9, launch_time=[0.0, 0.1])
+    xr.testing.assert_equal(seconds, periods)

@@ -18,6 +18,7 @@ from vibrosweep.engine.landings import record_landings, require_room
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ExistingOutputError, ParameterError
 from vibrosweep.model.forcing import (
+    FORCINGS,
     INPUTS,
     completed,
     differing,
@@ -112,7 +113,7 @@ def simulate(
         "launch_velocity": launch_velocity,
         "contact_time": contact_time,
     }
-    given = {name: value for name, value in asked.items() if value is not None}
+    given = {n: v for n, v in asked.items() if v is not None or n not in FORCINGS}
     forcing = forcing_of(given)
     given = {forcing: PARAMETERS["amplitude"].default, **given}
     values = {name: _checked(name, given[name]) for name in INPUTS if name in given}

@@ -73,3 +73,13 @@ def test_mistakes_are_named():
         basins(SCENE, [np.nan], [1.0])
     with pytest.raises(ParameterError, match=r"launch_velocity = -1\.0"):
         basins(SCENE, [0.0], [-1.0])
+
+
+def test_basins_say_how_the_forcing_was_given():
+    scene = Scene(base_displacement=0.1, duration_periods=50.0)
+    found = basins(scene, [0.0], [1.0])
+    amplitude = 1.9 * 2.0 * np.pi * 0.1
+    assert found["base_displacement"].item() == 0.1
+    np.testing.assert_allclose(found["amplitude"], amplitude, rtol=1e-15)
+    np.testing.assert_allclose(found["base_acceleration"], 0.4 * np.pi**2 / 9.81, rtol=1e-15)
+    assert found.attrs["forcing"] == "base_displacement"

@@ -77,3 +77,12 @@ def test_mistakes_are_named(arguments, words):
 def test_more_samples_than_fit_into_memory_are_refused_with_a_remedy_that_exists():
     with pytest.raises(ParameterError, match=r"samples each need .* GiB.*fewer of them"):
         bifurcation(Scene(), np.linspace(0.1, 4.0, 1000), samples=10**12)
+
+
+def test_the_base_acceleration_lies_along_the_amplitude():
+    found = bifurcation(Scene(duration_periods=20.0, base_acceleration=7.0), [0.0, 1.2], samples=2)
+    assert found["base_acceleration"].dims == ("amplitude",)
+    expected = 2.0 * np.pi * found["amplitude"] / (1.9 * 9.81)
+    np.testing.assert_allclose(found["base_acceleration"], expected, rtol=1e-15)
+    assert found.attrs["forcing"] == "amplitude"
+    assert found.attrs["base"] == "high-bounce"

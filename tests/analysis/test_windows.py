@@ -1,5 +1,6 @@
 """Stability windows against closed forms, and against the engine on both sides of every edge."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -289,6 +290,14 @@ def test_a_scene_refuses_what_it_cannot_launch():
         ({"duration": -1.0}, "duration = -1.0: must be finite and greater than 0"),
         ({"transient": 5.0, "duration": 5.0}, "transient = 5.0"),
         ({"rebound": "bounce"}, "rebound = 'bounce': must be one of rest, reflect"),
+        ({"base": "still"}, "base = 'still': must be one of high-bounce, moving"),
+        ({"base": "moving", "rebound": "reflect"}, 'rebound = "reflect" .* base = "moving"'),
+        ({"amplitude": 1.0, "base_velocity": 0.5}, "amplitude and base_velocity"),
+        ({"base_displacement": -1.0}, "base_displacement = -1.0: must be at least 0"),
+        ({"base_displacement": 1e30, "frequency": 1e9}, "base_displacement: makes an amplitude"),
+        ({"duration": 1.0, "duration_periods": 2.0}, "duration = 1.0 and duration_periods"),
+        ({"transient_periods": 9.0, "duration_periods": 9.0}, "below duration_periods = 9.0"),
+        ({"transient_periods": 9.0, "duration": 4.0, "frequency": 2.0}, "below duration = 4.0"),
         ({"gravity": 0.0}, "gravity = 0.0: must be at least 1e-30"),
     ):
         with pytest.raises(ParameterError, match=words):
@@ -301,3 +310,25 @@ def test_the_result_does_not_depend_on_the_number_of_threads():
     for continuation in (False, True):
         one, four = (find_windows(*arguments, continuation=continuation, threads=n) for n in (1, 4))
         assert one.identical(four)
+
+
+def test_windows_hold_the_base_acceleration_and_how_times_were_given():
+    scene = Scene(duration_periods=50.0, transient_periods=10.0, frequency=2.0, base_velocity=3.0)
+    found = find_windows(scene, [0.5, 0.9], [0.2, 1.0, 5.0], ["locked(1)"])
+    e, a = found["restitution"], found["scan"]
+    expected = 2.0 * np.pi * 2.0 * a / (1.0 + e) / 9.81
+    np.testing.assert_allclose(
+        found["base_acceleration"], expected.transpose("restitution", "scan")
+    )
+    assert found["duration"].item() == 25.0
+    assert found["transient"].item() == 5.0
+    assert "base_velocity" not in found.coords  # the scan takes its place
+    given = {"base": "high-bounce", "forcing": "amplitude"}
+    given |= {"duration_periods": 50.0, "transient_periods": 10.0}
+    assert given.items() <= found.attrs.items()
+    seconds = replace(scene, duration_periods=None, transient_periods=None)
+    again = find_windows(
+        replace(seconds, duration=25.0, transient=5.0), [0.5, 0.9], [0.2, 1.0, 5.0], ["locked(1)"]
+    )
+    for name in found.data_vars:
+        assert found[name].equals(again[name])

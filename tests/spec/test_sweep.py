@@ -274,6 +274,76 @@ MISTAKES = {
         "[scene]\nduration = 5.0\n[measure]\ntransient = 5.0",
         ["measure.transient = 5.0", "less than scene.duration = 5.0 s"],
     ),
+    "base": ('[scene]\nbase = "still"', ['scene.base = "still"', '"high-bounce" or "moving"']),
+    "law without meaning": (
+        '[scene]\nbase = "moving"\nrebound = "reflect"',
+        ['scene: rebound = "reflect"', 'base = "moving"', 'take rebound = "rest"'],
+    ),
+    "law of the record without meaning": (
+        '[scene]\nrebound = "reflect"\n[record]\nbase = "moving"',
+        ['record: rebound = "reflect"', 'base = "moving"'],
+    ),
+    "two forcings": (
+        "[scene]\namplitude = 1.0\nbase_velocity = 0.5",
+        ["scene.base_velocity = 0.5", "amplitude in scene.amplitude", "keep one"],
+    ),
+    "two forcings in two tables": (
+        "[scene]\nbase_displacement = 0.1\n[sample]\nrealizations = 2\namplitude = [1.0, 2.0]",
+        ["sample.amplitude = [1.0, 2.0]", "base_displacement in scene.base_displacement", "keep"],
+    ),
+    "two forcings in columns": (
+        '[sample]\ndesign = "a.csv"\ncolumns = ["base_velocity", "base_acceleration"]',
+        ["sample.columns", "base_acceleration gives the forcing", "so does base_velocity"],
+    ),
+    "a forcing beside a column": (
+        '[scene]\nbase_acceleration = 2.0\n[sample]\ndesign = "a.csv"\ncolumns = ["amplitude"]',
+        ["sample.columns", "amplitude gives the forcing", "scene.base_acceleration", "keep one"],
+    ),
+    "two forcings of the record": (
+        "[record]\namplitude = 1.0\nbase_velocity = 0.5",
+        ["record.base_velocity = 0.5", "record.amplitude", "keep one"],
+    ),
+    "record lacks the forcing": (
+        "[sample]\nrealizations = 2\nbase_velocity = [0.1, 0.2]\n[record]",
+        ["record.base_velocity: is missing", "the sweep samples it"],
+    ),
+    "forcing out of range": (
+        "[scene]\nbase_acceleration = -1",
+        ["scene.base_acceleration = -1", "peak acceleration", "at least 0 and at most 1e+30"],
+    ),
+    "amplitude too large": (
+        "[scene]\nbase_acceleration = 1e29\nfrequency = 0.001",
+        ["scene: base_acceleration: makes an amplitude of", "at most 1e+30 m s-1"],
+    ),
+    "two durations": (
+        "[scene]\nduration = 5.0\nduration_periods = 6.0",
+        ["scene.duration_periods = 6.0", "scene.duration = 5.0", "keep one"],
+    ),
+    "two transients": (
+        "[measure]\ntransient = 5.0\ntransient_periods = 6.0",
+        ["measure.transient_periods = 6.0", "measure.transient = 5.0", "keep one"],
+    ),
+    "duration in periods": (
+        "[scene]\nduration_periods = 0",
+        ["scene.duration_periods = 0", "finite and above 0 forcing periods"],
+    ),
+    "transient in periods": (
+        "[scene]\nduration_periods = 5.0\n[measure]\ntransient_periods = 5.0",
+        ["measure.transient_periods = 5.0", "less than scene.duration_periods = 5.0 forcing"],
+    ),
+    "transient in periods, duration in s": (
+        "[scene]\nduration = 5.0\nfrequency = 2.0\n[measure]\ntransient_periods = 10.0",
+        ["measure.transient_periods = 10.0", "less than scene.duration = 5.0 s"],
+    ),
+    "window empty at one frequency": (
+        "[scene]\nduration_periods = 5.0\n[measure]\ntransient = 2.0\n"
+        "[sample]\nrealizations = 2\nfrequency = [1.0, 3.0]",
+        ["measure.transient = 2.0", "less than scene.duration_periods = 5.0 forcing periods"],
+    ),
+    "uncountable periods": (
+        "[scene]\nduration_periods = 1e20",
+        ["scene: duration = 1e+20 forcing periods", "at most 2.25e+15", "lower it"],
+    ),
     "negative transient": ("[measure]\ntransient = -1", ["measure.transient = -1", "at least 0 s"]),
     "bool": ("[measure]\nseparation = 1", ["measure.separation = 1", "true or false"]),
     "bool text": (

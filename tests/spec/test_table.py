@@ -320,3 +320,22 @@ def test_bad_netcdf(netcdf):
     path = netcdf(restitution=("n", ["a"]), amplitude=("n", [1.0]))
     with pytest.raises(TableError, match=r'column "restitution", row 1.*: a is not allowed'):
         opened(path)
+
+
+@pytest.mark.parametrize("way", ["base_velocity", "base_displacement", "base_acceleration"])
+def test_a_table_gives_the_forcing_in_any_way(csv, way):
+    design = opened(csv(f"{way},restitution\n0.25,0.5\n0.5,0.9\n"))
+    assert design.sampled == ("restitution", way)
+    assert design.take(0, 2)[way].tolist() == [0.25, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("header", "extra"),
+    [
+        ("restitution,amplitude,base_velocity", ""),
+        ("restitution,base_velocity,gravity", "[scene]\namplitude = 1.0"),
+    ],
+)
+def test_a_table_gives_the_forcing_once(csv, header, extra):
+    with pytest.raises(TableError, match="amplitude and base_velocity both give the forcing"):
+        opened(csv(f"{header}\n0.5,1.0,1.0\n"), extra)

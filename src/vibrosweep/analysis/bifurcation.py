@@ -202,5 +202,5 @@ def _dataset(
     return xr.Dataset(
         {name: ((*dims, "sample"), values, attributes), **data},
         coordinates,
-        {**title, "observable": name},
+        {**title, "forcing": "amplitude", "observable": name},
     )

@@ -91,7 +91,7 @@ def flights(record: xr.Dataset, realization: int, analysis: str) -> Flights:
     velocity = np.concatenate([speed * column, one["rebound_velocity"].values], axis=1)
     end = np.concatenate([landing, np.nan * column], axis=1)
     end = np.where(np.isnan(end), start + 2.0 * velocity / gravity, end)
-    until = float(record["duration"])
+    until = per_realization(record, "duration")[realization]
     flies = (start < until) & (velocity > 0.0)  # False where the particle rests for good
     particle = np.broadcast_to(np.arange(particles)[:, np.newaxis], start.shape)[flies]
     order = np.argsort(start[flies], kind="stable")

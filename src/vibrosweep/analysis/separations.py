@@ -160,11 +160,22 @@ def compare_separations(
             )
     parts = [_statistics(s[measure].values, s["collision_free"].values, quantiles) for s in sweeps]
     particles = np.array([int(s.attrs["particles"]) for s in sweeps])
-    durations = np.array([float(s["duration"]) for s in sweeps])
+    durations = np.array([_duration(s) for s in sweeps])
     return _table(parts, measure, quantiles).assign_coords(
         particles=variable(("part",), particles, "particles"),
-        duration=variable(("part",), durations, "end of the observation", "s"),
+        duration=variable(
+            ("part",),
+            durations,
+            "end of the observation",
+            "s",
+            comment="NaN where it differs between realizations",
+        ),
     )
+
+
+def _duration(sweep: xr.Dataset) -> float:
+    values = np.unique(sweep["duration"].values)
+    return float(values[0]) if values.size == 1 else np.nan
 
 
 def _require_separations(sweep: xr.Dataset, analysis: str, measure: str) -> None:

@@ -291,7 +291,9 @@ def _dataset(
     meanings = "; ".join(f"{c.name}: {c.sentence}" for c in conditions if c.sentence)
     attributes = scene.attributes("Intervals of amplitude in which conditions hold")
     return xr.Dataset(
-        data, coordinates, {**attributes, "tolerance": tolerance, "meaning": meanings}
+        data,
+        coordinates,
+        {**attributes, "forcing": "amplitude", "tolerance": tolerance, "meaning": meanings},
     )
 
 

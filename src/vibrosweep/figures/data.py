@@ -40,6 +40,9 @@ LABEL_WIDTH: Final = 32
 SYMBOLS: Final = {
     "restitution": "e",
     "amplitude": "A",
+    "base_velocity": "V_0",
+    "base_displacement": "B",
+    "base_acceleration": r"\Gamma",
     "frequency": "f",
     "phase": r"\varphi",
     "gravity": "g",
@@ -175,6 +178,8 @@ def conditions(dataset: xr.Dataset) -> str:
             units = PARAMETERS[name].units
             unit = "" if units == "1" else f" {_raised(units)}"
             parts.append(f"${SYMBOLS[name]}$ = {value:.4g}{unit}")
+    if dataset.attrs.get("base") == "moving":
+        parts.append("moving base")
     if dataset.attrs.get("rebound") == "reflect":
         parts.append("reflect law")
     return ", ".join(parts)

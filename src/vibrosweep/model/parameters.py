@@ -321,6 +321,6 @@ def _require_countable(what: str, frequency: Array, time: Time) -> None:
         if not isinstance(time, Periods):
             number, remedy = number * float(np.max(frequency)), "lower it or the frequency"
         raise ParameterError(
-            f"{what} = {amount(time):g} {unit_of(time)} is {number:.3g} forcing periods: at "
+            f"{what} = {amount(time):g} {unit_of(time)} is {number:.3g} forcing periods: at most "
             f"{MAX_PERIODS:.3g} can be counted exactly; {remedy}"
         )
