@@ -100,7 +100,7 @@ class Left(NamedTuple):
         Relative to the base; the unit is that whose flight from a base at rest lasts one forcing
         period, g / 2 f.
     height
-        m, of the apex that the velocity leads to, above the mean level of the base.
+        m, of the highest point of the flight, above the mean level of the base.
     """
 
     flown: arb

@@ -257,7 +257,8 @@ class Motion:
         """Lift-off from the present state."""
         m, turns = self._map, self._phase + self._flown
         u = self._speed + m.velocity(turns)
-        square = u * u - 2 * m.alpha / arb.pi() * (2 * turns).cos_pi()
+        rising = u.max(ZERO)  # a particle that falls is highest at once
+        square = rising * rising - 2 * m.alpha / arb.pi() * (2 * turns).cos_pi()
         height = self._gravity / (8 * self._frequency * self._frequency) * square
         velocity = self._gravity / (2 * self._frequency) * u
         return Left(self._flown, self._lift is not None, velocity, self._speed, height)

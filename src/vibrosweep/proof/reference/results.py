@@ -41,7 +41,7 @@ class Flight:
         Ball, speed relative to the base at lift-off, in units of g / 2 f: on a base at rest, the
         duration of the flight in forcing periods.
     height
-        Ball, m; the highest point of its parabola above the mean level of the base.
+        Ball, m; its highest point above the mean level of the base.
     duration
         Ball, forcing periods.
     slopes
