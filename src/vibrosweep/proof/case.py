@@ -151,7 +151,7 @@ class Case:
         rounding = self._stated("lyapunov_sum_error", particle)
         if cycle is not None:
             last = len(orbit.speeds) - 1
-            total, change = orbit.contraction(last - cycle.impacts, last, closed=True)
+            total, change = orbit.contraction(last - cycle.impacts, last)
             found = largest_exponent(orbit.map, orbit.last_state(), cycle.impacts, cycle.periods)
             stated = self._stated("lyapunov_largest_error", particle)
             claim = None if found is None else stated
@@ -161,7 +161,7 @@ class Case:
         if first == len(impacts):
             return Exponents(None, 0.0, None, 0.0)
         mean = orbit.growth(first, len(impacts))
-        total, change = orbit.contraction(first, len(impacts), closed=False)
+        total, change = orbit.contraction(first, len(impacts))
         claim = _with(rounding, change)
         return Exponents(mean.value, mean.claim, total, claim, mean.standard_error)
 

@@ -178,15 +178,14 @@ class Orbit:
         realization = self._realization
         return realization.reference.period_map(realization.parameters, realization.rebound)
 
-    def contraction(self, first: int, last: int, closed: bool) -> tuple[arb | float, float]:
+    def contraction(self, first: int, last: int) -> tuple[arb | float, float]:
         """Mean logarithm of what impacts leave of an area, from state `first` to state `last`.
 
-        Also how much it may be off by the errors that the dataset admits.  `closed` tells that the
-        states in between are a cycle.
+        Also how much it may be off by the errors that the dataset admits.
         """
-        error, speeds = self._bounds.speed_error(self._realization), self.speeds[first : last + 1]
+        error, speeds = self._bounds.speed_error(self._realization), self.speeds[first:last]
         with ctx.workprec(self.trajectory.precision_bits):
-            return self.map().contraction(speeds, error, closed)
+            return self.map().contraction(speeds, error)
 
     def last_state(self) -> tuple[arb, arb]:
         """Phase in turns, not reduced, and speed of the last state."""

@@ -258,9 +258,9 @@ class PeriodMap(NamedTuple):
         pushed = self.speed(x + u, u) < 0  # then the law turns it back
         return Carried((c + s, k * c + (f + k) * s), (c - s, (f + k) * c - k * s), wrong, pushed)
 
-    def contraction(self, speeds: Sequence[arb], error: float, closed: bool) -> Contraction:
-        """Mean logarithm of the determinant between states of these speeds; see `PeriodMap`."""
-        slopes = [self.law.slope(self.e, u, ONE) for u in speeds[:-1]]
+    def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
+        """Mean logarithm of the determinant of impacts with these speeds of arrival."""
+        slopes = [self.law.slope(self.e, u, ONE) for u in speeds]
         if any(slope == 0 for slope in slopes):
             return -math.inf, 0.0
         bend = self.law.bend(float(self.e))

@@ -201,9 +201,8 @@ class PeriodMap(Protocol):
         In doubles, which know phase and speed of the lift-off up to `errors`.
         """
 
-    def contraction(self, speeds: Sequence[arb], error: float, closed: bool) -> Contraction:
-        """Mean logarithm of the modulus of the determinant between states of these speeds.
+    def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
+        """Mean logarithm of what impacts after flights of these speeds leave of an area.
 
-        Also a bound of its change where all speeds change by `error`.  `closed` tells that the last
-        state is the first of a cycle again.
+        Also a bound of its change where all speeds change by `error`.
         """

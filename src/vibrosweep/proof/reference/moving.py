@@ -143,21 +143,12 @@ class MovingMap(NamedTuple):
         wrong += 64.0 * EPS * float(size.abs_upper())
         return Carried(_floats(along), _floats(across), wrong, False)
 
-    def contraction(self, speeds: Sequence[arb], error: float, closed: bool) -> Contraction:
-        """Mean logarithm of the determinant between states of these speeds; see `PeriodMap`.
+    def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
+        """Mean logarithm of the determinant, in coordinates in which no speed enters it.
 
-        e y / z is e^2 y / y', so the product telescopes.
+        It is e y / z = e^2 y / y' in (x, y), and e^2 in (x, y^2).
         """
-        if self.e == 0:
-            return -math.inf, 0.0
-        twice, impacts = 2 * self.e.log(), len(speeds) - 1
-        if closed:
-            return twice, 0.0
-        first, last = speeds[0], speeds[-1]
-        if not (first > 2.0 * error and last > 2.0 * error):
-            return twice, math.inf
-        change = 2.0 * error * (1.0 / float(first) + 1.0 / float(last)) / impacts
-        return twice + (first / last).log() / impacts, change
+        return (-math.inf if self.e == 0 else 2 * self.e.log()), 0.0
 
 
 def liftoff_error(parameters: Mapping[str, float]) -> float:
