@@ -109,7 +109,7 @@ def _fixed_orbit(case: Case, impact: Impact) -> tuple[arb, float]:
         slope = -2 * arb.pi() * a * (1 - sine * sine).sqrt()
         alpha = (1 + e + slope) / 2
         beta = (e - alpha * alpha).sqrt()
-        off_phase, off_flight = impact.phase - phase, impact.flight - case.locked
+        off_phase, off_flight = impact.phase - phase, impact.flight.speed - case.locked
         across = (off_flight - (alpha - 1) * off_phase) / beta
         distance = arb((off_phase * off_phase + across * across).abs_upper()).sqrt()
         growth = e.sqrt() * (1 + 2 * arb.pi() ** 2 * a * e.sqrt() * distance / beta)

@@ -11,6 +11,7 @@ from vibrosweep.model.measures import VARIABLES
 from vibrosweep.proof.judgement import judge
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.measured import Measured
+from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import EPS, Bounds, claims, record_claims
 
@@ -30,10 +31,12 @@ SCENE = Realization(
     windowed=True,
     launch_rounding=1e-15,
     rebound="rest",
+    base="high-bounce",
 )
 MEASURED = Measured(
     values={"dt_min": arb("0.5"), "dt_min_same_index": None},
     fastest=arb(4),
+    flights=[Flight(arb("1.6"), arb("0.8"), arb("1.6"), None)],
     longest=30,
     edge=arb("0.1"),
     launch_depth=Fraction(-1, 4),

@@ -10,7 +10,7 @@ from flint import arb
 
 from vibrosweep.model.status import Status
 from vibrosweep.proof.measured import measures
-from vibrosweep.proof.reference.results import Impact, Trajectory
+from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.sample import Realization
 
 PARAMETERS = {
@@ -33,7 +33,16 @@ def scene(particles, transient=0.0):
         windowed=transient > 0.0,
         launch_rounding=0.0,
         rebound="rest",
+        base="high-bounce",
     )
+
+
+def flight(velocity):
+    periods = 2.0 * velocity / 9.81
+    return Flight(arb(periods), arb(velocity**2 / 2.0 / 9.81), arb(periods), None)
+
+
+LAUNCH = flight(5.0)
 
 
 def trajectory(rng, landings, at_rest):
@@ -44,18 +53,19 @@ def trajectory(rng, landings, at_rest):
     for n, (time, stay) in enumerate(zip(times.tolist(), stays.tolist(), strict=True)):
         for_good = at_rest and n == landings - 1
         rested = for_good or n % 2 == 0
+        velocity = float(rng.uniform(0.0, 6.0))
         impacts.append(
             Impact(
                 landing_time=arb(time),
                 liftoff_time=None if for_good else arb(time + stay * rested),
-                rebound_velocity=None if for_good else arb(float(rng.uniform(0.0, 6.0))),
+                rebound_velocity=None if for_good else arb(velocity),
                 rested=rested,
                 count=0,
                 phase=arb(0),
-                flight=None if for_good else arb(1),
+                flight=None if for_good else flight(velocity),
             )
         )
-    return Trajectory(tuple(impacts), at_rest, Status.COMPLETED, 128)
+    return Trajectory(LAUNCH, tuple(impacts), at_rest, Status.COMPLETED, 128)
 
 
 def stays_of(trajectories):
@@ -130,7 +140,7 @@ def test_launch_counts_for_the_height_only_inside_the_window():
 
 
 def test_no_landing_at_all():
-    nothing = Trajectory((), False, Status.COMPLETED, 128)
+    nothing = Trajectory(LAUNCH, (), False, Status.COMPLETED, 128)
     values = measures(scene(2), [nothing, nothing]).values
     undefined = {"rebound_height_mean", "rebound_height_max", "flight_time_mean", "dt_min"}
     assert {n for n in undefined if values[n] is None} == undefined
@@ -139,6 +149,6 @@ def test_no_landing_at_all():
 
 
 def test_squares_beyond_doubles_are_not_finite():
-    fast = Impact(arb(1), arb(1), arb(1e200), False, 1, arb(0), arb(1))
-    values = measures(scene(1), [Trajectory((fast,), False, Status.COMPLETED, 128)]).values
+    fast = Impact(arb(1), arb(1), arb(1e200), False, 1, arb(0), flight(1e100))
+    values = measures(scene(1), [Trajectory(LAUNCH, (fast,), False, Status.COMPLETED, 128)]).values
     assert values["status"] == Status.NON_FINITE

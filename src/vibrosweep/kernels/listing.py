@@ -47,6 +47,7 @@ def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> Non
         hit = impact(fixed, s[STATE.N + j], s[STATE.X + j], s[STATE.U + j])
         due = hit.n - n_stop <= x_stop - hit.x
         rest = 0.0 if hit.leaves else (hit.n_off - hit.n) + (hit.x_off - hit.x)
+        rest = np.inf if hit.n_off == np.inf else rest  # there is no phase to a rest for good
         s[STATE.X_LAND + j] = hit.x
         s[STATE.N_LAND + j] = hit.n
         s[STATE.STAY + j] = rest if rest > shortest else shortest

@@ -12,7 +12,6 @@ import numpy as np
 
 from vibrosweep.proof.bounds import Errors
 from vibrosweep.proof.cycle import largest_exponent
-from vibrosweep.proof.growth import mean_growth
 from vibrosweep.proof.measured import Measured, measures
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
 from vibrosweep.proof.reference._flint import exact
@@ -151,15 +150,9 @@ class Case:
             return Exponents(-math.inf, claim, -math.inf, claim, 0.0)
         rounding = self._stated("lyapunov_sum_error", particle)
         if cycle is not None:
-            last = len(orbit.flights) - 1
+            last = len(orbit.speeds) - 1
             total, change = orbit.contraction(last - cycle.impacts, last)
-            found = largest_exponent(
-                self.realization.parameters,
-                self.realization.rebound,
-                orbit.last_state(),
-                cycle.impacts,
-                cycle.periods,
-            )
+            found = largest_exponent(orbit.map, orbit.last_state(), cycle.impacts, cycle.periods)
             stated = self._stated("lyapunov_largest_error", particle)
             claim = None if found is None else stated
             return Exponents(found, claim, total, _with(rounding, change), bounds_rounding=True)
@@ -167,9 +160,7 @@ class Case:
             return Exponents(None, None, None, None)
         if first == len(impacts):
             return Exponents(None, 0.0, None, 0.0)
-        mean = mean_growth(
-            self.realization, self.bounds, impacts[first:], orbit.flights[first : len(impacts)]
-        )
+        mean = orbit.growth(first, len(impacts))
         total, change = orbit.contraction(first, len(impacts))
         claim = _with(rounding, change)
         return Exponents(mean.value, mean.claim, total, claim, mean.standard_error)
@@ -179,8 +170,7 @@ class Case:
         impacts, first = self._window(particle)
         if len(impacts) - first < LANDINGS or any(i.rested for i in impacts[first:]):
             return False
-        flights = self.orbits[particle].flights[first : len(impacts)]
-        mean = mean_growth(self.realization, self.bounds, impacts[first:], flights)
+        mean = self.orbits[particle].growth(first, len(impacts))
         if mean.claim is None or mean.standard_error is None:
             return None
         above = mean.value - CERTAIN * mean.standard_error

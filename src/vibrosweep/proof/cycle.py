@@ -1,6 +1,6 @@
 """A cycle proved to exist, and its multipliers as balls.
 
-The state (x, u), phase at lift-off and flight that follows in forcing periods, lies on a cycle of p
+The state (x, u), phase and speed relative to the base at lift-off, lies on a cycle of p
 impacts in q periods if p impacts lead to (x + q, u).  Newton's method finds it next to a state of
 an orbit; the interval Newton operator (Krawczyk 1969; Moore 1966) then maps a box around it into
 its interior, which proves that one and only one such state lies in the box, and the Jacobians over
@@ -10,11 +10,11 @@ the box enclose the cycle's own.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from vibrosweep.proof.reference._flint import arb, ctx
-from vibrosweep.proof.reference.high_bounce import PeriodMap
+from vibrosweep.proof.reference.motion import PeriodMap
 
 __all__ = ["MAX_CYCLE", "largest_exponent"]
 
@@ -35,8 +35,7 @@ class _Return(NamedTuple):
 
 
 def largest_exponent(
-    parameters: Mapping[str, float],
-    rebound: str,
+    map_of: Callable[[], PeriodMap],
     state: tuple[arb, arb],
     impacts: int,
     periods: int,
@@ -45,13 +44,10 @@ def largest_exponent(
 
     Parameters
     ----------
-    parameters
-        Every parameter of `vibrosweep.model.parameters.PARAMETERS`.
-    rebound
-        ``"rest"`` or ``"reflect"``.
+    map_of
+        Gives the impacts in forcing periods, at the current precision.
     state
-        Phase at lift-off in turns and flight that follows in forcing periods, of an orbit that has
-        come near to the cycle.
+        Phase in turns and speed at lift-off, of an orbit that has come near to the cycle.
     impacts, periods
         Of the cycle.
 
@@ -63,11 +59,8 @@ def largest_exponent(
     """
     if impacts > MAX_CYCLE:
         return None
-    kick = float(PeriodMap.of(parameters, rebound).a)
-    lost = 1.0 + math.log2(3.0 + 4.0 * math.pi * kick)  # bits, by the Jacobian of one impact
-    with ctx.workprec(128 + 4 * math.ceil(impacts * lost)):
-        m = PeriodMap.of(parameters, rebound)
-        found = _proved_return(m, state, impacts, periods)
+    with ctx.workprec(128 + 4 * math.ceil(impacts * map_of().lost())):
+        found = _proved_return(map_of(), state, impacts, periods)
         return None if found is None else _exponent(found, impacts)
 
 
@@ -105,21 +98,14 @@ def _once_round(m: PeriodMap, x: arb, u: arb, impacts: int) -> _Return | None:
     j00, j01, j10, j11 = arb(1), arb(0), arb(0), arb(1)
     determinant = arb(1)
     for _ in range(impacts):
-        x = x + u
-        w = m.speed(x, u)
-        s, f = m.slopes(x, u)
-        j10, j11, j00, j01 = (
-            s * j00 + (f + s) * j10,
-            s * j01 + (f + s) * j11,
-            j00 + j10,
-            j01 + j11,
-        )
-        determinant *= f
-        if m.law.turns_back and w < 0:
-            w, j10, j11, determinant = -w, -j10, -j11, -determinant
-        if not w > m.r:
+        step = m.step(x, u)
+        if step is None:
             return None
-        u = w
+        (xx, xu), (ux, uu) = step.rows
+        j00, j10 = xx * j00 + xu * j10, ux * j00 + uu * j10
+        j01, j11 = xx * j01 + xu * j11, ux * j01 + uu * j11
+        determinant *= step.determinant
+        x, u = x + step.duration, step.speed
     return _Return(x, u, (j00, j01, j10, j11), determinant)
 
 

@@ -12,10 +12,8 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from vibrosweep.proof.reference._flint import arb
-from vibrosweep.proof.reference.high_bounce import PeriodMap
-from vibrosweep.proof.reference.results import Impact
-from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.tolerances import EPS, Bounds
+from vibrosweep.proof.reference.motion import EPS, PeriodMap
+from vibrosweep.proof.reference.results import Flight
 
 __all__ = ["Mean", "mean_growth"]
 
@@ -43,44 +41,34 @@ class Mean(NamedTuple):
 
 
 def mean_growth(
-    realization: Realization, bounds: Bounds, impacts: Sequence[Impact], flights: Sequence[arb]
+    m: PeriodMap, phases: Sequence[arb], flights: Sequence[Flight], errors: tuple[float, float]
 ) -> Mean:
     """Mean growth of a change of phase alone through impacts without rests, at least one.
 
     Parameters
     ----------
-    realization
-        The realization.
-    bounds
-        Bounds of the errors of the kernel's landings.
-    impacts
-        Proved, one after the other.
-    flights
-        The flight before each of them, forcing periods.
+    m
+        Impacts of the base.
+    phases, flights
+        Proved phases of lift-offs, turns, and the flights that follow, one after the other.
+    errors
+        Bounds of the errors of phase and speed of the kernel's lift-offs.
     """
-    m = PeriodMap.of(realization.parameters, realization.rebound)
-    frequency = realization.parameters["frequency"]
-    phase_error = bounds.landing_time * frequency + 4.0 * EPS
-    s_error, f_error = m.slope_errors(phase_error, bounds.flight_error(realization))
-    s_error += 16.0 * math.pi * EPS * float(m.a)  # both computations round
-    c, s, turned, logarithms, errors = 1.0, 0.0, 0.0, [], []
-    for impact, flight in zip(impacts, flights, strict=True):
-        k, f = (float(slope) for slope in m.slopes(impact.phase, flight))
-        ax, ay = c + s, k * c + (f + k) * s
-        bx, by = c - s, (f + k) * c - k * s
+    c, s, turned, logarithms, wrongs = 1.0, 0.0, 0.0, [], []
+    for x, flight in zip(phases, flights, strict=True):
+        carried = m.carried(x, flight, (c, s), errors)
+        (ax, ay), (bx, by) = carried.along, carried.across
         along = math.hypot(ax, ay)
         if along == 0.0:
             return Mean(-math.inf, 0.0, 0.0 if turned == 0.0 else None)
-        wrong = abs(c + s) * s_error + abs(s) * f_error
-        wrong = (wrong + 32.0 * EPS * (2.0 + f + 2.0 * abs(k))) / along
+        wrong = carried.wrong / along
         logarithms.append(math.log(along))
-        errors.append(abs(ax * bx + ay * by) / along**2 * turned + wrong + 4.0 * EPS)
+        wrongs.append(abs(ax * bx + ay * by) / along**2 * turned + wrong + 4.0 * EPS)
         turned = abs(ax * by - ay * bx) / along**2 * turned + wrong
-        pushed = m.speed(impact.phase, flight) < 0
-        c, s = ax / along, (-ay if pushed else ay) / along  # then the law turns it back
-        if turned > TURNED:
+        c, s = ax / along, (-ay if carried.turned_back else ay) / along
+        if not turned <= TURNED:
             return Mean(math.nan, None, None)
-    claim = FIRST_ORDER * max(errors) + 2.0 * len(errors) * EPS * max(map(abs, logarithms))
+    claim = FIRST_ORDER * max(wrongs) + 2.0 * len(wrongs) * EPS * max(map(abs, logarithms))
     return Mean(math.fsum(logarithms) / len(logarithms), _standard_error(logarithms), claim)
 
 

@@ -15,6 +15,7 @@ from sys import float_info
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb, ctx, exact
 from vibrosweep.proof.reference.ball import Trajectory
+from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import (
     Flights,
@@ -44,6 +45,8 @@ class Measured:
         each.
     fastest
         Largest rebound speed in the window, m s-1; None without any flight.
+    flights
+        Those that follow landings in the window.
     longest
         Largest number of flights of one particle.
     edge
@@ -59,6 +62,7 @@ class Measured:
 
     values: dict[str, Proved | list[Proved]]
     fastest: arb | None
+    flights: Sequence[Flight]
     longest: int
     edge: arb | None
     launch_depth: Fraction
@@ -73,7 +77,7 @@ def measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Me
 
 def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measured:
     begin = exact(realization.transient) if realization.windowed else arb.neg_inf()
-    gravity = arb(realization.parameters["gravity"])
+    frequency = arb(realization.parameters["frequency"])
     landings = landings_of(realization, trajectories)
     seen = [x for x in landings if x.time >= begin]
     each = [flights_of(x for x in seen if x.particle == p) for p in range(len(trajectories))]
@@ -83,20 +87,21 @@ def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> M
     ]
     overlap = _overlap(landings, begin)
     shared = int(overlap is not None and bool(overlap.mid() >= 0))
-    values: dict[str, Proved | list[Proved]] = dict(statistics(whole, gravity))
-    values["flight_height_max"] = largest_height(whole, realization)
+    values: dict[str, Proved | list[Proved]] = dict(statistics(whole, frequency))
+    values["flight_height_max"] = largest_height(whole, realization, trajectories)
     values["at_rest_count"] = sum(t.at_rest for t in trajectories)
     values["dt_min"] = _closest(seen)
     values["dt_min_same_index"] = _closest_same_index(seen)
     values["base_shared"], values["collision_free"] = shared, 1 - shared
     values["status"] = max(status)
-    for name in statistics(whole, gravity):
-        values[f"particle_{name}"] = [statistics(flights, gravity)[name] for flights in each]
+    for name in statistics(whole, frequency):
+        values[f"particle_{name}"] = [statistics(flights, frequency)[name] for flights in each]
     values["particle_at_rest"] = [int(t.at_rest) for t in trajectories]
     values["particle_status"] = list(status)
     return Measured(
         values=values,
-        fastest=largest(whole.speeds),
+        fastest=largest(abs(speed) for speed in whole.speeds),
+        flights=whole.flights,
         longest=max(len(flights.speeds) for flights in each),
         edge=_least([abs(x.time - begin) for x in landings]) if realization.windowed else None,
         launch_depth=launch_depth(realization),
@@ -109,7 +114,8 @@ def _status(trajectory: Trajectory, flights: Flights, realization: Realization) 
     if trajectory.status != Status.COMPLETED:
         return trajectory.status
     rate = 2 * arb(realization.parameters["frequency"]) / arb(realization.parameters["gravity"])
-    overflows = flights.squares * rate * rate > arb(float_info.max)
+    squares = sum((speed * speed for speed in flights.speeds), arb(0))
+    overflows = squares * rate * rate > arb(float_info.max)
     return Status.NON_FINITE if overflows else Status.COMPLETED
 
 

@@ -18,14 +18,18 @@ from typing import Any, Final, NamedTuple
 
 from vibrosweep.kernels.settle import SAME_ORBIT
 from vibrosweep.model.status import Regime
+from vibrosweep.proof.growth import Mean, mean_growth
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.ball import Trajectory
-from vibrosweep.proof.reference.high_bounce import PeriodMap, nearest_integer
+from vibrosweep.proof.reference.decisions import nearest_integer
+from vibrosweep.proof.reference.motion import PeriodMap
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.tolerances import EPS, Bounds, record_claims
 
 __all__ = ["SAID", "Cycle", "Orbit", "State", "numbered"]
 
+# Bits of numbers that end as doubles
+FLOATING: Final = 128
 # Variables that show whether a particle recurs, each with its test.
 SAID: Final[dict[str, Callable[[Any], bool]]] = {
     "regime": lambda code: code in (Regime.RESTING, Regime.LOCKED),
@@ -39,11 +43,11 @@ SAID: Final[dict[str, Callable[[Any], bool]]] = {
 
 
 class State(NamedTuple):
-    """Lift-off and the flight that follows: whole periods, phase in turns, flight in periods."""
+    """A lift-off: whole periods, phase in turns, speed relative to the base in units of g / 2 f."""
 
     whole: int
     phase: float
-    flight: float
+    speed: float
 
 
 @dataclass(frozen=True)
@@ -71,8 +75,8 @@ class Orbit:
     ----------
     trajectory
         Proved landings.
-    times, flights
-        Of the states: lift-off in s, and duration of the flight that follows in periods.
+    times, flights, speeds
+        Of the states: lift-off in s, flight that follows, and its speed relative to the base.
     time_error
         Largest error in s of the kernel's time of a state.
     """
@@ -85,15 +89,16 @@ class Orbit:
         self._frequency = arb(p["frequency"])
         left = [i for i in trajectory.impacts if i.liftoff_time is not None]
         with ctx.workprec(2 * trajectory.precision_bits):
-            first = 2 * self._frequency * arb(p["launch_velocity"]) / arb(p["gravity"])
             launched = arb(launch.numerator) / launch.denominator
         self.times = [launched, *(i.liftoff_time for i in left)]
-        self.flights = [first, *(i.flight for i in left)]
+        self.flights = [f for f in (trajectory.launch, *(i.flight for i in left)) if f is not None]
+        self.speeds = [flight.speed for flight in self.flights]
         end = float(realization.duration)
         self.time_error = record_claims(bounds, realization, end)["liftoff_time"]
+        self._time_error = bounds.landing_time * p["frequency"] + 4.0 * EPS
         time = record_claims(bounds, realization, 0.0)["liftoff_time"] * p["frequency"]
         # of the difference of two states of the kernel, in periods
-        self._error = 2.0 * max(time, bounds.flight_error(realization)) + 8.0 * EPS
+        self._error = 2.0 * max(time, bounds.speed_error(realization)) + 8.0 * EPS
 
     @cached_property
     def _rests(self) -> list[int]:
@@ -164,24 +169,36 @@ class Orbit:
             return False
         for n in range(first, last):
             turns = (self.times[n + cycle] - self.times[n]) * self._frequency - periods
-            if abs(turns) > error or abs(self.flights[n + cycle] - self.flights[n]) > error:
+            if abs(turns) > error or abs(self.speeds[n + cycle] - self.speeds[n]) > error:
                 return False
         return True
 
+    def map(self) -> PeriodMap:
+        """Impacts of the base, at the current precision."""
+        realization = self._realization
+        return realization.reference.period_map(realization.parameters, realization.rebound)
+
     def contraction(self, first: int, last: int) -> tuple[arb | float, float]:
-        """Mean logarithm of what impacts leave of an area, of flights first ... last - 1.
+        """Mean logarithm of what impacts leave of an area, from state `first` to state `last`.
 
         Also how much it may be off by the errors that the dataset admits.
         """
-        realization = self._realization
+        error, speeds = self._bounds.speed_error(self._realization), self.speeds[first:last]
         with ctx.workprec(self.trajectory.precision_bits):
-            m = PeriodMap.of(realization.parameters, realization.rebound)
-            return m.contraction(self.flights[first:last], self._bounds.flight_error(realization))
+            return self.map().contraction(speeds, error)
 
     def last_state(self) -> tuple[arb, arb]:
-        """Phase in turns, not reduced, and flight of the last state."""
+        """Phase in turns, not reduced, and speed of the last state."""
         with ctx.workprec(2 * self.trajectory.precision_bits):
-            return self._turns(-1), self.flights[-1]
+            return self._turns(-1), self.speeds[-1]
+
+    def growth(self, first: int, last: int) -> Mean:
+        """Mean growth by the impacts from state `first` to state `last`."""
+        with ctx.workprec(2 * self.trajectory.precision_bits):
+            phases = [self._turns(n) for n in range(first, last)]
+        errors = self._time_error, self._bounds.speed_error(self._realization)
+        with ctx.workprec(FLOATING):
+            return mean_growth(self.map(), phases, self.flights[first:last], errors)
 
     def _turns(self, state: int) -> arb:
         return self.times[state] * self._frequency + arb(self._realization.parameters["phase"]) / (
@@ -189,7 +206,7 @@ class Orbit:
         )
 
     def representative(self, cycle: Cycle) -> State | None:
-        """State of a cycle with the shortest flight; among equal ones, that of lowest phase.
+        """State of a cycle with the lowest speed; among equal ones, that of lowest phase.
 
         Whole periods are counted with the phase of the forcing reduced to one turn.  None if states
         are too close to decide.
@@ -200,18 +217,18 @@ class Orbit:
             for n in range(len(self.times) - cycle.impacts, len(self.times)):
                 turns = self._turns(n)
                 count = nearest_integer(turns)
-                members.append(State(count - whole, float(turns - count), float(self.flights[n])))
-        shortest = min(member.flight for member in members)
+                members.append(State(count - whole, float(turns - count), float(self.speeds[n])))
+        slowest = min(member.speed for member in members)
         tied = sorted(
-            (m for m in members if m.flight <= shortest + 3 * SAME_ORBIT), key=lambda m: m[1]
+            (m for m in members if m.speed <= slowest + 3 * SAME_ORBIT), key=lambda m: m[1]
         )
-        if any(m.flight > shortest + SAME_ORBIT / 3 for m in tied):
+        if any(m.speed > slowest + SAME_ORBIT / 3 for m in tied):
             return None
         found = tied[0]
         if len(tied) > 1 and tied[1].phase - found.phase < 3 * SAME_ORBIT:
             return None
         if found.phase < SAME_ORBIT / 3 - 0.5:  # -1/2 and 1/2 are the same phase
-            return State(found.whole - 1, found.phase + 1.0, found.flight)
+            return State(found.whole - 1, found.phase + 1.0, found.speed)
         return None if found.phase < 3 * SAME_ORBIT - 0.5 else found
 
 
@@ -255,5 +272,5 @@ def _same(cycle: Cycle, state: State, other: Cycle, first: State) -> bool | None
     if (cycle.impacts, cycle.periods, cycle.rests) != (other.impacts, other.periods, other.rests):
         return False
     apart = state.phase - first.phase
-    distance = max(abs(state.flight - first.flight), abs(apart - round(apart)))
+    distance = max(abs(state.speed - first.speed), abs(apart - round(apart)))
     return None if SAME_ORBIT / 3 < distance < 3 * SAME_ORBIT else distance < SAME_ORBIT

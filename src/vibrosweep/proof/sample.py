@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.observation import Observation
 from vibrosweep.model.times import Periods, Time
+from vibrosweep.proof.reference.bases import REFERENCE_OF, Reference
 
 __all__ = ["Realization", "Sample"]
 
@@ -36,6 +37,8 @@ class Realization:
         Error in s with which a launch is compared with the edges of the window.
     rebound
         ``"rest"`` or ``"reflect"``.
+    base
+        One of `vibrosweep.model.parameters.BASES`.
     """
 
     parameters: Mapping[str, float]
@@ -45,6 +48,12 @@ class Realization:
     windowed: bool
     launch_rounding: float
     rebound: str
+    base: str
+
+    @property
+    def reference(self) -> Reference:
+        """What the reference knows of the base."""
+        return REFERENCE_OF[self.base]
 
 
 @dataclass(frozen=True)
@@ -105,6 +114,7 @@ class Sample:
             windowed=observation.windowed,
             launch_rounding=rounding,
             rebound=observation.rebound,
+            base=observation.base,
         )
 
 

@@ -6,12 +6,15 @@ arithmetic here, and the largest error that the bounds of a dataset allow it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import Final, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.ball import Trajectory
+from vibrosweep.proof.reference.motion import EPS
+from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
 
 __all__ = [
@@ -19,6 +22,7 @@ __all__ = [
     "Flights",
     "Landing",
     "Proved",
+    "Uncertainty",
     "flights_of",
     "landings_of",
     "largest",
@@ -28,7 +32,6 @@ __all__ = [
     "statistics_claims",
 ]
 
-EPS: Final = 2.0**-53
 # A ball, an exact count, code or double, or None where the variable is undefined (NaN stored).
 Proved: TypeAlias = "arb | int | float | None"
 
@@ -42,6 +45,7 @@ class Landing(NamedTuple):
     stay_end: arb
     speed: arb | None
     rested: bool
+    flight: Flight | None
 
 
 class Flights(NamedTuple):
@@ -50,7 +54,7 @@ class Flights(NamedTuple):
     landings: int
     rests: int
     speeds: list[arb]
-    squares: arb
+    flights: list[Flight]
 
 
 def landings_of(realization: Realization, trajectories: Sequence[Trajectory]) -> list[Landing]:
@@ -66,6 +70,7 @@ def landings_of(realization: Realization, trajectories: Sequence[Trajectory]) ->
             else impact.liftoff_time.max(impact.landing_time + contact),
             speed=impact.rebound_velocity,
             rested=impact.rested,
+            flight=impact.flight,
         )
         for particle, trajectory in enumerate(trajectories)
         for number, impact in enumerate(trajectory.impacts)
@@ -77,34 +82,34 @@ def flights_of(landings: Iterable[Landing]) -> Flights:
     """Sum over the flights that follow landings."""
     listed = list(landings)
     speeds = [x.speed for x in listed if x.speed is not None]
-    squares = sum((speed * speed for speed in speeds), arb(0))
-    return Flights(len(listed), sum(x.rested for x in listed), speeds, squares)
+    flights = [x.flight for x in listed if x.flight is not None]
+    return Flights(len(listed), sum(x.rested for x in listed), speeds, flights)
 
 
-def statistics(flights: Flights, gravity: arb) -> dict[str, Proved]:
+def statistics(flights: Flights, frequency: arb) -> dict[str, Proved]:
     """Measures of flights, the same for a realization and for one particle."""
-    number, fastest = len(flights.speeds), largest(flights.speeds)
-    mean_square = mean_time = highest = None
-    if fastest is not None:
-        mean_square = flights.squares / number / (2 * gravity)
-        mean_time = 2 * sum(flights.speeds, arb(0)) / number / gravity
-        highest = fastest * fastest / (2 * gravity)
+    heights, number = [flight.height for flight in flights.flights], len(flights.flights)
+    mean_height = mean_time = None
+    if number > 0:
+        mean_height = sum(heights, arb(0)) / number
+        mean_time = sum((f.duration for f in flights.flights), arb(0)) / number / frequency
     return {
         "impact_count": flights.landings,
         "rest_count": flights.rests,
-        "rebound_height_mean": mean_square,
-        "rebound_height_max": highest,
+        "rebound_height_mean": mean_height,
+        "rebound_height_max": largest(heights),
         "flight_time_mean": mean_time,
     }
 
 
-def largest_height(flights: Flights, realization: Realization) -> Proved:
-    """Height of the highest flight, a launch in the window among them."""
-    speeds = list(flights.speeds)
-    if launch_depth(realization) >= 0:
-        speeds.append(arb(realization.parameters["launch_velocity"]))
-    fastest = largest(speeds)
-    return None if fastest is None else fastest**2 / (2 * arb(realization.parameters["gravity"]))
+def largest_height(
+    flights: Flights, realization: Realization, trajectories: Sequence[Trajectory]
+) -> Proved:
+    """Height of the highest flight, launches in the window among them."""
+    begin, end = realization.transient, realization.duration
+    launches = zip(realization.launch_times, trajectories, strict=True)
+    launched = [t.launch.height for time, t in launches if begin <= time <= end]
+    return largest(launched + [flight.height for flight in flights.flights])
 
 
 def launch_depth(realization: Realization) -> Fraction:
@@ -121,31 +126,57 @@ def largest(balls: Iterable[arb]) -> arb | None:
     return found
 
 
+class Uncertainty(NamedTuple):
+    """Bounds of the errors of flights.
+
+    Attributes
+    ----------
+    velocity
+        Of every rebound velocity, m s-1.
+    height
+        Of the height of the base at every lift-off, m.
+    duration
+        Of every duration, s.
+    """
+
+    velocity: float
+    height: float
+    duration: float
+
+
 def statistics_claims(
-    error: float, realization: Realization, fastest: arb | None, longest: int
+    error: Uncertainty,
+    realization: Realization,
+    flights: Sequence[Flight],
+    fastest: arb | None,
+    longest: int,
 ) -> dict[str, float | None]:
     """Largest errors of statistics, of a realization and of each particle.
 
     Parameters
     ----------
     error
-        Bound of the error of every rebound velocity, m s-1.
-    scene
+        Bounds of the errors of flights.
+    realization
         The realization.
-    fastest, longest
+    flights, fastest, longest
         As in `vibrosweep.proof.measured.Measured`.
     """
-    gravity, launch = realization.parameters["gravity"], realization.parameters["launch_velocity"]
+    p, reference = realization.parameters, realization.reference
+    gravity, launch = p["gravity"], p["launch_velocity"]
     rounding = (longest + len(realization.launch_times) + 10) * EPS
     v = 0.0 if fastest is None else float(fastest)
-    most, height = max(v, launch), (2.0 * v * error + error * error) / (2.0 * gravity)
-    height += rounding * most * most / (2.0 * gravity)
+    raised = reference.velocity(p) / (2.0 * math.pi * p["frequency"])
+    lasting = max((float(flight.duration) for flight in flights), default=0.0) / p["frequency"]
+    most = max(v, launch) ** 2 / (2.0 * gravity) + raised
+    height = (2.0 * v * error.velocity + error.velocity**2) / (2.0 * gravity)
+    height += error.height + rounding * most
     claimed: dict[str, float | None] = {
         "impact_count": 0.0,
         "rest_count": 0.0,
         "rebound_height_mean": height,
         "rebound_height_max": height,
-        "flight_time_mean": (2.0 * error + rounding * 2.0 * v) / gravity,
+        "flight_time_mean": error.duration + rounding * lasting,
     }
     of_each = {f"particle_{name}": claim for name, claim in claimed.items()}
     return {**claimed, **of_each, "flight_height_max": height}

@@ -5,8 +5,10 @@ against the exact model.  Every other claim follows from these two and from the 
 few sums and products that lead from flights to the stored number; EPS is one rounding, 2**-53.
 
 * Counts and codes are exact.
-* A height v^2 / 2 g: (2 v dv + dv^2) / 2 g with the largest rebound speed v of the realization.
-* The mean flight time 2 v / g: 2 dv / g.
+* A height v^2 / 2 g: (2 v dv + dv^2) / 2 g with the largest rebound speed v of the realization;
+  the height of a moving base, of velocity V0 at most, adds V0 dt.
+* The mean flight time 2 v / g: 2 dv / g.  Over a moving base, its derivatives by the phase and the
+  relative speed of the lift-off, twice over for what they leave out.
 * Means are sums of n positive numbers, first of each particle, then of the particles: relative
   error (n + particles) EPS with n flights of a particle, and 10 EPS for the change of units.
 * A separation is the difference of two landing times: 2 dt, and the rounding of the difference of
@@ -14,7 +16,7 @@ few sums and products that lead from flights to the stored number; EPS is one ro
 * Whether two stays overlap is decided by a difference of a landing and a lift-off.  Where the exact
   difference is within their errors nothing is claimed.
 * A recorded time is rounded relative to itself and, before the phase of the forcing is taken off,
-  to a period; a lift-off after a rest has the error of asin(v_rest / A) / omega.
+  to a period; a lift-off after a rest has the error of the arc that gives its phase.
 * A landing within its error of the beginning of the window may be counted or not: then nothing is
   claimed of the measures over the window.  The dataset's own bounds cover the window's end.
 """
@@ -23,13 +25,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from vibrosweep.proof.measured import Measured
+from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.statistics import EPS, Proved, statistics_claims
+from vibrosweep.proof.statistics import EPS, Proved, Uncertainty, statistics_claims
 
 __all__ = ["EPS", "Bounds", "claims", "record_claims"]
+
+
+# for what the derivatives of a flight leave out
+FIRST_ORDER: Final = 2.0
 
 
 class Bounds(NamedTuple):
@@ -46,14 +53,32 @@ class Bounds(NamedTuple):
     landing_time: float
     rebound_velocity: float
 
-    def flight_error(self, realization: Realization) -> float:
-        """Bound of the errors of flights, in forcing periods."""
-        return (
-            self.rebound_velocity
-            * 2.0
-            * realization.parameters["frequency"]
-            / realization.parameters["gravity"]
-        )
+    def phase_error(self, realization: Realization) -> float:
+        """Bound of the errors of the phases of lift-offs, in turns."""
+        p = realization.parameters
+        lifted = realization.reference.liftoff_error(p)
+        return self.landing_time * p["frequency"] + lifted + 4.0 * EPS
+
+    def height_error(self, realization: Realization) -> float:
+        """Bound of the errors of the height of the base at lift-offs, in m."""
+        p = realization.parameters
+        velocity = realization.reference.velocity(p)
+        return velocity * self.phase_error(realization) / p["frequency"] if velocity > 0.0 else 0.0
+
+    def speed_error(self, realization: Realization) -> float:
+        """Bound of the errors of speeds relative to the base, in units of g / 2 f."""
+        p = realization.parameters
+        own = 2.0 * math.pi * p["frequency"] * self.height_error(realization)
+        return (self.rebound_velocity + own) * 2.0 * p["frequency"] / p["gravity"]
+
+    def duration_error(self, realization: Realization, flight: Flight) -> float:
+        """Bound of the error of the duration of a flight, in s."""
+        speed, period = self.speed_error(realization), 1.0 / realization.parameters["frequency"]
+        if flight.slopes is None:
+            return speed * period
+        by_phase, by_speed = flight.slopes
+        linear = abs(by_phase) * self.phase_error(realization) + abs(by_speed) * speed
+        return FIRST_ORDER * linear * period
 
 
 def claims(
@@ -65,8 +90,15 @@ def claims(
     exact |= {"particle_at_rest": 0.0, "particle_status": 0.0}
     undecided = _reaches(measured.overlap, _stay_error(dt, realization))
     exact |= dict.fromkeys(("base_shared", "collision_free"), None if undecided else 0.0)
+    error = Uncertainty(
+        velocity=bounds.rebound_velocity,
+        height=bounds.height_error(realization),
+        duration=max(
+            (bounds.duration_error(realization, f) for f in measured.flights), default=0.0
+        ),
+    )
     windowed = statistics_claims(
-        bounds.rebound_velocity, realization, measured.fastest, measured.longest
+        error, realization, measured.flights, measured.fastest, measured.longest
     ) | _separations(dt, measured, period)
     if _reaches(measured.edge, dt + 4.0 * EPS * period):
         windowed = dict.fromkeys(windowed)
@@ -106,16 +138,9 @@ def record_claims(bounds: Bounds, realization: Realization, number: float) -> Ma
 
 
 def _lift_off_error(realization: Realization) -> float:
-    """Error of a lift-off after a rest, s; it grows where the kick barely reaches v_rest."""
+    """Error of a lift-off after a rest, s."""
     p = realization.parameters
-    period, rest = 1.0 / p["frequency"], 0.5 * p["gravity"] * p["contact_time"]
-    if p["amplitude"] <= rest:
-        return 0.0
-    ratio = rest / p["amplitude"]
-    slope = math.sqrt((1.0 - ratio) * (1.0 + ratio))
-    if slope * slope <= 32.0 * EPS:
-        return math.inf
-    return (8.0 * ratio / (2.0 * math.pi * slope) + 1.0) * EPS * period
+    return realization.reference.liftoff_error(p) / p["frequency"]
 
 
 def _reaches(distance: Proved, error: float) -> bool:

@@ -214,6 +214,7 @@ def _proved(
         **realization.parameters,
         "duration": realization.duration,
         "rebound": realization.rebound,
+        "base": realization.base,
         "max_impacts": max_landings,
         "max_bits": MAX_BITS,
     }

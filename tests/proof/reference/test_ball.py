@@ -122,7 +122,7 @@ def test_locked_orbit_attracts_and_needs_no_more_precision_in_time():
         assert distance[0] > 1e-3
         assert distance[999] < 1e-19
         assert distance[-1] < 1e-20
-        assert abs(result.impacts[-1].flight - 1) < 1e-20
+        assert abs(result.impacts[-1].flight.duration - 1) < 1e-20
 
 
 def test_chaos_costs_precision_in_proportion():

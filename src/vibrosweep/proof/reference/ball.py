@@ -1,16 +1,23 @@
-"""The vibro-impact map with proved error bounds, in ball arithmetic (python-flint's `arb`).
+"""Trajectories with proved error bounds, in ball arithmetic (python-flint's `arb`).
 
 Parameters are taken as the exact doubles that they are.  The precision is doubled until every
 branch is certain and every result is narrower than asked, so what comes back is a theorem about
 those doubles, up to the correctness of FLINT.  The semantics of the branches:
 
-* A landing at t' = t + 2 v / g counts if and only if t' <= duration.
-* With w = e v + A sin(2 pi f t' + phi), or its absolute value under the `reflect` law, the
-  particle rests if and only if w <= v_rest = g tau_c / 2; else it leaves at once with v' = w.
-* A resting particle lifts off, with v' = v_rest, at the first t >= t' at which the kick
-  A sin(2 pi f t + phi) rises through v_rest.  If A <= v_rest it never does: it is at rest for
-  good, and its trajectory ends.  A lift-off is reported with its landing even where it is later
-  than the duration.
+* A landing at t' counts if and only if t' <= duration.
+* High-bounce base: a flight lasts 2 v / g.  With w = e v + A sin(2 pi f t' + phi), or its absolute
+  value under the `reflect` law, the particle rests if and only if w <= v_rest = g tau_c / 2; else
+  it leaves at once with v' = w.
+* There a resting particle lifts off, with v' = v_rest, at the first t >= t' at which the kick
+  A sin(2 pi f t + phi) rises through v_rest.  If A <= v_rest it never does.
+* Moving base, of velocity A / (1 + e) sin(2 pi f t + phi): a flight ends at the first point where
+  it meets the base, at once if it begins slower than the base or, as fast, where the base presses
+  the particle, 1 + Gamma cos(2 pi f t + phi) > 0.  After a landing with the relative speed z the
+  particle leaves with e z; it rests if and only if e z <= v_rest and the base presses it.
+* There a resting particle lifts off, as fast as the base, when this begins to fall faster than
+  gravity, cos(2 pi f t + phi) = -1 / Gamma and falling.  If Gamma <= 1 it never does.
+* A particle that never lifts off again is at rest for good, and its trajectory ends.  A lift-off is
+  reported with its landing even where it is later than the duration.
 
 A comparison of equal numbers can be certain only if both are exact.  That is the case without
 excitation (A = 0), for A against v_rest, and as long as every landing falls on a zero or a peak of
@@ -27,10 +34,13 @@ from fractions import Fraction
 from typing import Final
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.parameters import LAWS, PARAMETERS
+from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
-from vibrosweep.proof.reference.high_bounce import BallMap, nearest_integer
-from vibrosweep.proof.reference.orbit import Problem, UncertainError, attempt
+from vibrosweep.proof.reference.bases import REFERENCE_OF
+from vibrosweep.proof.reference.decisions import UncertainError, nearest_integer
+from vibrosweep.proof.reference.high_bounce import BallMap
+from vibrosweep.proof.reference.motion import Problem
+from vibrosweep.proof.reference.orbit import attempt
 from vibrosweep.proof.reference.results import Impact, Trajectory
 
 __all__ = ["Impact", "Trajectory", "UndecidableError", "sine", "step", "trajectory"]
@@ -49,6 +59,7 @@ def trajectory(
     contact_time: float,
     launch_time: float | Fraction,
     duration: float | Fraction,
+    base: str = "high-bounce",
     rebound: str = "rest",
     max_impacts: int = 100_000,
     digits: int = 20,
@@ -66,13 +77,15 @@ def trajectory(
         As in `vibrosweep.model.parameters.PARAMETERS`: 1, m s-1, Hz, rad, m s-2, m s-1, s.
     launch_time, duration
         s; landings at t <= duration count.  A `Fraction` is a time that no double is.
+    base
+        ``"high-bounce"`` or ``"moving"``.
     rebound
-        ``"rest"`` or ``"reflect"``.
+        ``"rest"`` or, on the high-bounce base, ``"reflect"``.
     max_impacts
         Budget of landings.
     digits
-        Radii asked for: 10**-digits of a velocity; of a time, or of the contact time where that is
-        larger; and of a turn for a phase.
+        Radii asked for: 10**-digits of a velocity, or of v_rest where that is larger; of a time, or
+        of the contact time where that is larger; and of a turn for a phase.
     max_bits
         Largest precision tried.
 
@@ -97,11 +110,16 @@ def trajectory(
         "launch_velocity": launch_velocity,
         "contact_time": contact_time,
     }
+    if base not in BASES:
+        raise ParameterError(f"base = {base!r}: must be one of {', '.join(BASES)}")
+    if base != "high-bounce" and rebound != "rest":
+        raise ParameterError(f"rebound = {rebound!r}: must be rest where the base is {base}")
     problem = _checked(values, launch_time, duration, rebound, max_impacts, digits)
+    motion_of = REFERENCE_OF[base].motion
     bits = GUARD_BITS * (2 + problem.digits_bits // GUARD_BITS)
     while True:
         try:
-            return attempt(problem, bits)
+            return attempt(problem, motion_of, bits)
         except UncertainError as uncertain:
             if 2 * bits > max_bits:
                 raise UndecidableError(uncertain.decision, uncertain.impact, bits) from None

@@ -25,20 +25,24 @@ from functools import cached_property
 from typing import NamedTuple
 
 from vibrosweep.proof.reference._flint import arb, ctx
+from vibrosweep.proof.reference.decisions import UncertainError, certain_above
+from vibrosweep.proof.reference.enclosure import FRAME_BITS, Enclosure
 from vibrosweep.proof.reference.laws import LAW_OF, Law
+from vibrosweep.proof.reference.motion import (
+    EPS,
+    Carried,
+    Contraction,
+    Landed,
+    Left,
+    Pair,
+    Problem,
+    Step,
+)
+from vibrosweep.proof.reference.results import Flight
 
-__all__ = ["BallMap", "Enclosure", "PeriodMap", "nearest_integer"]
+__all__ = ["BallMap", "Motion", "PeriodMap", "liftoff_error"]
 
-HALF = arb(0.5)
 ZERO, ONE = arb(0), arb(1)
-
-# The frame of an enclosure only shapes the error bound: a few more bits than its radius has.
-FRAME_BITS = 64
-
-
-def nearest_integer(ball: arb) -> int:
-    """Integer next to the midpoint: a choice of representation, so never uncertain."""
-    return int((ball.mid() + HALF).floor().fmpz())
 
 
 @dataclass(frozen=True)
@@ -103,9 +107,96 @@ class BallMap:
         by_landing = self._steepest * half_turns.cos_pi()
         return by_landing, self.law.slope(self.restitution, speed, self._unit)
 
+    def carry(self, state: Enclosure) -> tuple[arb, arb, arb]:
+        """Map a set; return V', its phase in half turns and w as balls around all its states."""
+        full = ctx.prec
+        ctx.prec = bits = min(full, state.bits)
+        landed, w = self.impact(state.flown, state.speed)
+        ctx.prec = FRAME_BITS
+        speed = state.speed + state.change(ZERO, ONE)
+        flown_error = state.change(ONE, ONE)
+        ctx.prec = bits
+        flown = landed + flown_error
+        half_turns = self.half_turns(flown)
+        ctx.prec = FRAME_BITS
+        s, f = self.slopes(half_turns, speed)
+        speed_error = state.change(s, f + s)
+        state.turn(landed, w, ((ONE, ONE), (s, f + s)))
+        ctx.prec = full
+        state.bits = max(0, flown.rel_accuracy_bits()) + 2 * FRAME_BITS
+        return flown, half_turns, w + speed_error
+
     def liftoff(self, rest_velocity: arb) -> arb:
         """Phase in half turns at which the kick rises through a threshold below its amplitude."""
         return (rest_velocity / self.amplitude).asin() / arb.pi()
+
+
+class Motion:
+    """A particle on this base, at one precision; the unit of time is 2 / g, which makes it V.
+
+    Attributes
+    ----------
+    launched, end
+        As in `vibrosweep.proof.reference.motion.Motion`.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        p, self._launch_time = problem.balls, problem.launched
+        self._map = BallMap.of(problem.parameters, problem.rebound, self._launch_time)
+        self._rest_velocity = p["gravity"] * p["contact_time"] / 2
+        self._flown, self._velocity = ZERO, p["launch_velocity"]
+        self._half_turns = self._map.half_turns_at_launch
+        self._state = Enclosure(self._flown, self._velocity)
+        self._lift: arb | None = None
+        if certain_above(self._map.amplitude, self._rest_velocity, "A > v_rest", 0):
+            self._lift = self._map.liftoff(self._rest_velocity)
+        self.end = p["gravity"] * problem.lasting / 2
+        self.launched = self._left(rested=False)
+
+    def time(self, flown: arb) -> arb:
+        """Time in s at which V is `flown`."""
+        return self._launch_time + 2 * flown / self._map.gravity
+
+    def _left(self, rested: bool) -> Left:
+        """Lift-off from the present state."""
+        m, v = self._map, self._velocity
+        height = v * v / (2 * m.gravity)
+        return Left(self._flown, rested, v, m.half_turn_rate * v / m.gravity / 2, height)
+
+    def land(self, impact: int) -> Landed:
+        """Fly to the next landing."""
+        duration = self._map.half_turn_rate * self._velocity / self._map.gravity / 2
+        self._flown, self._half_turns, self._velocity = self._map.carry(self._state)
+        return Landed(self._flown, self._half_turns, duration, None)
+
+    def leave(self, impact: int) -> Left | None:
+        """Rebound, perhaps after a rest; None at rest for good."""
+        w = self._velocity
+        speed = abs(w) if self._map.law.turns_back else w
+        if certain_above(speed, self._rest_velocity, "w > v_rest", impact):
+            self._velocity = speed
+            if w < 0:
+                self._state.mirror()
+            return self._left(rested=False)
+        if self._lift is None:
+            return None
+        self._flown = self._lifted(self._lift, impact)
+        self._velocity = self._rest_velocity
+        self._state = Enclosure(self._flown, self._velocity)
+        return self._left(rested=True)
+
+    def _lifted(self, lift: arb, impact: int) -> arb:
+        """V at the first lift-off phase not earlier than the phase of a rest.
+
+        No rest lies between the rise of the kick through v_rest and its fall, where w > v_rest; the
+        whole period is the only thing to decide.
+        """
+        m = self._map
+        periods = ((self._half_turns - lift) / 2).ceil().unique_fmpz()
+        if periods is None:
+            raise UncertainError("whether a rest begins before the lift-off phase", impact)
+        since_launch = lift + 2 * periods - m.half_turns_at_launch
+        return since_launch * m.gravity / m.half_turn_rate
 
 
 class PeriodMap(NamedTuple):
@@ -142,87 +233,53 @@ class PeriodMap(NamedTuple):
         """
         return 2 * arb.pi() * self.a * (2 * x).cos_pi(), self.law.slope(self.e, u, ONE)
 
-    def slope_errors(self, x_error: float, u_error: float) -> tuple[float, float]:
-        """Bounds of the changes of both slopes by changes of x and u."""
-        return 4.0 * math.pi**2 * float(self.a) * x_error, self.law.bend(float(self.e)) * u_error
+    def step(self, x: arb, u: arb) -> Step | None:
+        """Impact of a ball of states; None where one may rest, or a decision is open."""
+        w = self.speed(x + u, u)
+        s, f = self.slopes(x + u, u)
+        if self.law.turns_back and w < 0:
+            w, s, f = -w, -s, -f
+        return Step(u, w, ((ONE, ONE), (s, f + s)), f) if w > self.r else None
 
-    def contraction(self, flights: Sequence[arb], u_error: float) -> tuple[arb | float, float]:
-        """Mean logarithm of the modulus of the determinant, over landings of these flights.
+    def lost(self) -> float:
+        """Bits that an impact may cost a ball, by its Jacobian."""
+        return 1.0 + math.log2(3.0 + 4.0 * math.pi * float(self.a))
 
-        Also the bound of its change where all flights change by so much.
-        """
-        slopes = [self.law.slope(self.e, u, ONE) for u in flights]
+    def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
+        """Carry a direction and its normal through the impact after a flight from phase x."""
+        u = flight.speed
+        k, f = (float(slope) for slope in self.slopes(x + u, u))
+        s_error = 4.0 * math.pi**2 * float(self.a) * errors[0]
+        s_error += 16.0 * math.pi * EPS * float(self.a)  # both computations round
+        f_error = self.law.bend(float(self.e)) * errors[1]
+        c, s = direction
+        wrong = abs(c + s) * s_error + abs(s) * f_error
+        wrong += 32.0 * EPS * (2.0 + f + 2.0 * abs(k))
+        pushed = self.speed(x + u, u) < 0  # then the law turns it back
+        return Carried((c + s, k * c + (f + k) * s), (c - s, (f + k) * c - k * s), wrong, pushed)
+
+    def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
+        """Mean logarithm of the determinant of impacts with these speeds of arrival."""
+        slopes = [self.law.slope(self.e, u, ONE) for u in speeds]
         if any(slope == 0 for slope in slopes):
             return -math.inf, 0.0
         bend = self.law.bend(float(self.e))
         if bend == 0.0:  # the law keeps the same share of any speed
             return slopes[0].log(), 0.0
-        change = max(bend * u_error / float(slope) for slope in slopes)
+        change = max(bend * error / float(slope) for slope in slopes)
         return sum((slope.log() for slope in slopes), ZERO) / len(slopes), change
 
 
-class Enclosure:
-    """All states (V, v) = centre + frame (r1, r2): the orbit's state is proved to be one of them.
+def liftoff_error(parameters: Mapping[str, float]) -> float:
+    """Error of the phase of a lift-off after a rest that a computation in doubles makes, turns.
 
-    Plain balls grow at each impact by the absolute values of the Jacobian's entries, even on an
-    orbit that contracts.  Here the centre is mapped as a point, and the error around it by the
-    Jacobian in a frame that turns with the flow (Lohner's method: mean-value form and rotation), so
-    it grows at the orbit's own rate: a locked orbit needs the same precision at any length.
-
-    The exact states set out from `flown` and `speed`, both balls.
+    It grows where the kick barely reaches v_rest.
     """
-
-    __slots__ = ("_cos", "_flown", "_r1", "_r2", "_sin", "_speed", "_useful")
-
-    def __init__(self, flown: arb, speed: arb) -> None:
-        self._flown, self._speed = flown.mid(), speed.mid()
-        self._r1, self._r2 = flown - self._flown, speed - self._speed
-        self._cos, self._sin = ONE, ZERO
-        self._useful = ctx.prec
-
-    def impact(self, m: BallMap) -> tuple[arb, arb, arb]:
-        """Map the set; return V', its phase in half turns and w as balls around all its states."""
-        full = ctx.prec
-        # bits far below the error carry nothing: a chaotic orbit needs fewer as it loses them
-        ctx.prec = bits = min(full, self._useful)
-        landed, w = m.impact(self._flown, self._speed)
-        ctx.prec = FRAME_BITS
-        # columns of Jacobian times frame; the Jacobian is [[1, 1], [s, f + s]]
-        p1, q1 = self._cos + self._sin, self._cos - self._sin
-        speed_ball = self._speed + self._sin * self._r1 + self._cos * self._r2
-        flown_error = p1 * self._r1 + q1 * self._r2
-        ctx.prec = bits
-        flown_ball = landed + flown_error
-        half_turns = m.half_turns(flown_ball)
-        ctx.prec = FRAME_BITS
-        s, f = m.slopes(half_turns, speed_ball)
-        p2 = s * p1 + f * self._sin
-        q2 = s * q1 + f * self._cos
-        speed_error = p2 * self._r1 + q2 * self._r2
-        self._flown, self._speed = landed.mid(), w.mid()
-        self._turn(p1, q1, p2, q2, landed - self._flown, w - self._speed)
-        ctx.prec = full
-        self._useful = max(0, flown_ball.rel_accuracy_bits()) + 2 * FRAME_BITS
-        return flown_ball, half_turns, w + speed_error
-
-    def _turn(self, p1: arb, q1: arb, p2: arb, q2: arb, d1: arb, d2: arb) -> None:
-        """Express the set in a frame along the image (p1, p2) of the first axis.
-
-        (d1, d2) is the rounding of the centre.  The new frame is any pair of exact numbers; its
-        determinant, 1 up to rounding, is divided out, so nothing is assumed of it.
-        """
-        squared = p1 * p1 + p2 * p2
-        cos, sin = ONE, ZERO
-        if squared > 0:
-            scale = squared.rsqrt()
-            cos, sin = (p1 * scale).mid(), (p2 * scale).mid()
-        determinant = cos * cos + sin * sin
-        r1, r2 = self._r1, self._r2
-        along = (cos * p1 + sin * p2) * r1 + (cos * q1 + sin * q2) * r2 + cos * d1 + sin * d2
-        across = (cos * p2 - sin * p1) * r1 + (cos * q2 - sin * q1) * r2 + cos * d2 - sin * d1
-        self._r1, self._r2 = along / determinant, across / determinant
-        self._cos, self._sin = cos, sin
-
-    def mirror(self) -> None:
-        """Replace v by -v: the box of errors is symmetric, so the frame's angle changes sign."""
-        self._speed, self._sin = self._speed.neg(exact=True), self._sin.neg(exact=True)
+    rest = 0.5 * parameters["gravity"] * parameters["contact_time"]
+    if parameters["amplitude"] <= rest:
+        return 0.0
+    ratio = rest / parameters["amplitude"]
+    slope = math.sqrt((1.0 - ratio) * (1.0 + ratio))
+    if slope * slope <= 32.0 * EPS:
+        return math.inf
+    return (8.0 * ratio / (2.0 * math.pi * slope) + 1.0) * EPS

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb
 
-__all__ = ["Impact", "Trajectory", "nearest_double"]
+__all__ = ["Flight", "Impact", "Trajectory", "nearest_double"]
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,29 @@ def nearest_double(ball: arb) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, slots=True)
+class Flight:
+    """A flight; every ball contains the exact value.
+
+    Attributes
+    ----------
+    speed
+        Ball, speed relative to the base at lift-off, in units of g / 2 f: on a base at rest, the
+        duration of the flight in forcing periods.
+    height
+        Ball, m; its highest point above the mean level of the base.
+    duration
+        Ball, forcing periods.
+    slopes
+        Derivatives of the duration by phase and speed of the lift-off; None where it is the speed.
+    """
+
+    speed: arb
+    height: arb
+    duration: arb
+    slopes: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
 class Impact:
     """One landing and the lift-off that follows; every ball contains the exact value.
 
@@ -47,7 +70,7 @@ class Impact:
         Phase of the forcing at the landing: whole periods, and a ball in turns around a midpoint
         in [-1/2, 1/2].
     flight
-        Ball, duration of the flight after lift-off in forcing periods; None at rest for good.
+        The flight after lift-off, also where it ends after the observation; None at rest for good.
     """
 
     landing_time: arb
@@ -56,7 +79,7 @@ class Impact:
     rested: bool
     count: int
     phase: arb
-    flight: arb | None
+    flight: Flight | None
 
 
 @dataclass(frozen=True)
@@ -68,6 +91,8 @@ class Trajectory:
 
     Attributes
     ----------
+    launch
+        The flight before the first landing.
     impacts
         Every landing up to the end of the observation, or up to the budget.
     at_rest
@@ -79,6 +104,7 @@ class Trajectory:
         Precision at which every decision became certain and every ball narrow enough.
     """
 
+    launch: Flight
     impacts: tuple[Impact, ...]
     at_rest: bool
     status: Status

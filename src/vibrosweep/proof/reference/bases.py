@@ -1,0 +1,54 @@
+"""The bases by their names: where the reference chooses between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+from vibrosweep.proof.reference import high_bounce, moving
+from vibrosweep.proof.reference.motion import Motion, PeriodMap, Problem
+
+__all__ = ["REFERENCE_OF", "Reference"]
+
+
+class Reference(NamedTuple):
+    """What the reference knows of a base.
+
+    Attributes
+    ----------
+    motion
+        Of a particle, from a problem.
+    period_map
+        Impacts in forcing periods, from physical parameters and the law of rebound.
+    velocity
+        Largest velocity of the base, m s-1, from physical parameters.
+    liftoff_error
+        Largest error in turns of a lift-off after a rest in doubles, from physical parameters.
+    """
+
+    motion: Callable[[Problem], Motion]
+    period_map: Callable[[Mapping[str, float], str], PeriodMap]
+    velocity: Callable[[Mapping[str, float]], float]
+    liftoff_error: Callable[[Mapping[str, float]], float]
+
+
+def _moved(problem: Problem) -> Motion:
+    """Motion over the moving base; without an amplitude it rests, which decides ties exactly."""
+    still = problem.parameters["amplitude"] == 0.0
+    return high_bounce.Motion(problem) if still else moving.Motion(problem)
+
+
+REFERENCE_OF: Final[Mapping[str, Reference]] = {
+    "high-bounce": Reference(
+        motion=high_bounce.Motion,
+        period_map=high_bounce.PeriodMap.of,
+        velocity=lambda parameters: 0.0,
+        liftoff_error=high_bounce.liftoff_error,
+    ),
+    "moving": Reference(
+        motion=_moved,
+        period_map=moving.MovingMap.of,
+        velocity=lambda parameters: parameters["amplitude"] / (1.0 + parameters["restitution"]),
+        liftoff_error=moving.liftoff_error,
+    ),
+}

@@ -1,0 +1,32 @@
+"""What a computation in ball arithmetic decides, or leaves to a higher precision."""
+
+from __future__ import annotations
+
+from vibrosweep.proof.reference._flint import arb
+
+__all__ = ["UncertainError", "certain_above", "nearest_integer"]
+
+HALF = arb(0.5)
+
+
+class UncertainError(Exception):
+    """More precision is needed to decide `decision` at impact `impact`."""
+
+    def __init__(self, decision: str, impact: int) -> None:
+        super().__init__(decision, impact)
+        self.decision = decision
+        self.impact = impact
+
+
+def certain_above(left: arb, right: arb, decision: str, impact: int) -> bool:
+    """Decide left > right, or raise `UncertainError`."""
+    if left > right:
+        return True
+    if left <= right:
+        return False
+    raise UncertainError(f"whether {decision}", impact)
+
+
+def nearest_integer(ball: arb) -> int:
+    """Integer next to the midpoint: a choice of representation, so never uncertain."""
+    return int((ball.mid() + HALF).floor().fmpz())

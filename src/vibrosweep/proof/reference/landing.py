@@ -1,0 +1,174 @@
+"""The first point where a ballistic flight meets the moving base again, certified.
+
+In the units of `vibrosweep.proof.reference.moving`, after leaving at phase x with the relative
+speed y, the particle is
+
+    G(s) = s (y - s) / 2 + alpha / (4 pi) (sin(2 pi x) (q - sin q) - cos(2 pi x) (1 - cos q))
+
+above the base after s periods, q = 2 pi s.  G'' >= -(1 + Gamma), and |G'''| <= 2 pi Gamma gives a
+better bound of G'' for a while.  So from any s with G(s) >= 0 a parabola of this curvature passes
+no root; steps to where it comes down converge to the first root from below.  While the particle is
+above every height of the base there is none, and a step goes to the end of that time at once.  The
+root at s = 0 is left by a step that is proved beforehand.  Once G > 0 at one end of an interval,
+G < 0 at the other and G' < 0 throughout, there is one root inside, and the interval Newton operator
+(Moore 1966) narrows it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+from vibrosweep.proof.reference._flint import arb
+from vibrosweep.proof.reference.decisions import UncertainError
+
+__all__ = ["Clearance", "first_root", "narrowed"]
+
+# Steps; a flight takes about ten, and one that passes close above the base some dozens.
+MOST_STEPS: Final = 1000
+SHY: Final = arb(1.0 - 2.0**-8)  # where the particle is still well above the base
+UNDECIDED: Final = "the flight grazes the base or lands"
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Height above the base during flights that set out from a ball of states.
+
+    Attributes
+    ----------
+    alpha
+        Largest velocity of the base.
+    x, y
+        Phase in turns and relative speed at lift-off.
+    """
+
+    alpha: arb
+    x: arb
+    y: arb
+
+    @cached_property
+    def gamma(self) -> arb:
+        """Largest acceleration of the base, in units of gravity."""
+        return arb.pi() * self.alpha
+
+    @cached_property
+    def sine_cosine(self) -> tuple[arb, arb]:
+        """Sine and cosine of the phase at lift-off."""
+        sine, cosine = (2 * self.x).sin_cos_pi()
+        return sine, cosine
+
+    def height(self, s: arb) -> arb:
+        """G(s)."""
+        sine, cosine = self.sine_cosine
+        half = s.sin_pi()
+        waves = sine * (2 * arb.pi() * s - (2 * s).sin_pi()) - 2 * cosine * half * half
+        return s * (self.y - s) / 2 + self.alpha / (4 * arb.pi()) * waves
+
+    def slope(self, s: arb) -> arb:
+        """G'(s), half the speed relative to the base."""
+        sine, cosine = self.sine_cosine
+        half, half_cosine = s.sin_cos_pi()
+        return self.y / 2 - s + self.alpha * half * (sine * half - cosine * half_cosine)
+
+    def bend(self, s: arb) -> arb:
+        """Positive where the base presses what lies on it: minus the second derivative."""
+        return 1 + self.gamma * (2 * (self.x + s)).cos_pi()
+
+    def start(self) -> arb | None:
+        """Time before which there is no root; None where that is open."""
+        if self.bend(arb(0)) < 0 and (self.y > 0 or self.y.is_zero()):
+            # the base falls away until it presses again
+            presses = 1 - (-1 / self.gamma).acos() / (2 * arb.pi())
+            until = (presses - (self.x - self.x.mid().floor())).lower()
+            return until if until > 0 else None
+        return (self.y / (2 * (1 + self.gamma))).lower() if self.y > 0 else None
+
+    def above_all(self) -> tuple[arb, arb] | None:
+        """Interval of time in which the particle is above every height of the base."""
+        sine, cosine = self.sine_cosine
+        u = self.y + self.alpha * sine
+        root = u * u - 2 * self.alpha / arb.pi() * (1 + cosine)
+        if not (u > 0 and root > 0):
+            return None
+        return ((u - root.sqrt()) / 2).upper(), ((u + SHY * root.sqrt()) / 2).lower()
+
+
+def first_root(c: Clearance, start: arb, impact: int) -> arb:
+    """Ball that holds the first root, with G' < 0 on all of it.
+
+    Parameters
+    ----------
+    c
+        The flight.
+    start
+        A positive time; G > 0 is known between 0 and this.
+    impact
+        Number of the impact, for the error.
+
+    Raises
+    ------
+    UncertainError
+        A graze is not told from a landing at this precision.
+    """
+    clear = c.above_all()
+    s, before = start, start
+    for _ in range(MOST_STEPS):
+        height, slope = c.height(s), c.slope(s)
+        if not height > 0:  # as near to the root as this precision comes
+            break
+        if slope < 0:
+            found = _bracket(c, s, (s - 2 * height / slope).upper())
+            if found is not None:
+                return found
+        reached = (s + _step(c, s, height.lower(), slope.lower())).lower()
+        if clear is not None and clear[0] < reached < clear[1]:
+            reached = clear[1]
+        if not reached > s:
+            break
+        before, s = s, reached
+    found = _bracket(c, before, (2 * s - before).upper())
+    if found is None:
+        raise UncertainError(f"whether {UNDECIDED}", impact)
+    return found
+
+
+def _step(c: Clearance, s: arb, height: arb, slope: arb) -> arb:
+    """Step that passes no root, from lower bounds of G(s), which is positive, and G'(s)."""
+    step = _down(height, slope, 1 + c.gamma)
+    now, tried = c.bend(s), step
+    while tried < 1:
+        tried = 4 * tried
+        bend = now + 2 * arb.pi() * c.gamma * tried  # at most, for as long as is tried
+        down = _down(height, slope, bend)
+        if not down > tried:
+            return step.max(down.min(tried))
+        step = tried
+    return step
+
+
+def _down(height: arb, slope: arb, bend: arb) -> arb:
+    """Time in which a parabola with these values at its beginning comes down to 0, at least."""
+    bend = bend.upper().max(arb(0))
+    reach = (slope * slope + 2 * bend * height).sqrt()
+    if slope < 0:
+        return 2 * height / (reach - slope)
+    return (slope + reach) / bend if bend > 0 else arb.pos_inf()
+
+
+def _bracket(c: Clearance, low: arb, high: arb) -> arb | None:
+    """Interval between two times if the only root in it is proved to be a landing."""
+    interval = low.union(high)
+    proved = c.height(low) > 0 and c.height(high) < 0 and c.slope(interval) < 0
+    return interval if proved else None
+
+
+def narrowed(c: Clearance, root: arb) -> arb:
+    """Narrow a ball that holds a root and on which G' < 0, as far as the precision goes."""
+    while True:
+        middle = root.mid()
+        newton = middle - c.height(middle) / c.slope(root)
+        closer = root.intersection(newton)
+        if not 2 * closer.rad() < root.rad():
+            return closer
+        root = closer
