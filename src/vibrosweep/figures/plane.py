@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vibrosweep.analysis.base_motion import base_name
 from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.data import Array
 from vibrosweep.figures.paint import Points
@@ -64,12 +65,14 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
         points = paint.scatter_points(restitution, data.quantity(sweep, "amplitude"))
         axes.set_ylabel(data.label(sweep, "amplitude"))
         _set_view(axes, points)
-        draw_windows(axes, frequency, gravity, "A", over=points.cells is not None)
+        forcing, symbol = (frequency, gravity), "A"
     else:
         points = paint.scatter_points(restitution, data.kick(sweep))
         axes.set_ylabel("kick $a = 2 f A / g$")
         _set_view(axes, points)
-        draw_windows(axes, 1.0, 2.0, "a", over=points.cells is not None)
+        forcing, symbol = (1.0, 2.0), "a"
+    cells, base = points.cells is not None, base_name(sweep)
+    draw_windows(axes, *forcing, symbol, over=cells, base=base)
     _paint_variable(figure, axes, points, sweep, variable)
     # A colour bar names its variable, a legend does not
     coded = "flag_values" in sweep[variable].attrs

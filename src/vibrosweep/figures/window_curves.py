@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.axes import Axes
 from vibrosweep.figures import style
 from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
+from vibrosweep.model.parameters import BASES
 
 __all__ = ["Curve", "draw_windows", "window_curves"]
 
@@ -35,6 +37,7 @@ def window_curves(
     frequency: float,
     gravity: float,
     modes: Sequence[int] = MODES,
+    base: str = BASES[0],
 ) -> list[Curve]:
     """Return both ends of the windows of the modes, as far as they cross the view.
 
@@ -46,11 +49,16 @@ def window_curves(
         In Hz and m/s2.  With frequency 1 and gravity 2 the amplitude is the dimensionless kick.
     modes
         The modes k.
+    base
+        One of `vibrosweep.model.parameters.BASES`.
     """
     e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
     curves = [
         Curve(k, is_upper, e, end(k, e, frequency, gravity))
-        for is_upper, end in ((False, theory.amplitude_min), (True, theory.amplitude_max))
+        for is_upper, end in (
+            (False, theory.amplitude_min),
+            (True, partial(theory.amplitude_max, base=base)),
+        )
         for k in modes
     ]
     low, high = y_range
@@ -65,6 +73,7 @@ def draw_windows(
     *,
     over: bool,
     modes: Sequence[int] = MODES,
+    base: str = BASES[0],
 ) -> None:
     """Draw the ends of the windows into the present view and name each on its curve.
 
@@ -80,8 +89,10 @@ def draw_windows(
         Draw the curves over cells, with a halo; else under dots, so that they hide none.
     modes
         The modes k.
+    base
+        One of `vibrosweep.model.parameters.BASES`.
     """
-    curves = window_curves(axes.get_xlim(), axes.get_ylim(), frequency, gravity, modes)
+    curves = window_curves(axes.get_xlim(), axes.get_ylim(), frequency, gravity, modes, base)
     for curve in curves:
         axes.plot(
             curve.restitution,
