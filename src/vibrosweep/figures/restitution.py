@@ -71,7 +71,9 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     figure, axes = style.new_figure(style.MEDIUM, 3.3)
     seen = np.concatenate([rebound, flight])
     top = 1.06 * float(np.max(seen, where=np.isfinite(seen), initial=0.0)) or one_height
-    axes.set(xlim=_span(restitution), ylim=(-0.02 * top, top))
+    # over a moving base a particle may rise to below its mean level only
+    lowest = 1.06 * float(np.min(seen, where=np.isfinite(seen), initial=0.0))
+    axes.set(xlim=_span(restitution), ylim=(lowest - 0.02 * top, top))
     if restitution.size > style.MANY:
         _draw_density(figure, axes, restitution, rebound)
     else:
