@@ -41,6 +41,9 @@ LABEL_WIDTH: Final = 32
 SYMBOLS: Final = {
     "restitution": "e",
     "amplitude": "A",
+    "base_velocity": "V_0",
+    "base_displacement": "B",
+    "base_acceleration": r"\Gamma",
     "frequency": "f",
     "phase": r"\varphi",
     "gravity": "g",
