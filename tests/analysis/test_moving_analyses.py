@@ -74,7 +74,8 @@ def test_an_orbit_goes_on_from_its_own_state(changed, workers):
     parameters = scene.parameters()
     first = settle_from(scene, parameters, launch_states(scene, parameters), workers)
     again = settle_from(scene, parameters, reached(first, 4), workers)
-    assert np.all(first.impacts > 0)
+    assert np.all((first.impacts > 0) | (first.regime == Regime.AT_REST))
+    assert (first.impacts > 0).sum() > 2
     for name in ("regime", "impacts", "periods", "rests"):
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
     np.testing.assert_allclose(first.flight, again.flight, atol=1e-9)
@@ -137,7 +138,7 @@ def test_locked_attractors_are_those_of_the_theory(plane):
 def test_a_launch_one_period_later_is_one_slot_further(plane):
     now, later = plane.isel(launch_time=slice(0, 12)), plane.isel(launch_time=slice(12, 24))
     recurs = now["slot"].values >= 0
-    assert recurs.mean() > 0.5
+    assert recurs.mean() > 0.3
     np.testing.assert_array_equal(now["basin"], later["basin"])
     periods = plane["cycle_periods"].values[now["basin"].values]
     shifted = np.mod(now["slot"].values + 1, np.maximum(periods, 1))
