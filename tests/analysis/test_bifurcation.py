@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vibrosweep import simulate
+from vibrosweep.analysis.base_motion import base_motion
 from vibrosweep.analysis.bifurcation import OBSERVABLES, bifurcation
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.errors import ParameterError
@@ -37,19 +38,52 @@ def test_the_way_up_keeps_to_the_orbit_that_rests():
     assert (regimes.sel(direction="down").values[2:] == 0).all()
 
 
+def observed(record, name):
+    """An observable of the impacts of one particle, from its recorded landings."""
+    one = record.isel(realization=0, particle=0)
+    landing, left, speed = (
+        one[key].values for key in ("landing_time", "liftoff_time", "rebound_velocity")
+    )
+    base = base_motion(one, "test")
+    values = {
+        "rebound_velocity": speed,
+        "rebound_height": base.height(left) + np.maximum(speed, 0.0) ** 2 / (2.0 * 9.81),
+        "flight_time": np.append(landing[1:] - left[:-1], np.nan),
+        "impact_phase": landing - np.rint(landing),
+    }
+    return values[name]
+
+
 @pytest.mark.parametrize("name", OBSERVABLES)
-def test_observables_are_those_of_the_landings(name):
+@pytest.mark.parametrize(
+    "scene",
+    [
+        # ten impacts in each period, one of them followed by a rest
+        Scene(duration=1500.0, launch=(0.0,)),
+        Scene(duration=1500.0, launch=(0.0,), base="moving", restitution=0.3, amplitude=3.0),
+        Scene(duration=1500.0, launch=(0.1,), base="moving", restitution=0.9, amplitude=1.2),
+    ],
+    ids=["high-bounce", "moving with rests", "moving"],
+)
+def test_observables_are_those_of_the_landings(name, scene):
     # one amplitude: both directions launch as the scene says and settle on one orbit
-    scene = Scene(duration=1500.0, launch=(0.0,))
-    found = bifurcation(scene, [1.2], observable=name, samples=20)
-    record = simulate(launch_time=0.0, duration=1600.0)
-    kept = record["landing_time"].values[0, 0]
-    speed = record["rebound_velocity"].values[0, 0][kept > 1550.0]
-    phase = kept[kept > 1550.0] - np.rint(kept[kept > 1550.0])
-    expected = OBSERVABLES[name][0](phase, speed, 9.81)
+    amplitude = float(scene.parameters()["amplitude"][0])
+    found = bifurcation(scene, [amplitude], observable=name, samples=20)
+    record = simulate(
+        launch_time=scene.launch,
+        duration=1600.0,
+        base=scene.base,
+        restitution=scene.restitution,
+        amplitude=amplitude,
+    )
+    late = record["landing_time"].values[0, 0] > 1550.0
+    expected = observed(record, name)[late]
+    cycle = int(found["cycle_impacts"][0, 0, 0])
+    assert 0 < cycle <= 10
     values = found[name].sel(direction="up").values.ravel()
-    # the orbit has ten impacts in each period, one of them followed by a rest
-    np.testing.assert_allclose(np.sort(values[:10]), np.sort(expected[:10]), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        np.sort(values[:cycle]), np.sort(expected[:cycle]), rtol=1e-9, atol=1e-9
+    )
 
 
 def test_a_function_is_an_observable_and_a_particle_at_rest_has_none():

@@ -50,11 +50,12 @@ def test_gravity_and_the_reflect_law_give_the_same_locked_windows_of_positive_ki
     assert found["A_max"].item() == pytest.approx(upper, rel=1e-8)
 
 
-def exact_window(k, e, frequency, gravity, sign=1):
+def exact_window(k, e, frequency, gravity, sign=1, base="high-bounce"):
     """Exact lower end of a locked window in m s-1, and the square of the upper one."""
     e, unit = Fraction(e), Fraction(gravity) / (2 * Fraction(frequency))
     need = abs(sign - e) * k * unit
-    return need, need**2 + ((1 + sign * e) / PI * unit) ** 2
+    steepest = 1 + ((1 - e) / (1 + e)) ** 2 if base == "moving" else 1
+    return need, need**2 + ((1 + sign * e) * steepest / PI * unit) ** 2
 
 
 def holds_inside(end, bracket, square):
@@ -70,21 +71,23 @@ def holds_inside(end, bracket, square):
     gravity=st.floats(1.0, 25.0),
     tolerance=st.floats(2.0, 14.0).map(lambda power: max(10.0**-power, 1e-14)),
     points=st.integers(2, 9),
-    reflect=st.booleans(),
+    kind=st.sampled_from([("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest")]),
 )
 def test_the_brackets_of_every_locked_window_hold_its_exact_ends(
-    off, k, frequency, gravity, tolerance, points, reflect
+    off, k, frequency, gravity, tolerance, points, kind
 ):
-    e = 1.0 - off
-    assume(not reflect or e > 0.05)  # below, the windows of both orbits overlap
-    signs = (1, -1) if reflect else (1,)
-    exact = [exact_window(k, e, frequency, gravity, sign) for sign in signs]
+    e, (base, rebound) = 1.0 - off, kind
+    # below, the windows of both orbits overlap, or the moving base is met before k periods are over
+    assume(kind == ("high-bounce", "rest") or e > 0.05)
+    signs = (1, -1) if rebound == "reflect" else (1,)
+    exact = [exact_window(k, e, frequency, gravity, sign, base) for sign in signs]
     scan = np.linspace(0.7 * float(exact[0][0]), 1.3 * float(exact[-1][1]) ** 0.5, points)
     scene = Scene(
         frequency=frequency,
         gravity=gravity,
         contact_time=1e-6,
-        rebound="reflect" if reflect else "rest",
+        base=base,
+        rebound=rebound,
     )
     found = find_windows(scene, e, scan, [f"locked({k})"], tolerance=tolerance, threads=1)
     row = found.isel(condition=0, direction=0, restitution=0)

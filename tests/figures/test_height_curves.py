@@ -2,12 +2,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.collections import FillBetweenPolyCollection, LineCollection, PathCollection
 
+from vibrosweep.analysis.base_motion import BaseMotion, base_motion
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.figures import height_time
 from vibrosweep.figures.height_curves import readable_until
-from vibrosweep.figures.motion import motions, parabolas
+from vibrosweep.figures.motion import Motion, highest, motions, parabolas
+
+STILL = BaseMotion(0.0, 1.0, 0.0)
 
 
 def curves_of(figure):
@@ -40,7 +43,7 @@ def test_parabolas_begin_and_end_on_the_base_at_the_recorded_events(make_record)
 def test_the_apex_is_half_way_and_v_squared_over_2g_high(make_record):
     record = make_record(np.arange(5) / 5)
     one = record.isel(realization=0)
-    for i, motion in enumerate(motions(one, 12.0)):
+    for i, motion in enumerate(motions(one, STILL, 12.0)):
         whole = motion.end < 12.0
         flights = parabolas(motion, 9.81)[whole]
         middle = (motion.start + motion.end)[whole] / 2
@@ -51,7 +54,7 @@ def test_the_apex_is_half_way_and_v_squared_over_2g_high(make_record):
 
 def test_every_point_of_a_drawn_curve_obeys_the_law_of_free_fall(make_record):
     one = make_record(amplitude=3.0).isel(realization=0)
-    (motion,) = motions(one, 7.3)
+    (motion,) = motions(one, STILL, 7.3)
     assert motion.end[-1] == 7.3
     for flight, start, v in zip(
         parabolas(motion, 9.81), motion.start, motion.velocity, strict=True
@@ -64,7 +67,7 @@ def test_every_point_of_a_drawn_curve_obeys_the_law_of_free_fall(make_record):
 
 def test_a_flight_cut_before_its_apex_ends_there(make_record):
     one = make_record().isel(realization=0)
-    (motion,) = motions(one, 0.25)
+    (motion,) = motions(one, STILL, 0.25)
     (flight,) = parabolas(motion, 9.81)
     assert flight[4] == pytest.approx([0.25, 5.0 * 0.25 - 9.81 * 0.25**2 / 2], rel=1e-14)
     figure = height_time(make_record(), until=0.25)
@@ -150,3 +153,41 @@ def test_a_particle_that_never_lands_and_one_that_is_never_launched(make_record)
     figure = height_time(record)
     assert len(curves_of(figure)) == 1
     figure.canvas.draw()
+
+
+def test_a_moving_base_is_drawn_under_the_flights(moving_record):
+    record = moving_record([0.0, 0.3], amplitude=3.0, restitution=0.3, phase=0.4)
+    one = record.isel(realization=0)
+    base = base_motion(one, "test")
+    assert base.displacement > 0.1
+    figure = height_time(record, mark_landings=True)
+    axes = figure.axes[0]
+    flights, landed = curves_of(figure), record.landing_time.values[0]
+    whole = flights[:, 4, 0] < 12.0
+    np.testing.assert_allclose(flights[:, 0, 1], base.height(flights[:, 0, 0]), atol=1e-12)
+    np.testing.assert_allclose(flights[whole, 4, 1], base.height(flights[whole, 4, 0]), atol=1e-12)
+    rests = rests_of(figure)
+    assert len(rests) == np.count_nonzero(record.rested.values) > 3
+    for ride in rests:
+        np.testing.assert_allclose(ride[:, 1], base.height(ride[:, 0]), atol=1e-12)
+    marks = [line for line in axes.lines if line.get_marker() == "o"]
+    for line, landing in zip(marks, landed, strict=True):
+        np.testing.assert_allclose(
+            line.get_ydata(), base.height(landing[np.isfinite(landing)]), atol=1e-12
+        )
+    (floor,) = [c for c in axes.collections if isinstance(c, FillBetweenPolyCollection)]
+    (outline,) = floor.get_paths()
+    assert outline.vertices[:, 1].max() == pytest.approx(base.displacement, rel=3e-3)
+    assert axes.get_ylim()[0] < -base.displacement
+    assert "moving base" in axes.get_legend().get_title().get_text()
+
+
+def test_a_flight_that_begins_downwards_has_its_highest_point_there():
+    motion = Motion(np.array([1.0]), np.array([1.5]), np.array([-0.5]), np.array([0.3]), [], [])
+    (flight,) = parabolas(motion, 9.81)
+    for half in (flight[:3], flight[2:]):
+        for s in np.linspace(0, 1, 7):
+            t, y = bezier(half, s)
+            since = t - 1.0
+            assert y == pytest.approx(0.3 - 0.5 * since - 9.81 * since**2 / 2, abs=1e-12)
+    assert highest(motion, 9.81) == 0.3

@@ -11,8 +11,9 @@ from matplotlib.colors import LogNorm
 from vibrosweep.errors import DataError
 from vibrosweep.figures import parameter_plane
 from vibrosweep.figures.cells import commonest, equal_cells, grid_cells, median
-from vibrosweep.figures.window_curves import window_curves
+from vibrosweep.figures.window_curves import Forcing, window_curves
 from vibrosweep.model import theory
+from vibrosweep.model.parameters import BASES
 
 
 def numbers_of(figure):
@@ -47,9 +48,38 @@ def test_the_curves_are_those_of_theory(sweep):
 
 
 def test_curves_out_of_view_are_left_out():
-    assert window_curves((0.8, 0.9), (5.0, 6.0), 1.0, 9.81) == []
-    (curve,) = window_curves((0.9, 0.95), (0.01, 0.48), 1.0, 9.81)
+    assert window_curves((0.8, 0.9), (5.0, 6.0), Forcing("A", "high-bounce", 1.0, 9.81)) == []
+    (curve,) = window_curves((0.9, 0.95), (0.01, 0.48), Forcing("A", "high-bounce", 1.0, 9.81))
     assert (curve.mode, curve.is_upper) == (1, False)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_the_curves_are_those_of_the_base_and_of_its_acceleration(base):
+    view = (0.3, 0.9), (0.0, 5.0)
+    for is_upper, end in ((False, theory.amplitude_min), (True, theory.amplitude_max)):
+        chosen = {"base": base} if is_upper else {}
+        for f, g in ((1.0, 9.81), (20.0, 3.7)):
+            amplitudes = window_curves(*view, Forcing("A", base, f, g), [2])
+            accelerations = window_curves(*view, Forcing("G", base, is_acceleration=True), [2])
+            (one,) = [c for c in accelerations if c.is_upper == is_upper]
+            gamma = end(2, one.restitution, f, g, **chosen) * 2.0 * np.pi * f / g
+            np.testing.assert_allclose(one.forcing, gamma / (1.0 + one.restitution), rtol=1e-14)
+            for curve in amplitudes:
+                if curve.is_upper == is_upper:
+                    exact = end(2, curve.restitution, f, g, **chosen)
+                    np.testing.assert_array_equal(curve.forcing, exact)
+
+
+def test_a_forcing_given_as_acceleration_is_drawn_as_such(sweep):
+    gamma = 2.0 * np.pi * sweep.amplitude / (9.81 * (1.0 + sweep.restitution))
+    given = sweep.assign_coords(base_acceleration=gamma).assign_attrs(
+        forcing="base_acceleration", base="moving"
+    )
+    figure = parameter_plane(given)
+    assert r"$\Gamma$" in figure.axes[0].get_ylabel()
+    assert "moving base" in figure.axes[0].get_legend().get_title().get_text()
+    np.testing.assert_array_equal(numbers_of(figure).get_offsets()[:, 1].max(), gamma.max())
+    assert any("Gamma" in text.get_text() for text in figure.axes[0].texts)
 
 
 def test_separation_has_a_logarithmic_scale_and_shared_bases_a_marker(sweep):

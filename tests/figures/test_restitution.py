@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.collections import PathCollection, QuadMesh
+import xarray as xr
+from matplotlib.collections import FillBetweenPolyCollection, PathCollection, QuadMesh
 
 from vibrosweep.errors import DataError
 from vibrosweep.figures import height_against_restitution
@@ -96,3 +97,41 @@ def test_what_is_missing_is_named(sweep):
         height_against_restitution(sweep.drop_vars("rebound_height_max"))
     with pytest.raises(DataError, match=r"restitution = \[low, high\]"):
         height_against_restitution(sweep.isel(realization=[0]))
+
+
+def test_over_a_moving_base_highest_points_of_stable_orbits_are_shaded():
+    e = np.linspace(0.8, 0.9, 9)
+    mode = np.where(np.arange(9) % 2, 1, 2)
+    ends = theory.amplitude_min(mode, e), theory.amplitude_max(mode, e, base="moving")
+    for share in (1e-6, 0.5, 1.0):
+        amplitude = ends[0] + share * (ends[1] - ends[0])
+        apex = theory.locked_apex(mode, e, amplitude)
+        sweep = xr.Dataset(
+            dict.fromkeys(("rebound_height_max", "flight_height_max"), ("realization", apex)),
+            coords={
+                "restitution": ("realization", e),
+                "amplitude": ("realization", amplitude),
+                "frequency": 1.0,
+                "gravity": 9.81,
+                "launch_velocity": 5.0,
+            },
+            attrs={"base": "moving"},
+        )
+        axes = height_against_restitution(sweep).axes[0]
+        bands = [c for c in axes.collections if isinstance(c, FillBetweenPolyCollection)]
+        assert len(bands) == 2
+        outlines = [band.get_paths()[0].vertices for band in bands]
+        for x, y, k in zip(e, apex, mode, strict=True):
+            band = outlines[k - 1]
+            upper = band[band[:, 1] > band[:, 1].min() + 1e-9]
+            top = np.interp(x, *upper[np.argsort(upper[:, 0])].T)
+            assert band[:, 1].min() * (1.0 - 1e-9) <= y <= top * (1.0 + 1e-4)
+        assert not [line for line in axes.lines if "launch" in str(line.get_label())]
+
+
+def test_heights_below_the_mean_level_are_in_view(make_sweep):
+    sweep = make_sweep(20, 2).assign_attrs(base="moving")
+    sweep["rebound_height_max"] = sweep["rebound_height_max"] - 1.0
+    lowest = float(sweep["rebound_height_max"].min())
+    assert lowest < 0.0
+    assert height_against_restitution(sweep).axes[0].get_ylim()[0] < lowest

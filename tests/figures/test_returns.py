@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vibrosweep.analysis.returns import return_points
 from vibrosweep.errors import DataError
 from vibrosweep.figures import return_map
 from vibrosweep.model import theory
@@ -51,3 +52,22 @@ def test_a_record_without_a_rebound_is_drawn_empty(make_record):
 def test_a_missing_variable_is_named(twenty):
     with pytest.raises(DataError, match="return_map needs the variable rebound_velocity"):
         return_map(twenty.drop_vars("rebound_velocity"))
+
+
+def test_over_a_moving_base_the_strip_is_wider_and_windows_are_its_own(moving_record):
+    # between the upper ends of both bases: A_max = 3.0068 and 3.0149 m/s at e = 0.9
+    record = moving_record([0.43], amplitude=3.01, launch_velocity=4.905)
+    names = [text.get_text() for text in return_map(record).axes[0].get_legend().get_texts()]
+    assert "locked, stable" in names
+    assert any("A + 2 V_0" in name for name in names)
+    still = record.assign_attrs(base="high-bounce")
+    names = [text.get_text() for text in return_map(still).axes[0].get_legend().get_texts()]
+    assert "locked, unstable" in names
+
+
+def test_a_particle_that_lands_while_it_rises_is_in_view(moving_record):
+    record = moving_record(np.arange(5) / 5, 20.0, amplitude=7.0, restitution=0.6, phase=0.4)
+    before = return_points(record.isel(realization=0))[0]
+    assert np.nanmin(before) < -1.0
+    axes = return_map(record).axes[0]
+    assert axes.get_xlim()[0] < np.nanmin(before)

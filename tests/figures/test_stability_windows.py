@@ -13,6 +13,7 @@ from vibrosweep.errors import DataError
 from vibrosweep.figures.basins import basins_of_attraction
 from vibrosweep.figures.bifurcation import bifurcation_diagram
 from vibrosweep.figures.stability_windows import stability_windows
+from vibrosweep.model import theory
 
 SCENE = Scene(particles=2, duration=300.0)
 
@@ -95,3 +96,16 @@ def test_basins_are_named_with_their_fractions():
     assert labels(axes)[0].endswith(f"{100 * first:.3g} %")
     mesh = axes.collections[0].get_array()
     assert np.array_equal(np.asarray(mesh).ravel(), found["basin"].values.ravel())
+
+
+def test_windows_over_a_moving_base_are_drawn_with_its_closed_forms():
+    scan = np.linspace(0.2, 8.0, 20)
+    found = find_windows(Scene(base="moving"), [0.5, 0.6, 0.7], scan, ["locked(1)"])
+    (axes,) = stability_windows(found).axes
+    tops = [bar.get_y() + bar.get_height() for bar in axes.patches]
+    e = found["restitution"].values
+    assert sorted(tops) == pytest.approx(sorted(theory.amplitude_max(1, e, base="moving")))
+    (dashed,) = [line for line in axes.lines if line.get_linestyle() == "--"]
+    x, y = dashed.get_data()
+    np.testing.assert_allclose(y, theory.amplitude_max(1, x, base="moving"), rtol=1e-14)
+    assert "moving base" in axes.get_legend().get_title().get_text()

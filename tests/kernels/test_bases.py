@@ -148,6 +148,7 @@ def ask_all(base, problem, i, x, u, s):
         bases.contact_time(fixed),
         bases.fixed_residual(fixed, x, 2.0, 1.0),
         bases.fixed_attracts(fixed, x, 2.0),
+        bases.fixed_holds(fixed, x, 2.0),
         bases.landing_rounding(fixed, x, u),
         bases.rebound_error(fixed, x, v, 1e-16, 1e-9, 1e-9),
         bases.rest_is_doubtful(fixed, w, 0.1),

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from vibrosweep.analysis.evaluate import lift_off_speeds
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
@@ -82,6 +83,7 @@ def basins(
     with Workers(thread_count(threads)) as workers:
         alone = replace(scene.observation(), particles=1, launch=tuple(times))
         orbits = find_orbits(problem, launch, alone, workers)
+    speed = lift_off_speeds(scene.base, problem, orbits.phase, orbits.flight)
     labels = _labels(orbits)
     first, index, count = _by_frequency(labels)
     data: dict[str, Any] = {
@@ -91,7 +93,7 @@ def basins(
             {"units": "1", "long_name": "index of the attractor that the launch leads to"},
         ),
         "slot": (PLANE, slots(orbits).reshape(shape), VARIABLES["slot"].attributes),
-        **_attractors(scene, orbits, first, count / labels.size),
+        **_attractors(scene, orbits, speed, first, count / labels.size),
     }
     return xr.Dataset(
         data, _coordinates(scene, times, speeds), scene.attributes("Basins of attraction")
@@ -145,7 +147,9 @@ def _by_frequency(labels: Codes) -> tuple[Codes, Codes, Codes]:
     return first[order], rank[inverse], count[order]
 
 
-def _attractors(scene: Scene, orbits: Orbits, first: Codes, fraction: Array) -> dict[str, Any]:
+def _attractors(
+    scene: Scene, orbits: Orbits, speed: Array, first: Codes, fraction: Array
+) -> dict[str, Any]:
     """Variables along the dim attractor, from the first launch that leads to each."""
     unit = scene.gravity / (2.0 * scene.frequency)
     recurs = orbits.impacts[first] > 0
@@ -167,7 +171,7 @@ def _attractors(scene: Scene, orbits: Orbits, first: Codes, fraction: Array) -> 
             {"units": "1", "long_name": "phase in turns of the lift-off to the shortest flight"},
         ),
         "rebound_velocity": (
-            np.where(recurs, orbits.flight[first] * unit, np.nan),
+            np.where(recurs, speed[first] * unit, np.nan),
             {"units": "m s-1", "long_name": "speed at the lift-off to the shortest flight"},
         ),
     }

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from vibrosweep.analysis.evaluate import launch_states, settle_from
+from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.workers import Workers
@@ -20,7 +20,7 @@ from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
+from vibrosweep.model.parameters import BASES, PARAMETERS
 from vibrosweep.model.status import Regime
 from vibrosweep.runs.result import coordinate_attributes
 
@@ -33,13 +33,35 @@ Array = NDArray[np.float64]
 # phase of landing in turns, speed at lift-off in m s-1, gravity in m s-2 -> the observable
 Observable = Callable[[Array, Array, float], Array]
 
+
+class Impacts(NamedTuple):
+    """Impacts of orbits, each array of one shape.
+
+    Attributes
+    ----------
+    phase
+        Of the forcing at landing, turns.
+    speed
+        At lift-off, m s-1.
+    height
+        Of the highest point of the flight that follows, above the mean level of the base, m.
+    time
+        Of that flight, s.
+    """
+
+    phase: Array
+    speed: Array
+    height: Array
+    time: Array
+
+
 DIRECTIONS: Final = ("up", "down")
 BYTES_PER_IMPACT, BYTES_PER_ORBIT = 18, 130
-OBSERVABLES: Final[dict[str, tuple[Observable, str, str]]] = {
-    "rebound_velocity": (lambda phase, speed, g: speed, "m s-1", "speed at lift-off"),
-    "rebound_height": (lambda phase, speed, g: speed**2 / (2.0 * g), "m", "rebound height"),
-    "flight_time": (lambda phase, speed, g: 2.0 * speed / g, "s", "flight time"),
-    "impact_phase": (lambda phase, speed, g: phase, "1", "phase of the forcing at landing, turns"),
+OBSERVABLES: Final = {
+    "rebound_velocity": ("speed", "m s-1", "speed at lift-off"),
+    "rebound_height": ("height", "m", "rebound height"),
+    "flight_time": ("time", "s", "flight time"),
+    "impact_phase": ("phase", "1", "phase of the forcing at landing, turns"),
 }
 KEPT: Final = (
     "regime",
@@ -104,15 +126,15 @@ def bifurcation(
     require_memory(f"orbits with {samples} samples each", math.prod(shape), each)
     values = np.empty((*shape, samples))
     measured: dict[str, NDArray[Any]] = {}
-    states = launch_states(scene, len(DIRECTIONS))
+    states = launch_states(scene, scene.parameters(amplitude=order[:, 0]))
     with Workers(thread_count(threads)) as workers:
         for i in range(a.size):
             parameters = scene.parameters(amplitude=order[:, i])
             orbits = settle_from(scene, parameters, states, workers)
-            states = np.stack([orbits.phase, orbits.flight], axis=-1).reshape(states.shape)
-            phase, speed = _impacts(scene, parameters, orbits, samples, workers)
+            states = reached(orbits, scene.particles)
+            impacts = _impacts(scene, parameters, orbits, samples, workers)
             at = (np.arange(len(DIRECTIONS)), np.array([i, a.size - 1 - i]))
-            values[at] = function(phase, speed, scene.gravity)
+            values[at] = function(impacts, scene.gravity)
             found = orbit_variables(orbits, parameters["frequency"])
             for kept in KEPT:
                 room = measured.setdefault(kept, np.empty(shape, found[kept].dtype))
@@ -147,34 +169,47 @@ def summary(diagram: xr.Dataset) -> Iterator[str]:
         yield f"amplitude {direction:14}{', '.join(parts)}"
 
 
-def _observable(observable: str | Observable) -> tuple[str, tuple[Observable, str, str]]:
+def _observable(
+    observable: str | Observable,
+) -> tuple[str, tuple[Callable[[Impacts, float], Array], str, str]]:
     if not isinstance(observable, str):
-        return "observable", (observable, "1", "observable")
+        custom = observable
+        return "observable", (lambda i, g: custom(i.phase, i.speed, g), "1", "observable")
     if observable not in OBSERVABLES:
         raise ParameterError(
             f"observable = {observable!r}: must be one of {', '.join(OBSERVABLES)}, or a function"
         )
-    return observable, OBSERVABLES[observable]
+    field, units, words = OBSERVABLES[observable]
+    return observable, (lambda i, g: getattr(i, field), units, words)
 
 
 def _impacts(
     scene: Scene, parameters: dict[str, Array], orbits: Orbits, samples: int, workers: Workers
-) -> tuple[Array, Array]:
-    """Phases in turns and speeds of the impacts that follow; shape (point, particle, sample)."""
-    repeated = {n: np.repeat(v, scene.particles) for n, v in parameters.items()}
-    repeated["phase"] = np.zeros(orbits.phase.size)
-    problem = dimensionless(repeated, scene.end)
-    endless = np.full(orbits.phase.size, np.inf)
-    problem = problem._replace(launch_flight=orbits.flight, end_count=endless)
-    launch = Launches(np.zeros((orbits.phase.size, 1)), orbits.phase[:, np.newaxis])
-    out = empty_record(orbits.phase.size, samples)
+) -> Impacts:
+    """Impacts that follow what orbits have reached; arrays of shape (point, particle, sample)."""
+    problem, launch = batch_from(scene, parameters, reached(orbits, scene.particles))
+    count = orbits.phase.size
+    problem = problem._replace(end_count=np.full(count, np.inf))
+    out = empty_record(count, samples + 1)  # a flight ends with the next landing
     batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
+    frequency, gravity = (
+        np.repeat(parameters[name], scene.particles)[:, np.newaxis]
+        for name in ("frequency", "gravity")
+    )
     # a frequency of 1: times in periods are counted from 0
-    units = Units(np.ones(orbits.phase.size), repeated["gravity"] / (2.0 * repeated["frequency"]))
-    workers.each(lambda first, last: record(first, last, batch, units, out), orbits.phase.size, 16)
+    units = Units(np.ones(count), np.ravel(gravity / (2.0 * frequency)))
+    workers.each(lambda first, last: record(first, last, batch, units, out), count, 16)
     shape = (-1, scene.particles, samples)
-    phase = out.landing_time - np.rint(out.landing_time)
-    return phase.reshape(shape), out.rebound_velocity.reshape(shape)
+    speed, left = out.rebound_velocity[:, :samples], out.liftoff_time[:, :samples]
+    height, time = speed**2 / (2.0 * gravity), 2.0 * speed / gravity
+    if scene.base != BASES[0]:
+        velocity = (problem.kick / (1.0 + problem.restitution))[:, np.newaxis]
+        unit = gravity / (4.0 * np.pi * frequency**2)
+        rising = np.maximum(speed, 0.0)
+        height = rising**2 / (2.0 * gravity) - unit * velocity * np.cos(2.0 * np.pi * left)
+        time = (out.landing_time[:, 1:] - left) / frequency
+    phase = out.landing_time[:, :samples] - np.rint(out.landing_time[:, :samples])
+    return Impacts(*(values.reshape(shape) for values in (phase, speed, height, time)))
 
 
 def _dataset(

@@ -17,9 +17,10 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     Both fall with the same acceleration: where two flights overlap, y_i - y_j is linear in time.
     With d = s_j - s_i >= 0 between their beginnings and x the time since the later one,
 
-        y_i - y_j = v_i d - g d^2 / 2 + (v_i - g d - v_j) x,
+        y_i - y_j = h_i - h_j + v_i d - g d^2 / 2 + (v_i - g d - v_j) x,
 
-    which has one root at most, unless the flights are the same one.
+    where h are the heights of the base at the lift-offs, 0 where it does not move.  It has one
+    root at most, unless the flights are the same one.
 
     Parameters
     ----------
@@ -46,6 +47,7 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     i, j = _overlapping(each)
     apart = each.start[j] - each.start[i]
     offset = apart * (each.velocity[i] - 0.5 * gravity * apart)
+    offset += each.height[i] - each.height[j]
     slope = each.velocity[i] - gravity * apart - each.velocity[j]
     with np.errstate(invalid="ignore", divide="ignore"):
         since = -offset / slope
@@ -58,7 +60,7 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     meeting = np.unique(low * particles + high)
     return _dataset(
         each.start[j][crosses] + since[crosses],
-        since[crosses] * (each.velocity[j] - 0.5 * gravity * since)[crosses],
+        (each.height[j] + since * (each.velocity[j] - 0.5 * gravity * since))[crosses],
         first[crosses],
         second[crosses],
         {

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
+from vibrosweep.analysis.base_motion import moves
 from vibrosweep.analysis.records import Array, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import ParameterError
@@ -39,8 +40,8 @@ def slot_decay(
     d_(m+2) = c_1 d_(m+1) + c_0 d_m, where the roots of z^2 - c_1 z - c_0 are the multipliers of
     the orbit, real or complex.  Both coefficients are fitted by least squares, each equation
     weighted by the size of its separations (Prony's method).  Beside them stand the multipliers of
-    the product of the Jacobians [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), along the
-    last p impacts.
+    the product of the Jacobians along the last p impacts: [[1, 1], [2 pi a c, e + 2 pi a c]],
+    c = cos(2 pi x), over a base that stays; see `_moving_jacobian` for one that moves.
 
     Parameters
     ----------
@@ -55,7 +56,8 @@ def slot_decay(
     -------
     xarray.Dataset
         Dim ``realization``: ``modulus_fitted`` and ``modulus_predicted`` of the leading
-        multiplier, per cycle; ``product_fitted``, which for an orbit without rests is e^p;
+        multiplier, per cycle; ``product_fitted``, which for an orbit without rests is e^p, or
+        e^(2 p) over a moving base;
         ``equations`` in the fit; ``decay_time`` (s), in which the separation falls by the factor
         e = 2.718..., and ``closing_time`` (s), in which it falls from half a forcing period to the
         contact time, both as predicted.  Dims (realization, cycle): ``separation`` (s).  NaN where
@@ -118,9 +120,16 @@ def _one(
     fitted, product, equations = _fit(separation * frequency)
     rested = one["rested"].values[pair[0]][: first.size][-p:].any()
     predicted = np.nan
-    if first.size >= p and not rested and equations:
-        turns = frequency * first[-p:] + phase / (2.0 * np.pi)
-        predicted = _leading(turns, e, 2.0 * frequency * amplitude / gravity)
+    if first.size > p and not rested and equations:
+        turns = frequency * first[-p - 1 :] + phase / (2.0 * np.pi)
+        a = 2.0 * frequency * amplitude / gravity
+        if moves(record):
+            speed = 2.0 * frequency / gravity * one["rebound_velocity"].values[pair[0]]
+            left = speed[first.size - p - 1 : first.size - 1]
+            each = zip(turns[:-1], turns[1:], left, strict=True)
+            predicted = _leading([_moving_jacobian(*flight, e, a) for flight in each])
+        else:
+            predicted = _leading([_jacobian(x, e, a) for x in turns[1:]])
     periods = np.ptp(first[-p - 1 :]) if first.size > p else np.nan
     with np.errstate(divide="ignore", invalid="ignore"):
         decay_time = -periods / np.log(predicted)
@@ -156,9 +165,31 @@ def _fit(d: Array) -> tuple[float, float, int]:
     return float(np.max(np.abs(roots))), float(-c0), int(rows.size)
 
 
-def _leading(turns: Array, e: float, a: float) -> float:
+def _jacobian(x: float, e: float, a: float) -> Array:
+    """Of phase and speed after an impact at phase x by those before its flight."""
+    slope = 2.0 * np.pi * a * np.cos(2.0 * np.pi * x)
+    return np.array([[1.0, 1.0], [slope, e + slope]])
+
+
+def _moving_jacobian(begin: float, end: float, u: float, e: float, a: float) -> Array:
+    """The same for a flight between two phases of a moving base, which begins with the speed u.
+
+    With s = end - begin and the relative speed of arrival z = 2 s - u + alpha sin(2 pi end), the
+    duration s changes by alpha (sin(2 pi begin) - sin(2 pi end)) / z with the phase of the
+    beginning and by s / z with the speed; the next speed is e (2 s - u) + a sin(2 pi end).
+    """
+    s, sine = end - begin, np.sin(2.0 * np.pi * np.array([begin, end]))
+    alpha = a / (1.0 + e)
+    z = 2.0 * s - u + alpha * sine[1]
+    longer = np.array([alpha * (sine[0] - sine[1]) / z, s / z])
+    phase = longer + np.array([1.0, 0.0])
+    speed = e * (2.0 * longer - np.array([0.0, 1.0]))
+    return np.stack([phase, speed + 2.0 * np.pi * a * np.cos(2.0 * np.pi * end) * phase])
+
+
+def _leading(jacobians: list[Array]) -> float:
     """Modulus of the leading multiplier of the product of the Jacobians of impacts."""
     product = np.eye(2)
-    for slope in 2.0 * np.pi * a * np.cos(2.0 * np.pi * turns):
-        product = np.array([[1.0, 1.0], [slope, e + slope]]) @ product
+    for one in jacobians:
+        product = one @ product
     return float(np.max(np.abs(np.linalg.eigvals(product))))

@@ -7,14 +7,15 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.records import Array, per_realization, variable
+from vibrosweep.analysis.base_motion import arrival_speeds, base_motion, moves
+from vibrosweep.analysis.records import Array, variable
 from vibrosweep.analysis.requirements import require
-from vibrosweep.analysis.returns import return_points
 
 __all__ = ["energy_balance"]
 
 NEEDS: Final = (
     "landing_time",
+    "liftoff_time",
     "rebound_velocity",
     "rested",
     "launch_velocity",
@@ -22,6 +23,7 @@ NEEDS: Final = (
     "amplitude",
     "frequency",
     "phase",
+    "gravity",
 )
 
 
@@ -36,6 +38,12 @@ def energy_balance(
     rest.  A rest breaks the balance: the base takes up what v' = e v + U would have been.  The
     balance of energy is <v'^2 - v^2> = 0 over such a cycle.
 
+    Over a moving base a flight ends at another height and with another speed than it began, so that
+    speeds change in flight too.  Energy does not: what an impact or a rest adds to it, the height
+    of the base counted in, is zero over any cycle.  It is the work of the base less what is
+    dissipated, (1 - e^2) z^2 / 2 at an impact with the relative speed z, and z^2 / 2 where the
+    particle comes to rest.
+
     Parameters
     ----------
     record
@@ -49,9 +57,12 @@ def energy_balance(
     -------
     xarray.Dataset
         Dims (realization, particle), m s-1 unless said: ``mean_kick``, ``mean_loss``, their
-        difference ``balance``, its part ``end_effect`` = (v_last - v_first) / n and its part
-        ``rest_effect``, the mean of v' - e v - U where the particle rested, with opposite sign;
-        ``energy_balance`` = <v'^2 - v^2> / 2 (m2 s-2), ``balanced_impacts`` and ``rests``.
+        difference ``balance``, its part ``end_effect`` = (v_last - v_first) / n, its part
+        ``flight_effect``, what speeds lose in flights, and its part ``rest_effect``, the mean of
+        v' - e v - U where the particle rested, with opposite sign; ``energy_balance``, the mean
+        gain of energy per mass and impact (m2 s-2), <v'^2 - v^2> / 2 where the base stays;
+        ``balanced_impacts`` and ``rests``.  Where the base moves also ``dissipated_energy`` and
+        ``base_work``, their difference being the gain.
 
     Raises
     ------
@@ -62,6 +73,17 @@ def energy_balance(
     one = [_balances(record, i, since, impacts) for i in range(record.sizes["realization"])]
     found = dict(zip(_NAMES, np.moveaxis(np.array(one), 1, 0), strict=True))
     dims = ("realization", "particle")
+    work = {
+        "dissipated_energy": variable(
+            dims, found["dissipated"], "mean dissipation per mass and impact", "m2 s-2"
+        ),
+        "base_work": variable(
+            dims,
+            found["energy"] + found["dissipated"],
+            "mean work of the base per mass and impact",
+            "m2 s-2",
+        ),
+    }
     return xr.Dataset(
         {
             "mean_kick": variable(dims, found["kick"], "mean kick", "m s-1"),
@@ -69,6 +91,9 @@ def energy_balance(
             "balance": variable(dims, found["balance"], "mean kick less mean loss", "m s-1"),
             "end_effect": variable(
                 dims, found["end"], "part of the balance from first and last speed", "m s-1"
+            ),
+            "flight_effect": variable(
+                dims, found["flight"], "part of the balance from speeds lost in flight", "m s-1"
             ),
             "rest_effect": variable(
                 dims, found["rest"], "part of the balance that the base takes up at rests", "m s-1"
@@ -78,22 +103,35 @@ def energy_balance(
             ),
             "balanced_impacts": variable(dims, found["n"].astype(np.int64), "landings balanced"),
             "rests": variable(dims, found["rests"].astype(np.int64), "rests among them"),
+            **(work if moves(record) else {}),
         }
     )
 
 
-_NAMES: Final = ("kick", "loss", "balance", "end", "rest", "energy", "n", "rests")
+_NAMES: Final = (
+    "kick",
+    "loss",
+    "balance",
+    "end",
+    "flight",
+    "rest",
+    "energy",
+    "dissipated",
+    "n",
+    "rests",
+)
 
 
 def _balances(record: xr.Dataset, realization: int, since: float, impacts: int | None) -> Array:
     """Shape (quantity, particle), in the order of `_NAMES`."""
     one = record.isel(realization=realization)
-    e, amplitude, frequency, phase, speed = (
-        float(per_realization(record, name)[realization])
-        for name in ("restitution", "amplitude", "frequency", "phase", "launch_velocity")
+    e, amplitude, frequency, phase, gravity = (
+        float(one[name]) for name in ("restitution", "amplitude", "frequency", "phase", "gravity")
     )
-    time = one["landing_time"].values
-    before, after, known = return_points(one["rebound_velocity"].values, speed)
+    base = base_motion(one, "energy_balance")
+    time, liftoff = one["landing_time"].values, one["liftoff_time"].values
+    before, after = arrival_speeds(one, "energy_balance"), one["rebound_velocity"].values
+    known = np.isfinite(before) & np.isfinite(after)
     with np.errstate(invalid="ignore"):
         known &= time >= since
     if impacts is not None:
@@ -101,6 +139,12 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
     kick = amplitude * np.sin(2.0 * np.pi * frequency * time + phase)
     rested = (one["rested"].values == 1) & known
     unabsorbed = np.where(rested, after - e * before - kick, 0.0)
+    lost = np.zeros_like(before)
+    lost[:, 1:] = np.where(known[:, :-1], after[:, :-1] - before[:, 1:], 0.0)
+    gain = (after**2 - before**2) / 2.0
+    gain += gravity * (base.height(liftoff) - base.height(time))
+    left = np.where(rested, 0.0, e)  # of the relative speed
+    dissipated = (1.0 - left**2) * (before + base.velocity(time)) ** 2 / 2.0
     count = known.sum(axis=1).astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = [
@@ -109,9 +153,11 @@ def _balances(record: xr.Dataset, realization: int, since: float, impacts: int |
                 kick,
                 (1.0 - e) * before,
                 kick - (1.0 - e) * before,
-                after - before,
+                after - before - lost,
+                lost,
                 -unabsorbed,
-                (after**2 - before**2) / 2.0,
+                gain,
+                dissipated,
             )
         ]
     return np.stack([*mean, count, rested.sum(axis=1)])

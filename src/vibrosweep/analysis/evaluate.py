@@ -26,9 +26,25 @@ from vibrosweep.kernels.fixed import (
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import Launches, dimensionless, launches
+from vibrosweep.model.parameters import (
+    BASES,
+    Dimensionless,
+    Launches,
+    dimensionless,
+    launches,
+)
 
-__all__ = ["HOLDING", "continued", "launch_states", "launched", "locked", "settle_from"]
+__all__ = [
+    "HOLDING",
+    "batch_from",
+    "continued",
+    "launch_states",
+    "launched",
+    "lift_off_speeds",
+    "locked",
+    "reached",
+    "settle_from",
+]
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
@@ -103,20 +119,71 @@ def launched(
     return _codes(np.concatenate(held))
 
 
-def launch_states(scene: Scene, points: int) -> States:
-    """States (phase in turns, flight in periods) of the scene's launches.
+def lift_off_speeds(base: str, problem: Dimensionless, phase: Array, speed: Array) -> Array:
+    """Absolute speed of states whose speed is relative to the base, in units of g / (2 f).
+
+    Parameters
+    ----------
+    base
+        One of `vibrosweep.model.parameters.BASES`.
+    problem
+        Of the states' realizations; its arrays must broadcast with the states.
+    phase, speed
+        Phase of the forcing in turns, and relative speed, at lift-off.
+    """
+    if base == BASES[0]:
+        return speed
+    alpha = problem.kick / (1.0 + problem.restitution)
+    return np.asarray(speed + alpha * np.sin(2.0 * np.pi * phase))
+
+
+def launch_states(scene: Scene, parameters: dict[str, Array]) -> States:
+    """States of the scene's launches: phase of the forcing in turns, and speed at lift-off.
+
+    The speed is relative to the base, in units of g / (2 f).
+
+    Parameters
+    ----------
+    parameters
+        As of `Scene.parameters`, each of shape (point,).
 
     Returns
     -------
     numpy.ndarray
         Shape (point, particle, 2).
     """
-    parameters = scene.parameters()
     problem = dimensionless(parameters, scene.end)
+    problem = Dimensionless(*(values[:, np.newaxis] for values in problem))
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
-    phase = launch.phase[0] + problem.phase
-    states = np.stack([phase - np.rint(phase), np.full_like(phase, problem.launch_flight)], axis=-1)
-    return np.broadcast_to(states, (points, *states.shape)).copy()
+    phase = launch.phase + problem.phase
+    phase -= np.rint(phase)
+    at_rest = lift_off_speeds(scene.base, problem, phase, np.zeros_like(phase))
+    return np.stack([phase, problem.launch_flight - at_rest], axis=-1)
+
+
+def batch_from(
+    scene: Scene, parameters: dict[str, Array], states: States
+) -> tuple[Dimensionless, Launches]:
+    """Problem and launches of particles that go on from given states, each a realization.
+
+    Parameters
+    ----------
+    parameters
+        As of `Scene.parameters`, each of shape (point,).
+    states
+        Shape (point, particle, 2), as of `launch_states`.
+    """
+    phase, speed = np.ascontiguousarray(states.reshape(-1, 2).T)
+    repeated = {name: np.repeat(values, states.shape[1]) for name, values in parameters.items()}
+    repeated["phase"] = np.zeros_like(phase)  # the states' phases are the forcing's
+    problem = dimensionless(repeated, scene.end, scene.begin)
+    problem = problem._replace(launch_flight=lift_off_speeds(scene.base, problem, phase, speed))
+    return problem, Launches(np.zeros((phase.size, 1)), phase[:, np.newaxis])
+
+
+def reached(orbits: Orbits, particles: int) -> States:
+    """States that orbits have reached, as `launch_states`."""
+    return np.stack([orbits.phase, orbits.flight], axis=-1).reshape(-1, particles, 2)
 
 
 def settle_from(
@@ -124,22 +191,9 @@ def settle_from(
 ) -> Orbits:
     """Orbits that particles settle on from given states, ordered by point, then by particle.
 
-    Parameters
-    ----------
-    parameters
-        As of `Scene.parameters`, each of shape (point,).
-    states
-        Shape (point, particle, 2): phase in turns and flight in forcing periods.
+    The arguments are those of `batch_from`.
     """
-    particles = states.shape[1]
-    repeated = {name: np.repeat(values, particles) for name, values in parameters.items()}
-    repeated["phase"] = np.zeros(
-        states.shape[0] * particles
-    )  # the states' phases are the forcing's
-    problem = dimensionless(repeated, scene.end, scene.begin)
-    phase, flight = states.reshape(-1, 2).T
-    problem = problem._replace(launch_flight=np.ascontiguousarray(flight))
-    launch = Launches(np.zeros((phase.size, 1)), np.ascontiguousarray(phase)[:, np.newaxis])
+    problem, launch = batch_from(scene, parameters, states)
     alone = replace(scene.observation(), particles=1, launch=(0.0,))
     return find_orbits(problem, launch, alone, workers)
 
@@ -170,5 +224,4 @@ def continued(
             f"cannot be continued along the amplitude; leave continuation out for it"
         )
     held = condition.judge(_dataset(scene, parameters, measured))
-    reached = np.stack([orbits.phase, orbits.flight], axis=-1).reshape(states.shape)
-    return _codes(held), reached
+    return _codes(held), reached(orbits, scene.particles)

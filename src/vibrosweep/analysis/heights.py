@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.records import per_realization, variable
+from vibrosweep.analysis.base_motion import moves
+from vibrosweep.analysis.records import Array, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import DataError
 from vibrosweep.model import theory
@@ -17,6 +18,9 @@ def heights_against_restitution(
     sweep: xr.Dataset, *, bins: int = 9, tolerance: float = 1e-6
 ) -> xr.Dataset:
     """Rebound heights against restitution, and how many lie on a plateau g k^2 / (8 f^2).
+
+    Over a moving base the highest point of a locked orbit depends on restitution and amplitude
+    (`vibrosweep.model.theory.locked_apex`): a plateau is then that of the realization's own.
 
     Parameters
     ----------
@@ -47,13 +51,10 @@ def heights_against_restitution(
 
     names = ("restitution", "frequency", "gravity", "rebound_height_max", "rebound_height_mean")
     require(sweep, "heights_against_restitution", *names)
-    e, frequency, gravity = (per_realization(sweep, name) for name in names[:3])
+    e = per_realization(sweep, "restitution")
     highest, mean = (sweep[name].values for name in names[3:])
-    ratio = highest / theory.locked_height(1, frequency, gravity)
-    known = np.isfinite(ratio)
-    mode = np.where(known, np.rint(np.sqrt(np.where(known, ratio, 0.0))), 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.abs(ratio / mode**2 - 1.0)
+    known = np.isfinite(highest)
+    mode, distance = _nearest_plateau(sweep, np.where(known, highest, 0.0))
     on = known & (mode > 0.0) & (distance <= tolerance)
     edges = np.unique(np.quantile(e, np.linspace(0.0, 1.0, bins + 1)))
     if edges.size < 3:
@@ -92,3 +93,23 @@ def heights_against_restitution(
             "restitution_high": variable(dims, edges[1:], "upper end, restitution"),
         },
     )
+
+
+def _nearest_plateau(sweep: xr.Dataset, height: Array) -> tuple[Array, Array]:
+    """Mode of the plateau nearest to each height, 0 without, and the relative distance from it."""
+    frequency, gravity = (per_realization(sweep, name) for name in ("frequency", "gravity"))
+    squares = height / theory.locked_height(1, frequency, gravity)
+    if not moves(sweep):
+        mode = np.rint(np.sqrt(squares))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return mode, np.abs(squares / mode**2 - 1.0)
+    require(sweep, "heights_against_restitution", "amplitude")
+    e, amplitude = (per_realization(sweep, name) for name in ("restitution", "amplitude"))
+    mode, distance = np.zeros_like(height), np.full_like(height, np.inf)
+    # a locked orbit rises by its plateau above the base, which is above its mean level
+    highest = np.sqrt(np.max(squares, initial=0.0))
+    for k in range(1, int(highest) + 1):
+        apart = np.abs(height / theory.locked_apex(k, e, amplitude, frequency, gravity) - 1.0)
+        nearer = apart < distance  # False where there is no such orbit
+        mode, distance = np.where(nearer, k, mode), np.where(nearer, apart, distance)
+    return mode, distance

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.analysis.base_motion import base_motion, course
 from vibrosweep.analysis.requirements import require
 
 __all__ = ["FLIGHTS", "Array", "Flights", "flights", "per_realization", "variable"]
@@ -37,12 +38,15 @@ class Flights(NamedTuple):
         s; a flight in progress at the end of the observation ends there.
     velocity
         Speed at its beginning, m s-1.
+    height
+        Height of the base at its beginning, m.
     """
 
     particle: NDArray[np.int64]
     start: Array
     end: Array
     velocity: Array
+    height: Array
 
 
 def per_realization(dataset: xr.Dataset, name: str) -> Array:
@@ -81,23 +85,9 @@ def flights(record: xr.Dataset, realization: int, analysis: str) -> Flights:
     """
     require(record, analysis, *FLIGHTS)
     one = record.isel(realization=realization)
-    landing = one["landing_time"].values
-    particles = landing.shape[0]
-    column = np.ones((particles, 1))
-    gravity = per_realization(record, "gravity")[realization]
-    speed = per_realization(record, "launch_velocity")[realization]
-    launch = np.broadcast_to(one["launch_time"].values, (particles,))[:, np.newaxis]
-    start = np.concatenate([launch, one["liftoff_time"].values], axis=1)
-    velocity = np.concatenate([speed * column, one["rebound_velocity"].values], axis=1)
-    end = np.concatenate([landing, np.nan * column], axis=1)
-    end = np.where(np.isnan(end), start + 2.0 * velocity / gravity, end)
-    until = per_realization(record, "duration")[realization]
-    flies = (start < until) & (velocity > 0.0)  # False where the particle rests for good
-    particle = np.broadcast_to(np.arange(particles)[:, np.newaxis], start.shape)[flies]
-    order = np.argsort(start[flies], kind="stable")
-    return Flights(
-        particle[order],
-        start[flies][order],
-        np.minimum(end[flies][order], until),
-        velocity[flies][order],
-    )
+    each = course(one, base_motion(one, analysis), float(one["duration"]))
+    particle = np.broadcast_to(np.arange(len(each.start))[:, np.newaxis], each.start.shape)
+    chosen = np.flatnonzero(each.flies)
+    order = chosen[np.argsort(each.start.ravel()[chosen], kind="stable")]
+    moving = (each.start, each.end, each.velocity, each.height)
+    return Flights(particle.ravel()[order], *(values.ravel()[order] for values in moving))

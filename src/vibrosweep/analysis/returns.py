@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.analysis.base_motion import arrival_speeds, moves
 from vibrosweep.analysis.records import Array, per_realization, variable
 from vibrosweep.analysis.requirements import require
 
@@ -38,9 +39,11 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     Returns
     -------
     xarray.Dataset
-        Dim ``point``: ``arrival_speed``, ``next_arrival_speed``, ``kick`` = v' - e v (m s-1),
-        ``landing_time`` (s), ``particle`` and ``rested``.  The kick is within A where the law is
-        `rest` and the particle did not rest: the points lie in a strip of slope e.
+        Dim ``point``: ``arrival_speed``, ``next_arrival_speed``, ``kick`` = w - e v (m s-1), where
+        w is the speed of lift-off, ``landing_time`` (s), ``particle`` and ``rested``.  The kick is
+        within A where the law is `rest` and the particle did not rest: the points lie in a strip
+        of slope e, of that half-width over a base that stays, and of A + 2 V0 over one that moves
+        (`vibrosweep.model.theory.liftoff_speed_bound` says why).
 
     Raises
     ------
@@ -49,10 +52,9 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     """
     require(record, "return_map", *NEEDS, "rested")
     one = record.isel(realization=realization)
-    speed = float(per_realization(record, "launch_velocity")[realization])
     restitution = float(per_realization(record, "restitution")[realization])
-    before, after, known = return_points(one["rebound_velocity"].values, speed)
-    time = one["landing_time"].values
+    before, after, known = return_points(one)
+    time, leaving = one["landing_time"].values, one["rebound_velocity"].values
     with np.errstate(invalid="ignore"):
         known = known & (time >= since)
     particle = np.broadcast_to(np.arange(time.shape[0])[:, np.newaxis], time.shape)
@@ -62,7 +64,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
             "arrival_speed": variable(dims, before[known], "speed of arrival", "m s-1"),
             "next_arrival_speed": variable(dims, after[known], "next speed of arrival", "m s-1"),
             "kick": variable(
-                dims, after[known] - restitution * before[known], "kick v' - e v", "m s-1"
+                dims, leaving[known] - restitution * before[known], "kick w - e v", "m s-1"
             ),
             "landing_time": variable(dims, time[known], "time of landing", "s"),
             "particle": variable(dims, particle[known], "particle"),
@@ -77,26 +79,23 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     )
 
 
-def return_points(
-    rebound_velocity: Array, launch_velocity: float
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+def return_points(one: xr.Dataset) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Speeds of arrival at each landing and at the next, and where both are known.
 
-    A flight lands as fast as it left the base: the rebound velocities, with the launch velocity in
-    front, are the speeds of arrival.
+    Over a base that stays a flight lands as fast as it began, so that the next speed of arrival is
+    known of the last landing too.
 
     Parameters
     ----------
-    rebound_velocity
-        m s-1, shape (particle, impact).
-    launch_velocity
-        m s-1.
+    one
+        A record without the dim realization.
 
     Returns
     -------
     before, after, known
-        Each of the shape of the rebound velocities.
+        m s-1, each of shape (particle, impact).
     """
-    first = np.full((rebound_velocity.shape[0], 1), launch_velocity)
-    before = np.concatenate([first, rebound_velocity[:, :-1]], axis=1)
-    return before, rebound_velocity, np.isfinite(before) & np.isfinite(rebound_velocity)
+    before, after = arrival_speeds(one, "return_map"), one["rebound_velocity"].values
+    if moves(one):
+        after = np.concatenate([before[:, 1:], np.full_like(before[:, :1], np.nan)], axis=1)
+    return before, after, np.isfinite(before) & np.isfinite(after)

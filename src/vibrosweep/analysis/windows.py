@@ -216,8 +216,9 @@ def _windows(
         return evaluate.continued(scene, condition, e[rows], at, states, workers)
 
     fresh = isinstance(condition, Locked) or direction in FRESH
-    start = None if fresh else evaluate.launch_states(scene, e.size)
     upward = direction != DIRECTIONS[1]
+    first = scene.parameters(restitution=e, amplitude=np.full(e.size, a[0 if upward else -1]))
+    start = None if fresh else evaluate.launch_states(scene, first)
     error = END_ERROR if isinstance(condition, Locked) else 0.0
     width = tolerance - 2.0 * error  # so that the brackets keep to the tolerance with the error
     codes, edges = find_edges(judge, e.size, a, width, start=start, upward=upward)

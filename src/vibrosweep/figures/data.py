@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.analysis.base_motion import moves
 from vibrosweep.analysis.requirements import remedy
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.parameters import PARAMETERS
@@ -182,4 +183,6 @@ def conditions(dataset: xr.Dataset) -> str:
         parts.append("moving base")
     if dataset.attrs.get("rebound") == "reflect":
         parts.append("reflect law")
+    if moves(dataset):
+        parts.append("moving base")
     return ", ".join(parts)

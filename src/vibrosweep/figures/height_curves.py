@@ -16,8 +16,10 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import ColorType
 
+from vibrosweep.analysis.base_motion import BaseMotion, base_motion
 from vibrosweep.errors import ParameterError
 from vibrosweep.figures import data, style
+from vibrosweep.figures.data import Array
 from vibrosweep.figures.motion import Motion, highest, motions, parabolas
 
 if TYPE_CHECKING:
@@ -46,6 +48,9 @@ VECTOR_FLIGHTS: Final = 20_000
 REST: Final = "black"
 # As many forcing periods are told apart across a page.
 READABLE_PERIODS: Final = 40.0
+# Points of a moving base in a forcing period, and altogether.
+SAMPLES: Final = 48
+MOST_SAMPLES: Final = 50_000
 
 
 @style.styled
@@ -58,6 +63,8 @@ def height_time(
     mark_landings: bool | None = None,
 ) -> Figure:
     """Draw height against time: one true parabola per flight, and every rest on the base.
+
+    A base that moves is drawn under the parabolas, and rests ride on it.
 
     A parabola is a quadratic Bezier curve, so the drawn curves are the trajectory itself at every
     magnification, not a polygon through samples of it.
@@ -91,16 +98,20 @@ def height_time(
     shown = _shown(one, particles)
     one = one.isel(particle=shown)
     begin, stop = _window(one, until)
-    drawn = motions(one, stop)
+    base = base_motion(one, "height_time")
+    drawn = motions(one, base, stop)
     # A single particle needs less height: it is one curve
     figure, axes = style.new_figure(style.PAGE, 2.3 if len(shown) == 1 else 2.8)
     colours = _colours(figure, axes, shown)
     _draw_flights(axes, drawn, colours, data.pick(one, "gravity"))
-    _draw_rests(axes, drawn, colours)
+    _draw_rests(axes, drawn, colours, base)
     if mark_landings if mark_landings is not None else len(shown) == 1:
-        _draw_landings(axes, drawn, colours)
+        _draw_landings(axes, drawn, colours, base)
     top = max((highest(motion, data.pick(one, "gravity")) for motion in drawn), default=0.0)
-    axes.set(xlim=(begin, stop), ylim=(-0.03 * (top or 1.0), 1.05 * (top or 1.0)))
+    top = max(top, base.displacement) or 1.0
+    axes.set(xlim=(begin, stop), ylim=(-0.03 * top - base.displacement, 1.05 * top))
+    if base.displacement:
+        _draw_base(axes, base, begin, stop)
     axes.set(xlabel="time $t$ (s)", ylabel="height $y$ (m)")
     if 1 < len(shown) <= len(style.OKABE_ITO):
         for i, colour in zip(shown, colours, strict=True):
@@ -183,15 +194,31 @@ def _draw_flights(
     )
 
 
-def _draw_rests(axes: Axes, drawn: list[Motion], colours: list[ColorType]) -> None:
+def _draw_base(axes: Axes, base: BaseMotion, begin: float, stop: float) -> None:
+    """Draw the height of the base, and shade what lies under it."""
+    t = _sampled(base, begin, stop)
+    floor = axes.get_ylim()[0]
+    axes.fill_between(t, base.height(t), floor, facecolor="0.9", edgecolor="0.55", linewidth=0.6)
+
+
+def _sampled(base: BaseMotion, begin: float, stop: float) -> Array:
+    """Instants between which the height of the base is drawn as straight."""
+    count = int(min(SAMPLES * base.frequency * (stop - begin), MOST_SAMPLES)) + 2
+    return np.linspace(begin, stop, count)
+
+
+def _draw_rests(
+    axes: Axes, drawn: list[Motion], colours: list[ColorType], base: BaseMotion
+) -> None:
     """Draw a thick bar on the base for every rest, so that it is not taken for the axis."""
     # Bars of many particles hide each other, and a single one's would hide its landings
     plain = not 1 < len(drawn) <= len(style.OKABE_ITO)
-    bars = [np.stack([motion.rests, np.zeros_like(motion.rests)], axis=-1) for motion in drawn]
-    of = [REST if plain else colours[i] for i, bar in enumerate(bars) for _ in bar]
+    stays = [(i, rest) for i, motion in enumerate(drawn) for rest in motion.rests]
+    times = [_sampled(base, *rest) if base.displacement else rest for _, rest in stays]
+    of = [REST if plain else colours[i] for i, _ in stays]
     axes.add_collection(
         LineCollection(
-            list(np.concatenate(bars)),
+            [np.stack([t, base.height(t)], axis=-1) for t in times],
             colors=of,
             linewidths=3.0,
             capstyle="butt",
@@ -202,11 +229,13 @@ def _draw_rests(axes: Axes, drawn: list[Motion], colours: list[ColorType]) -> No
     )
 
 
-def _draw_landings(axes: Axes, drawn: list[Motion], colours: list[ColorType]) -> None:
+def _draw_landings(
+    axes: Axes, drawn: list[Motion], colours: list[ColorType], base: BaseMotion
+) -> None:
     for motion, colour in zip(drawn, colours, strict=True):
         axes.plot(
             motion.landings,
-            np.zeros_like(motion.landings),
+            base.height(motion.landings),
             linestyle="none",
             marker="o",
             markersize=2.6,

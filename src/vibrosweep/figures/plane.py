@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vibrosweep.analysis.base_motion import base_name
 from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.data import Array
 from vibrosweep.figures.paint import Points
-from vibrosweep.figures.window_curves import draw_windows
+from vibrosweep.figures.window_curves import Forcing, draw_windows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,6 +21,7 @@ __all__ = ["NEEDS", "parameter_plane"]
 
 CHOICES: Final = ("dt_min", "rebound_height_max")
 AXES: Final = ("restitution", "amplitude", "frequency", "gravity")
+ACCELERATION: Final = "base_acceleration"
 NEEDS: Final = data.Needs(AXES, one_of=CHOICES, varied=("restitution", "kick"))
 
 
@@ -29,7 +31,8 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
 
     Solid curves show from which amplitude the locked orbit of mode k exists, dashed curves up to
     which it is stable, both in closed form.  If frequency or gravity differ between realizations,
-    the vertical axis is the dimensionless kick 2 f A / g, in which the curves are the same for all.
+    the vertical axis is the dimensionless kick 2 f A / g, in which the curves are the same for all;
+    where the forcing was given as the acceleration of the base in g, it is that.
     A grid is drawn as its cells, a random design as dots, and one of very many realizations as the
     median (for codes: the commonest) of small cells.
 
@@ -56,26 +59,35 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
         NEEDS.check("parameter_plane", sweep)
         variable = next(name for name in CHOICES if name in sweep.variables)
     data.Needs((*AXES, variable), varied=NEEDS.varied).check("parameter_plane", sweep)
-    frequency, gravity = data.fixed(sweep, "frequency"), data.fixed(sweep, "gravity")
     figure, axes = style.new_figure(style.MEDIUM, 3.6)
-    restitution = data.quantity(sweep, "restitution")
-    axes.set_xlabel(data.label(sweep, "restitution"))
-    if frequency is not None and gravity is not None:
-        points = paint.scatter_points(restitution, data.quantity(sweep, "amplitude"))
-        axes.set_ylabel(data.label(sweep, "amplitude"))
-        _set_view(axes, points)
-        draw_windows(axes, frequency, gravity, "A", over=points.cells is not None)
-    else:
-        points = paint.scatter_points(restitution, data.kick(sweep))
-        axes.set_ylabel("kick $a = 2 f A / g$")
-        _set_view(axes, points)
-        draw_windows(axes, 1.0, 2.0, "a", over=points.cells is not None)
+    forcing, vertical, label = _vertical(sweep)
+    points = paint.scatter_points(data.quantity(sweep, "restitution"), vertical)
+    axes.set(xlabel=data.label(sweep, "restitution"), ylabel=label)
+    _set_view(axes, points)
+    draw_windows(axes, forcing, over=points.cells is not None)
     _paint_variable(figure, axes, points, sweep, variable)
     # A colour bar names its variable, a legend does not
     coded = "flag_values" in sweep[variable].attrs
     named = data.label(sweep, variable).replace("\n", " ") if coded else ""
     style.head(axes, ", ".join(part for part in (named, data.conditions(sweep)) if part))
     return figure
+
+
+def _vertical(sweep: xr.Dataset) -> tuple[Forcing, Array, str]:
+    """What the vertical axis is, its values, and its label."""
+    base = base_name(sweep)
+    if sweep.attrs.get("forcing") == ACCELERATION:
+        label = data.label(sweep, ACCELERATION)
+        return (
+            Forcing(r"\Gamma", base, is_acceleration=True),
+            data.quantity(sweep, ACCELERATION),
+            label,
+        )
+    frequency, gravity = data.fixed(sweep, "frequency"), data.fixed(sweep, "gravity")
+    if frequency is None or gravity is None:
+        return Forcing("a", base), data.kick(sweep), "kick $a = 2 f A / g$"
+    values, label = data.quantity(sweep, "amplitude"), data.label(sweep, "amplitude")
+    return Forcing("A", base, frequency, gravity), values, label
 
 
 def _set_view(axes: Axes, points: Points) -> None:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from vibrosweep.analysis.base_motion import moves
 from vibrosweep.figures import data, style
 from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
@@ -42,7 +43,9 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
 
     Filled dots count rebounds only.  Where the launch itself was higher than every rebound, an open
     circle shows the maximum with the launch counted in.  The plateaus H_k = g k^2 / (8 f^2) are the
-    heights of the locked orbits of mode k.  If frequency or gravity differ between realizations,
+    heights of the locked orbits of mode k; over a moving base their highest points are in the band
+    from H_k to H_k + (2 s_m / pi^2) H_1 while they are stable (`vibrosweep.model.theory`), which is
+    shaded.  If frequency or gravity differ between realizations,
     heights are drawn in units of H_1, where the plateaus stand at k^2.
 
     Parameters
@@ -68,13 +71,18 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     figure, axes = style.new_figure(style.MEDIUM, 3.3)
     seen = np.concatenate([rebound, flight])
     top = 1.06 * float(np.max(seen, where=np.isfinite(seen), initial=0.0)) or one_height
-    axes.set(xlim=_span(restitution), ylim=(-0.02 * top, top))
+    # over a moving base a particle may rise to below its mean level only
+    lowest = 1.06 * float(np.min(seen, where=np.isfinite(seen), initial=0.0))
+    axes.set(xlim=_span(restitution), ylim=(lowest - 0.02 * top, top))
     if restitution.size > style.MANY:
         _draw_density(figure, axes, restitution, rebound)
     else:
         _draw_dots(figure, axes, sweep, restitution, rebound)
         _draw_launches(axes, restitution, rebound, flight)
-    _draw_launch_height(axes, sweep, unit)
+    if moves(sweep):
+        _draw_bands(axes, one_height, top)
+    else:
+        _draw_launch_height(axes, sweep, unit)
     _draw_plateaus(axes, one_height, top)
     in_metres = r"rebound height $H_{\mathrm{max}}$ (m)"
     in_units = r"rebound height $H_{\mathrm{max}} / H_1$, $H_1 = g / 8 f^2$"
@@ -192,6 +200,16 @@ def _draw_plateaus(axes: Axes, one_height: float, top: float) -> None:
         names.set_yticks(heights, [f"$H_{{{int(k)}}}$" for k in modes])
         names.tick_params(length=0, pad=2, labelcolor="0.25")
         names.spines["right"].set_visible(False)
+
+
+def _draw_bands(axes: Axes, one_height: float, top: float) -> None:
+    """Shade the highest points that stable locked orbits may have over a moving base."""
+    e = np.linspace(max(axes.get_xlim()[0], 0.0), min(axes.get_xlim()[1], 1.0), 101)
+    highest = theory.amplitude_max(1, e, 1.0, 2.0, base="moving")
+    above = theory.locked_apex(1, e, highest, 1.0, 2.0) / theory.locked_height(1, 1.0, 2.0) - 1.0
+    for height in plateaus(one_height, top)[1]:
+        upper = height + above * one_height  # as much as over mode 1
+        axes.fill_between(e, height, upper, color="0.9", linewidth=0.0, zorder=0.8)
 
 
 def _remark(sweep: xr.Dataset, height: Array) -> str:

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from vibrosweep.analysis.base_motion import base_name, moves
 from vibrosweep.figures import data, style
 from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
@@ -40,9 +41,10 @@ MOST_MODES: Final = 12
 def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     """Draw the arrival speed at each landing against that at the landing before.
 
-    All points lie in the strip of slope e and half-width A.  Those of the second half of the
-    observation are drawn darker and on top.  Diamonds on the identity line are the stable
-    closed-form locked orbits of mode k, crosses the unstable ones.
+    All points lie in the strip of slope e and half-width A; over a moving base, whose height at
+    the next landing is another, in that of half-width A + 2 V0, V0 = A / (1 + e).  Those of the
+    second half of the observation are drawn darker and on top.  Diamonds on the identity line are
+    the stable closed-form locked orbits of mode k, crosses the unstable ones.
 
     Parameters
     ----------
@@ -66,18 +68,18 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
 
     NEEDS.check("return_map", record)
     one = data.one_realization(record, realization)
-    before, after, known = return_points(
-        one["rebound_velocity"].values, data.pick(one, "launch_velocity")
-    )
+    before, after, known = return_points(one)
     late = one["landing_time"].values[known] > data.pick(one, "duration") / 2.0
     before, after = before[known], after[known]
     figure, axes = style.new_figure(style.COLUMN, 4.1)
     floor = data.pick(one, "amplitude") or data.pick(one, "launch_velocity") or 1.0
     top = 1.06 * max(float(np.max(before, initial=floor)), float(np.max(after, initial=floor)))
-    _draw_strip(axes, one, top)
+    # over a moving base a particle may land while it rises
+    lowest = min(float(np.min(before, initial=0.0)), float(np.min(after, initial=0.0)))
+    _draw_strip(axes, one, lowest, top)
     _draw_locked(axes, one, top)
     _draw_points(axes, before, after, late, data.pick(one, "duration") / 2.0)
-    view = (-0.03 * top, top)
+    view = (1.06 * lowest - 0.03 * top, top)
     axes.set(xlim=view, ylim=view, aspect="equal")
     axes.set_xlabel("arrival speed $v_n$ (m s$^{-1}$)")
     axes.set_ylabel("next arrival speed $v_{n+1}$ (m s$^{-1}$)")
@@ -85,18 +87,21 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     return figure
 
 
-def _draw_strip(axes: Axes, one: xr.Dataset, top: float) -> None:
-    """Shade |v' - e v| <= A, and draw the identity."""
+def _draw_strip(axes: Axes, one: xr.Dataset, lowest: float, top: float) -> None:
+    """Shade |v' - e v| <= A, or A + 2 V0 over a moving base, and draw the identity."""
     e, amplitude = data.pick(one, "restitution"), data.pick(one, "amplitude")
-    ends = np.linspace(0.0, top, 201)
+    width, words = amplitude, "A"
+    if moves(one):
+        width, words = amplitude * (3.0 + e) / (1.0 + e), "A + 2 V_0"
+    ends = np.linspace(1.1 * lowest, top, 201)
     axes.fill_between(
         ends,
-        np.maximum(e * ends - amplitude, 0.0),
-        e * ends + amplitude,
+        np.maximum(e * ends - width, 1.1 * lowest),
+        e * ends + width,
         facecolor="0.92",
         edgecolor="0.6",
         linewidth=0.5,
-        label=r"$|v_{n+1} - e\,v_n| \leq A$",
+        label=rf"$|v_{{n+1}} - e\,v_n| \leq {words}$",
         zorder=1,
     )
     axes.plot(
@@ -143,7 +148,7 @@ def _draw_locked(axes: Axes, one: xr.Dataset, top: float) -> None:
     reach = top / float(theory.locked_velocity(1, frequency, gravity))
     modes = np.arange(1, min(int(reach), MOST_MODES) + 1)
     exists = amplitude >= theory.amplitude_min(modes, e, frequency, gravity)
-    stable = amplitude <= theory.amplitude_max(modes, e, frequency, gravity)
+    stable = amplitude <= theory.amplitude_max(modes, e, frequency, gravity, base_name(one))
     speeds = theory.locked_velocity(modes, frequency, gravity)
     for chosen, marker, name in (
         (exists & stable, "D", "locked, stable"),

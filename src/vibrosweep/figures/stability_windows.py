@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
+from vibrosweep.analysis.base_motion import base_name, moves
 from vibrosweep.figures import data, style
 from vibrosweep.figures.data import Array
-from vibrosweep.figures.window_curves import MODES, draw_windows
+from vibrosweep.figures.window_curves import MODES, Forcing, draw_windows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,8 +76,10 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
     axes.set_ylabel("amplitude of the kick $A$ (m s$^{-1}$)")
     modes = [int(name[len("locked(") : -1]) for name in names] if is_locked else MODES
-    forcing = float(windows["frequency"]), float(windows["gravity"])
-    draw_windows(axes, *forcing, "A", over=True, modes=modes)
+    forcing = Forcing(
+        "A", base_name(windows), float(windows["frequency"]), float(windows["gravity"])
+    )
+    draw_windows(axes, forcing, over=True, modes=modes)
     # with their remark only two entries fit beside each other
     lack = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
     style.head(axes, _conditions(windows), columns=2 if lack else 4)
@@ -117,6 +120,7 @@ def _edges(e: Array) -> Array:
 
 
 def _conditions(windows: xr.Dataset) -> str:
-    """Return frequency and rebound law in a line."""
+    """Return frequency, rebound law and base in a line."""
     law = ", reflect law" if windows.attrs.get("rebound") == "reflect" else ""
-    return f"$f$ = {float(windows['frequency']):.4g} Hz{law}"
+    base = ", moving base" if moves(windows) else ""
+    return f"$f$ = {float(windows['frequency']):.4g} Hz{law}{base}"

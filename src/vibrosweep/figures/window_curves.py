@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -20,20 +21,42 @@ SAMPLES: Final = 201
 
 
 @dataclass(frozen=True)
+class Forcing:
+    """In what form the forcing is drawn.
+
+    Attributes
+    ----------
+    symbol
+        In mathtext, without dollar signs.
+    base
+        One of `vibrosweep.model.parameters.BASES`.
+    frequency, gravity
+        In Hz and m s-2, of an amplitude; by default it is the dimensionless kick.
+    is_acceleration
+        Whether it is the acceleration of the base in g instead of an amplitude.
+    """
+
+    symbol: str
+    base: str
+    frequency: float = 1.0
+    gravity: float = 2.0
+    is_acceleration: bool = False
+
+
+@dataclass(frozen=True)
 class Curve:
     """An end of the window of mode k: where the orbit begins to exist, or ceases to be stable."""
 
     mode: int
     is_upper: bool
     restitution: Array
-    amplitude: Array
+    forcing: Array
 
 
 def window_curves(
     x_range: tuple[float, float],
     y_range: tuple[float, float],
-    frequency: float,
-    gravity: float,
+    forcing: Forcing,
     modes: Sequence[int] = MODES,
 ) -> list[Curve]:
     """Return both ends of the windows of the modes, as far as they cross the view.
@@ -41,51 +64,44 @@ def window_curves(
     Parameters
     ----------
     x_range, y_range
-        The view: restitution and amplitude.
-    frequency, gravity
-        In Hz and m/s2.  With frequency 1 and gravity 2 the amplitude is the dimensionless kick.
+        The view: restitution and forcing.
+    forcing
+        What the latter is.
     modes
         The modes k.
     """
     e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
+    # Gamma = pi a / (1 + e)
+    scale = np.pi / (1.0 + e) if forcing.is_acceleration else 1.0
+    ends = (False, theory.amplitude_min), (True, partial(theory.amplitude_max, base=forcing.base))
     curves = [
-        Curve(k, is_upper, e, end(k, e, frequency, gravity))
-        for is_upper, end in ((False, theory.amplitude_min), (True, theory.amplitude_max))
+        Curve(k, is_upper, e, end(k, e, forcing.frequency, forcing.gravity) * scale)
+        for is_upper, end in ends
         for k in modes
     ]
     low, high = y_range
-    return [c for c in curves if np.any((c.amplitude > low) & (c.amplitude < high))]
+    return [c for c in curves if np.any((c.forcing > low) & (c.forcing < high))]
 
 
-def draw_windows(
-    axes: Axes,
-    frequency: float,
-    gravity: float,
-    symbol: str,
-    *,
-    over: bool,
-    modes: Sequence[int] = MODES,
-) -> None:
+def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[int] = MODES) -> None:
     """Draw the ends of the windows into the present view and name each on its curve.
 
     Parameters
     ----------
     axes
         Axes whose limits are set.
-    frequency, gravity
-        As for `window_curves`.
-    symbol
-        Symbol of the amplitude in mathtext, without dollar signs.
+    forcing
+        What the vertical axis is.
     over
         Draw the curves over cells, with a halo; else under dots, so that they hide none.
     modes
         The modes k.
     """
-    curves = window_curves(axes.get_xlim(), axes.get_ylim(), frequency, gravity, modes)
+    curves = window_curves(axes.get_xlim(), axes.get_ylim(), forcing, modes)
     for curve in curves:
         axes.plot(
             curve.restitution,
-            curve.amplitude,
+            curve.forcing,
             color="black",
             linewidth=1.0,
             linestyle=(0, (4, 1.5)) if curve.is_upper else "-",
@@ -98,8 +114,8 @@ def draw_windows(
         end = r"\mathrm{max}" if curve.is_upper else r"\mathrm{min}"
         axes.text(
             curve.restitution[at],
-            curve.amplitude[at],
-            rf"${symbol}_{{{end}}}({curve.mode})$",
+            curve.forcing[at],
+            rf"${forcing.symbol}_{{{end}}}({curve.mode})$",
             rotation=_slope(curve, at),
             rotation_mode="anchor",
             transform_rotates_text=True,
@@ -115,7 +131,7 @@ def draw_windows(
 def _slope(curve: Curve, at: int) -> float:
     """Angle in degrees in data space; the text turns with the axes' own scaling."""
     run = curve.restitution[at + 1] - curve.restitution[at - 1]
-    return float(np.degrees(np.arctan2(curve.amplitude[at + 1] - curve.amplitude[at - 1], run)))
+    return float(np.degrees(np.arctan2(curve.forcing[at + 1] - curve.forcing[at - 1], run)))
 
 
 def _label_places(axes: Axes, curves: list[Curve]) -> list[int | None]:
@@ -125,7 +141,7 @@ def _label_places(axes: Axes, curves: list[Curve]) -> list[int | None]:
     """
     to_view = axes.transAxes.inverted()
     points = [
-        to_view.transform(axes.transData.transform(np.column_stack([c.restitution, c.amplitude])))
+        to_view.transform(axes.transData.transform(np.column_stack([c.restitution, c.forcing])))
         for c in curves
     ]
     candidates = np.linspace(0.1, 0.9, 33) * (SAMPLES - 1)

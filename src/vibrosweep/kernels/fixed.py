@@ -16,8 +16,8 @@ from vibrosweep.kernels.bases import (
     Base,
     Constants,
     constants,
-    contact_time,
     fixed_attracts,
+    fixed_holds,
     fixed_residual,
 )
 from vibrosweep.kernels.laws import LAW_OF, speed_after
@@ -117,11 +117,9 @@ def find_fixed(
     for t in range(span[0], span[1]):
         out.state[t], out.phase[t] = ABSENT, np.nan
         fixed = constants(base, problem, t)
-        if not k[t] > contact_time(fixed):
-            continue
         for seed in range(SEEDS):
             found, x = _solve(fixed, (seed + 0.5) / SEEDS - 0.5, k[t], sign)
-            if found:
+            if found and fixed_holds(fixed, x, k[t]):
                 out.state[t], out.phase[t] = REPELS, x
                 if fixed_attracts(fixed, x, k[t]):
                     out.state[t] = ATTRACTS

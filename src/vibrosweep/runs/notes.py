@@ -41,7 +41,7 @@ def _defaults(spec: SweepSpec, design: Design) -> str:
 def short_observation(spec: SweepSpec, design: Design) -> str:
     """Say where locked orbits cannot be recognised before the observation ends; else empty."""
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
-    needed = float(theory.recognition_periods(restitution[1]))
+    needed = float(theory.recognition_periods(restitution[1], base=spec.base))
     observed = float(in_periods(spec.duration, np.array(frequency[:1]))[0])
     if observed >= needed:
         return ""

@@ -43,6 +43,7 @@ __all__ = [
     "counted_now",
     "fitted",
     "fixed_attracts",
+    "fixed_holds",
     "fixed_residual",
     "fly",
     "gives_up",
@@ -284,6 +285,12 @@ def fixed_residual(fixed: Constants, x: float, k: float, sign: float) -> tuple[f
 @question
 def fixed_attracts(fixed: Constants, x: float, k: float) -> bool:
     """Whether the fixed orbit that lands at phase x every k periods attracts."""
+    raise NotImplementedError
+
+
+@question
+def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
+    """Whether a particle that leaves phase x for k periods lands only then, and leaves at once."""
     raise NotImplementedError
 
 

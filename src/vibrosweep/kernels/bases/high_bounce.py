@@ -247,6 +247,11 @@ def _(fixed: Constants, x: float, k: float) -> bool:
     return abs(by_speed) < 1.0 and 0.0 < pull < 2.0 * (1.0 + by_speed)
 
 
+@answer(bases.fixed_holds, Constants)
+def _(fixed: Constants, x: float, k: float) -> bool:
+    return k > fixed.r
+
+
 @answer(bases.landing_rounding, Constants)
 def _(fixed: Constants, x: float, u: float) -> float:
     moved: float = x + (u - np.rint(u))

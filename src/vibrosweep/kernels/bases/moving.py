@@ -33,6 +33,7 @@ from vibrosweep.model.parameters import Dimensionless
 __all__ = ["Moving", "MovingConstants"]
 
 TWO_PI = 2.0 * math.pi
+AT_LANDING = 2.0**-20  # periods; a landing on the way is farther than that from the end of a flight
 FRESH = -1.0  # instead of the time that has been reached: the flight has just begun
 TRIES = 20000.0  # passes after which the search for a landing is given up
 TINY = 1e-300  # of a speed: pushed into the base, if ever so little
@@ -310,3 +311,11 @@ def _(fixed: MovingConstants, x: float, k: float) -> bool:
     e = fixed.e
     s = -math.pi * fixed.alpha * cos_turns(x)
     return e < 1.0 and 0.0 < s < 2.0 * (1.0 + e * e) / ((1.0 + e) * (1.0 + e))
+
+
+@answer(bases.fixed_holds, MovingConstants)
+def _(fixed: MovingConstants, x: float, k: float) -> bool:
+    # the base rises by (1 - e) / (1 + e) k at the landings
+    y = 2.0 * fixed.e * k / (1.0 + fixed.e)
+    time, _ = bases.fly(fixed, x, y)
+    return abs(time - k) <= AT_LANDING and bases.lift_off(fixed, 0.0, x, y)[3]

@@ -1,0 +1,145 @@
+"""Windows, continuation and basins over a moving base."""
+
+import numpy as np
+import pytest
+
+from vibrosweep import simulate
+from vibrosweep.analysis.basins import basins
+from vibrosweep.analysis.bifurcation import bifurcation
+from vibrosweep.analysis.capacity import capacity
+from vibrosweep.analysis.evaluate import launch_states, reached, settle_from
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.analysis.windows import find_windows
+from vibrosweep.engine.measure import measure
+from vibrosweep.model import theory
+from vibrosweep.model.status import Regime
+
+MODES = (1, 2, 3)
+
+
+def gamma_of(amplitude, e):
+    return 2.0 * np.pi * amplitude / ((1.0 + e) * 9.81)
+
+
+def test_locked_windows_end_where_the_closed_forms_say():
+    e = np.array([0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.99])
+    names = [f"locked({k})" for k in MODES]
+    found = find_windows(Scene(base="moving"), e, np.linspace(0.02, 16.0, 40), names, threads=1)
+    assert (found["window_count"] == 1).all()
+    for k, name in zip(MODES, names, strict=True):
+        one = found.sel(condition=name, direction="launch").isel(window=0)
+        ends = theory.amplitude_min(k, e), theory.amplitude_max(k, e, base="moving")
+        for lower, end in zip(("A_min", "A_max"), ends, strict=True):
+            assert one[lower].values == pytest.approx(end, rel=1e-8)
+
+
+@pytest.mark.parametrize("e", [0.0, 1e-4, 0.005, 0.015])
+def test_a_window_begins_where_the_flight_first_clears_the_base(e):
+    name, scan = ["locked(1)"], np.linspace(3.0, 8.0, 30)
+    one = find_windows(Scene(base="moving"), [e], scan, name, threads=1).squeeze()
+    gamma = gamma_of(float(one["A_min"]), e)
+    lowest = np.pi * (1.0 - e) / (1.0 + e)
+    s = np.linspace(1e-5, 0.9, 100_001)
+    clearance = []
+    for side in (-1e-5, 1e-5):
+        x = 0.5 - np.arcsin(lowest / (gamma * (1.0 + side))) / (2.0 * np.pi)
+        base = np.cos(2.0 * np.pi * (x + s)) - np.cos(2.0 * np.pi * x)
+        sunk = gamma * (1.0 + side) / (4.0 * np.pi**2) * base
+        clearance.append((s * (1.0 - s) / 2.0 + sunk).min())
+    assert clearance[0] < 0.0 < clearance[1] + (1e-12 if e == 0.0 else 0.0)
+    if e == 0.0:  # without relative speed it leaves where the base falls faster than gravity
+        assert gamma == pytest.approx(np.hypot(np.pi, 1.0), rel=1e-8)
+    upper = theory.amplitude_max(1, e, base="moving")
+    assert float(one["A_max"]) == pytest.approx(upper, rel=1e-8)
+
+
+def test_a_continued_orbit_stays_locked_down_to_the_end_of_its_window():
+    middle = float(theory.locked_phase(1, 0.8, 1.3))
+    scene = Scene(
+        base="moving", restitution=0.8, duration=3000.0, launch_velocity=4.905, launch=(middle,)
+    )
+    axis = np.linspace(0.7, 1.3, 25)
+    found = find_windows(scene, [0.8], axis, ["ordered"], continuation=True, tolerance=1e-5)
+    down = found.sel(direction="down").squeeze()
+    lower = float(theory.amplitude_min(1, 0.8))
+    assert float(down["A_min"]) == pytest.approx(lower, rel=1e-4)
+    diagram = bifurcation(scene, axis[axis > lower], samples=3).sel(direction="down")
+    np.testing.assert_allclose(diagram["rebound_velocity"], 4.905, rtol=1e-9)
+    np.testing.assert_allclose(diagram["lyapunov_largest"][3:], np.log(0.8), atol=1e-3)
+
+
+@pytest.mark.parametrize("changed", [{}, {"restitution": 0.3, "amplitude": 3.0}])
+def test_an_orbit_goes_on_from_its_own_state(changed, workers):
+    scene = Scene(base="moving", duration=2000.0, particles=4, phase=0.3, **changed)
+    parameters = scene.parameters()
+    first = settle_from(scene, parameters, launch_states(scene, parameters), workers)
+    again = settle_from(scene, parameters, reached(first, 4), workers)
+    assert np.all((first.impacts > 0) | (first.regime == Regime.AT_REST))
+    assert (first.impacts > 0).sum() > 2
+    for name in ("regime", "impacts", "periods", "rests"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
+    np.testing.assert_allclose(first.flight, again.flight, atol=1e-9)
+    # and what is launched is what a sweep launches
+    measured = measure(parameters, scene.observation(regimes=True), workers)
+    np.testing.assert_array_equal(measured["regime"].ravel(), first.regime)
+    np.testing.assert_array_equal(measured["cycle_impacts"].ravel(), first.impacts)
+
+
+SCENE = Scene(base="moving", amplitude=1.4, restitution=0.9, phase=0.7, duration=1500.0)
+TIMES = np.linspace(0.0, 1.0, 12, endpoint=False)
+
+
+@pytest.fixture(scope="module")
+def plane():
+    return basins(SCENE, np.concatenate([TIMES, TIMES + 1.0]), np.linspace(0.5, 14.0, 10))
+
+
+def test_every_launch_is_on_the_attractor_that_a_record_shows(plane):
+    found = plane.isel(launch_time=slice(0, 12))
+    seen = set()
+    for i, j in ((0, 0), (3, 5), (6, 2), (9, 7), (8, 11)):
+        one = found.isel(launch_velocity=i, launch_time=j)
+        attractor = found.isel(attractor=int(one["basin"]))
+        seen.add(int(attractor["regime"]))
+        if int(attractor["regime"]) != Regime.LOCKED:
+            continue
+        record = simulate(
+            base="moving",
+            amplitude=1.4,
+            restitution=0.9,
+            phase=0.7,
+            launch_time=float(one["launch_time"]),
+            launch_velocity=float(one["launch_velocity"]),
+            duration=1500.0,
+        )
+        count = int(attractor["cycle_impacts"])
+        speed = record["rebound_velocity"].values[0, 0]
+        last = speed[np.isfinite(speed)][-count:]
+        assert np.abs(last - float(attractor["rebound_velocity"])).min() < 1e-8
+        assert not record["rested"].values[0, 0, -count:].any()
+    assert Regime.LOCKED in seen
+
+
+def test_locked_attractors_are_those_of_the_theory(plane):
+    for i in range(plane.sizes["attractor"]):
+        one = plane.isel(attractor=i)
+        if int(one["regime"]) == Regime.LOCKED and int(one["cycle_impacts"]) == 1:
+            mode = int(one["cycle_periods"])
+            speed, phase = theory.locked_velocity(mode), theory.locked_phase(mode, 0.9, 1.4)
+            assert float(one["rebound_velocity"]) == pytest.approx(float(speed), rel=1e-9)
+            assert float(one["impact_phase"]) == pytest.approx(float(phase), abs=1e-9)
+            leading = np.abs(theory.multipliers(mode, 0.9, 1.4, base="moving")).max()
+            assert float(one["lyapunov_largest"]) == pytest.approx(np.log(leading), abs=1e-9)
+    locked = plane["regime"].values == Regime.LOCKED
+    slots = plane["cycle_periods"].values[locked].sum()
+    assert int(capacity(plane)["capacity_without_rests"]) == slots > 0
+
+
+def test_a_launch_one_period_later_is_one_slot_further(plane):
+    now, later = plane.isel(launch_time=slice(0, 12)), plane.isel(launch_time=slice(12, 24))
+    recurs = now["slot"].values >= 0
+    assert recurs.mean() > 0.3
+    np.testing.assert_array_equal(now["basin"], later["basin"])
+    periods = plane["cycle_periods"].values[now["basin"].values]
+    shifted = np.mod(now["slot"].values + 1, np.maximum(periods, 1))
+    np.testing.assert_array_equal(later["slot"].values[recurs], shifted[recurs])
