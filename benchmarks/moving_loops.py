@@ -1,7 +1,7 @@
 """The moving base as a scalar loop: the kernel's search for a landing, with the library's sine.
 
 One trajectory after the other and one flight after the other, with branches, so that nothing is
-computed that a flight does not need; time is one running number.
+computed that a flight does not need.
 """
 
 from __future__ import annotations
@@ -138,28 +138,29 @@ def scalar_moving(first, last, problem, launches, periods, times, out):
         x_lift = math.acos(-1.0 / gamma) / TWO_PI if gamma > 1.0 else np.nan
         row = i if launches.whole.shape[0] > 1 else 0
         t = launches.whole[row, p] + launches.phase[row, p] + problem.phase[i]
-        y = problem.launch_flight[i] - alpha * math.sin(TWO_PI * t)
+        whole = np.rint(t)
+        x = t - whole
+        y = problem.launch_flight[i] - alpha * math.sin(TWO_PI * x)
         n, used, flown, apex = 0, 0, 0.0, -np.inf
         while True:
-            x = t - np.rint(t)
             s, v, used = moving_flight(alpha, x_lift, x, y, used)
-            if not t + s <= periods:
+            if not whole + x + s <= periods:
                 break
             if n > 0:
                 u = y + alpha * math.sin(TWO_PI * x)
                 flown += s
                 apex = max(apex, u * u - 2.0 * alpha / math.pi * math.cos(TWO_PI * x))
-            t += s
             if times is not None:
                 if n == times.shape[1]:
                     break
-                times[lane, n] = t
+                times[lane, n] = whole + x + s
             n += 1
+            carry = np.rint(x + s)
+            whole += carry
+            x += s - carry
             y = e * v
-            x = t - np.rint(t)
             if not (y > r or abs(x) > x_lift):
                 if not x_lift > 0.0:
                     break
-                t += x_lift - x
-                y = 0.0
+                x, y = x_lift, 0.0
         landings[lane], passes[lane], total[lane], highest[lane] = n, used, flown, apex
