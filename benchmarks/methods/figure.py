@@ -29,7 +29,7 @@ LOOKS = {
     compiled.KERNEL: Look("#0072B2", "o", "kernel", (5.0, -10.0)),
     compiled.KERNEL_RECORD: Look("#0072B2", "s", "kernel, every landing", (-4.0, 11.0)),
     compiled.NAIVE: Look("#E69F00", "D", "naive map", (7.0, -3.0)),
-    moving.SCALAR: Look("#E69F00", "D", "scalar loop", (7.0, -3.0)),
+    moving.SCALAR: Look("#E69F00", "D", "scalar loop", (6.0, -9.0)),
     compiled.RK4: Look("#000000", "v", "RK4"),
     SCIPY: Look("#CC79A7", "^", "SciPy events"),
     "heyoka.py": Look("#009E73", "P", "heyoka.py"),
