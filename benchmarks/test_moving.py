@@ -20,7 +20,7 @@ from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import _step
-from vibrosweep.kernels.bases import constants, leave, put
+from vibrosweep.kernels.bases import at_a_time, constants, fitted, leave, put
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.lanes import LANES as LANES_OF_KERNEL
 from vibrosweep.kernels.lanes import ROW
@@ -126,14 +126,16 @@ def test_an_impact_of_the_moving_base_against_one_of_the_high_bounce_base(
 
 @njit(nogil=True, error_model="numpy")
 def passes(s, repetitions, base):
+    together = at_a_time(base)
     for _ in range(repetitions):
-        _step(s, LANES_OF_KERNEL, base, np.inf, None)
+        for ahead in range(0, LANES_OF_KERNEL, together):
+            _step(s[ahead:], min(together, LANES_OF_KERNEL - ahead), base, np.inf, None)
 
 
 def filled(ranges):
     """Scratch memory with a launch in every lane, and no end of the observation."""
-    base, s = base_of("moving", "rest"), scratch()
-    problem = dimensionless(RANGES[ranges](LANES_OF_KERNEL), 1.0)
+    problem, s = dimensionless(RANGES[ranges](LANES_OF_KERNEL), 1.0), scratch()
+    base = fitted(base_of("moving", "rest"), problem)
     rng = np.random.default_rng(1)
     for j in range(LANES_OF_KERNEL):
         fixed = constants(base, problem, j)
@@ -141,14 +143,14 @@ def filled(ranges):
         u = leave(fixed, x, float(problem.launch_flight[j]))
         put(fixed, s, j)
         s[ROW.X + j], s[ROW.U + j], s[ROW.N + j], s[ROW.AGE + j] = x, u, -1e12, 0.0
-    return s
+    return base, s
 
 
 @pytest.mark.parametrize("ranges", ["gentle", "shaker"])
 def test_a_pass_against_the_sine_alone(race, ranges, record_property):
     """What a pass costs, in sines; how many passes an impact takes is told."""
-    base, repetitions = base_of("moving", "rest"), 2000
-    s, t = filled(ranges), lanes()
+    repetitions, t = 2000, lanes()
+    base, s = filled(ranges)
     for made in (30, 500, repetitions):
         before = s[ROW.AGE : ROW.AGE + LANES_OF_KERNEL].copy()
         passes(s, made, base)

@@ -35,7 +35,7 @@ TWO_PI = 2.0 * math.pi
 EPS = 2.0**-53
 ROUNDINGS = 8.0  # of a clearance, in units of EPS times the moduli of its terms
 NARROWEST = 1e-7  # intervals, relative to the time
-LARGEST_ERROR = 4.0  # it is 1 where the kernel's clearance is as rounded as this one
+LARGEST_ERROR = 1.0  # where the terms of the kernel's clearance are as rounded as that
 MOST_GRAZES = 4  # of one flight, which are kept apart
 CHUNK = 50_000  # flights of one task of a thread
 BATCH = 1_000_000  # flights in memory
@@ -175,8 +175,8 @@ class Verdicts(NamedTuple):
         Error of the kernel's landing, over what rounding the clearance forces, where it is the
         certain root; NaN else.
     speed_error
-        Error of its speed relative to the base, in units of 2^-53 times the terms of the speed and
-        what the same rounding of the clearance moves.
+        Error of its speed relative to the base, over as many roundings of its terms and what the
+        error of the landing moves.
     """
 
     root: np.ndarray
@@ -212,7 +212,9 @@ def _judge(base, problem, x, y, first, last, out):
         if right and steep and not at_graze:
             terms = root + abs(y[i]) + alpha
             out.error[i] = error
-            out.speed_error[i] = abs(speed + 2.0 * slope) / (EPS * terms + 2.0 * forced * abs(bend))
+            out.speed_error[i] = abs(speed + 2.0 * slope) / (
+                ROUNDINGS * EPS * terms + 2.0 * forced * abs(bend)
+            )
 
 
 class Flights(NamedTuple):
