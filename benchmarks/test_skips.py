@@ -18,8 +18,8 @@ from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
 
 
-def observed(particles=20, duration=1e3, rebound="rest", skip=True, **keys):
-    return Observation(particles, "staggered", duration, rebound, Measures(**keys), skip)
+def observed(particles=20, duration=1e3, base="high-bounce", skip=True, **keys):
+    return Observation(particles, "staggered", duration, "rest", Measures(**keys), skip, base)
 
 
 def drawn(realizations, **given):

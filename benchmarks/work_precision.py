@@ -2,8 +2,9 @@
 
     python benchmarks/work_precision.py -o docs
 
-writes ``work-precision.md``, ``work_precision.csv`` and ``images/work_precision.png``.  Errors are
-against the proved reference.  heyoka and diffrax take part where they are installed.
+writes ``work-precision.md``, ``work_precision.csv``, and ``work_precision.png`` and
+``work_precision_moving.png`` in ``images``.  Errors are against the proved reference.  heyoka and
+diffrax take part where they are installed.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ import os
 import time
 from pathlib import Path
 
-from methods import compiled, flights
+from methods import compiled, flights, moving
 from methods.contest import available, measure, write_table
 from methods.figure import draw
 from methods.report import report
-from methods.scenes import SCENES
+from methods.scenes import MOVING_SCENES, SCENES
 from vibrosweep.runs.driver import available_threads
 
 OPTIONAL = (
@@ -35,13 +36,17 @@ def main() -> None:
     always = [compiled.kernel, compiled.naive, flights.scipy_events, compiled.fixed_step]
     found, missing = available(OPTIONAL)
     points, bound = measure(SCENES, [*always, *found], options.threads)
+    alike = [compiled.kernel, moving.scalar, flights.scipy_events, *found]
+    more, bound_of_moving = measure(MOVING_SCENES, alike, options.threads)
+    bound = max(bound, bound_of_moving)
     images = options.output / "images"
     images.mkdir(parents=True, exist_ok=True)
-    write_table(points, missing, options.output / "work_precision.csv")
-    draw(points, images / "work_precision.png")
+    write_table(points + more, missing, options.output / "work_precision.csv")
+    draw(points, SCENES, images / "work_precision.png")
+    draw(more, MOVING_SCENES, images / "work_precision_moving.png")
     minutes = (time.perf_counter() - began) / 60.0
     loads = (load, os.getloadavg()[0])
-    text = report(points, missing, bound, options.threads, loads, minutes)
+    text = report(points + more, missing, bound, options.threads, loads, minutes)
     (options.output / "work-precision.md").write_text(text, encoding="utf-8")
     print(f"{minutes:.1f} minutes; written to {options.output}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,9 +11,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from methods import compiled
+from methods import compiled, moving
 from methods.flights import SCIPY
-from methods.scenes import SCENES, Point
+from methods.scenes import Point, Scene
 
 
 class Look(NamedTuple):
@@ -28,6 +29,7 @@ LOOKS = {
     compiled.KERNEL: Look("#0072B2", "o", "kernel", (5.0, -10.0)),
     compiled.KERNEL_RECORD: Look("#0072B2", "s", "kernel, every landing", (-4.0, 11.0)),
     compiled.NAIVE: Look("#E69F00", "D", "naive map", (7.0, -3.0)),
+    moving.SCALAR: Look("#E69F00", "D", "scalar loop", (6.0, -9.0)),
     compiled.RK4: Look("#000000", "v", "RK4"),
     SCIPY: Look("#CC79A7", "^", "SciPy events"),
     "heyoka.py": Look("#009E73", "P", "heyoka.py"),
@@ -45,15 +47,16 @@ STYLE = {
 }
 
 
-def draw(points: list[Point], path: Path) -> None:
-    """Draw all scenes and write the file."""
+def draw(points: list[Point], scenes: Sequence[Scene], path: Path) -> None:
+    """Draw scenes, two or three in a row, and write the file."""
+    rows, columns = (2, 2) if len(scenes) == 4 else (1, len(scenes))
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10.0, 8.2), layout="constrained")
-        axes = figure.subplots(2, 2, sharex=True, sharey=True)
-        for letter, axis, scene in zip("abcd", axes.flat, SCENES, strict=True):
+        figure = Figure(figsize=(5.0 * columns, 4.1 * rows), layout="constrained")
+        axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for letter, axis, scene in zip("abcd", axes.flat, scenes, strict=False):
             _panel(axis, [p for p in points if p.scene == scene.key])
             axis.set_title(f"({letter}) {scene.title}")
-        for axis in axes[1]:
+        for axis in axes[-1]:
             axis.set_xlabel("Largest landing-time error (s)")
         for axis in axes[:, 0]:
             axis.set_ylabel("Run time per impact (ns)")
@@ -105,8 +108,8 @@ def _name(
 
 
 def _steps(axis: Axes, points: list[Point]) -> None:
-    """Name the coarsest and the finest step of RK4."""
-    for point in (points[0], points[-1]):
+    """Name the coarsest and the finest step of RK4, where it takes part."""
+    for point in points[:1] + points[1:][-1:]:
         exponent = round(np.log10(point.step))
         _name(axis, f"h = $10^{{{exponent}}}$ s", point, (7.0, 0.0))
 

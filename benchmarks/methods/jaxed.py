@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from methods.compiled import MARGIN, count_landings
+from methods.law import AFTER_REST
+from methods.moving import count_moving_landings
 from methods.scenes import Point, Scene, table
 from methods.sweeps import Sweep
 from methods.timing import timed
@@ -40,42 +42,114 @@ ABOVE = 1e-300  # an event needs a change of sign, so the flight starts above th
 ROOT = 1e-12  # Newton's last step; it converges quadratically, so the root is better than that
 
 
-def _constants(row) -> dict:
-    """Parameters by name, and what does not change from impact to impact."""
-    p = dict(zip(PARAMETERS, row, strict=False))
-    rest = 0.5 * p["gravity"] * p["contact_time"]
-    return p | {"rest": rest, "liftoff_angle": jnp.arcsin(rest / p["amplitude"])}
+class HighBounce:
+    """What a base at rest that kicks does.
+
+    Parameters
+    ----------
+    reflects
+        The law.
+    """
+
+    solver = diffrax.Tsit5()
+
+    def __init__(self, reflects: bool) -> None:
+        self.reflects = reflects
+
+    def constants(self, row) -> dict:
+        """Parameters by name, and what does not change from impact to impact."""
+        p = dict(zip(PARAMETERS, row, strict=False))
+        rest = 0.5 * p["gravity"] * p["contact_time"]
+        fastest = jnp.maximum(p["launch_velocity"], p["amplitude"] / (1.0 - p["restitution"]))
+        return p | {
+            "omega": 2.0 * math.pi * p["frequency"],
+            "rest": rest,
+            "liftoff_angle": jnp.arcsin(rest / p["amplitude"]),
+            "longest": 2.0 * fastest / p["gravity"],
+        }
+
+    def begin(self, p: dict, t):
+        """Time, height and velocity of the launch."""
+        return t, ABOVE, p["launch_velocity"]
+
+    def leave(self, p: dict, t, speed):
+        """Time, height and velocity of the lift-off after a landing at t."""
+        angle = p["omega"] * t + p["phase"]
+        w = p["restitution"] * speed + p["amplitude"] * jnp.sin(angle)
+        w = jnp.abs(w) if self.reflects else w
+        leaves = w > p["rest"]
+        wait = jnp.mod(p["liftoff_angle"] - angle, 2.0 * math.pi) / p["omega"]
+        return jnp.where(leaves, t, t + wait), ABOVE, jnp.where(leaves, w, p["rest"])
+
+    def acceleration(self, p: dict, left, t):
+        """Acceleration at the time t of a flight that began at `left`."""
+        return -p["gravity"]
 
 
-def _leave(p: dict, t, speed, reflects: bool):
-    """Time and velocity of the lift-off after a landing at t."""
-    omega = 2.0 * math.pi * p["frequency"]
-    angle = omega * t + p["phase"]
-    w = p["restitution"] * speed + p["amplitude"] * jnp.sin(angle)
-    w = jnp.abs(w) if reflects else w
-    leaves = w > p["rest"]
-    wait = jnp.mod(p["liftoff_angle"] - angle, 2.0 * math.pi) / omega
-    return jnp.where(leaves, t, t + wait), jnp.where(leaves, w, p["rest"])
+class Moving:
+    """What a moving base does; heights and velocities are relative to it."""
+
+    solver = diffrax.Dopri8()
+
+    def constants(self, row) -> dict:
+        """As those of `HighBounce`."""
+        p = dict(zip(PARAMETERS, row, strict=False))
+        e, gravity, omega = p["restitution"], p["gravity"], 2.0 * math.pi * p["frequency"]
+        velocity = p["amplitude"] / (1.0 + e)
+        shaking = omega * velocity
+        fastest = jnp.maximum(p["launch_velocity"], (1.0 + 3.0 * e) * velocity / (1.0 - e))
+        drop = 2.0 * velocity / omega
+        return p | {
+            "omega": omega,
+            "rest": 0.5 * gravity * p["contact_time"],
+            "velocity": velocity,
+            "shaking": shaking,
+            "liftoff_angle": jnp.arccos(-gravity / shaking),
+            "falls": jnp.sqrt(jnp.maximum(shaking**2 - gravity**2, 0.0)),
+            "longest": (fastest + jnp.sqrt(fastest**2 + 2.0 * gravity * drop)) / gravity,
+        }
+
+    def begin(self, p: dict, t):
+        """Time, height and velocity of the launch."""
+        return t, ABOVE, p["launch_velocity"] - p["velocity"] * jnp.sin(p["omega"] * t + p["phase"])
+
+    def leave(self, p: dict, t, speed):
+        """Time, height and velocity of the lift-off after a landing at t."""
+        angle = p["omega"] * t + p["phase"]
+        w = p["restitution"] * speed
+        leaves = (w > p["rest"]) | (p["gravity"] + p["shaking"] * jnp.cos(angle) <= 0.0)
+        wait = (jnp.mod(p["liftoff_angle"] - angle, 2.0 * math.pi) + AFTER_REST) / p["omega"]
+        height = p["falls"] * AFTER_REST**3 / (6.0 * p["omega"] ** 2)
+        rising = p["falls"] * AFTER_REST**2 / (2.0 * p["omega"])
+        return (
+            jnp.where(leaves, t, t + wait),
+            jnp.where(leaves, ABOVE, height),
+            jnp.where(leaves, w, rising),
+        )
+
+    def acceleration(self, p: dict, left, t):
+        """Acceleration at the time t of a flight that began at `left`."""
+        return -p["gravity"] - p["shaking"] * jnp.cos(p["omega"] * (left + t) + p["phase"])
 
 
-def _parabola(p: dict, v):
+def _parabola(p: dict, left, height, v):
     """Duration of a flight, and speed of the landing."""
     return 2.0 * v / p["gravity"], v
 
 
-def _event(rtol: float) -> Callable:
+def _event(base: HighBounce | Moving, rtol: float) -> Callable:
     """The same by integration up to the landing."""
     landing = diffrax.Event(
         lambda t, y, args, **kwargs: y[0], optimistix.Newton(ROOT, ROOT), direction=False
     )
-    term = diffrax.ODETerm(lambda t, y, gravity: (y[1], jnp.full_like(y[1], -gravity)))
+    term = diffrax.ODETerm(
+        lambda t, y, args: (y[1], jnp.full_like(y[1], base.acceleration(*args, t)))
+    )
     controller = diffrax.PIDController(rtol=rtol, atol=1e-3 * rtol)
 
-    def fly(p, v):
-        fastest = jnp.maximum(p["launch_velocity"], p["amplitude"] / (1.0 - p["restitution"]))
-        end = 1.01 * 2.0 * fastest / p["gravity"]  # no flight is longer
+    def fly(p, left, height, v):
         found = diffrax.diffeqsolve(
-            term, diffrax.Tsit5(), 0.0, end, None, (ABOVE, v), args=p["gravity"],
+            term, base.solver, 0.0, 1.01 * p["longest"], None, (height, v), args=(p, left),
             stepsize_controller=controller, event=landing, throw=False,
         )  # fmt: skip
         return found.ts[-1], -found.ys[1][-1]
@@ -83,18 +157,18 @@ def _event(rtol: float) -> Callable:
     return fly
 
 
-def _landings(rows: np.ndarray, fly: Callable, reflects: bool, impacts: int) -> Callable:
+def _landings(rows: np.ndarray, fly: Callable, base: HighBounce | Moving, impacts: int) -> Callable:
     """Compiled for these rows: so many landing times of each, shape (trajectory, impact)."""
 
     def trajectory(row):
-        p = _constants(row)
+        p = base.constants(row)
 
         def impact(state, _):
-            t, v = state
-            duration, speed = fly(p, v)
-            return _leave(p, t + duration, speed, reflects), t + duration
+            duration, speed = fly(p, *state)
+            t = state[0] + duration
+            return base.leave(p, t, speed), t
 
-        return jax.lax.scan(impact, (row[-1], p["launch_velocity"]), None, length=impacts)[1]
+        return jax.lax.scan(impact, base.begin(p, row[-1]), None, length=impacts)[1]
 
     return jax.jit(jax.vmap(trajectory)).lower(rows).compile()
 
@@ -103,12 +177,13 @@ def _statistics(rows: np.ndarray, duration: float, reflects: bool) -> Callable:
     """Compiled for these rows: landings, and sum and maximum of the velocities that follow."""
 
     def trajectory(row):
-        p = _constants(row)
+        base = HighBounce(reflects)
+        p = base.constants(row)
 
         def impact(state):
             t, v, count, total, largest = state
-            flight, speed = _parabola(p, v)
-            t, v = _leave(p, t + flight, speed, reflects)
+            flight, speed = _parabola(p, t, ABOVE, v)
+            t, _, v = base.leave(p, t + flight, speed)
             return t, v, count + 1, total + v, jnp.maximum(largest, v)
 
         start = (row[-1], p["launch_velocity"], 0, 0.0, 0.0)
@@ -122,7 +197,7 @@ def jax_map(scene: Scene | Sweep, orbits: list[Orbit], threads: int) -> Iterator
     """The map in a loop under `vmap`, which goes on until the last lane of a block has ended."""
     sample, reflects = table(scene.cases), bool(scene.reflect)
     impacts = int(count_landings(sample, scene.duration + MARGIN, scene.reflect).max())
-    found = np.asarray(_landings(sample, _parabola, reflects, impacts)(sample))
+    found = np.asarray(_landings(sample, _parabola, HighBounce(reflects), impacts)(sample))
     error, note = worst(orbits, list(found))
     blocks = np.array_split(scene.table, scene.lanes // BLOCK)
     solve = _statistics(blocks[0], scene.duration, reflects)
@@ -138,10 +213,13 @@ def diffrax_events(scene: Scene | Sweep, orbits: list[Orbit], threads: int) -> I
     long = max(orbit.size for orbit in orbits) >= MOST_IMPACTS
     extra = scene.table[:: scene.lanes // LANES][: 0 if long else LANES - len(sample)]
     rows = np.concatenate([sample, extra])
-    counts = count_landings(rows, scene.duration, scene.reflect)
+    moving = scene.base == "moving"
+    base = Moving() if moving else HighBounce(bool(scene.reflect))
+    count = count_moving_landings if moving else count_landings
+    counts = count(rows, scene.duration, scene.reflect)
     counts[: len(sample)] = [orbit.size for orbit in orbits]
     for rtol in scene.tolerances:
-        solve = _landings(rows, _event(rtol), bool(scene.reflect), int(counts.max()))
+        solve = _landings(rows, _event(base, rtol), base, int(counts.max()))
         found, seconds = timed(lambda solve=solve: np.asarray(solve(rows)))
         error, note = worst(orbits, list(found[: len(sample)]))
         yield Point(

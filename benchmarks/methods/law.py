@@ -1,14 +1,25 @@
-"""The exact rebound and rest law in plain Python, for methods that integrate one flight a time."""
+"""The exact rebound and rest in plain Python, for methods that integrate one flight a time."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from methods.scenes import Case
 
+AFTER_REST = 1e-5  # radians of phase; see `MovingBase`
 
-class Base:
-    """What the base does to a particle.
+
+class LiftOff(NamedTuple):
+    """Time in s, height above the base in m and speed relative to it in m/s: a flight begins."""
+
+    time: float
+    height: float
+    speed: float
+
+
+class HighBounceBase:
+    """What a base at rest that kicks does to a particle.
 
     Parameters
     ----------
@@ -16,22 +27,69 @@ class Base:
         The trajectory's parameters and law.
     """
 
+    shaking = 0.0  # largest acceleration of the base, m s-2
+
     def __init__(self, case: Case) -> None:
         p = case.parameters
+        self.gravity = p["gravity"]
         self.restitution, self.amplitude = p["restitution"], p["amplitude"]
         self.omega = 2.0 * math.pi * p["frequency"]
         self.phase = p["phase"]
         self.rest_velocity = 0.5 * p["gravity"] * p["contact_time"]
         self.liftoff_angle = math.asin(self.rest_velocity / self.amplitude)
         self.reflects = case.rebound == "reflect"
+        self.start = LiftOff(case.launch, 0.0, p["launch_velocity"])
 
-    def leave(self, time: float, speed: float) -> tuple[float, float]:
-        """Time and velocity of the lift-off after a landing at `time` with `speed`."""
+    def leave(self, time: float, speed: float) -> LiftOff:
+        """Lift-off after a landing at `time` with `speed`."""
         angle = self.omega * time + self.phase
         w = self.restitution * speed + self.amplitude * math.sin(angle)
         if self.reflects:
             w = abs(w)
         if w > self.rest_velocity:
-            return time, w
+            return LiftOff(time, 0.0, w)
         wait = (self.liftoff_angle - angle) % (2.0 * math.pi)
-        return time + wait / self.omega, self.rest_velocity
+        return LiftOff(time + wait / self.omega, 0.0, self.rest_velocity)
+
+
+class MovingBase:
+    """What a moving base does to a particle; height and speed are relative to it.
+
+    After a rest a particle leaves with neither speed nor acceleration.  As no event can be looked
+    for from there, it begins `AFTER_REST` later, where its height is known to 1e-5 of itself.
+
+    Parameters
+    ----------
+    case
+        The trajectory's parameters.
+    """
+
+    def __init__(self, case: Case) -> None:
+        p = case.parameters
+        self.gravity = p["gravity"]
+        self.restitution = p["restitution"]
+        self.omega = 2.0 * math.pi * p["frequency"]
+        self.phase = p["phase"]
+        velocity = p["amplitude"] / (1.0 + self.restitution)
+        self.shaking = self.omega * velocity
+        self.rest_velocity = 0.5 * p["gravity"] * p["contact_time"]
+        gamma = self.shaking / self.gravity
+        self.liftoff_angle = math.acos(-1.0 / gamma) if gamma > 1.0 else math.nan
+        falls = math.sqrt(max(gamma * gamma - 1.0, 0.0)) * self.gravity * AFTER_REST**2
+        self.after_rest = (
+            falls * AFTER_REST / (6.0 * self.omega * self.omega), falls / (2.0 * self.omega)
+        )  # fmt: skip
+        launched = p["launch_velocity"] - velocity * math.sin(self.omega * case.launch + self.phase)
+        self.start = LiftOff(case.launch, 0.0, launched)
+
+    def leave(self, time: float, speed: float) -> LiftOff:
+        """Lift-off after a landing at `time` with `speed`; NaN where it rests for good."""
+        angle = self.omega * time + self.phase
+        presses = self.gravity + self.shaking * math.cos(angle) > 0.0
+        if self.restitution * speed > self.rest_velocity or not presses:
+            return LiftOff(time, 0.0, self.restitution * speed)
+        wait = (self.liftoff_angle - angle) % (2.0 * math.pi) + AFTER_REST
+        return LiftOff(time + wait / self.omega, *self.after_rest)
+
+
+BASE_OF = {"high-bounce": HighBounceBase, "moving": MovingBase}

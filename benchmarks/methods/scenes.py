@@ -6,11 +6,12 @@ number plus a reduced phase without any rounding.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.parameters import BASES, PARAMETERS
 
 TABLE_1 = {name: parameter.default for name, parameter in PARAMETERS.items()}
 
@@ -31,6 +32,8 @@ class Case:
         Launch time in s.
     locked
         Flight time in periods of the orbit that it settles on, where that shortens the proof.
+    base
+        One of `vibrosweep.model.parameters.BASES`.
     """
 
     parameters: dict[str, float]
@@ -38,13 +41,23 @@ class Case:
     duration: float
     launch: float
     locked: int | None = None
+    base: str = BASES[0]
 
     @property
     def longest_flight(self) -> float:
-        """No flight lasts longer: speeds stay below the launch and below A / (1 - e)."""
+        """No flight lasts longer: speeds stay below the launch and below A / (1 - e).
+
+        On the moving base they stay below (1 + 3 e) V0 / (1 - e), and a flight may end as low as
+        twice the displacement below its beginning.
+        """
         p = self.parameters
-        speed = max(p["launch_velocity"], p["amplitude"] / (1.0 - p["restitution"]))
-        return 2.0 * speed / p["gravity"]
+        e, gravity = p["restitution"], p["gravity"]
+        speed, drop = p["amplitude"] / (1.0 - e), 0.0
+        if self.base == "moving":
+            speed *= (1.0 + 3.0 * e) / (1.0 + e)
+            drop = 2.0 * p["amplitude"] / ((1.0 + e) * 2.0 * math.pi * p["frequency"])
+        speed = max(p["launch_velocity"], speed)
+        return (speed + math.sqrt(speed * speed + 2.0 * gravity * drop)) / gravity
 
 
 def table(cases: list[Case]) -> np.ndarray:
@@ -78,6 +91,8 @@ class Scene:
         Steps of RK4 in s.
     tolerances
         Relative tolerances of SciPy and diffrax.
+    base
+        One of `vibrosweep.model.parameters.BASES`.
     """
 
     key: str
@@ -91,6 +106,7 @@ class Scene:
     locked: int | None
     steps: tuple[float, ...]
     tolerances: tuple[float, ...]
+    base: str = BASES[0]
 
     @property
     def batch(self) -> np.ndarray:
@@ -106,7 +122,7 @@ class Scene:
     def cases(self) -> list[Case]:
         """The trajectories that are compared with the proved reference."""
         p, law = self.parameters, self.rebound
-        return [Case(p, law, self.duration, float(t), self.locked) for t in self.sample]
+        return [Case(p, law, self.duration, float(t), self.locked, self.base) for t in self.sample]
 
     @property
     def table(self) -> np.ndarray:
@@ -220,3 +236,35 @@ SCENES = (
         tolerances=TOLERANCES[-1:],
     ),
 )
+
+
+def _moving(key: str, title: str, e: float, gamma: float, **others) -> Scene:
+    """A scene on the moving base, whose largest acceleration is gamma times gravity."""
+    amplitude = (1.0 + e) * gamma * TABLE_1["gravity"] / (2.0 * math.pi)
+    return Scene(
+        key=key,
+        title=title,
+        parameters=TABLE_1 | {"restitution": e, "amplitude": amplitude},
+        rebound="rest",
+        locked=None,
+        steps=(),
+        tolerances=TOLERANCES,
+        base="moving",
+        **others,
+    )
+
+
+MOVING_SCENES = (
+    _moving(
+        "moving-locked", "Moving base, Gamma = 0.9, 200 periods", 0.7, 0.9,
+        duration=200.0, span=(0.12, 0.13), lanes=32768, proved=9,
+    ),
+    _moving(
+        "moving-resting", "Moving base, Gamma = 2, 50 periods", 0.5, 2.0,
+        duration=50.0, span=(0.1, 0.2), lanes=16384, proved=9,
+    ),
+    _moving(
+        "moving-chaotic", "Moving base, Gamma = 5, 8 periods", 0.8, 5.0,
+        duration=8.0, span=(0.1, 0.2), lanes=32768, proved=33,
+    ),
+)  # fmt: skip

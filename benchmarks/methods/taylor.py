@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import heyoka
 import numpy as np
 
-from methods.law import Base
+from methods.law import BASE_OF, HighBounceBase, MovingBase
 from methods.scenes import Case, Point, Scene
 from methods.sweeps import Sweep
 from methods.timing import timed
@@ -28,22 +28,25 @@ class Bouncer:
 
     Parameters
     ----------
-    gravity
-        m s-2
+    base
+        The base of all its trajectories.
     tolerance
         Of the Taylor series; it sets the order.
     """
 
-    def __init__(self, gravity: float, tolerance: float) -> None:
+    def __init__(self, base: HighBounceBase | MovingBase, tolerance: float) -> None:
         self.repeated = 0
         y, v = heyoka.make_vars("y", "v")
+        fall = heyoka.expression(-base.gravity)
+        if base.shaking > 0.0:
+            fall -= base.shaking * heyoka.cos(base.omega * heyoka.time + base.phase)
 
         # heyoka copies its callback deeply: a bound method would act on a copy of this object
         def land(integrator: heyoka.taylor_adaptive, sign: int) -> bool:
             return self._land(integrator)
 
         self.integrator = heyoka.taylor_adaptive(
-            [(y, v), (v, heyoka.expression(-gravity))],
+            [(y, v), (v, fall)],
             [ABOVE, 0.0],
             tol=tolerance,
             # the automatic cooldown grows with the tolerance and swallows short flights; here an
@@ -59,22 +62,22 @@ class Bouncer:
         """Record the landing; go on at once unless the particle rests or all are recorded."""
         t = self.times[self.found] = integrator.time
         self.found += 1
-        self.left_at, self.speed = self.base.leave(t, abs(integrator.state[1]))
-        integrator.state[:] = ABOVE, self.speed
-        return self.left_at == t and self.found < self.times.size
+        self.left = self.base.leave(t, abs(integrator.state[1]))
+        integrator.state[:] = ABOVE, self.left.speed
+        return self.left.time == t and self.found < self.times.size
 
     def landings(self, case: Case, impacts: int) -> np.ndarray:
         """The first landing times of a trajectory."""
-        ta, self.base = self.integrator, Base(case)
+        ta, self.base = self.integrator, BASE_OF[case.base](case)
         self.times, self.found = np.empty(impacts), 0
-        self.left_at, self.speed = case.launch, case.parameters["launch_velocity"]
+        self.left = self.base.start
         step = longest = 1.01 * case.longest_flight
         while self.found < impacts:
             # a rest moves the clock, which no callback may do
-            ta.time, ta.state[:] = self.left_at, (ABOVE, self.speed)
+            ta.time, ta.state[:] = self.left.time, (self.left.height + ABOVE, self.left.speed)
             ta.reset_cooldowns()
             before = self.found
-            ta.propagate_until(self.left_at + impacts * longest, max_delta_t=step)
+            ta.propagate_until(self.left.time + impacts * longest, max_delta_t=step)
             if self.found == before:  # the search for the root gave up and the particle fell on
                 self.repeated += 1
                 step *= 0.5
@@ -87,7 +90,7 @@ def heyoka_events(scene: Scene | Sweep, orbits: list[Orbit], threads: int) -> It
     """Every tolerance, one thread; on long scenes the finest one, on a very long one trajectory."""
     pairs = list(zip(scene.cases, orbits, strict=True))[: 1 if scene.duration > 1e5 else None]
     for tolerance in TOLERANCES if len(scene.tolerances) > 1 else TOLERANCES[-1:]:
-        bouncer = Bouncer(scene.cases[0].parameters["gravity"], tolerance)
+        bouncer = Bouncer(BASE_OF[scene.cases[0].base](scene.cases[0]), tolerance)
 
         def run(bouncer: Bouncer = bouncer) -> list[np.ndarray]:
             bouncer.repeated = 0

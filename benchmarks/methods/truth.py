@@ -71,8 +71,9 @@ def prove(scene: Scene | Sweep) -> list[Orbit]:
 def _prove_one(case: Case) -> Orbit:
     followed = min(case.duration, SETTLED) if case.locked else case.duration
     found = ball.trajectory(
-        **case.parameters, launch_time=case.launch, duration=followed, rebound=case.rebound
-    )
+        **case.parameters, launch_time=case.launch, duration=followed, rebound=case.rebound,
+        base=case.base,
+    )  # fmt: skip
     count = np.array([impact.count for impact in found.impacts], dtype=np.float64)
     split = [_two_doubles(impact.phase) for impact in found.impacts]
     phase, low, radius = (np.array(column) for column in zip(*split, strict=True))

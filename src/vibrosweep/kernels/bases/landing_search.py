@@ -237,7 +237,11 @@ def try_landing(
     forth = forth if nears else (s if s < 0.25 else 0.25)
     back = step if -step < s else -0.75 * s
     tried = s + (forth if above else back)
-    arrival = -2.0 * (f1 + series * (f2 + series * (0.5 * f3 + series * f4 * (1.0 / 6.0))))
+    # the fifth and sixth derivatives are -(2 pi)^2 times the third and fourth; the last step may
+    # be long where only gravity bends the flight
+    turned = (TWO_PI * TWO_PI) * series * series
+    third, fourth = f3 * fma(turned, -1.0 / 24.0, 0.5), f4 * fma(turned, -1.0 / 120.0, 1.0 / 6.0)
+    arrival = -2.0 * (f1 + series * (f2 + series * (third + series * fourth)))
     tried = s + series if last else tried
     if arcs is not None:
         across = _across(begin, s, clear, newton, series, good)
