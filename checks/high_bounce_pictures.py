@@ -9,34 +9,46 @@ from matplotlib.figure import Figure
 from vibrosweep.figures import style
 
 REGIMES = ("at rest", "resting", "locked", "other")
+TICKS = (0.03, 0.1, 0.3, 1.0, 3.0)
 COLOURS = ("0.75", style.OKABE_ITO[5], style.OKABE_ITO[0], style.OKABE_ITO[1])
 
 
 @style.styled
-def plane(e, gamma, common, same):
-    """Commonest regime on each base, and the share of launches with the same regime on both."""
-    figure = Figure(figsize=(style.PAGE, 3.0), layout="constrained")
-    panels = figure.subplots(1, 3, sharex=True, sharey=True)
+def plane(e, gamma, common, agreement):
+    """Commonest regime on each base, and the share of launches that agree, of both kinds."""
+    figure = Figure(figsize=(style.PAGE, 5.2), layout="constrained")
+    panels = figure.subplots(2, 2, sharex=True, sharey=True)
     codes = {"cmap": ListedColormap(COLOURS), "norm": BoundaryNorm(np.arange(5) - 0.5, 4)}
-    for axes, values, title in zip(panels, common, ("fixed base", "moving base"), strict=False):
-        drawn = axes.pcolormesh(e, gamma, values, rasterized=True, **codes)
+    q = (1.0 - e) / (1.0 + e)
+    for axes, values, steepest, title in zip(
+        panels[0], common, (1.0, 1.0 + q * q), ("fixed base", "moving base"), strict=True
+    ):
+        kinds = axes.pcolormesh(e, gamma, values, rasterized=True, **codes)
+        axes.plot(e, np.hypot(np.pi * q, steepest), "k--", path_effects=style.halo())
+        axes.set_title(f"commonest regime, {title}")
+    titles = ("the same regime", "the same, at rest and resting as one")
+    for axes, share, title in zip(panels[1], agreement, titles, strict=True):
+        shares = axes.pcolormesh(
+            e,
+            gamma,
+            100.0 * share,
+            cmap=style.SEQUENTIAL_MAP,
+            vmin=0.0,
+            vmax=100.0,
+            rasterized=True,
+        )
         axes.set_title(title)
-    bar = figure.colorbar(
-        drawn, ax=panels[:2], ticks=range(4), location="bottom", shrink=0.8, aspect=40
-    )
-    bar.ax.set_xticklabels(REGIMES)
-    shares = panels[2].pcolormesh(
-        e, gamma, 100.0 * same, cmap=style.SEQUENTIAL_MAP, vmin=0.0, vmax=100.0, rasterized=True
-    )
-    panels[2].set_title("the same regime on both")
-    bar = figure.colorbar(shares, ax=panels[2], location="bottom", aspect=20)
-    bar.set_label("launches (%)")
-    for axes in panels:
-        axes.plot(e, np.pi * (1.0 - e) / (1.0 + e), "k-", path_effects=style.halo())
-        axes.axhline(1.0, color="k", linestyle=":", path_effects=style.halo())
+    figure.colorbar(kinds, ax=panels[0], ticks=range(4)).ax.set_yticklabels(REGIMES)
+    figure.colorbar(shares, ax=panels[1]).set_label("launches (%)")
+    for axes in panels.flat:
+        axes.plot(e, np.pi * q, "k-", path_effects=style.halo())
         axes.set(yscale="log", xlim=(e[0], e[-1]), ylim=(gamma[0], gamma[-1]))
-    figure.supxlabel("restitution $e$", size=9.0)
-    panels[0].set_ylabel("acceleration of the base $\\Gamma$ (g)")
+        axes.set_yticks(TICKS, [f"{tick:g}" for tick in TICKS])
+        axes.minorticks_off()
+    for axes in panels[1]:
+        axes.set_xlabel("restitution $e$")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("acceleration of the base $\\Gamma$ (g)")
     return figure
 
 
