@@ -15,12 +15,13 @@ import numpy as np
 
 import high_bounce_pictures as pictures
 from accuracy import provenance, table, write_section
-from high_bounce_literature import literature
+from high_bounce_literature import chaos, literature
 from high_bounce_scenes import (
     GRAVITY,
     PAPER,
     SETTLED,
     amplitude_of,
+    gamma_of,
     independent,
     measured,
     of_paper,
@@ -28,7 +29,10 @@ from high_bounce_scenes import (
     settled,
 )
 from vibrosweep import simulate
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model import theory
 from vibrosweep.model.parameters import BASES
 from vibrosweep.model.status import Regime
 from vibrosweep.runs.driver import observation_of
@@ -100,8 +104,8 @@ def regimes(workers, options):
         "matrix is theirs. "
         f"`paper.toml`: its 200 realizations (seed {PAPER.seed}) with twenty particles each, which "
         f"are not independent. After {SETTLED:,.0f} periods; *other*: no recurrence was found.\n\n"
-        f"After 1,000 periods {percent(np.mean(early[0] == Regime.UNSETTLED))} have not recurred on "
-        f"the fixed base and {percent(np.mean(early[1] == Regime.UNSETTLED))} on the moving one; "
+        f"After 1,000 periods {percent(np.mean(early[0] == Regime.UNSETTLED))} have not recurred "
+        f"on the fixed base and {percent(np.mean(early[1] == Regime.UNSETTLED))} on the moving one; "
         f"with those, {wilson(np.count_nonzero(differ(early)), COUNT)} are in another regime."
     )
 
@@ -245,6 +249,23 @@ def locked(workers, _options):
     return table(head, rows) + "\n\nIn each cell: fixed base, moving base. 1 Hz."
 
 
+def windows(workers, _options):
+    """Ends of the window of mode 1 as bisection finds them, held against their closed forms."""
+    e = np.array([0.05, 0.3, 0.5, 0.7, 0.9, 0.99])
+    rows = [[f"{one:g}"] for one in e]
+    for base in BASES:
+        scan = np.linspace(0.005, 15.0, 200)
+        found = find_windows(Scene(base=base), e, scan, ["locked(1)"], threads=2)
+        one = found.isel(condition=0, direction=0, window=0)
+        for end, exact in (("A_min", theory.amplitude_min), ("A_max", theory.amplitude_max)):
+            there = exact(1, e, base=base)
+            for row, here, known, r in zip(rows, one[end].values, there, e, strict=True):
+                row.append(f"{gamma_of(r, here):.9f}")
+                assert abs(here / known - 1.0) < 1e-8
+    head = ("e", *(f"{end}, {name} base" for name in ("fixed", "moving") for end in ("from", "to")))
+    return table(head, rows)
+
+
 def limit(workers, _options):
     """How the flights of both bases approach each other as Gamma goes to zero."""
     gammas = 10.0 ** np.arange(-4.0, 0.1, 0.25)
@@ -289,7 +310,9 @@ SECTIONS = {
     "short": short,
     "plane": plane,
     "locked": locked,
+    "windows": windows,
     "limit": limit_table,
+    "chaos": lambda workers, _options: chaos(workers),
     "literature": lambda workers, _options: literature(workers),
 }
 

@@ -118,6 +118,24 @@ def cascade(workers):
     return [("e = 0.5: periods of a doubling cascade", CEDDIA, there, ", ".join(map(str, seen)))]
 
 
+def chaos(workers, duration=5e4, launches=100):
+    """Which orbits recur beyond the locked ones, and how long their cycles are."""
+    rows = []
+    for e in (0.5, 0.6, 0.7, 0.75, 0.8, 0.82, 0.84, 0.9):
+        cells = []
+        for found in cycles(e, (2.0, 3.0, 4.0), workers, launches, duration):
+            recurred = found[found[:, 0] > 0]
+            if not recurred.size:
+                cells.append("0 %")
+                continue
+            kinds, counts = np.unique(recurred, axis=0, return_counts=True)
+            impacts, periods, rests, _ = kinds[counts.argmax()]
+            share = 100.0 * recurred.shape[0] / launches
+            cells.append(f"{share:.0f} %: {impacts} in {periods}, {rests} rests")
+        rows.append((e, *cells))
+    return table(("e", "Gamma = 2", "Gamma = 3", "Gamma = 4"), rows)
+
+
 def literature(workers):
     """The table of published numbers and those computed here."""
     rows = [*lift(workers), *doublings(workers), *inelastic(workers), *cascade(workers)]
