@@ -105,8 +105,8 @@ def regimes(workers, options):
         f"`paper.toml`: its 200 realizations (seed {PAPER.seed}) with twenty particles each, which "
         f"are not independent. After {SETTLED:,.0f} periods; *other*: no recurrence was found.\n\n"
         f"After 1,000 periods {percent(np.mean(early[0] == Regime.UNSETTLED))} have not recurred "
-        f"on the fixed base and {percent(np.mean(early[1] == Regime.UNSETTLED))} on the moving one; "
-        f"with those, {wilson(np.count_nonzero(differ(early)), COUNT)} are in another regime."
+        f"on the fixed base and {percent(np.mean(early[1] == Regime.UNSETTLED))} on the moving "
+        f"one; with those, {wilson(np.count_nonzero(differ(early)), COUNT)} are in another regime."
     )
 
 
