@@ -15,9 +15,10 @@ import numpy as np
 
 import high_bounce_pictures as pictures
 from accuracy import provenance, table, write_section
-from high_bounce_literature import chaos, literature
+from high_bounce_literature import chaos, literature, tangent_root
 from high_bounce_scenes import (
     GRAVITY,
+    MOVING,
     PAPER,
     SETTLED,
     amplitude_of,
@@ -251,14 +252,15 @@ def locked(workers, _options):
 
 def windows(workers, _options):
     """Ends of the window of mode 1 as bisection finds them, held against their closed forms."""
-    e = np.array([0.05, 0.3, 0.5, 0.7, 0.9, 0.99])
+    e = np.array([0.0, 0.05, 0.3, 0.5, 0.7, 0.9, 0.99])
     rows = [[f"{one:g}"] for one in e]
     for base in BASES:
         scan = np.linspace(0.005, 15.0, 200)
         found = find_windows(Scene(base=base), e, scan, ["locked(1)"], threads=2)
         one = found.isel(condition=0, direction=0, window=0)
-        for end, exact in (("A_min", theory.amplitude_min), ("A_max", theory.amplitude_max)):
-            there = exact(1, e, base=base)
+        last = theory.amplitude_max(1, e, base=base)
+        exact = {"A_min": theory.amplitude_min(1, e), "A_max": last}
+        for end, there in exact.items():
             for row, here, known, r in zip(rows, one[end].values, there, e, strict=True):
                 row.append(f"{gamma_of(r, here):.9f}")
                 assert abs(here / known - 1.0) < 1e-8
@@ -305,6 +307,29 @@ def limit_table(workers, options):
     return table(head, rows)
 
 
+def published(workers, options):
+    """Published numbers, and the picture of the flights of the completely inelastic ball."""
+    gamma = np.linspace(0.9, 10.5, 1921)
+    orbit = simulate(
+        restitution=0.0,
+        amplitude=amplitude_of(0.0, gamma),
+        contact_time=1e-6,
+        launch_time=0.01,
+        duration=260.0,
+        base=MOVING,
+    )
+    landing, left = (orbit[n].values[:, 0] for n in ("landing_time", "liftoff_time"))
+    flights = np.where(left[:, :-1] > 200.0, landing[:, 1:] - left[:, :-1], np.nan)
+    n = np.arange(1, 4)
+    marks = {
+        r"$\sqrt{1 + \pi^2 n^2}$": np.hypot(1.0, np.pi * n),
+        r"$\sqrt{4 + \pi^2 n^2}$": np.hypot(2.0, np.pi * n),
+        r"$\sqrt{1 + z^2}$, $\tan z = z$": np.hypot(1.0, [tangent_root(one) for one in n]),
+    }
+    keep(pictures.staircase(gamma, flights, marks), "inelastic_staircase", options)
+    return literature(workers)
+
+
 SECTIONS = {
     "regimes": regimes,
     "short": short,
@@ -313,7 +338,7 @@ SECTIONS = {
     "windows": windows,
     "limit": limit_table,
     "chaos": lambda workers, _options: chaos(workers),
-    "literature": lambda workers, _options: literature(workers),
+    "literature": published,
 }
 
 

@@ -55,7 +55,7 @@ def plane(e, gamma, common, agreement):
 @style.styled
 def limit(gammas, curves):
     """Difference of landing times between the bases against Gamma, with its first order."""
-    figure, axes = style.new_figure(style.COLUMN, 3.0)
+    figure, axes = style.new_figure(style.MEDIUM, 3.2)
     for (u, off), colour in zip(curves.items(), style.colours(len(curves)), strict=True):
         axes.loglog(gammas, off[:, 0], "o", markersize=3, color=colour, label=f"$u_0 = {u:g}$")
         axes.loglog(gammas, off[:, -1], "s", markersize=3, color=colour, fillstyle="none")
@@ -63,4 +63,19 @@ def limit(gammas, curves):
     axes.set_xlabel("acceleration of the base $\\Gamma$ (g)")
     axes.set_ylabel("difference of landing times\n(rms, forcing periods)")
     style.head(axes, "first landing (dots), fourth (squares), first order (lines)", 3)
+    return figure
+
+
+@style.styled
+def staircase(gammas, flights, marks):
+    """Length of every flight of the completely inelastic ball on its attractor against Gamma."""
+    figure, axes = style.new_figure(style.PAGE, 3.2)
+    for (words, values), lines in zip(marks.items(), ("--", "-.", ":"), strict=True):
+        axes.vlines(values, 0.0, 4.0, colors=style.GREY, linestyles=lines, lw=0.7, label=words)
+    across = np.broadcast_to(gammas[:, np.newaxis], flights.shape)
+    axes.plot(across, flights, ".", markersize=0.8, color=style.OKABE_ITO[0], rasterized=True)
+    axes.set(xlim=(gammas[0], gammas[-1]), ylim=(0.0, 3.5))
+    axes.set_xlabel("acceleration of the base $\\Gamma$ (g)")
+    axes.set_ylabel("length of a flight\n(forcing periods)")
+    style.head(axes, "completely inelastic ball, $e = 0$")
     return figure
