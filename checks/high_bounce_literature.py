@@ -6,9 +6,10 @@ import numpy as np
 
 from accuracy import table
 from high_bounce_scenes import MOVING, amplitude_of, measured, settled
+from vibrosweep.model.status import Regime
 
 TUFILLARO = "Tufillaro, Abbott and Reilly [1]"
-LIFT = "the same [2]"
+LIFT = "Tufillaro, Abbott and Reilly [2]"
 MEHTA = "closed form; the ball of Mehta and Luck [3]"
 CEDDIA = "Ceddia [4]"
 
@@ -126,15 +127,14 @@ def chaos(workers, duration=5e4, launches=100):
         cells = []
         for found in cycles(e, (2.0, 3.0, 4.0), workers, launches, duration):
             recurred = found[found[:, 0] > 0]
-            if not recurred.size:
-                cells.append("0 %")
-                continue
-            kinds, counts = np.unique(recurred, axis=0, return_counts=True)
-            impacts, periods, rests, _, uncertain = kinds[counts.argmax()]
-            assert rests == 1
-            share = 100.0 * recurred.shape[0] / launches
-            doubt = " (?)" if uncertain else ""
-            cells.append(f"{share:.0f} %: {impacts} in {periods}{doubt}")
+            cell = f"{100 * len(recurred) / launches:.0f} %"
+            if recurred.size:
+                kinds, counts = np.unique(recurred, axis=0, return_counts=True)
+                impacts, periods, rests, _, uncertain = kinds[counts.argmax()]
+                assert rests == 1
+                cell += f": {impacts} in {periods}{' (?)' if uncertain else ''}"
+            aperiodic = np.mean(found[:, 3] == Regime.APERIODIC)
+            cells.append(f"{cell}; {100 * aperiodic:.0f} % aperiodic" if aperiodic else cell)
         rows.append((e, *cells))
     return table(("e", "Gamma = 2", "Gamma = 3", "Gamma = 4"), rows)
 
