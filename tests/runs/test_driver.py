@@ -126,6 +126,7 @@ def test_a_spent_budget_is_said_and_harms_no_other(compute):
 # which figures a sweep of the repository is for
 RECORDED = ("height_time", "height_time_all", "return_map")
 SAMPLED = {
+    "moving": ("height_against_restitution", "parameter_plane"),
     "paper": ("height_against_restitution", "parameter_plane"),
     "population": ("height_against_restitution", "parameter_plane"),
     "sensitivity": ("height_against_restitution",),
@@ -165,7 +166,7 @@ def test_a_bad_table_leaves_nothing(compute, tmp_path):
 
 
 # long ones, and those that are drawn by commands of their own
-NOT_RUN = re.compile("million|plane|basins|bifurcation|windows")
+NOT_RUN = re.compile("million|plane|basins|bifurcation|windows|shaker")
 
 
 @pytest.mark.parametrize("spec", SWEEPS, ids=lambda p: p.stem)
