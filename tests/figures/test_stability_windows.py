@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.analysis.basins import basins
-from vibrosweep.analysis.bifurcation import bifurcation
+from vibrosweep.analysis.bifurcation import bifurcation, bifurcation_of_spec
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.errors import DataError
@@ -14,6 +14,7 @@ from vibrosweep.figures.basins import basins_of_attraction
 from vibrosweep.figures.bifurcation import bifurcation_diagram
 from vibrosweep.figures.stability_windows import stability_windows
 from vibrosweep.model import theory
+from vibrosweep.spec.sweep import read_spec
 
 SCENE = Scene(particles=2, duration=300.0)
 
@@ -109,3 +110,36 @@ def test_windows_over_a_moving_base_are_drawn_with_its_closed_forms():
     x, y = dashed.get_data()
     np.testing.assert_allclose(y, theory.amplitude_max(1, x, base="moving"), rtol=1e-14)
     assert "moving base" in axes.get_legend().get_title().get_text()
+
+
+def test_a_diagram_along_the_acceleration_is_that_along_the_amplitude(tmp_path):
+    path = tmp_path / "shaker.toml"
+    path.write_text(
+        """title = "A shaker"
+        [scene]
+        base = "moving"
+        frequency = 20.0
+        duration_periods = 300.0
+        launch_velocity = 0.2
+        [sample]
+        design = "grid"
+        restitution = 0.7
+        base_acceleration = [0.8, 1.0, 2.0]
+        """,
+        encoding="utf-8",
+    )
+    found = bifurcation_of_spec(read_spec(path), "flight_time", 3, 1)
+    assert found["base_acceleration"].values == pytest.approx([0.8, 1.0, 2.0], rel=1e-15)
+    amplitude = found["amplitude"].values
+    assert amplitude == pytest.approx(np.array([0.8, 1.0, 2.0]) * 1.7 * 9.81 / (40.0 * np.pi))
+    scene = Scene(
+        base="moving", frequency=20.0, restitution=0.7, launch_velocity=0.2, duration_periods=300.0
+    )
+    plain = bifurcation(scene, amplitude, observable="flight_time", samples=3)
+    np.testing.assert_array_equal(found["flight_time"], plain["flight_time"])
+    for diagram, words in ((found, "acceleration"), (plain, "amplitude")):
+        upper, lower = bifurcation_diagram(diagram).axes
+        assert labels(upper) == [f"{words} down", f"{words} up"]
+        assert words in lower.get_xlabel()
+        high = {"acceleration": 2.0, "amplitude": amplitude[-1]}[words]
+        assert lower.lines[0].get_xdata().max() == pytest.approx(high, rel=1e-15)

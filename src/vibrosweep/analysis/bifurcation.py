@@ -18,7 +18,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.kernels.settle import Orbits
-from vibrosweep.model.forcing import FORCINGS
+from vibrosweep.model.forcing import FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import BASES, PARAMETERS
 from vibrosweep.model.status import Regime
@@ -143,18 +143,24 @@ def bifurcation(
 
 
 def bifurcation_of_spec(spec: SweepSpec, observable: str, samples: int, threads: int) -> xr.Dataset:
-    """Bifurcation diagram of a sweep file whose grid has an axis of amplitude.
+    """Bifurcation diagram of a sweep file whose grid has an axis of the forcing, in any form.
 
     Raises
     ------
     SpecError
         The design is no grid, or has other axes.
     """
-    amplitude = grid_axes(spec, "bifurcation diagrams", "amplitude")["amplitude"]
+    forcing = forcing_of(spec.sampled)
+    values = grid_axes(spec, "bifurcation diagrams", forcing)[forcing]
+    scene = Scene.of(spec)
     found = bifurcation(
-        Scene.of(spec), amplitude, observable=observable, samples=samples, threads=threads
+        scene,
+        scene.quantities(**{forcing: values})["amplitude"],
+        observable=observable,
+        samples=samples,
+        threads=threads,
     )
-    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
+    return found.assign_attrs(title=spec.title, sweep_file=spec.text, forcing=forcing)
 
 
 def summary(diagram: xr.Dataset) -> Iterator[str]:

@@ -24,6 +24,7 @@ ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.
 def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     """Draw the impacts of all particles along the amplitude, up and down, over their exponents.
 
+    The axis is the acceleration of the base in g where the forcing was given as that.
     An orbit that rests has an exponent of minus infinity: it stands on the lower edge.
 
     Parameters
@@ -39,24 +40,26 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     NEEDS.check("bifurcation_diagram", diagram)
     figure = Figure(figsize=(style.PAGE, 4.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
-    name = str(diagram.attrs["observable"])
+    name, along = str(diagram.attrs["observable"]), "amplitude"
+    if diagram.attrs.get("forcing") == "base_acceleration":
+        along = "base_acceleration"
+    words = along.removeprefix("base_")
     for direction, colour, size in ORDER:
         values = diagram[name].sel(direction=direction)
-        amplitude, y = np.broadcast_arrays(
-            diagram["amplitude"].values[:, np.newaxis], values.values.reshape(values.shape[0], -1)
+        x, y = np.broadcast_arrays(
+            diagram[along].values[:, np.newaxis], values.values.reshape(values.shape[0], -1)
         )
-        upper.scatter(amplitude, y, s=size, color=colour, linewidths=0.0, rasterized=True)
-        upper.plot([], [], ".", color=colour, markersize=6.0, label=f"amplitude {direction}")
-    _exponents(lower, diagram)
+        upper.scatter(x, y, s=size, color=colour, linewidths=0.0, rasterized=True)
+        upper.plot([], [], ".", color=colour, markersize=6.0, label=f"{words} {direction}")
+    _exponents(lower, diagram, diagram[along].values)
     upper.set_ylabel(data.label(diagram, name))
-    lower.set_xlabel(data.label(diagram, "amplitude"))
+    lower.set_xlabel(data.label(diagram, along))
     lower.set_ylabel("largest Lyapunov\nexponent per impact")
     style.head(upper, data.conditions(diagram.drop_vars("amplitude")))
     return figure
 
 
-def _exponents(axes: Axes, diagram: xr.Dataset) -> None:
-    amplitude = diagram["amplitude"].values
+def _exponents(axes: Axes, diagram: xr.Dataset, x: data.Array) -> None:
     exponents = diagram["lyapunov_largest"]
     known = exponents.values[np.isfinite(exponents.values)]
     low, high = (float(known.min()), float(known.max())) if known.size else (-1.0, 0.0)
@@ -65,7 +68,7 @@ def _exponents(axes: Axes, diagram: xr.Dataset) -> None:
         values = exponents.sel(direction=direction).values
         values = np.where(values == -np.inf, floor, values)
         for particle in range(values.shape[1]):
-            axes.plot(amplitude, values[:, particle], ".", color=colour, markersize=size + 0.8)
+            axes.plot(x, values[:, particle], ".", color=colour, markersize=size + 0.8)
     axes.axhline(0.0, color=style.GREY, linewidth=0.7, zorder=0.5)
     axes.set_ylim(floor - 0.03 * (high - floor), max(high, 0.0) + 0.08 * (high - floor))
     if np.any(exponents.values == -np.inf):
