@@ -133,11 +133,11 @@ def ask_all(base, problem, i, x, u, s):
     time, _, landed = bases.approach(fixed, s, i, 100.0)
     return (
         bases.approach(fixed, s, i, 100.0),
-        (bases.keep(fixed, s, i, time, landed, True), bases.pending(fixed, s, i)),
+        (bases.keep(fixed, s, i, time, landed, True), bases.pending(base, s, i)),
         (bases.leave(fixed, x, u), bases.speed(fixed, x, u), bases.common_age(base)),
         bases.counted(fixed, bases.Flight(x, u, flight, x, v), w),
         bases.counted_now(fixed, s, i, flight, w),
-        (bases.gives_up(base, s, i, 6), bases.at_a_time(base)),
+        (bases.gives_up(base, s, i, 6),),
         (flight, v, w, bases.reverses(fixed, x, v), bases.contraction(fixed, v)),
         bases.lift_off(fixed, 7.0, x, w),
         bases.lift_off(taken, 7.0, x, w),

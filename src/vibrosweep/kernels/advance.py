@@ -16,7 +16,6 @@ from vibrosweep.kernels.bases import (
     Base,
     Constants,
     approach,
-    at_a_time,
     common_age,
     constants,
     counted_now,
@@ -24,6 +23,7 @@ from vibrosweep.kernels.bases import (
     keep,
     leave,
     lift_off,
+    pending,
     prepare,
     put,
     rebound,
@@ -145,9 +145,11 @@ def _mark(s: Floats, lanes: int, base: Base, budget: int, cycles: Cycles | None)
                 s[ROW.U_ANCHOR + j] = s[ROW.U + j]
                 s[ROW.RESTS_ANCHOR + j] = s[RUNNING.RESTS + j]
                 s[ROW.NEXT_ANCHOR + j] = 2.0 * s[ROW.AGE + j]
-        s[ROW.DONE + j] = why if s[ROW.N + j] <= s[ROW.X_END + j] - s[ROW.X + j] else ENDED
-        if gives_up(base, s, j, LOOK_AFTER):
-            s[ROW.DONE + j], s[RUNNING.SUM + j] = ENDED, np.nan
+        waits = pending(base, s, j)
+        goes_on = (s[ROW.N + j] <= s[ROW.X_END + j] - s[ROW.X + j]) | waits
+        lost = gives_up(base, s, j, LOOK_AFTER)
+        s[RUNNING.SUM + j] = np.nan if lost else s[RUNNING.SUM + j]
+        s[ROW.DONE + j] = why if goes_on & (not lost) else ENDED
 
 
 @jit
@@ -283,14 +285,11 @@ def advance(
             return lanes
         # whole vectors only: lanes behind the last one hold stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
-        together = at_a_time(base)
-        for ahead in range(0, padded, together):
-            block, size = s[ahead:], min(together, padded - ahead)
-            for _ in range(LOOK_AFTER):
-                if windowed:
-                    _step(block, size, base, budget, 1)
-                else:
-                    _step(block, size, base, budget, None)
+        for _ in range(LOOK_AFTER):
+            if windowed:
+                _step(s, padded, base, budget, 1)
+            else:
+                _step(s, padded, base, budget, None)
         _mark(s, padded, base, options.budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:

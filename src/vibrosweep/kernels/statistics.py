@@ -219,7 +219,7 @@ def write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> Non
         time, _ = fly(fixed, s[ROW.X + j], s[ROW.U + j])
         x, passed = land(s[ROW.X + j], time)
         over = s[ROW.N + j] + passed <= s[ROW.X_END + j] - x
-        if pending(fixed, s, j):
+        if pending(base, s, j):
             last = counted_now(fixed, s, j, time, 0.0)
             s[RUNNING.SUM + j] += last[0]
             s[RUNNING.SQUARES + j] += last[1] * last[2]

@@ -34,7 +34,6 @@ __all__ = [
     "Jacobian",
     "after_rest",
     "approach",
-    "at_a_time",
     "common_age",
     "constants",
     "contact_time",
@@ -146,13 +145,7 @@ def gives_up(base: Base, s: Floats, j: int, passes: int) -> bool:
 
 
 @question
-def at_a_time(base: Base) -> int:
-    """Lanes that take several passes before others do: what they need stays in the cache."""
-    raise NotImplementedError
-
-
-@question
-def pending(fixed: Constants, s: Floats, j: int) -> bool:
+def pending(base: Base, s: Floats, j: int) -> bool:
     """Whether the flight that lane j is in is to be counted when it ends."""
     raise NotImplementedError
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, answer, jit
 from vibrosweep.kernels.bases import Counted, Flight, Jacobian
-from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
+from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.laws import (
     Law,
     curvature,
@@ -124,13 +124,8 @@ def _(base: HighBounce, s: Floats, j: int, passes: int) -> bool:
     return False
 
 
-@answer(bases.at_a_time, HighBounce)
-def _(base: HighBounce) -> int:
-    return LANES
-
-
-@answer(bases.pending, Constants)
-def _(fixed: Constants, s: Floats, j: int) -> bool:
+@answer(bases.pending, HighBounce)
+def _(base: HighBounce, s: Floats, j: int) -> bool:
     return False
 
 

@@ -174,14 +174,10 @@ def _(base: Moving, s: Floats, j: int, passes: int) -> bool:
     return bool(s[ROW.TRIES + j] >= TRIES)
 
 
-@answer(bases.at_a_time, Moving)
-def _(base: Moving) -> int:
-    return 64
-
-
-@answer(bases.pending, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int) -> bool:
-    return bool(s[ROW.COUNTS + j] != 0.0)
+@answer(bases.pending, Moving)
+def _(base: Moving, s: Floats, j: int) -> bool:
+    # no flight follows on a rest for good, which leaves no phase
+    return bool((s[ROW.COUNTS + j] != 0.0) & (abs(s[ROW.X + j]) <= 0.5))
 
 
 @answer(bases.fly, MovingConstants)
