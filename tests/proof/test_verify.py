@@ -383,12 +383,11 @@ title = "Over the moving base, from rests for good to flights of several periods
 [scene]
 base = "moving"
 particles = 2
-duration = 25.0
+duration = 200.0
 [sample]
-realizations = 8
-seed = 2
-restitution = [0.0, 0.98]
-base_acceleration = [0.2, 6.0]
+design = "grid"
+restitution = [0.5, 0.8]
+base_acceleration = [0.5, 1.2, 1.5, 4.5]
 [measure]
 transient = 3.0
 separation = true
@@ -420,9 +419,7 @@ def test_sound_dataset_of_the_moving_base(moving):
     assert regimes >= {Regime.AT_REST, Regime.RESTING, Regime.LOCKED}
 
 
-@pytest.mark.parametrize(
-    "name", ["rebound_height_mean", "flight_time_mean", "lyapunov_largest", "lyapunov_sum"]
-)
+@pytest.mark.parametrize("name", ["rebound_height_mean", "flight_time_mean", "lyapunov_sum"])
 def test_change_of_a_dataset_of_the_moving_base_is_found(moving, changed, name):
     with h5py.File(moving) as file:
         values = file[name][...].reshape(8, -1)[:, 0]
