@@ -271,6 +271,8 @@ class Motion:
         duration = centre.duration + state.change(by_flown - 1, by_speed)
         self._flown = flown + state.change(by_flown, by_speed)
         self._speed = speed + state.change(*below)
+        if not (self._flown.is_finite() and self._speed.is_finite()):
+            raise UncertainError("a landing to any digit", impact)
         state.turn(flown, speed, rows)
         state.bits = max(0, duration.rel_accuracy_bits()) + 2 * FRAME_BITS
         slopes = float(by_flown - 1), float(by_speed)
