@@ -410,7 +410,9 @@ def moving(computed):
 def test_sound_dataset_of_the_moving_base(moving):
     report = everything(moving)
     assert not list(report.complaints())
-    assert report.count(State.COMPARED) == report.total == 8
+    # one that a graze leaves undecided claims nothing
+    assert report.count(State.COMPARED) >= 6
+    assert report.count(State.COMPARED) + report.count(State.NO_CLAIM) == report.total == 8
     assert not report.not_compared()
     found = report.variables()
     assert all(variable.errors for variable in found.values())
@@ -421,9 +423,10 @@ def test_sound_dataset_of_the_moving_base(moving):
 
 @pytest.mark.parametrize("name", ["rebound_height_mean", "flight_time_mean", "lyapunov_sum"])
 def test_change_of_a_dataset_of_the_moving_base_is_found(moving, changed, name):
+    proved = [o.realization for o in everything(moving).outcomes if o.state is State.COMPARED]
     with h5py.File(moving) as file:
         values = file[name][...].reshape(8, -1)[:, 0]
-        row = int(np.flatnonzero(np.isfinite(values) & (values != 0.0))[0])
+        row = next(n for n in proved if n is not None and math.isfinite(values[n]) and values[n])
     copy = changed(moving, name, lambda value: value * (1.0 + 1e-3), realization=row)
     complaints = [str(complaint) for complaint in everything(copy.path).complaints()]
     assert any(copy.place in complaint and name in complaint for complaint in complaints)
