@@ -383,11 +383,11 @@ title = "Over the moving base, from rests for good to flights of several periods
 [scene]
 base = "moving"
 particles = 2
-duration = 60.0
+duration = 100.0
 [sample]
 design = "grid"
 restitution = [0.5, 0.8]
-base_acceleration = [0.5, 1.1, 1.2, 1.3]
+base_acceleration = [0.5, 1.1, 1.2, 1.5]
 [measure]
 transient = 3.0
 separation = true
