@@ -25,7 +25,7 @@ DESIGNS = ("uniform", "latin", "sobol", "grid")
 
 
 def random_spec(rng: np.random.Generator, longest: float = 300.0) -> str:
-    """Text of a small sweep: any law, window and measures, few realizations."""
+    """Text of a small sweep: any base, law, window and measures, few realizations."""
 
     def truth(probability: float = 0.5) -> str:
         return "true" if rng.random() < probability else "false"
@@ -45,9 +45,12 @@ def random_spec(rng: np.random.Generator, longest: float = 300.0) -> str:
     transient = rng.choice([0.0, rng.uniform(0.0, 0.95)]) * duration
     design = str(rng.choice(DESIGNS, p=(0.4, 0.1, 0.1, 0.4)))
     scale = 1.0 / frequency  # the kick in periods is that of 1 Hz
+    base = str(rng.choice(["high-bounce", "moving"]))
+    rebound = str(rng.choice(["rest", "reflect"])) if base == "high-bounce" else "rest"
+    largest = 4.0 if base == "high-bounce" else float(rng.choice([4.0, 30.0]))
     low = float(rng.choice([0.0, 0.3, 0.8, 0.95])) if rng.random() < 0.8 else 0.999
     restitution = (low, float(rng.uniform(low, 1.0)) if rng.random() < 0.9 else 1.0)
-    amplitude = sorted((scale * rng.uniform(0.0, 4.0, 2)).tolist())
+    amplitude = sorted((scale * rng.uniform(0.0, largest, 2)).tolist())
     if rng.random() < 0.1:
         amplitude[0] = 0.0
     if design == "grid":
@@ -79,7 +82,8 @@ contact_time = {float(scale * rng.choice([1e-4, 1e-2, 1e-6, 1e-9]))!r}
 particles = {particles}
 launch = {launch}
 duration = {duration!r}
-rebound = "{rng.choice(["rest", "reflect"])}"
+rebound = "{rebound}"
+base = "{base}"
 [sample]
 design = "{design}"
 {sampled}

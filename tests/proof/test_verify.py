@@ -376,3 +376,57 @@ regimes = true
     report = everything(path)
     assert not list(report.complaints())
     assert report.variables()["lyapunov_largest"].compared
+
+
+MOVING = """
+title = "Over the moving base, from rests for good to flights of several periods"
+[scene]
+base = "moving"
+particles = 2
+duration = 100.0
+[sample]
+design = "grid"
+restitution = [0.5, 0.8]
+base_acceleration = [0.5, 1.1, 1.2, 1.5]
+[measure]
+transient = 3.0
+separation = true
+per_particle = true
+regimes = true
+lyapunov = true
+trust = true
+[record]
+restitution = 0.9
+amplitude = 1.2
+duration = 8.0
+"""
+
+
+@pytest.fixture(scope="module")
+def moving(computed):
+    return computed(MOVING)
+
+
+def test_sound_dataset_of_the_moving_base(moving):
+    report = everything(moving)
+    assert not list(report.complaints())
+    # one that a graze leaves undecided claims nothing
+    assert report.count(State.COMPARED) >= 6
+    assert report.count(State.COMPARED) + report.count(State.NO_CLAIM) == report.total == 8
+    assert not report.not_compared()
+    found = report.variables()
+    assert all(variable.errors for variable in found.values())
+    with h5py.File(moving) as file:
+        regimes = set(file["regime"][...].ravel().tolist())
+    assert regimes >= {Regime.AT_REST, Regime.RESTING, Regime.LOCKED}
+
+
+@pytest.mark.parametrize("name", ["rebound_height_mean", "flight_time_mean", "lyapunov_sum"])
+def test_change_of_a_dataset_of_the_moving_base_is_found(moving, changed, name):
+    proved = [o.realization for o in everything(moving).outcomes if o.state is State.COMPARED]
+    with h5py.File(moving) as file:
+        values = file[name][...].reshape(8, -1)[:, 0]
+        row = next(n for n in proved if n is not None and math.isfinite(values[n]) and values[n])
+    copy = changed(moving, name, lambda value: value * (1.0 + 1e-3), realization=row)
+    complaints = [str(complaint) for complaint in everything(copy.path).complaints()]
+    assert any(copy.place in complaint and name in complaint for complaint in complaints)

@@ -133,7 +133,7 @@ def test_jacobian_is_the_limit_of_differences(e, gamma, x, y):
         m = MovingMap(arb(e), alpha, arb(gamma), arb(0))
 
         def image(x, y):
-            found = m.impact(x, y, m.flight(x, y, 1))
+            found = m.impact(x, y, m.flight(x, y, 1), 1)
             return (x + found.duration, found.speed), found
 
         step = arb(2) ** -150

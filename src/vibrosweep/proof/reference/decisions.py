@@ -29,4 +29,4 @@ def certain_above(left: arb, right: arb, decision: str, impact: int) -> bool:
 
 def nearest_integer(ball: arb) -> int:
     """Integer next to the midpoint: a choice of representation, so never uncertain."""
-    return int((ball.mid() + HALF).floor().fmpz())
+    return int((ball.mid() + HALF).mid().floor().fmpz())  # the sum may round

@@ -97,11 +97,13 @@ class MovingMap(NamedTuple):
             raise UncertainError("whether the particle leaves the base", impact)
         return narrowed(c, first_root(c, start, impact))
 
-    def impact(self, x: arb, y: arb, s: arb | None) -> Step:
+    def impact(self, x: arb, y: arb, s: arb | None, impact: int) -> Step:
         """Impact after a flight of `s` periods; None where it lands at once."""
         if s is None:
             return Step(ZERO, -self.e * y, ((ONE, ZERO), (ZERO, -self.e)), -self.e)
         arrival = -2 * Clearance(self.alpha, x, y).slope(s)
+        if not arrival > 0:
+            raise UncertainError("the speed of a landing", impact)
         return Step(s, self.e * arrival, self.jacobian(x, s, arrival), self.e * y / arrival)
 
     def jacobian(self, x: arb, s: arb, arrival: arb) -> Rows:
@@ -118,7 +120,7 @@ class MovingMap(NamedTuple):
     def step(self, x: arb, y: arb) -> Step | None:
         """Impact of a ball of states; None where one may rest, or a decision is open."""
         try:
-            found = self.impact(x, y, self.flight(x, y, 1))
+            found = self.impact(x, y, self.flight(x, y, 1), 1)
         except UncertainError:
             return None
         return found if found.speed > self.r else None
@@ -129,14 +131,15 @@ class MovingMap(NamedTuple):
 
     def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
         """Carry a direction and its normal through the impact after a flight from phase x."""
-        found = self.impact(x, flight.speed, flight.duration)
+        own = -2 * Clearance(self.alpha, x, flight.speed).slope(flight.duration)
+        exact = self.jacobian(x, flight.duration, own)
         near, fast = x + arb(0, errors[0]), flight.speed + arb(0, errors[1])
         # both ends of the flight are off by the error of a phase
-        s = found.duration + arb(0, 2.0 * errors[0])
+        s = flight.duration + arb(0, 2.0 * errors[0])
         arrival = -2 * Clearance(self.alpha, near, fast).slope(s)
         rows = self.jacobian(near, s, arrival)
         c, d = direction
-        along, across = _applied(found.rows, c, d), _applied(found.rows, -d, c)
+        along, across = _applied(exact, c, d), _applied(exact, -d, c)
         off = [c * row[0] + d * row[1] for row in rows]
         wrong = sum(float((b - a).abs_upper()) for a, b in zip(along, off, strict=True))
         size = (1 + self.gamma) * (2 + s + self.alpha) * (1 + 1 / arrival)
@@ -262,12 +265,14 @@ class Motion:
         with ctx.workprec(max(FRAME_BITS, min(ctx.prec, state.bits))):
             x = phase + state.flown
             own = None if s is None else narrowed(Clearance(m.alpha, x, state.speed), s)
-            centre = m.impact(x, state.speed, own)
+            centre = m.impact(x, state.speed, own, impact)
             flown, speed = state.flown + centre.duration, centre.speed
         (by_flown, by_speed), below = rows
         duration = centre.duration + state.change(by_flown - 1, by_speed)
         self._flown = flown + state.change(by_flown, by_speed)
         self._speed = speed + state.change(*below)
+        if not (self._flown.is_finite() and self._speed.is_finite()):
+            raise UncertainError("a landing to any digit", impact)
         state.turn(flown, speed, rows)
         state.bits = max(0, duration.rel_accuracy_bits()) + 2 * FRAME_BITS
         slopes = float(by_flown - 1), float(by_speed)
@@ -278,10 +283,10 @@ class Motion:
         try:
             with ctx.workprec(FRAME_BITS):
                 s = self._map.flight(x, self._speed, impact, self._lift)
+                return s, self._map.impact(x, self._speed, s, impact).rows
         except UncertainError:
             s = self._map.flight(x, self._speed, impact, self._lift)
-        with ctx.workprec(FRAME_BITS):
-            return s, self._map.impact(x, self._speed, s).rows
+            return s, self._map.impact(x, self._speed, s, impact).rows
 
     def leave(self, impact: int) -> Left | None:
         """Rebound, perhaps after a rest; None at rest for good."""
