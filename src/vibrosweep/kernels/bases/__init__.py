@@ -32,6 +32,8 @@ __all__ = [
     "Counted",
     "Flight",
     "Jacobian",
+    "Spread",
+    "absolute_error",
     "after_rest",
     "approach",
     "at_a_time",
@@ -41,6 +43,7 @@ __all__ = [
     "contraction",
     "counted",
     "counted_now",
+    "density",
     "fitted",
     "fixed_attracts",
     "fixed_holds",
@@ -50,7 +53,8 @@ __all__ = [
     "jacobian",
     "jacobian_error",
     "keep",
-    "landing_rounding",
+    "landing_added",
+    "launch_error",
     "leave",
     "lift_off",
     "liftoff_error",
@@ -72,6 +76,7 @@ Constants = Any  # the named tuple of one base
 Counted = tuple[float, float, float]  # duration, and height as a product of two factors
 # the rows, then the sum of the moduli of the terms that the rows are sums of
 Jacobian = tuple[float, float, float, float, float]
+Spread = tuple[float, float]  # largest errors of phase and speed of a lift-off
 
 
 class Flight(NamedTuple):
@@ -248,11 +253,13 @@ def jacobian(fixed: Constants, flight: Flight) -> Jacobian:
 
 
 @question
-def jacobian_error(fixed: Constants, v: float, error: float, v_error: float) -> tuple[float, float]:
-    """Bounds of the change of the second row of the Jacobian by errors of the landing.
+def jacobian_error(
+    fixed: Constants, flight: Flight, error: float, spread: Spread
+) -> tuple[float, float, float]:
+    """Bounds of what errors of a flight change in the image of a unit change of the state.
 
-    The first is for a unit change of the phase of the landing, the second for one of the speed of
-    arrival, v.  `error` and `v_error` are those of the same two.
+    Of one of the phase before it, of the speed before it, and of the phase of the landing; their
+    sum counts.  `error` is that of the landing, `spread` those of the lift-off.
     """
     raise NotImplementedError
 
@@ -269,6 +276,12 @@ def contraction(fixed: Constants, v: float) -> float:
 
     Factors whose product over a cycle is 1 may be left out.  Where it is 0, it is so at any speed.
     """
+    raise NotImplementedError
+
+
+@question
+def density(fixed: Constants, u: float) -> float:
+    """Factor of an area at a speed u with which `contraction` leaves nothing out."""
     raise NotImplementedError
 
 
@@ -295,26 +308,45 @@ def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
 
 
 @question
-def landing_rounding(fixed: Constants, x: float, u: float) -> float:
-    """Bound of the rounding error of the phase of a landing, of a flight from phase x."""
-    raise NotImplementedError
+def launch_error(fixed: Constants, x: float, u: float) -> float:
+    """Bound of the error of the speed u of a launch at phase x.
 
-
-@question
-def rebound_error(
-    fixed: Constants, x: float, v: float, rounding: float, error: float, v_error: float
-) -> float:
-    """Bound of the error that an impact adds to the speed after it.
-
-    `rounding` and `error` are the rounding error of the phase of the landing, and all of its error;
-    `v_error` is that of the speed of arrival: what a linear map leaves out grows with both.
+    Infinite where it decides whether the particle flies.
     """
     raise NotImplementedError
 
 
 @question
-def rest_is_doubtful(fixed: Constants, w: float, w_error: float) -> bool:
-    """Whether a rebound w is so near to the threshold of rest that its error decides."""
+def landing_added(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
+    """Bounds of the errors that a flight adds to the phase of its landing and the speed of arrival.
+
+    They are those of rounding and of what the Jacobian leaves out of the errors of the lift-off,
+    `spread`.  Infinite where a state within these may land at another time.
+    """
+    raise NotImplementedError
+
+
+@question
+def rebound_error(
+    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
+) -> float:
+    """Bound of the error that an impact adds to the speed after it.
+
+    `added` is from `landing_added`; `error` is all of the error of the phase of the landing, and
+    `v_error` that of the speed of the lift-off.
+    """
+    raise NotImplementedError
+
+
+@question
+def absolute_error(fixed: Constants, x: float, u: float, spread: Spread) -> float:
+    """Bound of the error of the absolute speed of a particle that leaves phase x with speed u."""
+    raise NotImplementedError
+
+
+@question
+def rest_is_doubtful(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
+    """Whether errors decide if a particle rests that lands at phase x, its rebound w."""
     raise NotImplementedError
 
 
