@@ -23,8 +23,8 @@ ULP = 2.0**-53  # spacing of doubles in [1/2, 1): one ulp of a turn
 def orbit(batch, i, capacity):
     """Landings of realization i: count from the end, phase, absolute speed that follows, rested.
 
-    The speed is infinite where no flight follows.  The last entry is the landing after the end unless
-    the capacity or a rest for good came first: the second value counts the landings inside.
+    The speed is infinite where no flight follows.  The last entry is the landing after the end
+    unless the capacity or a rest for good came first: the second value counts the landings inside.
     """
     problem = batch.problem
     fixed = bases.constants(batch.base, problem, i)

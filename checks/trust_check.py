@@ -110,10 +110,10 @@ class Verdict:
 
 def kernel_jobs(
     scenes: list[dict[str, float]],
-    base: str,
     law: str,
     capacity: int = CAPACITY,
     budget: int = BUDGET,
+    base: str = "high-bounce",
 ) -> list[Job]:
     """Orbits of all scenes, up to a capacity, and their bounds."""
     batch = batch_of(scenes, law, base)
@@ -288,7 +288,7 @@ def main() -> None:
             rng = np.random.default_rng([options.seed, number])
             make = draw_moving if base == "moving" else draw
             scenes = [make(rng) for _ in range(options.trajectories // len(KINDS))]
-            jobs = kernel_jobs(scenes, base, law)
+            jobs = kernel_jobs(scenes, law, base=base)
             verdicts = list(pool.map(compare, jobs, chunksize=50))
             rows += summary(f"{base}, {law}", jobs, verdicts)
             faults += [(j, v.faults) for j, v in zip(jobs, verdicts, strict=True) if v.faults]
