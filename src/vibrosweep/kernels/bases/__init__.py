@@ -256,10 +256,10 @@ def jacobian(fixed: Constants, flight: Flight) -> Jacobian:
 def jacobian_error(
     fixed: Constants, flight: Flight, error: float, spread: Spread
 ) -> tuple[float, float, float]:
-    """Bounds of what errors of a flight change in the image of a unit change of the state.
+    """Bounds of what errors change in the image of a small change of the state, to be summed.
 
-    Of one of the phase before it, of the speed before it, and of the phase of the landing; their
-    sum counts.  `error` is that of the landing, `spread` those of the lift-off.
+    Per change of the phase before, the speed before, and the phase of the landing, whose error is
+    `error`.
     """
     raise NotImplementedError
 
@@ -309,10 +309,7 @@ def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
 
 @question
 def launch_error(fixed: Constants, x: float, u: float) -> float:
-    """Bound of the error of the speed u of a launch at phase x.
-
-    Infinite where it decides whether the particle flies.
-    """
+    """Error of the speed u of a launch at phase x; infinite where it decides on a flight."""
     raise NotImplementedError
 
 
@@ -320,8 +317,8 @@ def launch_error(fixed: Constants, x: float, u: float) -> float:
 def landing_added(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
     """Bounds of the errors that a flight adds to the phase of its landing and the speed of arrival.
 
-    They are those of rounding and of what the Jacobian leaves out of the errors of the lift-off,
-    `spread`.  Infinite where a state within these may land at another time.
+    By rounding, and by what the Jacobian leaves out of `spread`.  Infinite where a state within it
+    may land at another time.
     """
     raise NotImplementedError
 
@@ -332,8 +329,8 @@ def rebound_error(
 ) -> float:
     """Bound of the error that an impact adds to the speed after it.
 
-    `added` is from `landing_added`; `error` is all of the error of the phase of the landing, and
-    `v_error` that of the speed of the lift-off.
+    `added` is from `landing_added`; `error` is all of that of the landing's phase, `v_error` that
+    of the speed before.
     """
     raise NotImplementedError
 

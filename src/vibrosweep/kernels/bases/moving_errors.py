@@ -31,13 +31,7 @@ from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import answer, fma, jit
 from vibrosweep.kernels.bases import Flight, Jacobian, Spread
 from vibrosweep.kernels.bases.moving import MovingConstants
-from vibrosweep.kernels.rounding import (
-    HALF_ULP,
-    KICK_ERROR,
-    LAUNCH_ERROR,
-    REST_ERROR,
-    SMALLEST,
-)
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, LAUNCH_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.sine import (
     COSINE_ERROR,
     LAG_ERROR,
@@ -288,8 +282,8 @@ def _(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[float, fl
     moved: float = flight.x + (flight.time - np.rint(flight.time))
     rounding = landed.time + min(LANDING_ERROR, HALF_ULP * abs(moved))
     dx, dy = spread
-    left_out = change.s_x * dx + change.s_y * dy, change.z_x * dx + change.z_y * dy
-    return rounding + left_out[0], landed.v + left_out[1]
+    by_phase, by_speed = change.s_x * dx + change.s_y * dy, change.z_x * dx + change.z_y * dy
+    return rounding + by_phase, landed.v + by_speed
 
 
 @answer(bases.rebound_error, MovingConstants)
