@@ -15,10 +15,12 @@ from vibrosweep.kernels.bases import (
     Constants,
     contraction,
     jacobian,
+    reverses,
+)
+from vibrosweep.kernels.bases.errors import (
     jacobian_error,
     landing_added,
     rebound_error,
-    reverses,
 )
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING

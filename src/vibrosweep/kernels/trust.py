@@ -23,16 +23,18 @@ from vibrosweep.kernels.bases import (
     Constants,
     Flight,
     Jacobian,
-    Spread,
-    absolute_error,
     constants,
     fly,
     jacobian,
+    lift_off,
+    rebound,
+)
+from vibrosweep.kernels.bases.errors import (
+    Spread,
+    absolute_error,
     landing_added,
     launch_error,
-    lift_off,
     liftoff_error,
-    rebound,
     rebound_error,
     rest_is_doubtful,
 )

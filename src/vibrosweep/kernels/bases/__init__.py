@@ -32,8 +32,6 @@ __all__ = [
     "Counted",
     "Flight",
     "Jacobian",
-    "Spread",
-    "absolute_error",
     "after_rest",
     "approach",
     "at_a_time",
@@ -51,21 +49,15 @@ __all__ = [
     "fly",
     "gives_up",
     "jacobian",
-    "jacobian_error",
     "keep",
-    "landing_added",
-    "launch_error",
     "leave",
     "lift_off",
-    "liftoff_error",
     "lifts",
     "lowest",
     "pending",
     "prepare",
     "put",
     "rebound",
-    "rebound_error",
-    "rest_is_doubtful",
     "reverses",
     "speed",
     "take",
@@ -76,7 +68,6 @@ Constants = Any  # the named tuple of one base
 Counted = tuple[float, float, float]  # duration, and height as a product of two factors
 # the rows, then the sum of the moduli of the terms that the rows are sums of
 Jacobian = tuple[float, float, float, float, float]
-Spread = tuple[float, float]  # largest errors of phase and speed of a lift-off
 
 
 class Flight(NamedTuple):
@@ -253,18 +244,6 @@ def jacobian(fixed: Constants, flight: Flight) -> Jacobian:
 
 
 @question
-def jacobian_error(
-    fixed: Constants, flight: Flight, error: float, spread: Spread
-) -> tuple[float, float, float]:
-    """Bounds of what errors change in the image of a small change of the state, to be summed.
-
-    Per change of the phase before, the speed before, and the phase of the landing, whose error is
-    `error`.
-    """
-    raise NotImplementedError
-
-
-@question
 def reverses(fixed: Constants, x: float, v: float) -> float:
     """-1 where the Jacobian reverses orientation, else 1."""
     raise NotImplementedError
@@ -304,53 +283,4 @@ def fixed_attracts(fixed: Constants, x: float, k: float) -> bool:
 @question
 def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
     """Whether a particle that leaves phase x for k periods lands only then, and leaves at once."""
-    raise NotImplementedError
-
-
-@question
-def launch_error(fixed: Constants, x: float, u: float) -> float:
-    """Error of the speed u of a launch at phase x; infinite where it decides on a flight."""
-    raise NotImplementedError
-
-
-@question
-def landing_added(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
-    """Bounds of the errors that a flight adds to the phase of its landing and the speed of arrival.
-
-    By rounding, and by what the Jacobian leaves out of `spread`.  Infinite where a state within it
-    may land at another time.
-    """
-    raise NotImplementedError
-
-
-@question
-def rebound_error(
-    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
-) -> float:
-    """Bound of the error that an impact adds to the speed after it.
-
-    `added` is from `landing_added`; `error` is all of that of the landing's phase, `v_error` that
-    of the speed before.
-    """
-    raise NotImplementedError
-
-
-@question
-def absolute_error(fixed: Constants, x: float, u: float, spread: Spread) -> float:
-    """Bound of the error of the absolute speed of a particle that leaves phase x with speed u."""
-    raise NotImplementedError
-
-
-@question
-def rest_is_doubtful(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
-    """Whether errors decide if a particle rests that lands at phase x, its rebound w."""
-    raise NotImplementedError
-
-
-@question
-def liftoff_error(fixed: Constants) -> tuple[float, float]:
-    """Bounds of the errors of phase and speed of the lift-off from a rest.
-
-    The first is infinite where it is in doubt whether a resting particle is ever lifted.
-    """
     raise NotImplementedError

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, answer, jit
-from vibrosweep.kernels.bases import Counted, Flight, Jacobian, Spread
+from vibrosweep.kernels.bases import Counted, Flight, Jacobian, errors
+from vibrosweep.kernels.bases.errors import Spread
 from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
 from vibrosweep.kernels.laws import (
     Law,
@@ -215,7 +216,7 @@ def _(fixed: Constants, flight: Flight) -> Jacobian:
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
 
 
-@answer(bases.jacobian_error, Constants)
+@answer(errors.jacobian_error, Constants)
 def _(fixed: Constants, flight: Flight, error: float, spread: Spread) -> tuple[float, float, float]:
     by_phase = 2.0 * CURVATURE * fixed.a * (error + HALF_ULP)
     return 0.0, 2.0 * curvature(fixed.base.law, fixed.e) * spread[1], by_phase
@@ -257,18 +258,18 @@ def _(fixed: Constants, x: float, k: float) -> bool:
     return k > fixed.r
 
 
-@answer(bases.launch_error, Constants)
+@answer(errors.launch_error, Constants)
 def _(fixed: Constants, x: float, u: float) -> float:
     return KICK_ERROR * u + SMALLEST
 
 
-@answer(bases.landing_added, Constants)
+@answer(errors.landing_added, Constants)
 def _(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
     moved: float = flight.x + (flight.u - np.rint(flight.u))
     return min(LANDING_ERROR, HALF_ULP * abs(moved)), 0.0
 
 
-@answer(bases.rebound_error, Constants)
+@answer(errors.rebound_error, Constants)
 def _(
     fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
 ) -> float:
@@ -281,17 +282,17 @@ def _(
     return kicked + curvature(law, e) * v_error * v_error
 
 
-@answer(bases.absolute_error, Constants)
+@answer(errors.absolute_error, Constants)
 def _(fixed: Constants, x: float, u: float, spread: Spread) -> float:
     return spread[1]
 
 
-@answer(bases.rest_is_doubtful, Constants)
+@answer(errors.rest_is_doubtful, Constants)
 def _(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
     return abs(w - fixed.r) <= spread[1] + REST_ERROR * fixed.r
 
 
-@answer(bases.liftoff_error, Constants)
+@answer(errors.liftoff_error, Constants)
 def _(fixed: Constants) -> tuple[float, float]:
     a, r = fixed.a, fixed.r
     if abs(a - r) <= KICK_ERROR * a + REST_ERROR * r:
