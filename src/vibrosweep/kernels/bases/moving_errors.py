@@ -131,7 +131,7 @@ def _(fixed: MovingConstants, flight: Flight) -> Jacobian:
     parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * alpha * turns) / z
     size = 1.0 + parts * (alpha * (at.lag + at.c) + s) / z
     size += e * ((abs(pull) + 2.0 * gamma + 2.0) * size + 4.0 * gamma * turns)
-    return 1.0 + by_x, by_y, e * fma(pull, by_x, -lost), e * fma(pull, by_y, -1.0), size
+    return 1.0 + by_x, by_y, e * (pull * by_x - lost), e * (pull * by_y - 1.0), size
 
 
 @jit
