@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
-from vibrosweep.kernels.bases import errors
+from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.impact import base_of, impact
 from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
@@ -73,7 +73,7 @@ def test_the_jacobian_changes_by_no_more_than_its_error(constants_of, law, e, a,
     assume(e > 0.0)  # else that does not tell whether the particle is turned back at both
     flights = [bases.Flight(0.0, v, v, phase, v) for phase in (x, x + off)]
     here, there = (bases.jacobian(fixed, flight) for flight in flights)
-    _, _, by_landing = errors.jacobian_error(fixed, flights[0], abs(off), (abs(off), 0.0))
+    _, _, by_landing = error_bounds.jacobian_error(fixed, flights[0], abs(off), (abs(off), 0.0))
     allowed = by_landing + TURN * a * 2.0 * COSINE_ERROR
     assert here[:2] == there[:2]
     for one, other in zip(here[2:4], there[2:4], strict=True):
@@ -117,7 +117,7 @@ import json
 import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
-from vibrosweep.kernels.bases import errors
+from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.statistics import scratch
@@ -154,13 +154,13 @@ def ask_all(base, problem, i, x, u, s):
         bases.fixed_residual(fixed, x, 2.0, 1.0),
         bases.fixed_attracts(fixed, x, 2.0),
         bases.fixed_holds(fixed, x, 2.0),
-        errors.jacobian_error(fixed, there, 1e-9, (1e-9, 1e-9)),
-        errors.launch_error(fixed, x, u),
-        errors.landing_added(fixed, there, (1e-9, 1e-9)),
-        errors.rebound_error(fixed, there, (1e-16, 1e-16), 1e-9, 1e-9),
-        errors.absolute_error(fixed, x, u, (1e-9, 1e-9)),
-        errors.rest_is_doubtful(fixed, x, w, (0.1, 0.1)),
-        errors.liftoff_error(fixed),
+        error_bounds.jacobian_error(fixed, there, 1e-9, (1e-9, 1e-9)),
+        error_bounds.launch_error(fixed, x, u),
+        error_bounds.landing_added(fixed, there, (1e-9, 1e-9)),
+        error_bounds.rebound_error(fixed, there, (1e-16, 1e-16), 1e-9, 1e-9),
+        error_bounds.absolute_error(fixed, x, u, (1e-9, 1e-9)),
+        error_bounds.rest_is_doubtful(fixed, x, w, (0.1, 0.1)),
+        error_bounds.liftoff_error(fixed),
     )
 
 rng = np.random.default_rng(5)
@@ -198,7 +198,7 @@ def test_every_question_has_the_same_bits_compiled_and_as_plain_python():
     kinds = [["high-bounce", "rest"], ["high-bounce", "reflect"], ["moving", "rest"]]
     assert [json.loads(line)[0] for line in plain] == kinds
     questions = {f"bases.{name}(" for name in bases.__all__ if name.islower()}
-    questions |= {f"errors.{name}(" for name in errors.__all__ if name.islower()}
+    questions |= {f"error_bounds.{name}(" for name in error_bounds.__all__ if name.islower()}
     assert {question for question in questions if question not in SAME_BITS} == set()
     assert sorted(compiled) == sorted(2 * plain)
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.advance import Options, advance
-from vibrosweep.kernels.bases import errors
+from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.cycles import empty_cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch_speed
 from vibrosweep.kernels.rounding import ROUNDING
@@ -60,10 +60,10 @@ def test_the_jacobian_is_the_derivative_of_the_exact_impact(problem_of, e, gamma
     problem = problem_of(e, gamma)
     fixed = bases.constants(BASE, problem, 0)
     flight = flight_of(fixed, x, y)
-    added = errors.landing_added(fixed, flight, (0.0, 0.0))
+    added = error_bounds.landing_added(fixed, flight, (0.0, 0.0))
     assume(added[0] < 1e-9)  # no graze
     xx, xu, ux, uu, terms = bases.jacobian(fixed, flight)
-    of_phase, of_speed, _ = errors.jacobian_error(fixed, flight, 0.0, (0.0, 0.0))
+    of_phase, of_speed, _ = error_bounds.jacobian_error(fixed, flight, 0.0, (0.0, 0.0))
     with ctx.workprec(BITS):
         a, h, x, y = float(problem.kick[0]), arb(2) ** -80, arb(x), arb(y)
         pairs = (
@@ -96,10 +96,10 @@ def test_every_state_within_an_error_lands_within_its_bound(
     problem = problem_of(e, gamma)
     fixed = bases.constants(BASE, problem, 0)
     flight = flight_of(fixed, x, y)
-    added = errors.landing_added(fixed, flight, spread)
+    added = error_bounds.landing_added(fixed, flight, spread)
     assume(added[0] < np.inf)
     xx, xu, ux, uu, terms = bases.jacobian(fixed, flight)
-    kicked = errors.rebound_error(fixed, flight, added, added[0], spread[1])
+    kicked = error_bounds.rebound_error(fixed, flight, added, added[0], spread[1])
     dx, dy = spread[0] * part[0], spread[1] * part[1]
     slack = ROUNDING * terms * (abs(dx) + abs(dy))
     with ctx.workprec(BITS):
@@ -119,7 +119,7 @@ def test_few_flights_are_in_doubt(problem_of):
     for i, gamma in enumerate(gammas):
         fixed = bases.constants(BASE, problem, i)
         flight = flight_of(fixed, rng.uniform(-0.5, 0.5), 10.0 ** rng.uniform(-5.0, 0.7))
-        found.append(errors.landing_added(fixed, flight, (1e-12, 1e-12 * flight.u))[0])
+        found.append(error_bounds.landing_added(fixed, flight, (1e-12, 1e-12 * flight.u))[0])
         assert gamma > 1.0 or found[-1] < 1e-10
     assert np.mean(np.array(found) < 1e-9) > 0.99
 
@@ -138,7 +138,7 @@ def test_a_landing_that_may_come_earlier_is_in_doubt(problem_of):
                 low, high = (middle, high) if near_low else (low, middle)
             for y in (low, high):
                 flight = flight_of(fixed, x, float(y))
-                assert errors.landing_added(fixed, flight, (1e-15, 1e-15)) == (np.inf, np.inf)
+                assert error_bounds.landing_added(fixed, flight, (1e-15, 1e-15)) == (np.inf, np.inf)
                 doubted += 1
     assert doubted > 10
 
@@ -146,7 +146,7 @@ def test_a_landing_that_may_come_earlier_is_in_doubt(problem_of):
 @pytest.mark.parametrize("gamma", [0.3, 1.7, 6.0])
 def test_a_rest_in_doubt_is_said(problem_of, gamma):
     fixed = bases.constants(BASE, problem_of(0.5, gamma, r=1e-3), 0)
-    doubt = errors.rest_is_doubtful
+    doubt = error_bounds.rest_is_doubtful
     assert doubt(fixed, 0.1, 1e-3, (1e-9, 1e-9))
     assert not doubt(fixed, 0.1, 1.1e-3, (1e-9, 1e-9))
     assert not doubt(fixed, 0.1, 0.9e-3, (1e-9, 1e-9))
@@ -162,7 +162,7 @@ def test_a_rest_in_doubt_is_said(problem_of, gamma):
 def test_the_phase_of_a_lift_off_is_within_its_error(problem_of, away):
     problem = problem_of(0.7, 1.0 + away)
     fixed = bases.constants(BASE, problem, 0)
-    error, of_speed = errors.liftoff_error(fixed)
+    error, of_speed = error_bounds.liftoff_error(fixed)
     with ctx.workprec(BITS):
         gamma = arb.pi() * arb(float(problem.kick[0])) / (1 + arb(0.7))
         if not gamma > 1 or away < 1e-14:
@@ -176,7 +176,7 @@ def test_the_phase_of_a_lift_off_is_within_its_error(problem_of, away):
         )
     assert of_speed == 0.0
     still = bases.constants(BASE, problem_of(0.7, 1.0 - away), 0)
-    assert errors.liftoff_error(still)[0] == (0.0 if away > 1e-14 else np.inf)
+    assert error_bounds.liftoff_error(still)[0] == (0.0 if away > 1e-14 else np.inf)
 
 
 def scenes(size, seed):
@@ -298,4 +298,4 @@ def test_decisions_of_locked_orbits_at_a_closed_form(problem_of):
     flight = flight_of(fixed, x, y)
     assert flight.time == pytest.approx(1.0, abs=1e-14)
     assert flight.v == pytest.approx(y / e, abs=1e-13)
-    assert max(errors.landing_added(fixed, flight, (0.0, 0.0))) < 1e-14
+    assert max(error_bounds.landing_added(fixed, flight, (0.0, 0.0))) < 1e-14

@@ -17,7 +17,7 @@ from vibrosweep.kernels.bases import (
     jacobian,
     reverses,
 )
-from vibrosweep.kernels.bases.errors import (
+from vibrosweep.kernels.bases.error_bounds import (
     jacobian_error,
     landing_added,
     rebound_error,

@@ -29,7 +29,7 @@ from vibrosweep.kernels.bases import (
     lift_off,
     rebound,
 )
-from vibrosweep.kernels.bases.errors import (
+from vibrosweep.kernels.bases.error_bounds import (
     Spread,
     absolute_error,
     landing_added,

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, answer, jit
-from vibrosweep.kernels.bases import Counted, Flight, Jacobian, errors
-from vibrosweep.kernels.bases.errors import Spread
+from vibrosweep.kernels.bases import Counted, Flight, Jacobian, error_bounds
+from vibrosweep.kernels.bases.error_bounds import Spread
 from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
 from vibrosweep.kernels.laws import (
     Law,
@@ -216,7 +216,7 @@ def _(fixed: Constants, flight: Flight) -> Jacobian:
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
 
 
-@answer(errors.jacobian_error, Constants)
+@answer(error_bounds.jacobian_error, Constants)
 def _(fixed: Constants, flight: Flight, error: float, spread: Spread) -> tuple[float, float, float]:
     by_phase = 2.0 * CURVATURE * fixed.a * (error + HALF_ULP)
     return 0.0, 2.0 * curvature(fixed.base.law, fixed.e) * spread[1], by_phase
@@ -258,18 +258,18 @@ def _(fixed: Constants, x: float, k: float) -> bool:
     return k > fixed.r
 
 
-@answer(errors.launch_error, Constants)
+@answer(error_bounds.launch_error, Constants)
 def _(fixed: Constants, x: float, u: float) -> float:
     return KICK_ERROR * u + SMALLEST
 
 
-@answer(errors.landing_added, Constants)
+@answer(error_bounds.landing_added, Constants)
 def _(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
     moved: float = flight.x + (flight.u - np.rint(flight.u))
     return min(LANDING_ERROR, HALF_ULP * abs(moved)), 0.0
 
 
-@answer(errors.rebound_error, Constants)
+@answer(error_bounds.rebound_error, Constants)
 def _(
     fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
 ) -> float:
@@ -282,17 +282,17 @@ def _(
     return kicked + curvature(law, e) * v_error * v_error
 
 
-@answer(errors.absolute_error, Constants)
+@answer(error_bounds.absolute_error, Constants)
 def _(fixed: Constants, x: float, u: float, spread: Spread) -> float:
     return spread[1]
 
 
-@answer(errors.rest_is_doubtful, Constants)
+@answer(error_bounds.rest_is_doubtful, Constants)
 def _(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
     return abs(w - fixed.r) <= spread[1] + REST_ERROR * fixed.r
 
 
-@answer(errors.liftoff_error, Constants)
+@answer(error_bounds.liftoff_error, Constants)
 def _(fixed: Constants) -> tuple[float, float]:
     a, r = fixed.a, fixed.r
     if abs(a - r) <= KICK_ERROR * a + REST_ERROR * r:

@@ -29,8 +29,8 @@ import numpy as np
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import answer, fma, jit
-from vibrosweep.kernels.bases import Flight, Jacobian, errors
-from vibrosweep.kernels.bases.errors import Spread
+from vibrosweep.kernels.bases import Flight, Jacobian, error_bounds
+from vibrosweep.kernels.bases.error_bounds import Spread
 from vibrosweep.kernels.bases.moving import MovingConstants
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, LAUNCH_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.sine import (
@@ -195,7 +195,7 @@ def _start(fixed: MovingConstants, flight: Flight, spread: Spread, last: float) 
     """Time until which no state in a spread has landed, at the beginning of a flight; or NaN."""
     x, y, x_lift = flight.x, max(0.0, flight.u - spread[1]), fixed.x_lift
     least = 0.5 * y / (1.0 + math.pi * fixed.alpha)
-    edge = spread[0] + errors.liftoff_error(fixed)[0] + 2.0 * HALF_ULP
+    edge = spread[0] + error_bounds.liftoff_error(fixed)[0] + 2.0 * HALF_ULP
     if abs(x) >= x_lift:  # F is convex, and increases, until the base presses again
         to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
         return max(least, to_press - edge)
@@ -269,7 +269,7 @@ def _pressed(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[fl
     return time, 2.0 * most + 2.0 * (1.0 + gamma) * time
 
 
-@answer(errors.landing_added, MovingConstants)
+@answer(error_bounds.landing_added, MovingConstants)
 def _(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[float, float]:
     if flight.time == 0.0:
         return _pressed(fixed, flight, spread)
@@ -287,7 +287,7 @@ def _(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[float, fl
     return rounding + by_phase, landed.v + by_speed
 
 
-@answer(errors.rebound_error, MovingConstants)
+@answer(error_bounds.rebound_error, MovingConstants)
 def _(
     fixed: MovingConstants,
     flight: Flight,
@@ -298,7 +298,7 @@ def _(
     return fixed.e * (added[1] + HALF_ULP * abs(flight.v)) + SMALLEST
 
 
-@answer(errors.jacobian_error, MovingConstants)
+@answer(error_bounds.jacobian_error, MovingConstants)
 def _(
     fixed: MovingConstants, flight: Flight, error: float, spread: Spread
 ) -> tuple[float, float, float]:
@@ -310,7 +310,7 @@ def _(
     return max(change.s_x, e * change.z_x), max(change.s_y, e * change.z_y), 0.0
 
 
-@answer(errors.launch_error, MovingConstants)
+@answer(error_bounds.launch_error, MovingConstants)
 def _(fixed: MovingConstants, x: float, u: float) -> float:
     gamma, base = math.pi * fixed.alpha, fixed.alpha * abs(sin_turns(x))
     error = KICK_ERROR * (abs(u) + base) + (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base
@@ -320,26 +320,26 @@ def _(fixed: MovingConstants, x: float, u: float) -> float:
     return error if abs(u) > error or presses else np.inf
 
 
-@answer(errors.absolute_error, MovingConstants)
+@answer(error_bounds.absolute_error, MovingConstants)
 def _(fixed: MovingConstants, x: float, u: float, spread: Spread) -> float:
     base = fixed.alpha * abs(sin_turns(x))
     rounding = (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base + HALF_ULP * (abs(u) + base)
     return spread[1] + TWO_PI * fixed.alpha * SURE * spread[0] + rounding
 
 
-@answer(errors.rest_is_doubtful, MovingConstants)
+@answer(error_bounds.rest_is_doubtful, MovingConstants)
 def _(fixed: MovingConstants, x: float, w: float, spread: Spread) -> bool:
     w_error = spread[1] + REST_ERROR * fixed.r
     if w - fixed.r > w_error:
         return False
-    edge = spread[0] + errors.liftoff_error(fixed)[0]
+    edge = spread[0] + error_bounds.liftoff_error(fixed)[0]
     if abs(x) - fixed.x_lift > edge:  # it leaves whatever its speed
         return False
     within = not abs(x) + edge >= fixed.x_lift
     return not (within and fixed.r - w > w_error)
 
 
-@answer(errors.liftoff_error, MovingConstants)
+@answer(error_bounds.liftoff_error, MovingConstants)
 def _(fixed: MovingConstants) -> tuple[float, float]:
     gamma = math.pi * fixed.alpha
     if gamma * (1.0 + 2.0 * GAMMA_ERROR) <= 1.0:  # it is never lifted
