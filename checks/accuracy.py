@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels.impact import Batch, base_of, impact, launch
+from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_speed
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, launches
 
 REPORT = Path(__file__).parents[1] / "docs" / "accuracy.md"
@@ -21,17 +21,17 @@ ULP = 2.0**-53  # spacing of doubles in [1/2, 1): one ulp of a turn
 
 @njit(error_model="numpy", nogil=True)
 def orbit(batch, i, capacity):
-    """Landings of realization i: count from the end, phase, flight that follows, rested.
+    """Landings of realization i: count from the end, phase, absolute speed that follows, rested.
 
-    The flight is infinite where none follows.  The last entry is the landing after the end unless
-    the capacity or a rest for good came first: the second value counts the landings inside.
+    The speed is infinite where no flight follows.  The last entry is the landing after the end
+    unless the capacity or a rest for good came first: the second value counts the landings inside.
     """
     problem = batch.problem
     fixed = bases.constants(batch.base, problem, i)
     found = np.empty((capacity, 4))
     n, x = launch(batch.launches, i, 0, problem.phase[i])
     n -= problem.end_count[i]
-    u = problem.launch_flight[i]
+    u = launch_speed(fixed, problem, i, x)
     for k in range(capacity):
         hit = impact(fixed, n, x, u)
         found[k, 0], found[k, 1], found[k, 2], found[k, 3] = hit.n, hit.x, np.inf, 1.0
@@ -40,7 +40,7 @@ def orbit(batch, i, capacity):
         n, x, u = hit.n_off, hit.x_off, hit.u
         if n == np.inf:
             return found[: k + 1], k + 1
-        found[k, 2], found[k, 3] = u, 0.0 if hit.leaves else 1.0
+        found[k, 2], found[k, 3] = bases.speed(fixed, x, u), 0.0 if hit.leaves else 1.0
     return found, capacity
 
 
@@ -49,7 +49,7 @@ def arrays_of(scene: Mapping[str, float]) -> dict[str, np.ndarray]:
     return {name: np.array([float(scene[name])]) for name in PARAMETERS}
 
 
-def batch_of(scenes: Sequence[Mapping[str, float]], law: str) -> Batch:
+def batch_of(scenes: Sequence[Mapping[str, float]], law: str, base: str = "high-bounce") -> Batch:
     """Scenes, each with its own launch_time and duration, as one batch of single particles."""
     parts, starts = [], []
     for scene in scenes:
@@ -58,7 +58,7 @@ def batch_of(scenes: Sequence[Mapping[str, float]], law: str) -> Batch:
         starts.append(launches((scene["launch_time"],), 1, given["frequency"]))
     problem = Dimensionless(*(np.concatenate(field) for field in zip(*parts, strict=True)))
     start = Launches(*(np.concatenate(field) for field in zip(*starts, strict=True)))
-    return Batch(base_of("high-bounce", law), problem, start)
+    return Batch(base_of(base, law), problem, start)
 
 
 def bare_problem(e: np.ndarray, a: np.ndarray) -> Dimensionless:

@@ -18,10 +18,11 @@ import numpy as np
 
 from accuracy import batch_of, orbit, provenance, table, write_section
 from vibrosweep.kernels.trust import empty_trust, trust
-from vibrosweep.model.parameters import LAWS
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference import ball
+from vibrosweep.proof.reference._flint import arb
 
+KINDS = (("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest"))
 CAPACITY = 2000  # landings of one trajectory that are compared
 BUDGET = 200_000
 TURN = 2.0 * np.pi  # rad
@@ -59,11 +60,33 @@ def draw(rng: np.random.Generator) -> dict[str, float]:
     }
 
 
+def draw_moving(rng: np.random.Generator) -> dict[str, float]:
+    """A scene for the moving base: Gamma from 0.01 to 10, some launched as fast as the base."""
+    scene = draw(rng)
+    e, frequency = scene["restitution"], scene["frequency"]
+    speed = scene["gravity"] / (2.0 * frequency)
+    gamma = 10.0 ** rng.uniform(-2.0, 1.0)
+    if rng.uniform() < 0.03:  # a base that hardly lifts a resting particle
+        gamma = 1.0 + rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-16.0, -1.0)
+    periods = scene["launch_time"] * frequency
+    largest = gamma / np.pi * speed
+    launch_velocity = scene["launch_velocity"]
+    if rng.uniform() < 0.1:
+        launch_velocity = largest * max(0.0, np.sin(TURN * periods + scene["phase"]))
+    return scene | {
+        "amplitude": (1.0 + e) * largest,
+        "launch_velocity": launch_velocity,
+        "contact_time": 10.0 ** rng.uniform(-6.0, -3.0) / frequency,
+        "duration": (periods + rng.uniform(5.0, 60.0)) / frequency,
+    }
+
+
 @dataclass
 class Job:
     """One trajectory of the kernel, with its bounds, for the comparison in another process."""
 
     scene: dict[str, float]
+    base: str
     law: str
     landings: np.ndarray  # shape (landing, 4); counts include the whole turns of the phase
     finite: bool  # no decision was uncertain
@@ -86,10 +109,14 @@ class Verdict:
 
 
 def kernel_jobs(
-    scenes: list[dict[str, float]], law: str, capacity: int = CAPACITY, budget: int = BUDGET
+    scenes: list[dict[str, float]],
+    law: str,
+    capacity: int = CAPACITY,
+    budget: int = BUDGET,
+    base: str = "high-bounce",
 ) -> list[Job]:
     """Orbits of all scenes, up to a capacity, and their bounds."""
-    batch = batch_of(scenes, law)
+    batch = batch_of(scenes, law, base)
     problem, start = batch.problem, batch.launches
     size, asked = len(scenes), TOLERANCES.size
     repeated = batch._replace(
@@ -114,6 +141,7 @@ def kernel_jobs(
         jobs.append(
             Job(
                 scene,
+                base,
                 law,
                 found,
                 finite,
@@ -144,13 +172,14 @@ def truth_of(job: Job, complete: bool) -> tuple[ball.Trajectory, int]:
     """
     known = job.prefixes[-1][1]
     limit = known + 1 if complete else known
+    kind = {"base": job.base, "rebound": job.law}
     try:
-        return ball.trajectory(**job.scene, rebound=job.law, max_impacts=limit, digits=22), known
+        return ball.trajectory(**job.scene, **kind, max_impacts=limit, digits=22), known
     except ball.UndecidableError as error:
         if complete or error.impact < known or known == 1:
             raise
     known -= 1
-    return ball.trajectory(**job.scene, rebound=job.law, max_impacts=known, digits=22), known
+    return ball.trajectory(**job.scene, **kind, max_impacts=known, digits=22), known
 
 
 def compare(job: Job) -> Verdict:
@@ -169,6 +198,7 @@ def compare(job: Job) -> Verdict:
         verdict.faults.append(f"{known} landings, {len(truth.impacts)} in truth")
         return verdict
     errors, flights = [], []
+    per_velocity = arb(2) * arb(job.scene["frequency"]) / arb(job.scene["gravity"])
     certain = known if complete else known - 1  # what follows the last one may be uncertain
     pairs = zip(truth.impacts[:known], job.landings[:known], strict=True)
     for k, (impact, (n, x, u, rested)) in enumerate(pairs):
@@ -178,7 +208,7 @@ def compare(job: Job) -> Verdict:
         elif k < certain and impact.rested != bool(rested):
             verdict.faults.append(f"landing {k}: rest or not")
         elif k < certain and impact.flight is not None:
-            flights.append(upper(impact.flight - float(u)))
+            flights.append(upper(per_velocity * impact.rebound_velocity - float(u)))
     judge(job, verdict, np.array(errors), flights)
     return verdict
 
@@ -206,8 +236,8 @@ def ratios(bounds: np.ndarray, errors: np.ndarray) -> np.ndarray:
     return bounds[seen] / errors[seen]
 
 
-def summary(law: str, jobs: list[Job], verdicts: list[Verdict]) -> list[list[object]]:
-    """Rows of the table for one law: landings, then flights."""
+def summary(kind: str, jobs: list[Job], verdicts: list[Verdict]) -> list[list[object]]:
+    """Rows of the table for one base and law: landings, then speeds after them."""
     rows = []
     for what in ("landing", "flight"):
         bounds = np.array(
@@ -217,8 +247,8 @@ def summary(law: str, jobs: list[Job], verdicts: list[Verdict]) -> list[list[obj
         quantiles = np.quantile(quotient, [0.0, 0.05, 0.5, 0.95, 1.0])
         rows.append(
             [
-                law,
-                what,
+                kind,
+                {"flight": "speed"}.get(what, what),
                 len(jobs),
                 sum(v.compared for v in verdicts),
                 sum(not job.finite for job in jobs),
@@ -230,7 +260,7 @@ def summary(law: str, jobs: list[Job], verdicts: list[Verdict]) -> list[list[obj
 
 
 HEAD = (
-    "law",
+    "base, law",
     "error of",
     "trajectories",
     "landings compared",
@@ -246,7 +276,7 @@ HEAD = (
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--trajectories", type=int, default=10_000, help="of both laws together")
+    parser.add_argument("--trajectories", type=int, default=10_000, help="in all")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--write", action="store_true", help="write the table into the report")
@@ -254,14 +284,16 @@ def main() -> None:
     began = time.perf_counter()
     rows, faults = [], []
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
-        for number, law in enumerate(LAWS):
+        for number, (base, law) in enumerate(KINDS):
             rng = np.random.default_rng([options.seed, number])
-            jobs = kernel_jobs([draw(rng) for _ in range(options.trajectories // 2)], law)
+            make = draw_moving if base == "moving" else draw
+            scenes = [make(rng) for _ in range(options.trajectories // len(KINDS))]
+            jobs = kernel_jobs(scenes, law, base=base)
             verdicts = list(pool.map(compare, jobs, chunksize=50))
-            rows += summary(law, jobs, verdicts)
+            rows += summary(f"{base}, {law}", jobs, verdicts)
             faults += [(j, v.faults) for j, v in zip(jobs, verdicts, strict=True) if v.faults]
     for job, found in faults[:20]:
-        print(job.law, job.scene, found)
+        print(job.base, job.law, job.scene, found)
     text = table(HEAD, rows) + "\n\n" + provenance(time.perf_counter() - began, options.seed)
     print(text) if not options.write else write_section("trust", text)
     raise SystemExit(1 if faults else 0)

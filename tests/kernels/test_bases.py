@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
+from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.impact import base_of, impact
 from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
@@ -70,10 +71,10 @@ def test_the_jacobian_changes_by_no_more_than_its_error(constants_of, law, e, a,
     fixed = constants_of(law, e, a)
     assume(bases.reverses(fixed, x, v) == bases.reverses(fixed, x + off, v))
     assume(e > 0.0)  # else that does not tell whether the particle is turned back at both
-    here, there = (
-        bases.jacobian(fixed, bases.Flight(0.0, v, v, phase, v)) for phase in (x, x + off)
-    )
-    allowed = bases.jacobian_error(fixed, v, abs(off), 0.0)[0] + TURN * a * 2.0 * COSINE_ERROR
+    flights = [bases.Flight(0.0, v, v, phase, v) for phase in (x, x + off)]
+    here, there = (bases.jacobian(fixed, flight) for flight in flights)
+    _, _, by_landing = error_bounds.jacobian_error(fixed, flights[0], abs(off), (abs(off), 0.0))
+    allowed = by_landing + TURN * a * 2.0 * COSINE_ERROR
     assert here[:2] == there[:2]
     for one, other in zip(here[2:4], there[2:4], strict=True):
         assert abs(one - other) <= allowed + ROUNDING * here[4]
@@ -116,10 +117,13 @@ import json
 import numpy as np
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
+from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.statistics import scratch
 from vibrosweep.model.parameters import LAWS, PARAMETERS, dimensionless
+
+KINDS = [("high-bounce", law) for law in LAWS] + [("moving", "rest")]
 
 @jit
 def ask_all(base, problem, i, x, u, s):
@@ -128,6 +132,7 @@ def ask_all(base, problem, i, x, u, s):
     taken = bases.take(base, s, i)
     flight, v = bases.fly(fixed, x, u)
     w = bases.rebound(fixed, x, v)
+    there = bases.Flight(x, u, flight, x, v)
     s[ROW.X + i], s[ROW.U + i] = x, u
     bases.prepare(base, s, i + 1)
     time, _, landed = bases.approach(fixed, s, i, 100.0)
@@ -135,24 +140,27 @@ def ask_all(base, problem, i, x, u, s):
         bases.approach(fixed, s, i, 100.0),
         (bases.keep(fixed, s, i, time, landed, True), bases.pending(base, s, i)),
         (bases.leave(fixed, x, u), bases.speed(fixed, x, u), bases.common_age(base)),
-        bases.counted(fixed, bases.Flight(x, u, flight, x, v), w),
+        bases.counted(fixed, there, w),
         bases.counted_now(fixed, s, i, flight, w),
         (bases.gives_up(base, s, i, 6),),
-        (flight, v, w, bases.reverses(fixed, x, v), bases.contraction(fixed, v)),
+        (flight, v, w, bases.reverses(fixed, x, v)),
+        (bases.contraction(fixed, v), bases.density(fixed, u)),
         bases.lift_off(fixed, 7.0, x, w),
         bases.lift_off(taken, 7.0, x, w),
         bases.lift_off(fixed, 7.0, x, -1.0),
         bases.after_rest(fixed),
-        bases.jacobian(fixed, bases.Flight(x, u, flight, x, v)),
-        bases.jacobian_error(fixed, v, 1e-9, 1e-9),
+        bases.jacobian(fixed, there),
         bases.contact_time(fixed),
         bases.fixed_residual(fixed, x, 2.0, 1.0),
         bases.fixed_attracts(fixed, x, 2.0),
         bases.fixed_holds(fixed, x, 2.0),
-        bases.landing_rounding(fixed, x, u),
-        bases.rebound_error(fixed, x, v, 1e-16, 1e-9, 1e-9),
-        bases.rest_is_doubtful(fixed, w, 0.1),
-        bases.liftoff_error(fixed),
+        error_bounds.jacobian_error(fixed, there, 1e-9, (1e-9, 1e-9)),
+        error_bounds.launch_error(fixed, x, u),
+        error_bounds.landing_added(fixed, there, (1e-9, 1e-9)),
+        error_bounds.rebound_error(fixed, there, (1e-16, 1e-16), 1e-9, 1e-9),
+        error_bounds.absolute_error(fixed, x, u, (1e-9, 1e-9)),
+        error_bounds.rest_is_doubtful(fixed, x, w, (0.1, 0.1)),
+        error_bounds.liftoff_error(fixed),
     )
 
 rng = np.random.default_rng(5)
@@ -163,15 +171,16 @@ given["amplitude"] = rng.choice([0.0, 1e-3, 1.2, 4.0], size) * rng.uniform(0.5, 
 given["contact_time"] = 10.0 ** rng.uniform(-9.0, -0.5, size)
 problem, states = dimensionless(given, 1.0), rng.uniform((-0.5, 0.0), (0.5, 3.0), (size, 2))
 ways = {inspect.unwrap(ask_all), ask_all}  # asked one by one, and inlined
-for law in LAWS:
+for kind in KINDS:
     for ask in ways:
         room = scratch()
-        base = base_of("high-bounce", law)
+        base = base_of(*kind)
         found = [ask(base, problem, i, *states[i].tolist(), room) for i in range(size)]
         numbers = [np.concatenate([np.ravel(part) for part in row]).tolist() for row in found]
-        of_base = bases.lifts(base, problem).tolist(), bases.lowest(base, problem)
+        low = bases.lowest(base, problem)
+        of_base = bases.lifts(base, problem).tolist(), None if low is None else low.tolist()
         assert bases.fitted(base, problem) == base
-        print(json.dumps([law, numbers, room.tolist(), of_base]))
+        print(json.dumps([kind, numbers, room.tolist(), of_base]))
 """
 
 
@@ -186,9 +195,11 @@ def test_every_question_has_the_same_bits_compiled_and_as_plain_python():
         ).stdout.splitlines()
         for off in ("0", "1")
     )
-    assert [json.loads(line)[0] for line in plain] == list(LAWS)
-    questions = {name for name in bases.__all__ if name.islower()}
-    assert {name for name in questions if f"bases.{name}(" not in SAME_BITS} == set()
+    kinds = [["high-bounce", "rest"], ["high-bounce", "reflect"], ["moving", "rest"]]
+    assert [json.loads(line)[0] for line in plain] == kinds
+    questions = {f"bases.{name}(" for name in bases.__all__ if name.islower()}
+    questions |= {f"error_bounds.{name}(" for name in error_bounds.__all__ if name.islower()}
+    assert {question for question in questions if question not in SAME_BITS} == set()
     assert sorted(compiled) == sorted(2 * plain)
 
 

@@ -23,7 +23,6 @@ from vibrosweep.kernels.bases import (
     keep,
     leave,
     lift_off,
-    pending,
     prepare,
     put,
     rebound,
@@ -145,8 +144,7 @@ def _mark(s: Floats, lanes: int, base: Base, budget: int, cycles: Cycles | None)
                 s[ROW.U_ANCHOR + j] = s[ROW.U + j]
                 s[ROW.RESTS_ANCHOR + j] = s[RUNNING.RESTS + j]
                 s[ROW.NEXT_ANCHOR + j] = 2.0 * s[ROW.AGE + j]
-        waits = pending(base, s, j)
-        goes_on = (s[ROW.N + j] <= s[ROW.X_END + j] - s[ROW.X + j]) | waits
+        goes_on = s[ROW.N + j] <= s[ROW.X_END + j] - s[ROW.X + j]
         lost = gives_up(base, s, j, LOOK_AFTER)
         s[RUNNING.SUM + j] = np.nan if lost else s[RUNNING.SUM + j]
         s[ROW.DONE + j] = why if goes_on & (not lost) else ENDED

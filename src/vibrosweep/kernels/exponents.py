@@ -15,15 +15,17 @@ from vibrosweep.kernels.bases import (
     Constants,
     contraction,
     jacobian,
-    jacobian_error,
-    landing_rounding,
-    rebound_error,
     reverses,
+)
+from vibrosweep.kernels.bases.error_bounds import (
+    jacobian_error,
+    landing_added,
+    rebound_error,
 )
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.tangent import carry, stretch
-from vibrosweep.kernels.trust import Box, Frame, landing_error, speed_error, turn_box
+from vibrosweep.kernels.trust import Box, Frame, landing_error, spread_of, turn_box
 
 __all__ = ["State", "cycle_exponents", "leading_eigenvalue"]
 
@@ -79,8 +81,8 @@ def _state_error(fixed: Constants, state: State, impacts: int) -> Box:
         m00, m10 = carry(m00, m10, derivative)
         m01, m11 = carry(m01, m11, derivative)
         frame, box = turn_box(frame, box, derivative)
-        rounding = landing_rounding(fixed, x, u)
-        rounding += rebound_error(fixed, hit.x, hit.v, rounding, rounding, 0.0)
+        added = landing_added(fixed, hit.flight, (0.0, 0.0))
+        rounding = added[0] + rebound_error(fixed, hit.flight, added, added[0], 0.0)
         box = box[0] + rounding, box[1] + rounding
         n, x, u = hit.n_off, hit.x_off, hit.u
     dx, du = _spread(frame, box)
@@ -119,17 +121,19 @@ def cycle_exponents(
         alike += 1
         turned *= reverses(fixed, hit.x, hit.v)
         n, x, u = hit.n_off, hit.x_off, hit.u
-        errors = landing_error(frame, box, derivative), speed_error(frame, box)
-        by_phase, by_speed = jacobian_error(fixed, hit.v, *errors)
+        off = landing_error(frame, box, derivative)
+        changed = jacobian_error(fixed, hit.flight, off, spread_of(frame, box))
+        by_phase, by_speed, by_landing = changed
         frame, box = turn_box(frame, box, derivative)
         frame_0, box_0 = turn_box(frame_0, box_0, derivative)
         frame_1, box_1 = turn_box(frame_1, box_1, derivative)
         rounding = ROUNDING * derivative[4]
         added_0, added_1 = rounding * (abs(m00) + abs(m10)), rounding * (abs(m01) + abs(m11))
+        added_0, added_1 = added_0 + by_phase * abs(m00), added_1 + by_phase * abs(m01)
         added_0, added_1 = added_0 + by_speed * abs(m10), added_1 + by_speed * abs(m11)
         m00, m10 = carry(m00, m10, derivative)
         m01, m11 = carry(m01, m11, derivative)
-        added_0, added_1 = added_0 + by_phase * abs(m00), added_1 + by_phase * abs(m01)
+        added_0, added_1 = added_0 + by_landing * abs(m00), added_1 + by_landing * abs(m01)
         norm = max(abs(m00) + abs(m01), abs(m10) + abs(m11))
         scale += growth.logarithm(norm)
         m00, m01, m10, m11 = m00 / norm, m01 / norm, m10 / norm, m11 / norm

@@ -11,7 +11,16 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import jit
-from vibrosweep.kernels.bases import Base, Constants, Flight, fly, leave, lift_off, rebound
+from vibrosweep.kernels.bases import (
+    Base,
+    Constants,
+    Flight,
+    fly,
+    leave,
+    lift_off,
+    moving_errors,  # noqa: F401 -- more answers of the moving base
+    rebound,
+)
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.laws import LAW_OF

@@ -19,6 +19,7 @@ from vibrosweep.kernels.bases import (
     after_rest,
     constants,
     contraction,
+    density,
     jacobian,
 )
 from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
@@ -135,8 +136,12 @@ def _follow(
             rests += 0 if hit.leaves else 1
             c, d, along, across, error = stretch(c, d, jacobian(fixed, hit.flight))
             growth.add(g, growth.logarithm(along))
-            area += growth.logarithm(along * across)
-            slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
+            before = density(fixed, abs(u))
+            if before > 0.0:
+                area += growth.logarithm(along * across * (density(fixed, hit.u) / before))
+                slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
+            else:  # in these coordinates nothing is left to be measured
+                area += growth.logarithm(contraction(fixed, hit.v))
         if hit.n_off == np.inf:
             return (hit.n, hit.x, 0.0), rests, area, slack
         n, x, u = hit.n_off, hit.x_off, hit.u

@@ -9,6 +9,7 @@ from vibrosweep.kernels.rounding import HALF_ULP
 
 __all__ = [
     "COSINE_ERROR",
+    "LAG_ERROR",
     "SINE_ERROR",
     "cos_turns",
     "rough_sine_and_lag",
@@ -22,6 +23,9 @@ __all__ = [
 SINE_ERROR = 3.5 * HALF_ULP
 # The cosine is the sine of 1/4 - |x|, itself rounded; absolute.
 COSINE_ERROR = SINE_ERROR + 2.0 * math.pi * 2.0**-56
+# Of 2 pi s - sin(2 pi s), relative.  Below a quarter turn: eight roundings, and the polynomial,
+# which is even better; beyond, (1 + (0.4 * 2 pi s + 3.5) / (2 pi s - 1)) half ulps.
+LAG_ERROR = 9.0 * HALF_ULP
 
 
 # sin(2 pi y) / y on 0 <= y <= 1/4 as a polynomial in y^2, by the Remez exchange at 60 digits for

@@ -17,8 +17,8 @@ from vibrosweep.kernels.bases import (
     Base,
     Constants,
     Counted,
+    Flight,
     counted,
-    counted_now,
     fly,
     pending,
     take,
@@ -214,13 +214,16 @@ def write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> Non
     if lane < 0:  # never, which spares the compiler the look at it for each index below
         return
     over = False
-    if s[ROW.DONE + j] == SPENT:
-        fixed = take(base, s, j)
-        time, _ = fly(fixed, s[ROW.X + j], s[ROW.U + j])
-        x, passed = land(s[ROW.X + j], time)
-        over = s[ROW.N + j] + passed <= s[ROW.X_END + j] - x
-        if pending(base, s, j):
-            last = counted_now(fixed, s, j, time, 0.0)
+    fixed = take(base, s, j)
+    # a flight that begins after the end, when a rest does, is in progress here
+    waits = pending(base, s, j)
+    if waits or s[ROW.DONE + j] == SPENT:
+        x_off, u = s[ROW.X + j], s[ROW.U + j]
+        time, v = fly(fixed, x_off, u)
+        x, passed = land(x_off, time)
+        over = s[ROW.DONE + j] == SPENT and s[ROW.N + j] + passed <= s[ROW.X_END + j] - x
+        if waits:
+            last = counted(fixed, Flight(x_off, u, time, x, v), 0.0)
             s[RUNNING.SUM + j] += last[0]
             s[RUNNING.SQUARES + j] += last[1] * last[2]
             s[RUNNING.LARGEST + j] = max(s[RUNNING.LARGEST + j], last[1])

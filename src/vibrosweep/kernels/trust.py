@@ -26,15 +26,20 @@ from vibrosweep.kernels.bases import (
     constants,
     fly,
     jacobian,
-    landing_rounding,
     lift_off,
-    liftoff_error,
     rebound,
+)
+from vibrosweep.kernels.bases.error_bounds import (
+    Spread,
+    absolute_error,
+    landing_added,
+    launch_error,
+    liftoff_error,
     rebound_error,
     rest_is_doubtful,
 )
 from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
-from vibrosweep.kernels.rounding import KICK_ERROR, LAUNCH_ERROR, ROUNDING, SMALLEST
+from vibrosweep.kernels.rounding import LAUNCH_ERROR, ROUNDING
 from vibrosweep.kernels.tangent import carry
 
 __all__ = [
@@ -44,7 +49,7 @@ __all__ = [
     "empty_trust",
     "is_certain",
     "landing_error",
-    "speed_error",
+    "spread_of",
     "trust",
     "turn_box",
 ]
@@ -66,8 +71,8 @@ class Trust(NamedTuple):
         Largest error of any landing in forcing periods; infinite where a decision is uncertain,
         NaN where the impact budget ended before all landings were followed.
     flight_error
-        Largest error of any flight time after a landing, in forcing periods; infinite and NaN as
-        that of the landings.
+        Largest error of the absolute speed after any landing, as the duration in forcing periods
+        of a flight from a base at rest; infinite and NaN as that of the landings.
     """
 
     until: Floats
@@ -97,9 +102,10 @@ def landing_error(frame: Frame, box: Box, derivative: Jacobian) -> float:
 
 
 @jit
-def speed_error(frame: Frame, box: Box) -> float:
-    """Largest error of the speed in a box, whose sides lie along a frame."""
-    return (abs(frame[1]) * box[0] + abs(frame[0]) * box[1]) * INFLATION
+def spread_of(frame: Frame, box: Box) -> Spread:
+    """Largest errors of phase and speed in a box, whose sides lie along a frame."""
+    c, s = abs(frame[0]), abs(frame[1])
+    return (c * box[0] + s * box[1]) * INFLATION, (s * box[0] + c * box[1]) * INFLATION
 
 
 @jit
@@ -135,8 +141,8 @@ class Bounded(NamedTuple):
         Phase of the landing, whole periods passed, and speed of arrival.
     w
         Speed after it, if the particle leaves at once.
-    error, w_error
-        Of the phase of the landing, and of `w`.
+    error, spread
+        Of the phase of the landing, and of both (x, w).
     frame, box
         Of the error of (x, w).
     """
@@ -146,29 +152,35 @@ class Bounded(NamedTuple):
     v: float
     w: float
     error: float
-    w_error: float
+    spread: Spread
     frame: Frame
     box: Box
 
 
 @jit
-def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box) -> Bounded:
-    """An impact of a particle that leaves phase x with speed u, its error in frame and box."""
-    rounding = landing_rounding(fixed, x, u)
-    flight, v = fly(fixed, x, u)
-    x_off = x
-    x, passed = land(x, flight)
-    derivative = jacobian(fixed, Flight(x_off, u, flight, x, v))
+def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box, cycles: float) -> Bounded:
+    """An impact of a particle that leaves phase x with speed u, its error in frame and box.
+
+    That of all cycles is `cycles` times as large.
+    """
+    time, v = fly(fixed, x, u)
+    x_land, passed = land(x, time)
+    flight = Flight(x, u, time, x_land, v)
+    derivative = jacobian(fixed, flight)
+    off, faster = spread_of(frame, box)
+    off, faster = cycles * off, cycles * faster
+    added = landing_added(fixed, flight, (off, faster))
+    rounding = added[0]
     error = (landing_error(frame, box, derivative) + rounding) * INFLATION
-    kicked = rebound_error(fixed, x, v, rounding, error, speed_error(frame, box))
+    kicked = rebound_error(fixed, flight, added, error, faster)
     frame, box = turn_box(frame, box, derivative)
     c, s = frame
     box = (
         box[0] + (abs(c) * rounding + abs(s) * kicked) * INFLATION,
         box[1] + (abs(s) * rounding + abs(c) * kicked) * INFLATION,
     )
-    w_error = speed_error(frame, box)
-    return Bounded(x, passed, v, rebound(fixed, x, v), error, w_error, frame, box)
+    w = rebound(fixed, x_land, v)
+    return Bounded(x_land, passed, v, w, error, spread_of(frame, box), frame, box)
 
 
 @jit
@@ -195,10 +207,11 @@ def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: floa
         x_error = box[0]
     all_cycles = 1.0 / (1.0 - modulus)
     for _ in range(impacts):
-        hit = _impact(fixed, x, u, frame, box)
+        hit = _impact(fixed, x, u, frame, box, all_cycles)
         if not all_cycles * hit.error < LOST:
             return False
-        if rest_is_doubtful(fixed, hit.w, all_cycles * hit.w_error):
+        off, faster = hit.spread
+        if rest_is_doubtful(fixed, hit.x, hit.w, (all_cycles * off, all_cycles * faster)):
             return False
         _, x, u, leaves = lift_off(fixed, 0.0, hit.x, hit.w)
         if not leaves:
@@ -218,11 +231,11 @@ def _follow(
     n, x = launch(batch.launches, i, p, problem.phase[i])
     n -= problem.end_count[i]
     u = launch_speed(fixed, problem, i, x)
-    frame, box = (1.0, 0.0), (LAUNCH_ERROR, KICK_ERROR * u + SMALLEST)
+    frame, box = (1.0, 0.0), (LAUNCH_ERROR, launch_error(fixed, x, u))
     until, worst, flight_error = np.nan, 0.0, 0.0
     known = True
     for _ in range(budget):
-        hit = _impact(fixed, x, u, frame, box)
+        hit = _impact(fixed, x, u, frame, box, 1.0)
         n += hit.passed
         remaining = (x_end - hit.x) - n
         if remaining < -hit.error - LAUNCH_ERROR:
@@ -233,11 +246,11 @@ def _follow(
         known = known and hit.error <= tolerance
         if known:
             until = (n + problem.end_count[i]) + (hit.x - problem.phase[i])
-        if rest_is_doubtful(fixed, hit.w, hit.w_error):
+        if rest_is_doubtful(fixed, hit.x, hit.w, hit.spread):
             break
         n, x, u, leaves = lift_off(fixed, n, hit.x, hit.w)
         if leaves:
-            flight_error = max(flight_error, hit.w_error)
+            flight_error = max(flight_error, absolute_error(fixed, x, u, hit.spread))
             frame, box = hit.frame, hit.box
             continue
         frame, box = (1.0, 0.0), liftoff_error(fixed)
@@ -247,7 +260,7 @@ def _follow(
             return (np.inf if known else until), worst, flight_error
         if abs(hit.x - x) <= hit.error + box[0]:
             break
-        flight_error = max(flight_error, box[1])
+        flight_error = max(flight_error, absolute_error(fixed, x, u, box))
     else:
         return until, np.nan, np.nan
     return until, np.inf, np.inf

@@ -40,6 +40,7 @@ __all__ = [
     "contraction",
     "counted",
     "counted_now",
+    "density",
     "fitted",
     "fixed_attracts",
     "fixed_holds",
@@ -47,20 +48,15 @@ __all__ = [
     "fly",
     "gives_up",
     "jacobian",
-    "jacobian_error",
     "keep",
-    "landing_rounding",
     "leave",
     "lift_off",
-    "liftoff_error",
     "lifts",
     "lowest",
     "pending",
     "prepare",
     "put",
     "rebound",
-    "rebound_error",
-    "rest_is_doubtful",
     "reverses",
     "speed",
     "take",
@@ -241,16 +237,6 @@ def jacobian(fixed: Constants, flight: Flight) -> Jacobian:
 
 
 @question
-def jacobian_error(fixed: Constants, v: float, error: float, v_error: float) -> tuple[float, float]:
-    """Bounds of the change of the second row of the Jacobian by errors of the landing.
-
-    The first is for a unit change of the phase of the landing, the second for one of the speed of
-    arrival, v.  `error` and `v_error` are those of the same two.
-    """
-    raise NotImplementedError
-
-
-@question
 def reverses(fixed: Constants, x: float, v: float) -> float:
     """-1 where the Jacobian reverses orientation, else 1."""
     raise NotImplementedError
@@ -262,6 +248,12 @@ def contraction(fixed: Constants, v: float) -> float:
 
     Factors whose product over a cycle is 1 may be left out.  Where it is 0, it is so at any speed.
     """
+    raise NotImplementedError
+
+
+@question
+def density(fixed: Constants, u: float) -> float:
+    """Factor of an area at a speed u with which `contraction` leaves nothing out."""
     raise NotImplementedError
 
 
@@ -284,37 +276,4 @@ def fixed_attracts(fixed: Constants, x: float, k: float) -> bool:
 @question
 def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
     """Whether a particle that leaves phase x for k periods lands only then, and leaves at once."""
-    raise NotImplementedError
-
-
-@question
-def landing_rounding(fixed: Constants, x: float, u: float) -> float:
-    """Bound of the rounding error of the phase of a landing, of a flight from phase x."""
-    raise NotImplementedError
-
-
-@question
-def rebound_error(
-    fixed: Constants, x: float, v: float, rounding: float, error: float, v_error: float
-) -> float:
-    """Bound of the error that an impact adds to the speed after it.
-
-    `rounding` and `error` are the rounding error of the phase of the landing, and all of its error;
-    `v_error` is that of the speed of arrival: what a linear map leaves out grows with both.
-    """
-    raise NotImplementedError
-
-
-@question
-def rest_is_doubtful(fixed: Constants, w: float, w_error: float) -> bool:
-    """Whether a rebound w is so near to the threshold of rest that its error decides."""
-    raise NotImplementedError
-
-
-@question
-def liftoff_error(fixed: Constants) -> tuple[float, float]:
-    """Bounds of the errors of phase and speed of the lift-off from a rest.
-
-    The first is infinite where it is in doubt whether a resting particle is ever lifted.
-    """
     raise NotImplementedError

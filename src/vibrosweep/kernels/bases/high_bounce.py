@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, answer, jit
-from vibrosweep.kernels.bases import Counted, Flight, Jacobian
+from vibrosweep.kernels.bases import Counted, Flight, Jacobian, error_bounds
+from vibrosweep.kernels.bases.error_bounds import Spread
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.laws import (
     Law,
@@ -33,7 +34,7 @@ from vibrosweep.kernels.laws import (
     speed_after,
     speed_rounding,
 )
-from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless
 
@@ -210,10 +211,10 @@ def _(fixed: Constants, flight: Flight) -> Jacobian:
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
 
 
-@answer(bases.jacobian_error, Constants)
-def _(fixed: Constants, v: float, error: float, v_error: float) -> tuple[float, float]:
+@answer(error_bounds.jacobian_error, Constants)
+def _(fixed: Constants, flight: Flight, error: float, spread: Spread) -> tuple[float, float, float]:
     by_phase = 2.0 * CURVATURE * fixed.a * (error + HALF_ULP)
-    return by_phase, 2.0 * curvature(fixed.base.law, fixed.e) * v_error
+    return 0.0, 2.0 * curvature(fixed.base.law, fixed.e) * spread[1], by_phase
 
 
 @answer(bases.reverses, Constants)
@@ -226,6 +227,11 @@ def _(fixed: Constants, x: float, v: float) -> float:
 def _(fixed: Constants, v: float) -> float:
     by_speed, _ = slopes(fixed.base.law, fixed.e, v, 0.0)
     return abs(by_speed)
+
+
+@answer(bases.density, Constants)
+def _(fixed: Constants, u: float) -> float:
+    return 1.0
 
 
 @answer(bases.fixed_residual, Constants)
@@ -247,28 +253,41 @@ def _(fixed: Constants, x: float, k: float) -> bool:
     return k > fixed.r
 
 
-@answer(bases.landing_rounding, Constants)
+@answer(error_bounds.launch_error, Constants)
 def _(fixed: Constants, x: float, u: float) -> float:
-    moved: float = x + (u - np.rint(u))
-    return min(LANDING_ERROR, HALF_ULP * abs(moved))
+    return KICK_ERROR * u + SMALLEST
 
 
-@answer(bases.rebound_error, Constants)
-def _(fixed: Constants, x: float, v: float, rounding: float, error: float, v_error: float) -> float:
+@answer(error_bounds.landing_added, Constants)
+def _(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
+    moved: float = flight.x + (flight.u - np.rint(flight.u))
+    return min(LANDING_ERROR, HALF_ULP * abs(moved)), 0.0
+
+
+@answer(error_bounds.rebound_error, Constants)
+def _(
+    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
+) -> float:
+    x, v = flight.landing, flight.v
     law, e, a, sine = fixed.base.law, fixed.e, fixed.a, sin_turns(x)
     w = speed_after(law, e, v, a * sine)
-    kicked = abs(_kick_slope(x, a)) * rounding + speed_rounding(law, e, v, w)
+    kicked = abs(_kick_slope(x, a)) * added[0] + speed_rounding(law, e, v, w)
     kicked += a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(sine)
     kicked += a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
     return kicked + curvature(law, e) * v_error * v_error
 
 
-@answer(bases.rest_is_doubtful, Constants)
-def _(fixed: Constants, w: float, w_error: float) -> bool:
-    return abs(w - fixed.r) <= w_error + REST_ERROR * fixed.r
+@answer(error_bounds.absolute_error, Constants)
+def _(fixed: Constants, x: float, u: float, spread: Spread) -> float:
+    return spread[1]
 
 
-@answer(bases.liftoff_error, Constants)
+@answer(error_bounds.rest_is_doubtful, Constants)
+def _(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
+    return abs(w - fixed.r) <= spread[1] + REST_ERROR * fixed.r
+
+
+@answer(error_bounds.liftoff_error, Constants)
 def _(fixed: Constants) -> tuple[float, float]:
     a, r = fixed.a, fixed.r
     if abs(a - r) <= KICK_ERROR * a + REST_ERROR * r:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import Floats, answer, fma, jit, wide_vectors
-from vibrosweep.kernels.bases import Counted, Flight, Jacobian
+from vibrosweep.kernels.bases import Counted, Flight
 from vibrosweep.kernels.bases.landing_search import (
     Clearance,
     Start,
@@ -268,22 +268,6 @@ def _(base: Moving, problem: Dimensionless) -> Floats | None:
     return (2.0 / math.pi) * (problem.kick / (1.0 + problem.restitution))
 
 
-@answer(bases.jacobian, MovingConstants)
-def _(fixed: MovingConstants, flight: Flight) -> Jacobian:
-    # of F(s) = 0 by x, y and s, and of z = -2 F'(s)
-    e, alpha, gamma = fixed.e, fixed.alpha, math.pi * fixed.alpha
-    s, z = flight.time, flight.v
-    cosine, then = cos_turns(flight.x), cos_turns(flight.landing)
-    gained = sin_turns(flight.landing) - sin_turns(flight.x)
-    by_x = alpha * (TWO_PI * s * cosine - gained) / z
-    by_y = s / z
-    pull = 2.0 * (1.0 + gamma * then)
-    turned = 2.0 * gamma * (then - cosine)
-    scale = 1.0 + abs(by_x) + by_y
-    size = scale + e * (abs(pull) * (abs(by_x) + by_y) + 4.0 * gamma + 1.0)
-    return 1.0 + by_x, by_y, e * (pull * by_x + turned), e * (pull * by_y - 1.0), size
-
-
 @answer(bases.reverses, MovingConstants)
 def _(fixed: MovingConstants, x: float, v: float) -> float:
     return 1.0
@@ -293,6 +277,11 @@ def _(fixed: MovingConstants, x: float, v: float) -> float:
 def _(fixed: MovingConstants, v: float) -> float:
     # e times the relative speed before the flight over that of arrival, which is 1 / e of the next
     return fixed.e * fixed.e
+
+
+@answer(bases.density, MovingConstants)
+def _(fixed: MovingConstants, u: float) -> float:
+    return u
 
 
 @answer(bases.fixed_residual, MovingConstants)

@@ -1,0 +1,80 @@
+"""What the bounds of errors ask of a base; `vibrosweep.kernels.trust` carries them along."""
+
+from __future__ import annotations
+
+from vibrosweep.kernels._jit import question
+from vibrosweep.kernels.bases import Constants, Flight
+
+__all__ = [
+    "Spread",
+    "absolute_error",
+    "jacobian_error",
+    "landing_added",
+    "launch_error",
+    "liftoff_error",
+    "rebound_error",
+    "rest_is_doubtful",
+]
+
+Spread = tuple[float, float]  # largest errors of phase and speed of a lift-off
+
+
+@question
+def launch_error(fixed: Constants, x: float, u: float) -> float:
+    """Error of the speed u of a launch at phase x; infinite where it decides on a flight."""
+    raise NotImplementedError
+
+
+@question
+def landing_added(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
+    """Bounds of the errors that a flight adds to the phase of its landing and the speed of arrival.
+
+    By rounding, and by what the Jacobian leaves out of `spread`.  Infinite where a state within it
+    may land at another time.
+    """
+    raise NotImplementedError
+
+
+@question
+def jacobian_error(
+    fixed: Constants, flight: Flight, error: float, spread: Spread
+) -> tuple[float, float, float]:
+    """Bounds of what errors change in the image of a small change of the state, to be summed.
+
+    Per change of the phase before, the speed before, and the phase of the landing, whose error is
+    `error`.
+    """
+    raise NotImplementedError
+
+
+@question
+def rebound_error(
+    fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
+) -> float:
+    """Bound of the error that an impact adds to the speed after it.
+
+    `added` is from `landing_added`; `error` is all of that of the landing's phase, `v_error` that
+    of the speed before.
+    """
+    raise NotImplementedError
+
+
+@question
+def absolute_error(fixed: Constants, x: float, u: float, spread: Spread) -> float:
+    """Bound of the error of the absolute speed of a particle that leaves phase x with speed u."""
+    raise NotImplementedError
+
+
+@question
+def rest_is_doubtful(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
+    """Whether errors decide if a particle rests that lands at phase x, its rebound w."""
+    raise NotImplementedError
+
+
+@question
+def liftoff_error(fixed: Constants) -> tuple[float, float]:
+    """Bounds of the errors of phase and speed of the lift-off from a rest.
+
+    The first is infinite where it is in doubt whether a resting particle is ever lifted.
+    """
+    raise NotImplementedError

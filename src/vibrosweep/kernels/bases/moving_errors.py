@@ -1,0 +1,350 @@
+"""The Jacobian of an impact on the moving base, and bounds of the errors that an impact adds.
+
+The flight from phase x with relative speed y lasts s and arrives with the speed z; F is the
+clearance (`landing_search`), with the angles t = 2 pi x, t' = 2 pi (x + s), q = 2 pi s.  Then
+
+    ds = (P dx + s dy) / z,     P = alpha (cos t (q - sin q) + sin t (1 - cos q))
+    dz = 2 (1 + Gamma cos t') ds + 2 Gamma (cos t' - cos t) dx - dy
+
+with the determinant y / z of (dx + ds, dz).  The errors that an impact adds are those of
+
+- s: wherever it came from, F is evaluated there, with a bound of its rounding.  |F''| <= 1 + Gamma,
+  so that F falls through zero within |F| / |F'| of s where |F| is small against F'^2: Kantorovich's
+  condition for Newton's iteration.  A graze fails it.
+- alpha: a few roundings of the kick, which count as an error of F and of z.
+- what the Jacobian leaves out: how much it changes over all states within the error, by the mean
+  value theorem.
+- the choice of the root: a march that passes no root of any of these states reaches the time from
+  which on F falls.
+
+The bound is infinite where one of these proofs fails.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels import bases
+from vibrosweep.kernels._jit import answer, fma, jit
+from vibrosweep.kernels.bases import Flight, Jacobian, error_bounds
+from vibrosweep.kernels.bases.error_bounds import Spread
+from vibrosweep.kernels.bases.moving import MovingConstants
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, LAUNCH_ERROR, REST_ERROR, SMALLEST
+from vibrosweep.kernels.sine import (
+    COSINE_ERROR,
+    LAG_ERROR,
+    SINE_ERROR,
+    cos_turns,
+    sin_and_lag,
+    sin_near,
+    sin_turns,
+)
+
+__all__: list[str] = []
+
+TWO_PI = 2.0 * math.pi
+# alpha = a / (1 + e), relative; Gamma = pi alpha takes two roundings more.
+ALPHA_ERROR = KICK_ERROR + 2.0 * HALF_ULP
+GAMMA_ERROR = ALPHA_ERROR + 2.0 * HALF_ULP
+# Of sin t (q - sin q), sin t (1 - cos q) and so on, where the cosine is exact, relative: the
+# functions, 1 - cos q = 2 sin^2(q / 2), the products, their sum, and alpha.
+TERM_ERROR = SINE_ERROR + LAG_ERROR + ALPHA_ERROR + 6.0 * HALF_ULP
+# x_L = 1/2 - asin(...) / pi, absolute: of the argument at most 1 / sqrt(2), and the arcsine, of
+# which libraries promise 4 ulp.
+ARCSINE_ERROR = 4.0 * HALF_ULP
+SURE = 1.0 + 2.0**-30  # what is compared is itself rounded
+MARCH = 1000  # steps
+LANDING_ERROR = 0.5 * HALF_ULP  # of a phase, a sum below 1 of two exact numbers
+
+
+class Along(NamedTuple):
+    """A flight after t periods: clearance F, speed z = -2 F' towards the base, and their errors.
+
+    With them the sine and cosine of the lift-off, sin q, q - sin q and 1 - cos q.
+    """
+
+    f: float
+    f_error: float
+    z: float
+    z_error: float
+    sine: float
+    cosine: float
+    turned: float
+    lag: float
+    c: float
+
+
+class Landed(NamedTuple):
+    """Bounds of the errors of the duration and of the speed of arrival, for an exact lift-off."""
+
+    time: float
+    v: float
+
+
+class Change(NamedTuple):
+    """How much the derivatives of s and z by x and y may change over the states in an error."""
+
+    s_x: float
+    s_y: float
+    z_x: float
+    z_y: float
+
+
+@jit
+def _along(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
+    """Where a flight is after t periods."""
+    alpha, sine, cosine = fixed.alpha, sin_turns(x), cos_turns(x)
+    part = t - np.rint(t)
+    turned, lag = sin_and_lag(t, part)
+    half = sin_near(0.5 * part)
+    c = 2.0 * half * half
+    level = (0.25 / math.pi) * alpha
+    f = fma(0.5 * t, y - t, level * fma(sine, lag, -cosine * c))
+    f_error = HALF_ULP * (0.5 * t * abs(y - t) + abs(f)) + level * (
+        TERM_ERROR * (abs(sine) * lag + abs(cosine) * c) + COSINE_ERROR * c
+    )
+    slowed = fma(sine, c, -cosine * turned)
+    z = fma(-alpha, slowed, 2.0 * t - y)
+    z_error = HALF_ULP * (abs(2.0 * t - y) + abs(z)) + alpha * (
+        TERM_ERROR * (abs(sine) * c + abs(cosine * turned)) + COSINE_ERROR * abs(turned)
+    )
+    return Along(f, f_error, z, z_error, sine, cosine, turned, lag, c)
+
+
+@answer(bases.jacobian, MovingConstants)
+def _(fixed: MovingConstants, flight: Flight) -> Jacobian:
+    e, alpha, gamma = fixed.e, fixed.alpha, math.pi * fixed.alpha
+    s, z = flight.time, flight.v
+    if s == 0.0:  # it lands at once
+        return 1.0, 0.0, 0.0, -e, 1.0 + e
+    at = _along(fixed, flight.x, flight.u, s)
+    by_x = alpha * fma(at.cosine, at.lag, at.sine * at.c) / z
+    by_y = s / z
+    dropped = at.cosine * at.c + at.sine * at.turned  # cos t - cos t'
+    pull = 2.0 * (1.0 + gamma * (at.cosine - dropped))
+    lost = 2.0 * gamma * dropped
+    # of all terms, of which a rounding error of z makes a part of those it is made of
+    turns = at.c + abs(at.turned)
+    parts = 1.0 + (2.0 * s + abs(flight.u) + 2.0 * alpha * turns) / z
+    size = 1.0 + parts * (alpha * (at.lag + at.c) + s) / z
+    size += e * ((abs(pull) + 2.0 * gamma + 2.0) * size + 4.0 * gamma * turns)
+    return 1.0 + by_x, by_y, e * (pull * by_x - lost), e * (pull * by_y - 1.0), size
+
+
+@jit
+def _landed(fixed: MovingConstants, flight: Flight, at: Along) -> Landed:
+    """Errors of a landing, of which `at` is where the flight is said to end."""
+    gamma = math.pi * fixed.alpha
+    off, z = abs(at.f) + at.f_error, at.z - at.z_error
+    kappa = 8.0 * (1.0 + gamma) * SURE * off / (z * z)
+    if not (z > 0.0 and kappa <= 0.25):
+        return Landed(np.inf, np.inf)
+    time = 2.0 * off / z * (1.0 + kappa)
+    return Landed(time, abs(flight.v - at.z) + at.z_error + 2.0 * (1.0 + gamma) * SURE * time)
+
+
+@jit
+def _change(
+    fixed: MovingConstants, flight: Flight, landed: Landed, spread: Spread
+) -> tuple[Change, float, float]:
+    """How much the derivatives change over a spread of states.
+
+    Also how much the duration does, and the least speed of arrival.
+
+    Within twice the linear changes of s and z, the derivatives are bounded; if by these bounds s
+    and z change by less than that, they never leave it.
+    """
+    gamma, (dx, dy) = math.pi * fixed.alpha, spread
+    s, z = flight.time, flight.v
+    at = _along(fixed, flight.x, flight.u, s)
+    dropped = at.cosine * at.c + at.sine * at.turned
+    pull = 2.0 * abs(1.0 + gamma * (at.cosine - dropped))
+    s_x = abs(fixed.alpha * fma(at.cosine, at.lag, at.sine * at.c)) / z
+    s_y = s / z
+    z_x = pull * s_x + 2.0 * gamma * abs(dropped)
+    z_y = pull * s_y + 1.0
+    few = 2.0**-20  # for derivatives that are zero by chance
+    ds = 2.0 * ((s_x + few) * dx + (s_y + few) * dy)
+    dz = 2.0 * ((z_x + few) * dx + (z_y + few) * dy)
+    off, z_off = ds + landed.time, dz + landed.v
+    least = z - z_off
+    q = TWO_PI * (s + off)
+    turns = min(2.0, q)
+    of_p = 2.0 * gamma * (turns * off + min(q + turns, 0.5 * q * q) * dx)
+    by_x = (of_p + s_x * z_off) / least
+    by_y = (off + s_y * z_off) / least
+    of_pull = 2.0 * TWO_PI * gamma * (dx + off)
+    change = Change(
+        by_x,
+        by_y,
+        pull * by_x + of_pull * (s_x + by_x) + 2.0 * TWO_PI * gamma * (off + turns * dx),
+        pull * by_y + of_pull * (s_y + by_y),
+    )
+    stays = (s_x + by_x) * dx + (s_y + by_y) * dy <= ds
+    stays = stays and (z_x + change.z_x) * dx + (z_y + change.z_y) * dy <= dz
+    if not (least > 0.0 and stays):
+        return Change(np.inf, np.inf, np.inf, np.inf), np.inf, 0.0
+    return change, off, least
+
+
+@jit
+def _start(fixed: MovingConstants, flight: Flight, spread: Spread, last: float) -> float:
+    """Time until which no state in a spread has landed, at the beginning of a flight; or NaN."""
+    x, y, x_lift = flight.x, max(0.0, flight.u - spread[1]), fixed.x_lift
+    least = 0.5 * y / (1.0 + math.pi * fixed.alpha)
+    edge = spread[0] + error_bounds.liftoff_error(fixed)[0] + 2.0 * HALF_ULP
+    if abs(x) >= x_lift:  # F is convex, and increases, until the base presses again
+        to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
+        return max(least, to_press - edge)
+    until = min(x_lift - x - edge, last)
+    if not until > least:
+        return least
+    # F is concave until then
+    return until if _lowest(fixed, flight, spread, until)[0] > 0.0 and y > 0.0 else np.nan
+
+
+@jit
+def _lowest(
+    fixed: MovingConstants, flight: Flight, spread: Spread, t: float
+) -> tuple[float, float]:
+    """Lower bounds of F and F' after t periods, of all states in a spread."""
+    at, alpha, (dx, dy) = _along(fixed, flight.x, flight.u, t), fixed.alpha, spread
+    f = at.f - SURE * (at.f_error + 0.5 * (t * dy + alpha * (at.lag + at.c) * dx))
+    return f, -0.5 * (at.z + SURE * (at.z_error + dy + 4.0 * math.pi * alpha * dx))
+
+
+@jit
+def _above(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[bool, float, float]:
+    """Whether all states land faster than the base moves; times between which all are above it."""
+    alpha, (dx, dy) = fixed.alpha * SURE, spread
+    gamma, sine = math.pi * alpha, sin_turns(flight.x)
+    u = flight.u + fixed.alpha * sine
+    u_off = dy + 2.0 * gamma * dx + 8.0 * HALF_ULP * (abs(flight.u) + alpha)
+    u_low = u - u_off
+    rise = 2.0 * gamma * (1.0 + cos_turns(flight.x) + TWO_PI * dx + COSINE_ERROR) * SURE
+    square = math.pi * math.pi * u_low * u_low - rise
+    if not (u_low > 0.0 and square > 0.0):
+        return False, np.inf, -np.inf
+    root = math.sqrt(square) / (math.pi * SURE)
+    return square >= gamma * gamma * SURE, 0.5 * (u + u_off - root) * SURE, 0.5 * (u_low + root)
+
+
+@jit
+def _is_first(fixed: MovingConstants, flight: Flight, spread: Spread, last: float) -> bool:
+    """Whether no state in a spread has landed before the time `last`."""
+    gamma = math.pi * fixed.alpha
+    if gamma * (1.0 + GAMMA_ERROR) <= 1.0:  # F is concave
+        return flight.u > spread[1]
+    fast, begin, end = _above(fixed, flight, spread)
+    if fast:
+        return True
+    curvature = (1.0 + gamma) * SURE
+    t = _start(fixed, flight, spread, last)
+    for _ in range(MARCH):
+        t = end / SURE if begin <= t < end / SURE else t
+        if t >= last:
+            return True
+        f, f1 = _lowest(fixed, flight, spread, t)
+        if not f > 0.0:
+            return False
+        root = math.sqrt(f1 * f1 + 2.0 * curvature * f)
+        t += (2.0 * f / (root - f1) if f1 < 0.0 else (f1 + root) / curvature) / SURE
+    return False
+
+
+@jit
+def _pressed(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[float, float]:
+    """What `landing_added` is of a particle that lands at once, or may fly for a moment."""
+    dx, dy = spread
+    if flight.u < -dy:
+        return 0.0, 0.0
+    gamma, most = math.pi * fixed.alpha, abs(flight.u) + dy
+    pull = 1.0 + gamma * cos_turns(flight.x) - 8.0 * HALF_ULP * (1.0 + gamma)
+    time = 2.0 * most / pull
+    if not (pull > 0.0 and 2.0 * TWO_PI * gamma * SURE * (time + dx) <= pull):
+        return np.inf, np.inf
+    return time, 2.0 * most + 2.0 * (1.0 + gamma) * time
+
+
+@answer(error_bounds.landing_added, MovingConstants)
+def _(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[float, float]:
+    if flight.time == 0.0:
+        return _pressed(fixed, flight, spread)
+    at = _along(fixed, flight.x, flight.u, flight.time)
+    landed = _landed(fixed, flight, at)
+    change, off, least = _change(fixed, flight, landed, spread)
+    # z changes by 2 (1 + Gamma) in a period at most: since `last`, F has been falling
+    last = flight.time - off - 0.4 * least / (1.0 + math.pi * fixed.alpha)
+    if not (off < np.inf and _is_first(fixed, flight, spread, last)):
+        return np.inf, np.inf
+    moved: float = flight.x + (flight.time - np.rint(flight.time))
+    rounding = landed.time + min(LANDING_ERROR, HALF_ULP * abs(moved))
+    dx, dy = spread
+    by_phase, by_speed = change.s_x * dx + change.s_y * dy, change.z_x * dx + change.z_y * dy
+    return rounding + by_phase, landed.v + by_speed
+
+
+@answer(error_bounds.rebound_error, MovingConstants)
+def _(
+    fixed: MovingConstants,
+    flight: Flight,
+    added: tuple[float, float],
+    error: float,
+    v_error: float,
+) -> float:
+    return fixed.e * (added[1] + HALF_ULP * abs(flight.v)) + SMALLEST
+
+
+@answer(error_bounds.jacobian_error, MovingConstants)
+def _(
+    fixed: MovingConstants, flight: Flight, error: float, spread: Spread
+) -> tuple[float, float, float]:
+    if flight.time == 0.0:
+        return 0.0, 0.0, 0.0
+    landed = _landed(fixed, flight, _along(fixed, flight.x, flight.u, flight.time))
+    change, _, _ = _change(fixed, flight, landed, spread)
+    e = fixed.e
+    return max(change.s_x, e * change.z_x), max(change.s_y, e * change.z_y), 0.0
+
+
+@answer(error_bounds.launch_error, MovingConstants)
+def _(fixed: MovingConstants, x: float, u: float) -> float:
+    gamma, base = math.pi * fixed.alpha, fixed.alpha * abs(sin_turns(x))
+    error = KICK_ERROR * (abs(u) + base) + (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base
+    error += HALF_ULP * abs(u) + 2.0 * gamma * LAUNCH_ERROR + SMALLEST
+    # in doubt it flies, or lands at once; where the base presses, that is nearly the same
+    presses = 1.0 + gamma * cos_turns(x) > 0.0
+    return error if abs(u) > error or presses else np.inf
+
+
+@answer(error_bounds.absolute_error, MovingConstants)
+def _(fixed: MovingConstants, x: float, u: float, spread: Spread) -> float:
+    base = fixed.alpha * abs(sin_turns(x))
+    rounding = (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base + HALF_ULP * (abs(u) + base)
+    return spread[1] + TWO_PI * fixed.alpha * SURE * spread[0] + rounding
+
+
+@answer(error_bounds.rest_is_doubtful, MovingConstants)
+def _(fixed: MovingConstants, x: float, w: float, spread: Spread) -> bool:
+    w_error = spread[1] + REST_ERROR * fixed.r
+    if w - fixed.r > w_error:
+        return False
+    edge = spread[0] + error_bounds.liftoff_error(fixed)[0]
+    if abs(x) - fixed.x_lift > edge:  # it leaves whatever its speed
+        return False
+    within = not abs(x) + edge >= fixed.x_lift
+    return not (within and fixed.r - w > w_error)
+
+
+@answer(error_bounds.liftoff_error, MovingConstants)
+def _(fixed: MovingConstants) -> tuple[float, float]:
+    gamma = math.pi * fixed.alpha
+    if gamma * (1.0 + 2.0 * GAMMA_ERROR) <= 1.0:  # it is never lifted
+        return 0.0, 0.0
+    if gamma - 1.0 <= 8.0 * GAMMA_ERROR:
+        return np.inf, np.inf
+    slope = TWO_PI * math.sqrt((gamma - 1.0) * (gamma + 1.0))  # of Gamma by x_L, over Gamma
+    return 2.0 * GAMMA_ERROR / slope + ARCSINE_ERROR, 0.0
