@@ -18,7 +18,7 @@ from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.statistics import Statistics, physical
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
-from vibrosweep.model.parameters import dimensionless, launches
+from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, launches
 from vibrosweep.model.times import Periods, Time, amount, in_periods, in_seconds
 
 __all__ = ["measure"]
@@ -62,11 +62,9 @@ def measure(
     measured = physical(found.whole, frequency, parameters["gravity"], *of_base)
     measured["at_rest_count"] = found.whole.at_rest
     measured["status"] = found.whole.status
-    with np.errstate(over="ignore"):
-        launch_height = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
-    launched = _launch_in_window(observation, frequency)
     measured["flight_height_max"] = np.fmax(
-        measured["rebound_height_max"], np.where(launched, launch_height, np.nan)
+        measured["rebound_height_max"],
+        _launch_height_max(parameters, problem, launch, observation, of_base[1]),
     )
     if measures.per_particle and found.each is not None:
         measured |= _per_particle(found.each, parameters, of_base, particles)
@@ -97,22 +95,50 @@ def _per_particle(
     return {f"particle_{n}": v.reshape(-1, particles).copy() for n, v in measured.items()}
 
 
-def _launch_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:
-    """Whether any particle of a realization is launched inside the window; shape (realization,)."""
+def _launch_height_max(
+    parameters: Mapping[str, Array],
+    problem: Dimensionless,
+    launch: Launches,
+    observation: Observation,
+    low: Array | None,
+) -> Array:
+    """Height in m of the highest launch in the window, NaN without any; shape (realization,).
+
+    `low` is `vibrosweep.kernels.bases.lowest` of the realizations.
+    """
+    launched = _launched_in_window(observation, parameters["frequency"])
+    with np.errstate(over="ignore"):
+        thrown = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
+        if low is None:
+            return np.where(launched.any(axis=1), thrown, np.nan)
+        angle = 2.0 * np.pi * (launch.phase + problem.phase[:, np.newaxis])
+        # the base has the speed low * pi / 2 sin(angle) and the height -low cos(angle); it pushes
+        # a particle that is slower, which then does not fly
+        flies = problem.launch_flight[:, np.newaxis] >= 0.5 * np.pi * low[:, np.newaxis] * np.sin(
+            angle
+        )
+        unit = parameters["gravity"] / (8.0 * parameters["frequency"] ** 2)
+        base = -(unit * low)[:, np.newaxis] * np.cos(angle)
+        heights = np.where(flies, thrown[:, np.newaxis] + base, base)
+    highest = np.where(launched, heights, -np.inf).max(axis=1)
+    return np.where(launched.any(axis=1), highest, np.nan)
+
+
+def _launched_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:
+    """Whether particles are launched inside the window; shape (realization or 1, particle)."""
     begin, end = observation.measures.transient, observation.duration
     if isinstance(observation.launch, str):
         particles = observation.particles
-        first = np.maximum(np.ceil(_launches_until(begin, particles, frequency)), 0.0)
-        last = _launches_until(end, particles, frequency)
-        return np.asarray((first < particles) & (first <= last))
+        each = np.arange(particles, dtype=np.float64)
+        first = _launches_until(begin, particles, frequency)[:, np.newaxis]
+        last = _launches_until(end, particles, frequency)[:, np.newaxis]
+        return np.asarray((first <= each) & (each <= last))
+    times = np.asarray(observation.launch)[np.newaxis, :]
     if not isinstance(begin, Periods) and not isinstance(end, Periods):
-        inside = any(begin <= time <= end for time in observation.launch)
-        return np.full(frequency.shape, inside)
-    first, last = in_periods(begin, frequency), in_periods(end, frequency)
-    found = np.zeros(frequency.shape, dtype=np.bool_)
-    for launched in observation.launch:
-        found |= (first <= frequency * launched) & (frequency * launched <= last)
-    return found
+        return np.asarray((begin <= times) & (times <= end))
+    first, last = (in_periods(time, frequency)[:, np.newaxis] for time in (begin, end))
+    periods = frequency[:, np.newaxis] * times
+    return np.asarray((first <= periods) & (periods <= last))
 
 
 def _launches_until(time: Time, particles: int, frequency: Array) -> Array:

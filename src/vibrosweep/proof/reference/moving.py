@@ -251,7 +251,8 @@ class Motion:
         """Lift-off from the present state."""
         m, turns = self._map, self._phase + self._flown
         u = self._speed + m.velocity(turns)
-        rising = u.max(ZERO)  # a particle that falls is highest at once
+        # a particle that falls, or that the base pushes at once, is highest at its beginning
+        rising = ZERO if self._speed < 0 else u.max(ZERO)
         square = rising * rising - 2 * m.alpha / arb.pi() * (2 * turns).cos_pi()
         height = self._gravity / (8 * self._frequency * self._frequency) * square
         velocity = self._gravity / (2 * self._frequency) * u
