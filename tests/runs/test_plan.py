@@ -50,7 +50,7 @@ def costs(monkeypatch):
         (10**6, 2e-6, 10**6),
         (10**6, 1e-3, 10_000),  # ten seconds each
         (1000, 60.0, 1),  # never less than a realization
-        (10**9, 2e-6, (2**26 // 81) // 13107 * 13107),  # results of a chunk are held in memory
+        (10**9, 2e-6, (2**26 // 81) // 26214 * 26214),  # results of a chunk are held in memory
     ],
 )
 def test_a_chunk_is_some_seconds_of_work(workers, costs, realizations, seconds, chunk):
