@@ -188,6 +188,16 @@ class Verdicts(NamedTuple):
 
 
 @njit(error_model="numpy", nogil=True)
+def _within_rounding(alpha, x, y, first, last):
+    """Whether the clearance is zero all the way between two times, to both methods' rounding."""
+    within = True
+    for k in range(65):
+        value, noise, _, _ = clearance(alpha, x, y, first + (last - first) * (k / 64.0))
+        within &= abs(value) <= 2.0 * noise
+    return within
+
+
+@njit(error_model="numpy", nogil=True)
 def _judge(base, problem, x, y, first, last, out):
     grazes = np.empty((MOST_GRAZES, 2))
     for i in range(first, last):
@@ -203,13 +213,16 @@ def _judge(base, problem, x, y, first, last, out):
         for k in range(min(undecided, MOST_GRAZES)):
             room = 2.0 * (grazes[k, 1] - grazes[k, 0])
             at_graze |= grazes[k, 0] - room <= landing <= grazes[k, 1] + room
-        right = error <= LARGEST_ERROR if steep else abs(landing - root) < 1e-6 * root
+        right = steep and error <= LARGEST_ERROR
+        if not (right or at_graze):
+            # a root that is as good as a graze, or three that are almost one
+            at_graze = _within_rounding(alpha, x[i], y[i], landing, root)
+            undecided = max(undecided, 1)
         out.root[i], out.landing[i] = root, landing
-        # a root that is as good as a graze counts as one
-        out.undecided[i] = max(undecided, 0 if steep else 1)
+        out.undecided[i] = undecided
         out.missed[i] = 0 if right or at_graze else (-1 if landing < root else 1)
         out.error[i], out.speed_error[i] = np.nan, np.nan
-        if right and steep and not at_graze:
+        if right and not at_graze:
             terms = root + abs(y[i]) + alpha
             out.error[i] = error
             out.speed_error[i] = abs(speed + 2.0 * slope) / (
