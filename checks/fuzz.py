@@ -31,6 +31,7 @@ import numpy as np
 from accuracy import processor, table, write_section
 from vibrosweep.cli import main as vibrosweep
 from vibrosweep.errors import VibrosweepError
+from vibrosweep.model.times import in_periods
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import SweepSpec, read_spec
 
@@ -64,6 +65,9 @@ restitution = 0.9
 amplitude = 1.2
 launch = [0.0, 0.125]
 """
+MOVING = SPEC.replace(
+    'duration = 3.0\nrebound = "rest"', 'duration_periods = 3.0\nbase = "moving"'
+).replace("amplitude = [0.2, 3.5]", "base_acceleration = [0.2, 5.0]")
 TABLE = "restitution,amplitude,frequency\n0.9,1.2,1.0\n0.8,0.4,2.0\n0.95,3.0,1.5\n"
 VALUES = (
     "0", "-1", "1e308", "-1e308", "1e-320", "nan", "inf", "-inf", "9" * 400, "9" * 5000, "2**3",
@@ -72,7 +76,8 @@ VALUES = (
     "[" * 2000, "{ start = 0.1, stop = 0.9, num = 3 }",
     "{ start = 0.1, stop = 0.9, num = 1000000 }",
     '"$(touch owned)"', "\"__import__('os').system('touch owned')\"", "1_0", "0x10", "1e400",
-    r'"\uD7FF\U0010FFFF"', r'"\u001b[2J"', '"sobol"', '"latin"', '"grid"', '"table.csv"',
+    r'"\uD7FF\U0010FFFF"', r'"\u001b[2J"', '"moving"', '"reflect"',
+    '"sobol"', '"latin"', '"grid"', '"table.csv"',
 )  # fmt: skip
 
 
@@ -171,8 +176,9 @@ def work(spec: SweepSpec) -> float:
     if spec.record is not None:
         scenes += spec.record.particles
         frequency = max(frequency, spec.record.parameters["frequency"])
-    longest = max(spec.duration, spec.record.duration if spec.record else 0.0)
-    return scenes * min(10.0 * longest * frequency + 10.0, 4.0 * spec.measures.impact_budget)
+    times = [spec.duration, *([spec.record.duration] if spec.record else [])]
+    longest = max(float(in_periods(time, np.array([frequency]))[0]) for time in times)
+    return scenes * min(10.0 * longest + 10.0, 4.0 * spec.measures.impact_budget)
 
 
 def try_spec(directory: Path, findings: Findings, spoilt: object) -> None:
@@ -209,7 +215,7 @@ def fuzz_specs(directory: Path, rng: np.random.Generator, number: int) -> Findin
     findings = Findings()
     (directory / "table.csv").write_text(TABLE)
     for _ in range(number):
-        data = spoilt_text(rng, SPEC)
+        data = spoilt_text(rng, MOVING if rng.random() < 0.5 else SPEC)
         (directory / "sweep.toml").write_bytes(data)
         try_spec(directory, findings, data)
     return findings

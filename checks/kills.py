@@ -44,6 +44,7 @@ amplitude = [0.2, 3.5]
 [measure]
 separation = true
 """
+SWEEPS = {"high-bounce": SWEEP, "moving": SWEEP.replace("[scene]", '[scene]\nbase = "moving"')}
 PHASES = ("start", "chunks", "result", "end")
 
 
@@ -102,12 +103,12 @@ def contents(path: Path) -> bytes:
     return data.replace(created.encode(), b"-" * len(created))
 
 
-def campaign(directory: Path, kills: int, seed: int, extra: Sequence[str] = ()) -> Findings:
-    """Kill runs until so many kills are done."""
+def campaign(directory: Path, sweep: str, kills: int, seed: int) -> Findings:
+    """Kill runs of a sweep until so many kills are done."""
     rng = np.random.default_rng(seed)
-    (directory / "sweep.toml").write_text(SWEEP, encoding="utf-8")
+    (directory / "sweep.toml").write_text(sweep, encoding="utf-8")
     output = directory / "out.h5"
-    words = run_words(directory, extra)
+    words = run_words(directory, ())
     began = time.perf_counter()
     killed(words, 600.0)
     whole = time.perf_counter() - began
@@ -144,36 +145,37 @@ def phase(before: int, now: int) -> str:
     return "chunks" if now > before else "start"
 
 
-def report(findings: Findings, seconds: float, seed: int) -> str:
-    kills = findings.kills
+def report(found: dict[str, Findings], seconds: float, seed: int) -> str:
+    each = found.values()
     rows = [
-        ("SIGKILLs", kills.total()),
-        ("... before the first new chunk was finished", kills["start"]),
-        ("... while chunks were computed", kills["chunks"]),
-        ("... while the result was written from the parts", kills["result"]),
-        ("... after the result had its name", kills["end"]),
-        (f"rounds, each of {CHUNKS} chunks, that reached their end", findings.rounds),
-        ("chunks finished", findings.chunks),
-        ("finished chunks lost", findings.lost),
-        ("torn or damaged files", findings.torn),
-        ("results that differ from that of an undisturbed run", findings.different),
+        ("SIGKILLs", *(f.kills.total() for f in each)),
+        ("... before the first new chunk was finished", *(f.kills["start"] for f in each)),
+        ("... while chunks were computed", *(f.kills["chunks"] for f in each)),
+        ("... while the result was written from the parts", *(f.kills["result"] for f in each)),
+        ("... after the result had its name", *(f.kills["end"] for f in each)),
+        (f"rounds, each of {CHUNKS} chunks, that reached their end", *(f.rounds for f in each)),
+        ("chunks finished", *(f.chunks for f in each)),
+        ("finished chunks lost", *(f.lost for f in each)),
+        ("torn or damaged files", *(f.torn for f in each)),
+        ("results that differ from that of an undisturbed run", *(f.different for f in each)),
     ]
     made = f"Python {platform.python_version()}; {processor()}; seed {seed}; {seconds:.0f} s"
-    return f"{table(('', 'number'), rows)}\n\n*{made}.*"
+    return f"{table(('base', *found), rows)}\n\n*{made}.*"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--kills", type=int, default=200, help="on each base")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--write", action="store_true", help="write the table into the report")
     options = parser.parse_args()
-    began = time.perf_counter()
-    with tempfile.TemporaryDirectory() as directory:
-        findings = campaign(Path(directory), options.kills, options.seed)
-    text = report(findings, time.perf_counter() - began, options.seed)
+    began, found = time.perf_counter(), {}
+    for base, sweep in SWEEPS.items():
+        with tempfile.TemporaryDirectory() as directory:
+            found[base] = campaign(Path(directory), sweep, options.kills, options.seed)
+    text = report(found, time.perf_counter() - began, options.seed)
     print(text) if not options.write else write_section("kills", text, REPORT)
-    raise SystemExit(1 if findings.failures else 0)
+    raise SystemExit(1 if any(findings.failures for findings in found.values()) else 0)
 
 
 if __name__ == "__main__":

@@ -41,7 +41,8 @@ REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
 Tables = dict[str, dict[str, Any]]
 # where a run may be interrupted: what is called, and where it stands
 PLACES = ((Parts, "write"), (Parts, "read"), (Rows, "add"), (run, "write_record"))
-LAWS = ("rest", "reflect")
+MODELS = ({"rebound": "rest"}, {"rebound": "reflect"}, {"base": "moving"})
+OTHER = {"rest": "reflect", "reflect": "rest", "moving": "high-bounce"}
 SWITCHES = ("separation", "per_particle", "regimes", "lyapunov", "trust")
 BUDGET = "impact_budget"
 
@@ -86,7 +87,7 @@ def random_tables(rng: np.random.Generator) -> Tables:
         "scene": {
             "particles": particles,
             "duration": float(rng.choice([6.0, 40.0, 400.0])),
-            "rebound": str(rng.choice(LAWS)),
+            **MODELS[rng.integers(len(MODELS))],
             "frequency": round(float(rng.uniform(0.5, 3.0)), 3),
             "launch": launch if rng.random() < 0.5 else "staggered",
         },
@@ -133,7 +134,7 @@ def changed(tables: Tables, rng: np.random.Generator) -> tuple[Tables, str]:
     if isinstance(value, bool):
         now[section][key] = not value
     elif isinstance(value, str):
-        now[section][key] = LAWS[1 - LAWS.index(value)]
+        now[section][key] = OTHER[value]
     elif isinstance(value, list):
         now[section][key] = [value[0] * 0.75, *value[1:]]
     elif key == "particles":

@@ -4,9 +4,10 @@
 
 Every case is computed by the whole engine (statistics, recurrence, separations, error bounds,
 record) and checked: numbers finite or documented as absent, landings in order and before the end,
-impacts in the strip |v' - e v| <= A, speeds below max(v0, A / (1 - e)), the budget respected, each
-single step within rounding of ball arithmetic, and the landings within their bounds of the proved
-reference.  Nothing but `ParameterError` may be raised.
+impacts in the strip |v' - e v| <= A, speeds below max(v0, A / (1 - e)), or the bound of the moving
+base, the budget respected, each single step within rounding of ball arithmetic, on the moving base
+each landing the first root, and the landings within their bounds of the proved reference.  Nothing
+but `ParameterError` may be raised.
 """
 
 from __future__ import annotations
@@ -14,13 +15,15 @@ from __future__ import annotations
 import argparse
 import faulthandler
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from accuracy import provenance, table, write_section
 from stress_checks import Case, Findings, examine
 from stress_exact import EXACT
+from trust_check import KINDS
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import LAWS
 
@@ -31,6 +34,7 @@ FREQUENCY = (1e-6, 1e-3, 1.0, 1e3, 1e6)
 GRAVITY = (1e-3, 1.0, 9.81, 1e3)
 FLIGHT = (0.0, 1e-300, 1e-17, 1e-12, 1e-6, 1.0, 1e3, 1e6, 1e9, 1e12, 1e15)
 START = (0.0, -0.25, -1e6, 1e6, -1e9, 1e9, 2.0**50, -(2.0**50))  # periods
+ACCELERATION = (1e-12, 1.0 - 2.0**-53, 1.0, 1.0 + 2.0**-52, 1.0 + 1e-12, 1.0 + 1e-6, 1e6)
 HANGS = 600  # s, after which a case is one that hangs
 
 Family = Callable[[np.random.Generator, str], Case]
@@ -42,6 +46,7 @@ def case(
     *,
     restitution: float | None = None,
     kick: float | None = None,
+    acceleration: float | None = None,
     frequency: float | None = None,
     gravity: float | None = None,
     phase: float | None = None,
@@ -64,8 +69,11 @@ def case(
         starts = tuple(rng.uniform(0.0, 1.0, rng.integers(1, 5)).tolist())
     length = drawn(periods, 1.0, 30.0)
     tau = (10.0 ** drawn(None, -6.0, -1.0) if contact is None else contact) / f
+    e = drawn(restitution, 0.0, 1.0)
+    if acceleration is not None:  # of the moving base, in units of gravity
+        kick = acceleration * (1.0 + e) / np.pi
     scene = {
-        "restitution": drawn(restitution, 0.0, 1.0),
+        "restitution": e,
         "amplitude": (10.0 ** drawn(None, -3.0, 0.5) if kick is None else kick) * g / (2.0 * f),
         "frequency": f,
         "phase": drawn(phase, -7.0, 7.0),
@@ -176,28 +184,66 @@ FAMILIES: dict[str, Family] = {
 }
 
 
+def accelerations(rng: np.random.Generator, law: str) -> Case:
+    """A base that just lifts a resting particle, or just does not, hardly moves, or throws."""
+    gamma = float(rng.choice(ACCELERATION))
+    return case(rng, law, acceleration=gamma, restitution=float(rng.choice([0.0, 0.5, 0.9, 1.0])))
+
+
+def as_the_base(rng: np.random.Generator, law: str) -> Case:
+    """Launched at rest, slower than the base, as fast as it to a rounding, or a little faster."""
+    drawn = case(rng, law, acceleration=10.0 ** rng.uniform(-2.0, 1.0), flight=0.0)
+    p = drawn.scene
+    turns = p["frequency"] * drawn.launch[0] + p["phase"] / (2.0 * np.pi)
+    velocity = p["amplitude"] / (1.0 + p["restitution"]) * np.sin(2.0 * np.pi * turns)
+    factor = float(rng.choice([0.0, 0.5, 1.0, 1.0 + 1e-15, 1.0 + 1e-9, 1.001]))
+    return replace(drawn, scene=p | {"launch_velocity": max(0.0, factor * velocity)})
+
+
+def short_and_long_contact(rng: np.random.Generator, law: str) -> Case:
+    """Contact times of 1e-30 s, and of many periods, over a base that lifts."""
+    seconds = float(rng.choice([1e-30, 1e-20, 10.0, 1e30]))
+    return case(
+        rng, law, acceleration=rng.uniform(0.5, 5.0), contact_seconds=seconds, budget=20_000
+    )
+
+
+MOVING_FAMILIES: dict[str, Family] = {
+    "acceleration 1e-12, 1 and beside it, 1e6": accelerations,
+    "launched at rest, slower, as fast as the base": as_the_base,
+    "contact time 1e-30 ... 1e30 s": short_and_long_contact,
+}
+
+
+def families_of(base: str) -> Mapping[str, Family]:
+    """What is tried on a base."""
+    return FAMILIES | MOVING_FAMILIES if base == "moving" else FAMILIES
+
+
 def gather(total: Findings, found: Findings) -> None:
     total.landings += found.landings
     total.compared += found.compared
     total.ended |= found.ended
-    for name in ("phase_ulp", "flight_ulp", "bound_share", "seconds"):
+    for name in ("phase_ulp", "flight_ulp", "forced_share", "bound_share", "seconds"):
         setattr(total, name, max(getattr(total, name), getattr(found, name)))
     total.faults += found.faults
 
 
-def run_family(family: Family, law: str, cases: int, seed: int, workers: Workers) -> list[object]:
+def run_family(
+    family: Family, base: str, law: str, cases: int, seed: int, workers: Workers
+) -> list[object]:
     """Cells of the family's row."""
     total, refused, failures = Findings(), 0, 0
     for number in range(cases):
         rng = np.random.default_rng([seed, number])
-        drawn = family(rng, law)
+        drawn = replace(family(rng, law), base=base)
         faulthandler.dump_traceback_later(HANGS, exit=True)
         found = examine(drawn, workers)
         faulthandler.cancel_dump_traceback_later()
         refused += found.refused
         if found.faults:
             failures += 1
-            print(law, number, drawn, found.faults, flush=True)
+            print(base, law, number, drawn, found.faults, flush=True)
         gather(total, found)
     return [
         cases,
@@ -205,6 +251,7 @@ def run_family(family: Family, law: str, cases: int, seed: int, workers: Workers
         f"{total.landings:,}",
         f"{total.phase_ulp:.2f}",
         f"{total.flight_ulp:.2f}",
+        f"{total.forced_share:.2f}",
         f"{total.compared:,}",
         f"{total.bound_share:.2f}",
         ", ".join(sorted(name.lower() for name in total.ended)),
@@ -215,12 +262,13 @@ def run_family(family: Family, law: str, cases: int, seed: int, workers: Workers
 
 HEAD = (
     "cases",
-    "law",
+    "base, law",
     "number",
     "refused",
     "landings",
     "phase, ulp of a turn",
     "flight, ulp",
+    "landing / forced",
     "compared",
     "error / bound",
     "status",
@@ -230,10 +278,11 @@ HEAD = (
 
 
 def rows(options: argparse.Namespace, workers: Workers) -> Iterator[list[object]]:
-    for name, family in FAMILIES.items():
-        for law in LAWS:
-            if options.only in name:
-                row = [name, law, *run_family(family, law, options.cases, options.seed, workers)]
+    for base, law in KINDS:
+        for name, family in families_of(base).items():
+            if options.only in f"{base} {name}":
+                found = run_family(family, base, law, options.cases, options.seed, workers)
+                row = [name, f"{base}, {law}", *found]
                 print(*row, sep=" | ", flush=True)
                 yield row
 
@@ -254,7 +303,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--cases", type=int, default=200, help="of each family and law")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="families whose name contains this")
+    parser.add_argument("--only", default="", help="bases and families whose name contains this")
     parser.add_argument("--write", action="store_true", help="write the tables into the report")
     options = parser.parse_args()
     began = time.perf_counter()

@@ -8,15 +8,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from flint import arb, ctx
+from numba import njit
 
 from accuracy import ULP, arrays_of, batch_of, orbit
+from first_roots import LARGEST_ERROR, Flights, judge
 from trust_check import compare, kernel_jobs
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels import bases
 from vibrosweep.kernels.advance import LOOK_AFTER
-from vibrosweep.kernels.impact import launch
+from vibrosweep.kernels.impact import impact, launch, launch_speed
 from vibrosweep.model.status import Status
 from vibrosweep.runs.driver import record_observation
 
@@ -35,6 +38,7 @@ class Case:
     law: str
     transient: float = 0.0
     budget: int = 4000
+    base: str = "high-bounce"
 
     @property
     def single(self) -> dict[str, float]:
@@ -51,6 +55,7 @@ class Findings:
     ended: set[str] = field(default_factory=set)
     phase_ulp: float = 0.0  # error of one step, ulp of a turn
     flight_ulp: float = 0.0  # error of one step, ulp of the larger of its terms
+    forced_share: float = 0.0  # error of a landing on the moving base over what rounding forces
     bound_share: float = 0.0  # error over bound
     compared: int = 0
     seconds: float = 0.0
@@ -61,7 +66,9 @@ def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
     """Compute a case in every way there is, and check what must hold."""
     found = Findings()
     began = time.perf_counter()
-    plain = record_observation(len(case.launch), case.launch, case.duration, case.law, case.budget)
+    plain = record_observation(
+        len(case.launch), case.launch, case.duration, case.law, case.budget, case.base
+    )
     watched = plain.measuring(
         transient=case.transient, separation=True, per_particle=True, regimes=True,
         trust=True, tolerance=1e-9 / case.scene["frequency"],
@@ -83,7 +90,7 @@ def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
     for p in range(len(case.launch)):
         found.faults += check_record(case, {n: v[0, p] for n, v in record.items()})
     if proved and found.ended != {"NON_FINITE"}:
-        check_steps(case, found)
+        (check_landings if case.base == "moving" else check_steps)(case, found)
         check_bounds(case, found)
     return found
 
@@ -116,7 +123,8 @@ def check_record(case: Case, record: dict[str, np.ndarray]) -> Iterator[str]:
     moved = liftoff[:leaving] - landing[:leaving]
     if np.any(moved < -slack) or np.any(moved[rested[:leaving] == 0] != 0.0):
         yield "a lift-off is not where its landing is"
-    yield from check_speeds(case, speed[:leaving])
+    check = check_absolute_speeds if case.base == "moving" else check_speeds
+    yield from check(case, speed[:leaving])
 
 
 def check_speeds(case: Case, speed: np.ndarray) -> Iterator[str]:
@@ -130,6 +138,18 @@ def check_speeds(case: Case, speed: np.ndarray) -> Iterator[str]:
         largest = max(first, kick / (1.0 - e)) if kick > 0.0 else first
         if np.any(speed > largest * (1.0 + 32.0 * ULP) + TINY):
             yield "a speed beyond max(v0, A / (1 - e))"
+
+
+def check_absolute_speeds(case: Case, speed: np.ndarray) -> Iterator[str]:
+    """No speed falls below that of the base, or goes beyond its bound."""
+    e, first = case.scene["restitution"], case.scene["launch_velocity"]
+    fastest = case.scene["amplitude"] / (1.0 + e)
+    if np.any(speed < -fastest * (1.0 + 32.0 * ULP) - TINY):
+        yield "a particle leaves into the base"
+    if e < 1.0:
+        largest = max(first, (1.0 + 3.0 * e) * fastest / (1.0 - e))
+        if np.any(speed > largest * (1.0 + 32.0 * ULP) + TINY):
+            yield "a speed beyond max(v0, (1 + 3 e) V0 / (1 - e))"
 
 
 def check_measures(
@@ -164,8 +184,8 @@ def check_measures(
 
 
 def lifts_never(case: Case) -> bool:
-    problem = batch_of([case.single], case.law).problem
-    return bool(problem.kick[0] <= problem.rest_flight[0])
+    batch = batch_of([case.single], case.law, case.base)
+    return not bases.lifts(batch.base, batch.problem)[0]
 
 
 def check_steps(case: Case, found: Findings) -> None:
@@ -196,9 +216,51 @@ def check_steps(case: Case, found: Findings) -> None:
                 n += 1.0 if phase > x else 0.0
 
 
+@njit(error_model="numpy", nogil=True)
+def flights_of(batch, capacity):
+    """Phase and relative speed at the beginning of the first particle's flights; alpha."""
+    problem = batch.problem
+    fixed = bases.constants(batch.base, problem, 0)
+    found, k = np.empty((capacity, 2)), 0
+    n, x = launch(batch.launches, 0, 0, problem.phase[0])
+    n -= problem.end_count[0]
+    u = launch_speed(fixed, problem, 0, x)
+    while k < capacity and n <= problem.end_phase[0] - x:
+        if u > 0.0 or x == fixed.x_lift:  # else it lands at once
+            found[k, 0], found[k, 1] = x, u
+            k += 1
+        hit = impact(fixed, n, x, u)
+        if u <= 0.0 and not hit.u > 0.0 and hit.leaves:
+            break
+        n, x, u = hit.n_off, hit.x_off, hit.u
+    return found[:k], fixed.alpha
+
+
+MOST_GAMMA, LONGEST = 100.0, 50.0  # up to which the certain search is short
+SLOWEST = 1e-100  # squares of smaller speeds lose digits
+
+
+def check_landings(case: Case, found: Findings) -> None:
+    """Landings of the first particle on the moving base against the search that misses none."""
+    states, alpha = flights_of(batch_of([case.single], case.law, case.base), CAPACITY)
+    speeds = states[:, 1]
+    states = states[(speeds + alpha < LONGEST) & ((speeds > SLOWEST) | (speeds == 0.0))]
+    if states.size == 0 or np.pi * alpha > MOST_GAMMA:
+        return
+    x, y = np.ascontiguousarray(states.T)
+    verdicts = judge(Flights(np.full(x.size, alpha), x, y), threads=1)
+    if verdicts.missed.any():
+        found.faults.append("a landing is not the first root")
+    for errors in (verdicts.error, verdicts.speed_error):
+        worst = float(np.max(errors, initial=0.0, where=~np.isnan(errors)))
+        found.forced_share = max(found.forced_share, worst)
+    if found.forced_share > LARGEST_ERROR:
+        found.faults.append(f"a landing errs by {found.forced_share:.3g} times what is forced")
+
+
 def check_bounds(case: Case, found: Findings) -> None:
     """The first particle's error bounds against the proved reference."""
-    job = kernel_jobs([case.single], case.law, CAPACITY, case.budget)[0]
+    job = kernel_jobs([case.single], case.law, CAPACITY, case.budget, case.base)[0]
     verdict = compare(job)
     found.compared += verdict.compared
     found.faults += [f"bound: {fault}" for fault in verdict.faults]

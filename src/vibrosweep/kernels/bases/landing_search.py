@@ -246,7 +246,8 @@ def try_landing(
     if arcs is not None:
         across = _across(begin, s, clear, newton, series, good)
         tried = across if above & (not sure) & (not last) else tried
-        noise = NOISE * s * (begin.alpha + abs(begin.y - s))
+        swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s
+        noise = NOISE * s * (begin.alpha * swept + 0.5 * (abs(begin.y) + s))
         grazes = (not (sure | above | last)) & ((-f <= noise) | (not nears))
         tried = s if grazes else tried
         arrival = (-2.0 * f1 if nears else 0.0) if grazes else arrival
