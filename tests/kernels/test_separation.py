@@ -102,6 +102,15 @@ def test_listed_launches_before_and_inside_the_window(
     check(scene, observation, workers, record)
 
 
+@pytest.mark.parametrize("launch", ["staggered", (0.0, 0.3, 0.3, 0.9)])
+@pytest.mark.parametrize("transient", [0.0, 5.0])
+def test_over_the_moving_base(launch, transient, random_scenes, observe, workers, record):
+    scene = random_scenes(seed=47, size=60, contact_time=1e-3, frequency=1.0)
+    observation = observe(launch, particles=4, base="moving", transient=transient)
+    measured = check(scene, observation, workers, record)
+    assert {0, 1} == set(measured["base_shared"].tolist())
+
+
 @pytest.mark.parametrize("rebound", LAWS)
 def test_long_contacts_are_shared(rebound, random_scenes, observe, workers, record):
     # stays of 0.3 s, longer than most flights and than some periods

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from flint import arb, ctx
 
-from vibrosweep.kernels.sine import SINE_ERROR, sin_turns
+from vibrosweep.kernels.sine import LAG_ERROR, SINE_ERROR, sin_and_lag, sin_turns
 from vibrosweep.proof.reference.ball import sine
 
 QUARTERS = np.array([0.0, 0.125, 0.25, 0.375, 0.5])
@@ -85,3 +86,20 @@ def test_the_sine_is_odd_and_folds_about_its_peak(compared):
     assert exact.sum() > half // 2
     mirrored = np.array([sin_turns(turns) for turns in folded[exact].tolist()])
     assert np.array_equal(mirrored, found[:half][exact])
+
+
+def test_what_a_sine_lags_behind_its_angle():
+    rng = np.random.default_rng(6)
+    around = 0.25 + np.arange(-200, 201) * 2.0**-50
+    s = np.concatenate(
+        [10.0 ** rng.uniform(-9.0, 1.0, 5_000), rng.uniform(0.2, 3.0, 5_000), around]
+    )
+    with ctx.workprec(256):
+        for time in s.tolist():
+            turned, lag = sin_and_lag(time, time - float(np.rint(time)))
+            exact = (2 * arb(time)).sin_pi()
+            assert float(abs(exact - turned).abs_upper()) <= SINE_ERROR * float(
+                abs(exact).abs_upper()
+            )
+            exact = 2 * arb.pi() * arb(time) - exact
+            assert float(abs(lag / exact - 1).abs_upper()) <= LAG_ERROR
