@@ -135,14 +135,14 @@ def ask_all(base, problem, i, x, u, s):
     there = bases.Flight(x, u, flight, x, v)
     s[ROW.X + i], s[ROW.U + i] = x, u
     bases.prepare(base, s, i + 1)
-    time, _, landed = bases.approach(fixed, s, i, 100.0)
+    time, _, landed = bases.approach(fixed, s, i)
     return (
-        bases.approach(fixed, s, i, 100.0),
+        bases.approach(fixed, s, i),
         (bases.keep(fixed, s, i, time, landed, True), bases.pending(base, s, i)),
         (bases.leave(fixed, x, u), bases.speed(fixed, x, u), bases.common_age(base)),
         bases.counted(fixed, there, w),
         bases.counted_now(fixed, s, i, flight, w),
-        (bases.gives_up(base, s, i, 6),),
+        (bases.gives_up(base, s, i, 6), bases.may_land(fixed, s, i, 100.0)),
         (flight, v, w, bases.reverses(fixed, x, v)),
         (bases.contraction(fixed, v), bases.density(fixed, u)),
         bases.lift_off(fixed, 7.0, x, w),

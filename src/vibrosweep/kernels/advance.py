@@ -23,6 +23,7 @@ from vibrosweep.kernels.bases import (
     keep,
     leave,
     lift_off,
+    may_land,
     prepare,
     put,
     rebound,
@@ -108,10 +109,13 @@ def _step(s: Floats, lanes: int, base: Base, budget: float, window: int | None) 
     for j in range(lanes):
         fixed = take(base, s, j)
         x_from, u_from = s[ROW.X + j], s[ROW.U + j]
-        time, v, landed = approach(fixed, s, j, budget)
+        time, v, landed = approach(fixed, s, j)
         x, passed = land(x_from, time)
         n = s[ROW.N + j] + passed
-        seen = landed & (n <= s[ROW.X_END + j] - x)
+        inside = n <= s[ROW.X_END + j] - x
+        # the landing after the end is beyond no budget: it ends a flight that counts
+        landed = landed & (may_land(fixed, s, j, budget) | (not inside))
+        seen = landed & inside
         # after a rest for good the phase is NaN, which is never before the end
         n_off, x_off, u, leaves = lift_off(fixed, n, x, rebound(fixed, x, v))
         if window is not None:

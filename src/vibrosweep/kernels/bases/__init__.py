@@ -53,6 +53,7 @@ __all__ = [
     "lift_off",
     "lifts",
     "lowest",
+    "may_land",
     "pending",
     "prepare",
     "put",
@@ -116,12 +117,17 @@ def prepare(base: Base, s: Floats, lanes: int) -> None:
 
 
 @question
-def approach(fixed: Constants, s: Floats, j: int, budget: float) -> tuple[float, float, bool]:
+def approach(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
     """One pass of the search for the landing of lane j: time of flight, speed, and whether found.
 
-    Where it is not, the time is that at which the search goes on.  None is found of a particle
-    that has had `budget` impacts.
+    Where it is not, the time is that at which the search goes on.
     """
+    raise NotImplementedError
+
+
+@question
+def may_land(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
+    """Whether lane j has had fewer impacts than the budget; True where looks see to that."""
     raise NotImplementedError
 
 

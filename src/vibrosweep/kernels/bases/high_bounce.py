@@ -110,9 +110,14 @@ def _(base: HighBounce, s: Floats, lanes: int) -> None:
 
 
 @answer(bases.approach, Constants)
-def _(fixed: Constants, s: Floats, j: int, budget: float) -> tuple[float, float, bool]:
+def _(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
     u = s[ROW.U + j]
     return u, u, True
+
+
+@answer(bases.may_land, Constants)
+def _(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
+    return True
 
 
 @answer(bases.keep, Constants)

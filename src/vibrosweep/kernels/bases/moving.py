@@ -36,6 +36,7 @@ TWO_PI = 2.0 * math.pi
 AT_LANDING = 2.0**-20  # periods; a landing on the way is farther than that from the end of a flight
 FRESH = -1.0  # instead of the time that has been reached: the flight has just begun
 TRIES = 20000.0  # passes after which the search for a landing is given up
+LARGEST_GAMMA = 1e9  # beyond it a slow particle meets the base more often than can be searched
 TINY = 1e-300  # of a speed: pushed into the base, if ever so little
 
 
@@ -81,7 +82,9 @@ def _(base: Moving, problem: Dimensionless, i: int) -> MovingConstants:
     alpha = problem.kick[i] / (1.0 + e)
     gamma = math.pi * alpha
     x_lift = np.nan
-    if gamma > 1.0:
+    if gamma > LARGEST_GAMMA:
+        alpha = np.nan
+    elif gamma > 1.0:
         # half the angle from pi, whose sine loses nothing near Gamma = 1
         x_lift = 0.5 - math.asin(math.sqrt((gamma - 1.0) / (2.0 * gamma))) / math.pi
     return MovingConstants(base, e, alpha, problem.rest_flight[i], x_lift)
@@ -145,7 +148,7 @@ def _begun(fixed: MovingConstants, s: Floats, j: int) -> Start:
 
 
 @answer(bases.approach, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int, budget: float) -> tuple[float, float, bool]:
+def _(fixed: MovingConstants, s: Floats, j: int) -> tuple[float, float, bool]:
     clear = Clearance(
         s[ROW.CLEAR + j],
         s[ROW.CLEAR_SLOPE + j],
@@ -153,8 +156,12 @@ def _(fixed: MovingConstants, s: Floats, j: int, budget: float) -> tuple[float, 
         s[ROW.COSINE_THEN + j],
     )
     sure, reached = s[ROW.SURE + j] != 0.0, s[ROW.REACHED + j]
-    time, v, found = try_landing(_begun(fixed, s, j), sure, reached, clear, fixed.base.arcs)
-    return time, v, found & (s[ROW.AGE + j] < budget)
+    return try_landing(_begun(fixed, s, j), sure, reached, clear, fixed.base.arcs)
+
+
+@answer(bases.may_land, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int, budget: float) -> bool:
+    return bool(s[ROW.AGE + j] < budget)
 
 
 @answer(bases.keep, MovingConstants)
@@ -171,7 +178,8 @@ def _(base: Moving, s: Floats, j: int, passes: int) -> bool:
     stays = s[ROW.AGE + j] == s[ROW.AGE_SEEN + j]
     s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
     s[ROW.TRIES + j] = s[ROW.TRIES + j] + passes if stays else 0.0
-    return bool(s[ROW.TRIES + j] >= TRIES)
+    reached = s[ROW.REACHED + j]
+    return bool((s[ROW.TRIES + j] >= TRIES) | (reached != reached))
 
 
 @answer(bases.pending, Moving)
