@@ -20,7 +20,7 @@ from accuracy import batch_of, orbit, provenance, table, write_section
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference import ball
-from vibrosweep.proof.reference._flint import arb
+from vibrosweep.proof.reference._flint import arb, ctx
 
 KINDS = (("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest"))
 CAPACITY = 2000  # landings of one trajectory that are compared
@@ -198,7 +198,7 @@ def compare(job: Job) -> Verdict:
         verdict.faults.append(f"{known} landings, {len(truth.impacts)} in truth")
         return verdict
     errors, flights = [], []
-    per_velocity = arb(2) * arb(job.scene["frequency"]) / arb(job.scene["gravity"])
+    frequency, gravity = arb(job.scene["frequency"]), arb(job.scene["gravity"])
     certain = known if complete else known - 1  # what follows the last one may be uncertain
     pairs = zip(truth.impacts[:known], job.landings[:known], strict=True)
     for k, (impact, (n, x, u, rested)) in enumerate(pairs):
@@ -208,7 +208,9 @@ def compare(job: Job) -> Verdict:
         elif k < certain and impact.rested != bool(rested):
             verdict.faults.append(f"landing {k}: rest or not")
         elif k < certain and impact.flight is not None:
-            flights.append(upper(per_velocity * impact.rebound_velocity - float(u)))
+            with ctx.workprec(128):  # the units' roundings are not the kernel's
+                speed = 2 * frequency / gravity * impact.rebound_velocity
+                flights.append(upper(speed - float(u)))
     judge(job, verdict, np.array(errors), flights)
     return verdict
 
