@@ -248,7 +248,7 @@ def try_landing(
         tried = across if above & (not sure) & (not last) else tried
         swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s
         noise = NOISE * s * (begin.alpha * swept + 0.5 * (abs(begin.y) + s))
-        grazes = (not (sure | above | last)) & ((-f <= noise) | (not nears))
+        grazes = (f <= 0.0) & (not (sure | last)) & ((-f <= noise) | (not nears))
         tried = s if grazes else tried
         arrival = (-2.0 * f1 if nears else 0.0) if grazes else arrival
         last = last | grazes

@@ -178,8 +178,9 @@ def _(base: Moving, s: Floats, j: int, passes: int) -> bool:
     stays = s[ROW.AGE + j] == s[ROW.AGE_SEEN + j]
     s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
     s[ROW.TRIES + j] = s[ROW.TRIES + j] + passes if stays else 0.0
-    reached = s[ROW.REACHED + j]
-    return bool((s[ROW.TRIES + j] >= TRIES) | (reached != reached))
+    clear = s[ROW.CLEAR + j]
+    lost = (clear != clear) & (abs(s[ROW.X + j]) <= 0.5)  # not one at rest for good
+    return bool((s[ROW.TRIES + j] >= TRIES) | lost)
 
 
 @answer(bases.pending, Moving)
@@ -199,8 +200,9 @@ def _(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
     sure, time = first_try(begin, arcs)
     v, landed, tries = 0.0, False, 0.0
     while not landed and tries <= TRIES:
-        time, v, landed = try_landing(begin, sure, time, clearance(begin, time), arcs)
-        tries += 1.0
+        clear = clearance(begin, time)
+        time, v, landed = try_landing(begin, sure, time, clear, arcs)
+        tries += 1.0 if clear.f == clear.f else TRIES
     return time if landed else np.nan, v
 
 
