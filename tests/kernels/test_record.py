@@ -119,7 +119,7 @@ def compare(land, leave, speed, rested, exact, scene):
             return n, rests
         assert rested[n] == impact.rested
         if not impact.rested:
-            u, v = float(impact.flight), exact.rebound_velocity[n]
+            u, v = float(impact.flight.speed), exact.rebound_velocity[n]
             assert leave[n] == land[n]
             assert abs(speed[n] - v) <= u_off * scene.unit + 3.0 * HALF_ULP * v
             continue
