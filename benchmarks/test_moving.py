@@ -20,7 +20,7 @@ from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import _step
-from vibrosweep.kernels.bases import at_a_time, constants, fitted, leave, put
+from vibrosweep.kernels.bases import constants, fitted, leave, put
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.lanes import LANES as LANES_OF_KERNEL
 from vibrosweep.kernels.lanes import ROW
@@ -126,10 +126,8 @@ def test_an_impact_of_the_moving_base_against_one_of_the_high_bounce_base(
 
 @njit(nogil=True, error_model="numpy")
 def passes(s, repetitions, base):
-    together = at_a_time(base)
     for _ in range(repetitions):
-        for ahead in range(0, LANES_OF_KERNEL, together):
-            _step(s[ahead:], min(together, LANES_OF_KERNEL - ahead), base, np.inf, None)
+        _step(s, LANES_OF_KERNEL, base, np.inf, None)
 
 
 def filled(ranges):

@@ -17,7 +17,7 @@ from vibrosweep.cli import main
 
 ROOT = Path(__file__).parents[1]
 SINGLE = ROOT / "sweeps" / "single_ball.toml"
-COMMAND = [sys.executable, "-c", "import sys; from vibrosweep.cli import main; sys.exit(main())"]
+COMMAND = [sys.executable, "-m", "vibrosweep"]
 # half a minute of work in chunks, and hours of one kernel that nothing can stop, for the bounds of
 # errors are carried along every landing
 CHUNKS = """

@@ -1,4 +1,4 @@
-"""Fast, accurate parameter sweeps of the vibro-impact (bouncing-ball) map.
+"""Fast, accurate parameter sweeps of the bouncing ball (vibro-impact).
 
 ``simulate`` gives every landing of a small scene, ``run`` computes a sweep file and ``open_sweep``
 opens its result; all three return an `xarray.Dataset`.  Importing this package loads neither numba

@@ -140,7 +140,7 @@ def _leave_kernels() -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="vibrosweep",
-        description="Parameter sweeps of the vibro-impact (bouncing-ball) map.",
+        description="Parameter sweeps of the bouncing ball (vibro-impact).",
     )
     parser.add_argument("--version", action="version", version=f"vibrosweep {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)

@@ -20,6 +20,9 @@ SWEEPS = [
     "\n[measure]\nseparation = true\n[record]\ngravity = 9.81\nrebound = 'reflect'",
     "[sample]\ndesign = 'table.csv'\n[measure]\nregimes = true\ntransient = 1.0",
     "[scene]\nlaunch = [0.0, 1.0]\nduration = 300.0\n[sample]\ndesign = 'table.csv'",
+    "[scene]\nparticles = 3\nbase = 'moving'\n[measure]\nseparation = true\nlyapunov = true\n"
+    "trust = true\n[record]\nduration = 3.0",
+    "[scene]\nparticles = 2\nbase = 'moving'\nbase_acceleration = 2.0\n[measure]\ntransient = 2.0",
 ]
 
 

@@ -27,8 +27,9 @@ from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.settle import settle
 from vibrosweep.kernels.statistics import combine
 from vibrosweep.kernels.trust import trust
+from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.parameters import LAWS
+from vibrosweep.model.parameters import BASES, LAWS
 
 __all__ = ["KERNELS", "Compiled", "warm_up"]
 
@@ -61,7 +62,7 @@ class Compiled(NamedTuple):
 
 
 def warm_up() -> Compiled:
-    """Compute a small scene under every law and kind of measure.
+    """Compute a small scene over every base, under every law and kind of measure.
 
     Raises
     ------
@@ -73,19 +74,22 @@ def warm_up() -> Compiled:
             "machine code cannot be kept beside the package nor in the home directory; set "
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
-    scene = all_parameters({"amplitude": np.array([1.0, 1.0])})  # one problem twice
+    ways = [pair for pair in product(BASES, LAWS) if not invalid_law(*pair)]
+    # one problem twice; over a moving base, with at most 1 g and with more
+    scenes = [all_parameters({"amplitude": np.array([a, a])}) for a in (1.0, 6.0)]
     with Workers(1) as workers:
-        for rebound, transient, regimes in product(LAWS, (0.0, 1.0), (False, True)):
-            endless = record_observation(2, "staggered", 2.0, rebound, 1000)
-            record_landings(scene, endless, workers)
+        for (base, rebound), transient, regimes in product(ways, (0.0, 1.0), (False, True)):
+            endless = record_observation(2, "staggered", 2.0, rebound, 1000, base)
+            record_landings(scenes[0], endless, workers)
             asked = Measures(transient, separation=True, lyapunov=regimes, trust=True)
-            measure(scene, replace(endless, measures=asked), workers)
             # long enough for orbits to recur
             longer = replace(endless, duration=2.0 * PERIODS_TO_RECUR)
-            measure(scene, longer.measuring(transient=transient), workers)
-        for rebound in LAWS:
+            for scene in scenes:
+                measure(scene, replace(endless, measures=asked), workers)
+                measure(scene, longer.measuring(transient=transient), workers)
+        for base, rebound in ways:
             point = np.array([0.9]), np.array([1.2])
-            locked(Scene(rebound=rebound), Locked(1), *point, workers)
+            locked(Scene(base=base, rebound=rebound), Locked(1), *point, workers)
     made = sum(sum(kernel.stats.cache_misses.values()) for kernel in KERNELS)
     kept = sum(sum(kernel.stats.cache_hits.values()) for kernel in KERNELS)
     return Compiled(made, kept, _jit.cache_directory)

@@ -130,6 +130,7 @@ _RPI = ("realization", "particle", "impact")
 _UNDECIDED = ((UNDETERMINED, "undetermined"),)
 _STATUS = tuple((int(s), s.meaning) for s in Status)
 _AFTER = "of the flights that follow the landings in the window; NaN without any"
+_APEX = "highest points above the mean level of the base, v^2 / 2g where it does not move,"
 _WITHOUT = "0 where no recurrence was found"
 _NO_ORBIT = "-1 where no recurrence was found"
 _BOUND = (
@@ -166,16 +167,16 @@ def _code(
 _STATISTICS: Final = (
     _count("impact_count", _R, "landings", judged="total"),
     _count("rest_count", _R, "landings after which the particle rested", judged="total"),
-    _real("rebound_height_mean", _R, "m", "mean rebound height", f"v^2 / 2g {_AFTER}"),
+    _real("rebound_height_mean", _R, "m", "mean rebound height", f"{_APEX} {_AFTER}"),
     _real(
         "rebound_height_max",
         _R,
         "m",
         "maximum rebound height",
-        f"v^2 / 2g {_AFTER}; the launch is left out",
+        f"{_APEX} {_AFTER}; the launch is left out",
         judged="greatest",
     ),
-    _real("flight_time_mean", _R, "s", "mean flight time", f"2 v / g {_AFTER}"),
+    _real("flight_time_mean", _R, "s", "mean flight time", f"from lift-off to landing, {_AFTER}"),
 )
 
 ALWAYS: Final = (
@@ -307,7 +308,8 @@ _REGIMES: Final = Measure(
             "rounding may have changed a decision along the cycle",
             ((UNDETERMINED, "no_cycle"), (0, "certain"), (1, "uncertain")),
             "the bound of the error along the cycle reaches the distance of a landing from the "
-            "threshold of rest: the exact model may have another cycle",
+            "threshold of rest, or of a flight from a graze: the exact model may have another "
+            "cycle",
             judged="uncertain",
         ),
         _real(
@@ -365,8 +367,8 @@ _LYAPUNOV: Final = Measure(
             _RP,
             "1",
             "sum of both Lyapunov exponents per impact",
-            "the logarithm of the restitution, but -inf where the orbit rests; NaN without "
-            "landings in the window",
+            "the logarithm of the restitution, over a moving base twice that; -inf where the orbit "
+            "rests; NaN without landings in the window",
             judged="exponent_sum",
         ),
         _real(
@@ -541,7 +543,7 @@ RECORD: Final[Mapping[str, Variable]] = {
             _RPI,
             "m s-1",
             "speed at lift-off",
-            "NaN where the particle rests for good",
+            "absolute, also where the base moves; NaN where the particle rests for good",
         ),
         _code(
             "rested",

@@ -1,0 +1,7 @@
+"""``python -m vibrosweep`` is the command ``vibrosweep``."""
+
+import sys
+
+from vibrosweep.cli import main
+
+sys.exit(main())
