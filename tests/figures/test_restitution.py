@@ -39,10 +39,19 @@ def test_a_forcing_given_as_acceleration_colours_the_dots(sweep):
 
 
 def test_small_dots_are_seen_in_the_legend(synthetic_sweep):
-    figure = height_against_restitution(synthetic_sweep(2000))
+    sweep = synthetic_sweep(2000)
+    sweep["rebound_height_max"][:3] = np.nan
+    figure = height_against_restitution(sweep)
     dots = dots_of(figure, "rebounds")
+    assert len(dots.get_offsets()) == 1997
+    figure.draw_without_rendering()
     (handle, *_) = figure.axes[0].get_legend().legend_handles
     assert dots.get_sizes().max() < handle.get_sizes().max()
+    assert handle.get_facecolor()[0, 3] == 1.0
+    sweep["rebound_height_max"][:] = np.nan
+    assert "no rebound in 2000" in (
+        height_against_restitution(sweep).axes[0].get_legend().get_title().get_text()
+    )
 
 
 def test_open_circles_where_the_launch_is_highest(sweep):

@@ -129,11 +129,12 @@ def _draw_dots(
 ) -> None:
     """Draw a dot per realization, coloured by how strong the forcing is if that varies."""
     name = data.drawn_forcing(sweep)
-    forcing = data.quantity(sweep, name) if name else data.kick(sweep)
-    coloured = np.ptp(forcing) > 0.0
+    known = np.isfinite(height)  # the first of the dots is that of the legend
+    forcing = (data.quantity(sweep, name) if name else data.kick(sweep))[known]
+    coloured = np.ptp(forcing) > 0.0 if forcing.size else False
     dots = axes.scatter(
-        restitution,
-        height,
+        restitution[known],
+        height[known],
         s=float(np.clip(4000.0 / restitution.size, 1.5, LARGEST_DOT)),
         c=forcing if coloured else style.OKABE_ITO[0],
         cmap=style.SEQUENTIAL_MAP if coloured else None,
