@@ -137,6 +137,12 @@ design = "grid"
             ["amplitude up", "rest"],
             "rebound_velocity",
         ),
+        (
+            "bifurcation",
+            "base_acceleration = [0.5, 0.6, 0.7]",
+            ["acceleration down"],
+            "rebound_velocity",
+        ),
         ("basins", "launch_velocity = [1.0, 3.0, 5.0]", ["in 1 period", "%"], "basin"),
     ],
 )
@@ -165,6 +171,12 @@ def test_a_diagram_and_its_picture_are_written(
         ),
         ("bifurcation", "amplitude = [1.0, 2.0]", ["--observable", "height"], ["rebound_height"]),
         ("basins", "amplitude = [1.0, 2.0]", [], ["sample.amplitude", "axis of launch_velocity"]),
+        (
+            "windows",
+            'base_acceleration = [0.5, 1.0]\n[windows]\nconditions = ["locked(1)"]',
+            [],
+            ["sample.base_acceleration", "amplitude = (1 + restitution) base_velocity"],
+        ),
     ],
 )
 def test_a_grid_of_the_wrong_axes_is_refused(command, axis, options, words, spec, tmp_path, capsys):

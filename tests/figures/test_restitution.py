@@ -30,6 +30,30 @@ def test_one_dot_per_realization_coloured_by_amplitude(sweep):
     np.testing.assert_array_equal(dots.get_array(), sweep.amplitude)
 
 
+def test_a_forcing_given_as_acceleration_colours_the_dots(sweep):
+    gamma = 2.0 * np.pi * sweep.amplitude / (9.81 * (1.0 + sweep.restitution))
+    given = sweep.assign_coords(base_acceleration=gamma)
+    figure = height_against_restitution(given.assign_attrs(forcing="base_acceleration"))
+    np.testing.assert_array_equal(dots_of(figure, "rebounds").get_array(), gamma)
+    assert any(r"$\Gamma$" in axes.get_ylabel() for axes in figure.axes)
+
+
+def test_small_dots_are_seen_in_the_legend(synthetic_sweep):
+    sweep = synthetic_sweep(2000)
+    sweep["rebound_height_max"][:3] = np.nan
+    figure = height_against_restitution(sweep)
+    dots = dots_of(figure, "rebounds")
+    assert len(dots.get_offsets()) == 1997
+    figure.draw_without_rendering()
+    (handle, *_) = figure.axes[0].get_legend().legend_handles
+    assert dots.get_sizes().max() < handle.get_sizes().max()
+    assert handle.get_facecolor()[0, 3] == 1.0
+    sweep["rebound_height_max"][:] = np.nan
+    assert "no rebound in 2000" in (
+        height_against_restitution(sweep).axes[0].get_legend().get_title().get_text()
+    )
+
+
 def test_open_circles_where_the_launch_is_highest(sweep):
     circles = np.asarray(dots_of(height_against_restitution(sweep), "launch counted").get_offsets())
     lower = sweep.rebound_height_max.values < 25 / (2 * 9.81)

@@ -4,6 +4,8 @@ import io
 
 import numpy as np
 import pytest
+import xarray as xr
+from matplotlib.colors import to_rgb
 
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.bifurcation import bifurcation, bifurcation_of_spec
@@ -14,6 +16,7 @@ from vibrosweep.figures.basins import basins_of_attraction
 from vibrosweep.figures.bifurcation import bifurcation_diagram
 from vibrosweep.figures.stability_windows import stability_windows
 from vibrosweep.model import theory
+from vibrosweep.model.status import Regime
 from vibrosweep.spec.sweep import read_spec
 
 SCENE = Scene(particles=2, duration=300.0)
@@ -97,6 +100,26 @@ def test_basins_are_named_with_their_fractions():
     assert labels(axes)[0].endswith(f"{100 * first:.3g} %")
     mesh = axes.collections[0].get_array()
     assert np.array_equal(np.asarray(mesh).ravel(), found["basin"].values.ravel())
+
+
+def test_colours_of_attractors_are_told_apart():
+    count = 10
+    fractions = xr.DataArray(np.full(count, 0.1), dims="attractor")
+    found = xr.Dataset(
+        {
+            "basin": (("launch_velocity", "launch_time"), np.arange(12).reshape(3, 4) % count),
+            "fraction": fractions,
+            "regime": fractions.astype(np.int8) + int(Regime.LOCKED),
+            "cycle_impacts": fractions.astype(int) + 1,
+            "cycle_periods": fractions.astype(int) + 1,
+        },
+        {"launch_velocity": np.arange(3.0), "launch_time": np.arange(4.0)},
+    )
+    (axes,) = basins_of_attraction(found).axes
+    assert labels(axes)[-1] == "3 others, 30 %"
+    colours = np.array([to_rgb(line.get_color()) for line in axes.lines])
+    apart = np.abs(colours[:, np.newaxis] - colours).max(axis=-1)
+    assert apart[np.triu_indices(len(colours), 1)].min() > 0.2
 
 
 def test_windows_over_a_moving_base_are_drawn_with_its_closed_forms():

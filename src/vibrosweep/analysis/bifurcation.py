@@ -165,6 +165,7 @@ def bifurcation_of_spec(spec: SweepSpec, observable: str, samples: int, threads:
 
 def summary(diagram: xr.Dataset) -> Iterator[str]:
     """Describe in one line per direction what the orbits settle on."""
+    along = diagram.attrs.get("forcing", "amplitude").removeprefix("base_")
     for direction in diagram["direction"].values:
         regimes = diagram["regime"].sel(direction=direction).values.ravel()
         parts = [
@@ -172,7 +173,7 @@ def summary(diagram: xr.Dataset) -> Iterator[str]:
             for one in Regime
             if np.any(regimes == one)
         ]
-        yield f"amplitude {direction:14}{', '.join(parts)}"
+        yield f"{f'{along} {direction}':24}{', '.join(parts)}"
 
 
 def _observable(

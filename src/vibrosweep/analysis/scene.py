@@ -255,6 +255,8 @@ def grid_axes(
     if spec.design != "grid" or needed not in axes or other:
         wrong = f"sample.{other[0]}" if other else f'sample.design = "{spec.design}"'
         also = f" and, if need be, of {' or '.join(allowed)}" if allowed else " and no other"
+        if needed == "amplitude" and not FORCINGS.keys().isdisjoint(other):
+            also += "; give the forcing as amplitude = (1 + restitution) base_velocity"
         raise SpecError(
             f'{spec.source}: {wrong}: {purpose} need design = "grid" with an axis of {needed}{also}'
         )

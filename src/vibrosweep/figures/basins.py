@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
@@ -18,8 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["NEEDS", "basins_of_attraction"]
 
 NEEDS: Final = data.Needs(("basin", "fraction", "regime", "cycle_impacts", "cycle_periods"))
-NAMED: Final = 8  # attractors with a line of their own in the legend
-MAP: Final = "tab20"
+NAMED: Final = len(style.OKABE_ITO) + 1  # attractors with a line of their own in the legend
 
 
 @style.styled
@@ -40,7 +38,7 @@ def basins_of_attraction(basins: xr.Dataset) -> Figure:
     figure, axes = style.new_figure(style.PAGE, 3.6)
     count = basins.sizes["attractor"]
     shown = min(count, NAMED)
-    colours = [*style.OKABE_ITO[:6], *colormaps[MAP].colors][:shown]  # type: ignore[attr-defined]
+    colours = [*style.OKABE_ITO, "0.75"][:shown]
     axes.pcolormesh(
         basins["launch_time"].values,
         basins["launch_velocity"].values,

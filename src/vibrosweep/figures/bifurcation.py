@@ -38,8 +38,8 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
         The dataset lacks a variable.
     """
     NEEDS.check("bifurcation_diagram", diagram)
-    figure = Figure(figsize=(style.PAGE, 4.6), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
+    figure = Figure(figsize=(style.PAGE, 5.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     name, along = str(diagram.attrs["observable"]), "amplitude"
     if diagram.attrs.get("forcing") == "base_acceleration":
         along = "base_acceleration"
@@ -55,7 +55,7 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     upper.set_ylabel(data.label(diagram, name))
     lower.set_xlabel(data.label(diagram, along))
     lower.set_ylabel("largest Lyapunov\nexponent per impact")
-    style.head(upper, data.conditions(diagram.drop_vars("amplitude")))
+    style.head(upper, data.conditions(diagram.drop_vars(["amplitude", "base_acceleration"])))
     return figure
 
 
@@ -63,7 +63,7 @@ def _exponents(axes: Axes, diagram: xr.Dataset, x: data.Array) -> None:
     exponents = diagram["lyapunov_largest"]
     known = exponents.values[np.isfinite(exponents.values)]
     low, high = (float(known.min()), float(known.max())) if known.size else (-1.0, 0.0)
-    floor = low - 0.1 * max(high - low, 0.1)
+    floor = low - 0.25 * max(high - low, 0.1)
     for direction, colour, size in ORDER:
         values = exponents.sel(direction=direction).values
         values = np.where(values == -np.inf, floor, values)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.base_motion import moves
 from vibrosweep.analysis.requirements import remedy
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.parameters import PARAMETERS
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ __all__ = [
     "Array",
     "Needs",
     "conditions",
+    "drawn_forcing",
     "fixed",
     "format_units",
     "kick",
@@ -36,6 +38,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 KICK: Final = "kick"
+ACCELERATION: Final = "base_acceleration"
 # Characters that fit beside the shortest colour bar, with room for symbol and units
 LABEL_WIDTH: Final = 32
 SYMBOLS: Final = {
@@ -123,6 +126,17 @@ def kick(dataset: xr.Dataset) -> Array:
     return 2.0 * frequency * amplitude / gravity
 
 
+def drawn_forcing(dataset: xr.Dataset) -> str | None:
+    """Name of the forcing that figures show: what was given as acceleration in g, the amplitude.
+
+    None where frequency or gravity differ, so that amplitudes are not comparable.
+    """
+    if dataset.attrs.get("forcing") == ACCELERATION:
+        return ACCELERATION
+    common = fixed(dataset, "frequency") is not None and fixed(dataset, "gravity") is not None
+    return "amplitude" if common else None
+
+
 def one_realization(record: xr.Dataset, realization: int) -> xr.Dataset:
     """Select one realization of a record, by position.
 
@@ -171,16 +185,19 @@ def label(dataset: xr.Dataset, name: str) -> str:
 
 
 def conditions(dataset: xr.Dataset) -> str:
-    """Return restitution, amplitude and frequency where all realizations share them, in a line."""
+    """Restitution, forcing and frequency where realizations share them, base and law, in a line.
+
+    The forcing is shown as it was given, if the dataset holds that.
+    """
     parts = []
-    for name in ("restitution", "amplitude", "frequency"):
+    given = str(dataset.attrs.get("forcing", "amplitude"))
+    forcing = given if given in dataset.variables else "amplitude"
+    for name in ("restitution", forcing, "frequency"):
         value = fixed(dataset, name) if name in dataset.variables else None
         if value is not None:
-            units = PARAMETERS[name].units
+            units = INPUTS[name].units
             unit = "" if units == "1" else f" {_raised(units)}"
             parts.append(f"${SYMBOLS[name]}$ = {value:.4g}{unit}")
-    if dataset.attrs.get("base") == "moving":
-        parts.append("moving base")
     if dataset.attrs.get("rebound") == "reflect":
         parts.append("reflect law")
     if moves(dataset):

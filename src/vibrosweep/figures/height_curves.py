@@ -223,10 +223,11 @@ def _draw_rests(
             linewidths=3.0,
             capstyle="butt",
             zorder=2.5,
-            label="at rest on the base" if of else None,
         ),
         autolim=False,
     )
+    if of:  # in the legend not the colour of one particle
+        axes.plot([], [], color=REST, linewidth=3.0, label="at rest on the base")
 
 
 def _draw_landings(

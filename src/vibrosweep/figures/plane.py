@@ -21,7 +21,6 @@ __all__ = ["NEEDS", "parameter_plane"]
 
 CHOICES: Final = ("dt_min", "rebound_height_max")
 AXES: Final = ("restitution", "amplitude", "frequency", "gravity")
-ACCELERATION: Final = "base_acceleration"
 NEEDS: Final = data.Needs(AXES, one_of=CHOICES, varied=("restitution", "kick"))
 
 
@@ -76,17 +75,13 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
 def _vertical(sweep: xr.Dataset) -> tuple[Forcing, Array, str]:
     """What the vertical axis is, its values, and its label."""
     base = base_name(sweep)
-    if sweep.attrs.get("forcing") == ACCELERATION:
-        label = data.label(sweep, ACCELERATION)
-        return (
-            Forcing(r"\Gamma", base, is_acceleration=True),
-            data.quantity(sweep, ACCELERATION),
-            label,
-        )
-    frequency, gravity = data.fixed(sweep, "frequency"), data.fixed(sweep, "gravity")
-    if frequency is None or gravity is None:
+    name = data.drawn_forcing(sweep)
+    if name is None:
         return Forcing("a", base), data.kick(sweep), "kick $a = 2 f A / g$"
-    values, label = data.quantity(sweep, "amplitude"), data.label(sweep, "amplitude")
+    values, label = data.quantity(sweep, name), data.label(sweep, name)
+    if name == data.ACCELERATION:
+        return Forcing(data.SYMBOLS[name], base, is_acceleration=True), values, label
+    frequency, gravity = (float(data.quantity(sweep, n)[0]) for n in ("frequency", "gravity"))
     return Forcing("A", base, frequency, gravity), values, label
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
@@ -33,6 +34,7 @@ NEEDS: Final = data.Needs(
 )
 
 CELLS: Final = 160
+LARGEST_DOT: Final = 14.0
 # Two plateaus closer than this fraction of the axis cannot both be labelled.
 LABEL_GAP: Final = 0.06
 
@@ -89,6 +91,10 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     axes.set_xlabel(data.label(sweep, "restitution"))
     axes.set_ylabel(in_metres if unit.ndim == 0 else in_units)
     style.head(axes, _remark(sweep, rebound))
+    legend = axes.get_legend()
+    for handle in legend.legend_handles if legend else ():
+        if isinstance(handle, PathCollection):  # dots of many realizations cannot be seen in it
+            handle.set_sizes([LARGEST_DOT])
     return figure
 
 
@@ -122,13 +128,14 @@ def _draw_dots(
     figure: Figure, axes: Axes, sweep: xr.Dataset, restitution: Array, height: Array
 ) -> None:
     """Draw a dot per realization, coloured by how strong the forcing is if that varies."""
-    common = data.fixed(sweep, "frequency") is not None and data.fixed(sweep, "gravity") is not None
-    forcing = data.quantity(sweep, "amplitude") if common else data.kick(sweep)
-    coloured = np.ptp(forcing) > 0.0
+    name = data.drawn_forcing(sweep)
+    known = np.isfinite(height)  # the first of the dots is that of the legend
+    forcing = (data.quantity(sweep, name) if name else data.kick(sweep))[known]
+    coloured = np.ptp(forcing) > 0.0 if forcing.size else False
     dots = axes.scatter(
-        restitution,
-        height,
-        s=float(np.clip(4000.0 / restitution.size, 1.5, 14.0)),
+        restitution[known],
+        height[known],
+        s=float(np.clip(4000.0 / restitution.size, 1.5, LARGEST_DOT)),
         c=forcing if coloured else style.OKABE_ITO[0],
         cmap=style.SEQUENTIAL_MAP if coloured else None,
         linewidths=0,
@@ -137,7 +144,7 @@ def _draw_dots(
         zorder=2.5,
     )
     if coloured:
-        words = data.label(sweep, "amplitude") if common else "kick $2 f A / g$"
+        words = data.label(sweep, name) if name else "kick $2 f A / g$"
         figure.colorbar(dots, ax=axes, label=words, pad=0.02, aspect=30)
 
 

@@ -119,8 +119,8 @@ def _draw_points(
 ) -> None:
     size = float(np.clip(20.0 / np.sqrt(np.sqrt(before.size + 1)), 0.8, 3.5))
     for chosen, colour, name in (
-        (~late, EARLY, f"to {half:g} s"),
-        (late, LATE, f"after {half:g} s"),
+        (~late, EARLY, f"to {half:.4g} s"),
+        (late, LATE, f"after {half:.4g} s"),
     ):
         axes.plot(
             before[chosen],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Callable
 from typing import Any, Final, ParamSpec
 
@@ -38,6 +39,10 @@ PAGE: Final = 7.0
 
 # More points than this are counted in cells instead of drawn one by one.
 MANY: Final = 20_000
+
+# Of a remark above the axes; what beside them is not text, in inches
+LETTERS_PER_INCH: Final = 14
+BESIDE: Final = 0.5
 
 SEQUENTIAL_MAP: Final = "viridis"
 DENSITY_MAP: Final = "cividis_r"
@@ -124,6 +129,9 @@ def halo(width: float = 2.2) -> list[patheffects.AbstractPathEffect]:
 
 def head(axes: Axes, remark: str, columns: int = 4) -> None:
     """Put a remark and the legend, if there is one, above the axes, where they cover no data."""
+    figure = axes.get_figure(root=True)
+    if figure is not None:
+        remark = _in_lines(remark, figure.get_figwidth())
     handles, labels = axes.get_legend_handles_labels()
     if not handles:
         axes.set_title(remark)
@@ -137,3 +145,17 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
         alignment="left",
         ncols=columns,
     )
+
+
+def _in_lines(remark: str, width: float) -> str:
+    """Break a remark after commas: one wider than its figure is cut off, and narrows the axes."""
+    lines: list[str] = []
+    for part in remark.split(", "):
+        longer = f"{lines[-1]}, {part}" if lines else part
+        drawn = re.sub(r"\\[a-z]+|[$^{}]", "", longer)  # roughly, without the marks of mathtext
+        if lines and len(drawn) > LETTERS_PER_INCH * (width - BESIDE):
+            lines[-1] += ","
+            lines.append(part)
+        else:
+            lines[-1:] = [longer]
+    return "\n".join(lines)

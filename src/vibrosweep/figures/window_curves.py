@@ -123,7 +123,7 @@ def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[in
             va="center",
             fontsize=7.5,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.6},
-            zorder=4,
+            zorder=4.0 if over else 1.0,
             clip_on=True,
         )
 
