@@ -37,6 +37,20 @@ def test_indices_of_a_linear_function_are_its_shares_of_variance(linear):
         assert 0.0 < high[0, 1] - low[0, 1] < 0.3
 
 
+def test_any_forcing_may_vary(monkeypatch):
+    def measure(parameters, observation, workers):
+        speed = parameters["amplitude"] / (1.0 + parameters["restitution"])
+        return {"dt_min": speed * parameters["frequency"] / parameters["gravity"]}
+
+    monkeypatch.setattr(sensitivity, "measure", measure)
+    ranges = dict.fromkeys(("restitution", "base_acceleration", "frequency", "gravity"), (0.5, 0.9))
+    found = sobol_indices(ranges, None, None, outputs=["dt_min"], base=64)
+    # what is measured is the acceleration alone, over 2 pi
+    np.testing.assert_allclose(found["mean"], [0.7 / (2.0 * np.pi)], rtol=0.01)
+    for name in ("first_order", "total_order"):
+        np.testing.assert_allclose(found[name][0], [0.0, 1.0, 0.0, 0.0], atol=0.05)
+
+
 def test_indices_repeat_with_the_seed(linear):
     runs = [
         sobol_indices(RANGES, None, None, outputs=["dt_min"], base=64, seed=s) for s in (1, 1, 2)
@@ -75,6 +89,8 @@ def test_indices_of_one_impact_follow_from_its_height(observe, workers):
         ({"restitution": (0.9, 1.2)}, 64, "restitution"),
         ({"restitution": (0.9, 0.9)}, 64, "restitution"),
         ({"speed": (0.0, 1.0)}, 64, "speed"),
+        ({"base_acceleration": (-1.0, 1.0)}, 64, "base_acceleration"),
+        ({"amplitude": (0.2, 1.0), "base_velocity": (0.2, 1.0)}, 64, "exactly one"),
         ({}, 64, "at least one"),
         (RANGES, 100, "power of 2"),
     ],

@@ -15,8 +15,8 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.forcing import FORCINGS, INPUTS, completed, forcing_of, only_parameters
 from vibrosweep.model.measures import MEASURE_OF
-from vibrosweep.model.parameters import PARAMETERS
 
 __all__ = ["OUTPUTS", "sobol_indices"]
 
@@ -44,7 +44,8 @@ def sobol_indices(
     Parameters
     ----------
     ranges
-        Lower and upper end of each parameter that varies; the others are those of Table 1.
+        Lower and upper end of each parameter that varies; the others are those of Table 1.  The
+        forcing may vary as any one of `vibrosweep.model.forcing.FORCINGS`.
     observation
         What is launched and watched; it must measure the outputs.
     workers
@@ -67,7 +68,7 @@ def sobol_indices(
     Raises
     ------
     ParameterError
-        A range or the base is not allowed.
+        A range or the base is not allowed, or there are two forcings.
     DataError
         An output is undefined in some realizations, or the same in all.
     """
@@ -92,13 +93,14 @@ def sobol_indices(
 
 def _require_ranges(ranges: Mapping[str, tuple[float, float]], base: int) -> None:
     for name, (low, high) in ranges.items():
-        if name not in PARAMETERS:
-            raise ParameterError(f"{name}: must be one of {', '.join(PARAMETERS)}")
-        if not (np.all(PARAMETERS[name].accepts([low, high])) and low < high):
+        if name not in INPUTS:
+            raise ParameterError(f"{name}: must be one of {', '.join(INPUTS)}")
+        if not (np.all(INPUTS[name].accepts([low, high])) and low < high):
             raise ParameterError(
                 f"{name} = [{low!r}, {high!r}]: must be a range of numbers that are "
-                f"{PARAMETERS[name].allowed}"
+                f"{INPUTS[name].allowed}"
             )
+    forcing_of(ranges)
     if not ranges:
         raise ParameterError("ranges: must name at least one parameter that varies")
     if base < 2 or base & (base - 1):
@@ -116,7 +118,7 @@ def _measured(
     found = []
     for start in range(0, len(points), BATCH):
         given = dict(zip(names, points[start : start + BATCH].T, strict=True))
-        measured = measure(all_parameters(given), observation, workers)
+        measured = measure(_with_amplitude(given), observation, workers)
         _require_outputs(measured, outputs)
         found.append(np.array([measured[name] for name in outputs], dtype=np.float64))
     values = np.concatenate(found, axis=1)
@@ -130,6 +132,15 @@ def _measured(
         if np.ptp(row) == 0.0:
             raise DataError(f"sobol_indices: {name} is the same in all realizations")
     return values
+
+
+def _with_amplitude(given: dict[str, Array]) -> dict[str, Array]:
+    """All parameters of realizations in which any forcing may be given."""
+    every = all_parameters(given)
+    if not FORCINGS.keys().isdisjoint(given):
+        others = {name: v for name, v in every.items() if name not in FORCINGS}
+        every = only_parameters(completed(others | given))
+    return every
 
 
 def _require_outputs(measured: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> None:
