@@ -87,10 +87,15 @@ print(*max(packed, key=len))
 
 @compiles
 @pytest.mark.parametrize(
-    ("bits", "register", "feature"),
-    [(128, "xmm", "avx2"), (256, "ymm", "avx2"), (512, "zmm", "avx512f")],
+    ("base", "bits", "register", "feature"),
+    [
+        ("high-bounce", 128, "xmm", "avx2"),
+        ("high-bounce", 256, "ymm", "avx2"),
+        ("high-bounce", 512, "zmm", "avx512f"),
+        ("moving", 256, "ymm", "avx2"),
+        ("moving", 512, "zmm", "avx512f"),
+    ],
 )
-@pytest.mark.parametrize("base", BASES)
 def test_the_hot_loop_uses_registers_of_the_width_that_is_asked_for(base, bits, register, feature):
     if not binding.get_host_cpu_features().get(feature):
         pytest.skip(f"this processor has no {feature}")

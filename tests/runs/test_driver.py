@@ -43,9 +43,9 @@ def bits(path):
         return {name: (v.dims, v.dtype, v.values.tobytes()) for name, v in sweep.variables.items()}
 
 
-@pytest.mark.parametrize("law", ["rest", "reflect"])
-def test_bits_depend_on_neither_threads_nor_chunks(compute, law):
-    text = DRAWN.replace("particles", f'rebound = "{law}"\nparticles').replace("= 40", "= 11")
+@pytest.mark.parametrize("physics", ['rebound = "reflect"', 'rebound = "rest"', 'base = "moving"'])
+def test_bits_depend_on_neither_threads_nor_chunks(compute, physics):
+    text = DRAWN.replace("particles", f"{physics}\nparticles").replace("= 40", "= 11")
     text += ALL_MEASURES
     expected = bits(compute(text, threads=2))
     for threads in (1, 2):
