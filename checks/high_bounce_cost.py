@@ -18,6 +18,7 @@ import high_bounce_pictures as pictures
 from accuracy import provenance, table, write_section
 from high_bounce_literature import chaos, literature, tangent_root
 from high_bounce_scenes import (
+    BOTH,
     GRAVITY,
     MOVING,
     PAPER,
@@ -35,7 +36,6 @@ from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model import theory
-from vibrosweep.model.parameters import BASES
 from vibrosweep.model.status import Regime
 from vibrosweep.runs.driver import observation_of
 
@@ -70,7 +70,7 @@ def regimes(workers, options):
     drawn = independent(options.seed, COUNT)
 
     def both(values, observation):
-        return [regime_of(measured(values, observation, base, workers)).ravel() for base in BASES]
+        return [regime_of(measured(values, observation, base, workers)).ravel() for base in BOTH]
 
     early = both(drawn, settled(1, (0.0,), 1000.0))
     found, paper = both(drawn, settled(1, (0.0,))), both(of_paper(), settled())
@@ -126,14 +126,14 @@ def short(workers, _options):
     drawn = of_paper()
     found = [
         measured(drawn, observation_of(PAPER).measuring(trust=False), base, workers)
-        for base in BASES
+        for base in BOTH
     ]
     launch = np.arange(PAPER.particles) / PAPER.particles
     times = [
         simulate(**drawn, launch_time=launch, duration=PAPER.duration, base=base)[
             "landing_time"
         ].values
-        for base in BASES
+        for base in BOTH
     ]
     first = np.abs(times[0][..., 0] - times[1][..., 0])
     parted = apart(*times)
@@ -184,7 +184,7 @@ def plane(workers, options, size=72):
     """Regimes over restitution and Gamma on both bases, with the picture's data."""
     e, gamma = np.meshgrid(np.linspace(0.30, 0.98, size), np.geomspace(0.03, 6.0, size))
     drawn = {"restitution": e.ravel(), "amplitude": amplitude_of(e, gamma).ravel()}
-    found = [measured(drawn, settled(duration=5000.0), base, workers) for base in BASES]
+    found = [measured(drawn, settled(duration=5000.0), base, workers) for base in BOTH]
     kinds = [regime_of(one) for one in found]
     pairs = (kinds, [np.maximum(kind, Regime.RESTING) for kind in kinds])
     agreement = [np.mean(one == other, axis=1).reshape(e.shape) for one, other in pairs]
@@ -231,7 +231,7 @@ def locked(workers, _options):
         q = (1.0 - e) / (1.0 + e)
         gamma = (np.pi * q + np.hypot(np.pi * q, 1.0)) / 2.0
         amplitude = amplitude_of(e, gamma)
-        both = [orbit_of(e, amplitude, base, workers) for base in BASES]
+        both = [orbit_of(e, amplitude, base, workers) for base in BOTH]
         assert abs(both[1][1] / theory.locked_apex(1, e, amplitude) - 1.0) < 1e-12
         cells = (f"{still:.5f}, {moving:.5f}" for still, moving in zip(*both, strict=True))
         rows.append((e, f"{gamma:.4f}", *cells))
@@ -243,7 +243,7 @@ def windows(workers, _options):
     """Ends of the window of mode 1 as bisection finds them, held against their closed forms."""
     e = np.array([0.0, 0.05, 0.3, 0.5, 0.7, 0.9, 0.99])
     rows = [[f"{one:g}"] for one in e]
-    for base in BASES:
+    for base in BOTH:
         scan = np.linspace(0.005, 15.0, 200)
         found = find_windows(Scene(base=base), e, scan, ["locked(1)"], threads=2)
         one = found.isel(condition=0, direction=0, window=0)
@@ -275,7 +275,7 @@ def limit(workers, _options):
             simulate(amplitude=amplitude_of(e, gammas), base=base, **common)["landing_time"].values[
                 ..., :4
             ]
-            for base in BASES
+            for base in BOTH
         ]
         curves[u] = np.sqrt(np.mean((times[0] - times[1]) ** 2, axis=1))
     return gammas, curves

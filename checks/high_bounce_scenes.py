@@ -15,7 +15,7 @@ from vibrosweep.model.status import Regime
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import read_spec
 
-STILL, MOVING = BASES
+STILL, MOVING = BOTH = BASES[:2]
 PAPER = read_spec(Path(__file__).parents[1] / "sweeps" / "paper.toml")
 GRAVITY = PARAMETERS["gravity"].default
 SETTLED = 20_000.0  # s at 1 Hz; a locked orbit of e = 0.98 recurs within 7,500 periods

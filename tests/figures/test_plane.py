@@ -13,7 +13,6 @@ from vibrosweep.figures import parameter_plane
 from vibrosweep.figures.cells import commonest, equal_cells, grid_cells, median
 from vibrosweep.figures.window_curves import Forcing, window_curves
 from vibrosweep.model import theory
-from vibrosweep.model.parameters import BASES
 
 
 def numbers_of(figure):
@@ -53,7 +52,7 @@ def test_curves_out_of_view_are_left_out():
     assert (curve.mode, curve.is_upper) == (1, False)
 
 
-@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("base", theory.FIXED)
 def test_the_curves_are_those_of_the_base_and_of_its_acceleration(base):
     view = (0.3, 0.9), (0.0, 5.0)
     for is_upper, end in ((False, theory.amplitude_min), (True, theory.amplitude_max)):

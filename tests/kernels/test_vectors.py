@@ -11,7 +11,7 @@ from llvmlite import binding
 
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.kernels import vectors
-from vibrosweep.model.parameters import BASES
+from vibrosweep.kernels.impact import BASE_OF
 
 compiles = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -125,7 +125,7 @@ print(arm.emit_assembly(module))
 
 
 @compiles
-@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("base", BASE_OF)
 def test_the_hot_loop_becomes_vector_code_on_arm(base):
     plain = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     try:

@@ -13,54 +13,20 @@ from hypothesis import strategies as st
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import (
     MAX_PERIODS,
+    MOUNT,
     PARAMETERS,
     SMALLEST,
     STAGGERED,
     dimensionless,
     launches,
-    reduced_turns,
+    mounts,
     representable,
 )
-
-HALF = Fraction(1, 2)
 
 
 def turns_off(count, phase, exact):
     """Distance in turns of a split instant from the exact one."""
     return abs(Fraction(float(count)) + Fraction(float(phase)) - exact)
-
-
-@given(
-    rate=st.floats(1e-3, 1e3),
-    time=st.floats(-1e12, 1e12, allow_subnormal=False),
-    offset=st.floats(-0.5, 0.5, allow_subnormal=False),
-)
-@example(rate=0.1, time=1e9 / 0.1, offset=0.0)
-@example(rate=1.0, time=1e9, offset=-0.5)
-@example(rate=3.0, time=2.5, offset=0.5)
-def test_reduced_turns_keep_the_phase_of_any_time(rate, time, offset):
-    count, phase = reduced_turns(rate, time, offset)
-    exact = Fraction(rate) * Fraction(time) + Fraction(offset)
-    assert float(count).is_integer()
-    assert -0.5 <= phase <= 0.5
-    # two sums below 1 are rounded: the error of the product itself is carried along
-    assert turns_off(count, phase, exact) <= Fraction(3, 2**54)
-
-
-@given(
-    time=st.integers(-(2**60), 2**60).map(lambda n: n / 2**20),
-    exponent=st.integers(-8, 8),
-)
-def test_reduced_turns_of_dyadic_numbers_are_exact(time, exponent):
-    rate = 2.0**exponent
-    count, phase = reduced_turns(rate, time, 0.0)
-    assert turns_off(count, phase, Fraction(rate) * Fraction(time)) == 0
-
-
-def test_reduced_turns_broadcast():
-    count, phase = reduced_turns(np.array([[1.0], [2.0]]), np.array([0.25, 1.0, -1.75]), 0.0)
-    assert np.array_equal(count, [[0, 1, -2], [0, 2, -4]])
-    assert np.array_equal(phase, [[0.25, 0, 0.25], [0.5, 0, 0.5]])
 
 
 @given(phi=st.floats(-1e9, 1e9, allow_subnormal=False))
@@ -199,3 +165,13 @@ def test_periods_that_cannot_be_counted_are_refused(parameters):
         dimensionless(scene, 12.0, transient=1e15)
     with pytest.raises(ParameterError, match=r"^launch time = 1e\+16 s is 1e\+16 forcing periods"):
         launches((0.0, -1e16), 2, np.array([1.0]))
+
+
+def test_a_mount_is_seen_in_units_of_the_forcing(parameters):
+    given = {"mass_ratio": 0.004, "mount_frequency": 3.0, "mount_damping": 0.1}
+    scene = parameters(frequency=[6.0, 12.0]) | {n: np.full(2, v) for n, v in given.items()}
+    found = mounts(scene)
+    assert np.array_equal(found.mass_ratio, [0.004, 0.004])
+    assert np.array_equal(found.natural, [0.5, 0.25])
+    assert np.array_equal(found.damping, [0.1, 0.1])
+    assert tuple(MOUNT) == tuple(given)

@@ -275,7 +275,10 @@ MISTAKES = {
         "[scene]\nduration = 5.0\n[measure]\ntransient = 5.0",
         ["measure.transient = 5.0", "less than scene.duration = 5.0 s"],
     ),
-    "base": ('[scene]\nbase = "still"', ['scene.base = "still"', '"high-bounce" or "moving"']),
+    "base": (
+        '[scene]\nbase = "still"',
+        ['scene.base = "still"', '"high-bounce", "moving" or "sprung"'],
+    ),
     "law without meaning": (
         '[scene]\nbase = "moving"\nrebound = "reflect"',
         ['scene: rebound = "reflect"', 'base = "moving"', 'take rebound = "rest"'],

@@ -18,8 +18,9 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless, reduced_turns
+from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
 from vibrosweep.model.status import Regime
+from vibrosweep.model.turns import reduced_turns
 from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:

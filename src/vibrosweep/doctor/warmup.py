@@ -22,6 +22,7 @@ from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.fixed import find_fixed
+from vibrosweep.kernels.impact import BASE_OF
 from vibrosweep.kernels.record import record
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.settle import settle
@@ -29,7 +30,7 @@ from vibrosweep.kernels.statistics import combine
 from vibrosweep.kernels.trust import trust
 from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.parameters import BASES, LAWS
+from vibrosweep.model.parameters import LAWS
 
 __all__ = ["KERNELS", "Compiled", "warm_up"]
 
@@ -74,7 +75,7 @@ def warm_up() -> Compiled:
             "machine code cannot be kept beside the package nor in the home directory; set "
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
-    ways = [pair for pair in product(BASES, LAWS) if not invalid_law(*pair)]
+    ways = [pair for pair in product(BASE_OF, LAWS) if not invalid_law(*pair)]
     # one problem twice; over a moving base, with at most 1 g and with more
     scenes = [all_parameters({"amplitude": np.array([a, a])}) for a in (1.0, 6.0)]
     with Workers(1) as workers:

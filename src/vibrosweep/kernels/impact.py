@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import (
     Base,
@@ -26,7 +27,17 @@ from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.model.parameters import Dimensionless, Launches
 
-__all__ = ["Batch", "Impact", "Instant", "base_of", "impact", "land", "launch", "launch_speed"]
+__all__ = [
+    "BASE_OF",
+    "Batch",
+    "Impact",
+    "Instant",
+    "base_of",
+    "impact",
+    "land",
+    "launch",
+    "launch_speed",
+]
 
 Instant = tuple[float, float]  # whole periods and phase
 
@@ -79,7 +90,17 @@ class Impact(NamedTuple):
 
 
 def base_of(base: str, rebound: str) -> Base:
-    """Base and law of rebound by their names, in `vibrosweep.model.parameters` BASES and LAWS."""
+    """Base and law of rebound by their names, in `vibrosweep.model.parameters` BASES and LAWS.
+
+    Raises
+    ------
+    ParameterError
+        The base is none that particles are computed over independently of each other.
+    """
+    if base not in BASE_OF:
+        raise ParameterError(
+            f'base = "{base}": is not computed yet; take one of {", ".join(BASE_OF)}'
+        )
     return BASE_OF[base](LAW_OF[rebound])
 
 

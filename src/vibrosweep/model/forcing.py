@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.parameters import LARGEST, PARAMETERS, Parameter
+from vibrosweep.model.parameters import BASES, LARGEST, PARAMETERS, Parameter
 
 __all__ = [
     "FORCINGS",
@@ -159,9 +159,9 @@ def refuse_large(amplitude: Array, forcing: str) -> None:
 
 def invalid_law(base: str, rebound: str) -> str:
     """Say why a law of rebound cannot be had with a base; empty if it can."""
-    if base == "moving" and rebound == "reflect":
+    if base != BASES[0] and rebound == "reflect":
         return (
-            'rebound = "reflect" has no meaning with base = "moving", which a ball cannot be '
-            'pushed into: take rebound = "rest", or base = "high-bounce"'
+            f'rebound = "reflect" has no meaning with base = "{base}", which a ball cannot be '
+            f'pushed into: take rebound = "rest", or base = "{BASES[0]}"'
         )
     return ""

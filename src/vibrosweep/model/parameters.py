@@ -16,28 +16,31 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.times import Periods, Time, amount, unit_of
+from vibrosweep.model.turns import reduced_turns, turns_of_radians
 
 __all__ = [
     "BASES",
     "LARGEST",
     "LAWS",
     "MAX_PERIODS",
+    "MOUNT",
     "PARAMETERS",
     "SMALLEST",
     "STAGGERED",
     "Dimensionless",
     "Launches",
+    "Mounts",
     "Parameter",
     "dimensionless",
     "launches",
-    "reduced_turns",
+    "mounts",
     "refuse_masked",
     "representable",
 ]
 
 Array = NDArray[np.float64]
 
-BASES: Final = ("high-bounce", "moving")
+BASES: Final = ("high-bounce", "moving", "sprung")
 LAWS: Final = ("rest", "reflect")
 STAGGERED: Final = "staggered"
 
@@ -97,6 +100,32 @@ PARAMETERS: Final[Mapping[str, Parameter]] = {
     )
 }
 
+# Of the base and its mount, where the base is "sprung".  NaN: without a default.
+MOUNT: Final[Mapping[str, Parameter]] = {
+    p.name: p
+    for p in (
+        Parameter(
+            "mass_ratio",
+            "mu",
+            "1",
+            "mass of one particle in units of the mass of the base",
+            math.nan,
+            0.0,
+            1e3,
+        ),
+        Parameter(
+            "mount_frequency",
+            "f0",
+            "Hz",
+            "natural frequency of the base on its mount, without particles",
+            math.nan,
+            SMALLEST,
+            1e9,
+        ),
+        Parameter("mount_damping", "zeta", "1", "damping ratio of the mount", 0.05, 0.0, 1e3),
+    )
+}
+
 
 def refuse_masked(name: str, values: object) -> None:
     """Refuse masked values, whose numbers numpy's conversions would take for data.
@@ -145,6 +174,24 @@ class Dimensionless(NamedTuple):
     end_phase: Array
 
 
+class Mounts(NamedTuple):
+    """Bases of finite mass on their mounts; every array has shape (realization,).
+
+    Attributes
+    ----------
+    mass_ratio
+        mu, mass of one particle in units of that of the base.
+    natural
+        nu = f0 / f, natural frequency of the mount in units of that of the forcing.
+    damping
+        zeta, damping ratio of the mount.
+    """
+
+    mass_ratio: Array
+    natural: Array
+    damping: Array
+
+
 class Launches(NamedTuple):
     """Launch instants without the forcing's own phase: whole periods and reduced phase.
 
@@ -154,61 +201,6 @@ class Launches(NamedTuple):
 
     whole: Array
     phase: Array
-
-
-def _split_product(a: Array, b: Array) -> tuple[Array, Array]:
-    """Product of a and b as rounded value and exact rounding error (Dekker 1971)."""
-
-    def halves(v: Array) -> tuple[Array, Array]:
-        shifted = 134217729.0 * v  # 2**27 + 1
-        high = shifted - (shifted - v)
-        return high, v - high
-
-    product = a * b
-    a_high, a_low = halves(a)
-    b_high, b_low = halves(b)
-    error = ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
-    return product, error
-
-
-def reduced_turns(rate: ArrayLike, time: ArrayLike, phase: ArrayLike) -> tuple[Array, Array]:
-    """Split ``rate * time + phase`` into whole turns and a phase in [-1/2, 1/2].
-
-    The product is taken with its rounding error, so that the phase of an instant 10**9 periods
-    away is as accurate as that of an early one.
-
-    Parameters
-    ----------
-    rate
-        Turns per second.
-    time
-        Seconds.
-    phase
-        Turns.
-
-    Returns
-    -------
-    count, phase
-        Broadcast shape of the arguments.
-    """
-    rate, time, offset = np.broadcast_arrays(
-        *(np.asarray(v, dtype=np.float64) for v in (rate, time, phase))
-    )
-    product, error = _split_product(rate, time)
-    count = np.rint(product)
-    turns = ((product - count) + error) + offset
-    carry = np.rint(turns)
-    return count + carry, turns - carry
-
-
-def _turns_of_radians(phi: Array) -> Array:
-    """Phi / 2 pi, reduced to [-1/2, 1/2]; the rounding of 2 pi itself is corrected for."""
-    two_pi, two_pi_low = 2.0 * math.pi, 2.4492935982947064e-16
-    quotient = phi / two_pi
-    product, error = _split_product(quotient, np.asarray(two_pi))
-    correction = (((phi - product) - error) - quotient * two_pi_low) / two_pi
-    turns = (quotient - np.rint(quotient)) + correction
-    return np.asarray(turns - np.rint(turns))
 
 
 def dimensionless(
@@ -236,7 +228,7 @@ def dimensionless(
     rest_flight = frequency * parameters["contact_time"]
     lifts = kick > rest_flight
     ratio = np.divide(rest_flight, kick, out=np.zeros_like(kick), where=lifts)
-    turns = _turns_of_radians(parameters["phase"])
+    turns = turns_of_radians(parameters["phase"])
     end_count, end_phase = _instant("duration", frequency, duration, turns)
     if math.isfinite(amount(transient)):
         begin_count, begin_phase = _instant("transient", frequency, transient, turns)
@@ -254,6 +246,18 @@ def dimensionless(
         end_count=end_count,
         end_phase=end_phase,
     )
+
+
+def mounts(parameters: Mapping[str, Array]) -> Mounts:
+    """Change the mounts of realizations to the dimensionless form.
+
+    Parameters
+    ----------
+    parameters
+        The frequency and every parameter of `MOUNT`, each of shape (realization,).
+    """
+    ratio, frequency, damping = (parameters[name] for name in MOUNT)
+    return Mounts(ratio, frequency / parameters["frequency"], damping)
 
 
 def _instant(what: str, frequency: Array, time: Time, turns: Array) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 Source: the locked orbits of the high-bounce map (Holmes 1982, J. Sound Vib. 84, 173), written for
 a kick of velocity amplitude A on a base that stays at height zero, and of the exact model (Luck &
 Mehta 1993, Phys. Rev. E 48, 3988), whose base moves with the velocity amplitude A / (1 + e).  All
-functions broadcast; `base` is one of `vibrosweep.model.parameters.BASES`.
+functions broadcast; `base` is one of `FIXED`.
 
 A locked orbit of mode k impacts once every k forcing periods and leaves with the speed
 v = g k / (2 f), on either base.  With Gamma = 2 pi f A / ((1 + e) g), the acceleration of the
@@ -26,6 +26,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import BASES
 
 __all__ = [
+    "FIXED",
     "amplitude_max",
     "amplitude_min",
     "exponent_sum",
@@ -43,7 +44,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-HIGH_BOUNCE, MOVING = BASES
+HIGH_BOUNCE, MOVING = FIXED = BASES[:2]  # bases that particles do not act on
 TWO_PI = 2.0 * np.pi
 HALVINGS = 60  # of a bracket of the size of what is sought, to a rounding
 
@@ -53,8 +54,8 @@ def _kick(amplitude: ArrayLike, frequency: ArrayLike, gravity: ArrayLike) -> Arr
 
 
 def _moves(base: str) -> bool:
-    if base not in BASES:
-        raise ParameterError(f"base = {base!r}: must be one of {', '.join(BASES)}")
+    if base not in FIXED:
+        raise ParameterError(f"base = {base!r}: must be one of {', '.join(FIXED)}")
     return base == MOVING
 
 
