@@ -3,8 +3,8 @@
     python benchmarks/peers.py [--threads N]
 
 writes ``docs/peers.csv``, ``docs/images/peers.png`` and the section between the markers of
-``README.md``.  All run the same scenes (`methods.sweeps.SWEEPS`) and find the same landings; errors
-are against the proved reference.  A peer takes part where it is installed (extra ``bench``).
+``docs/evidence.md``.  All run the same scenes (`methods.sweeps.SWEEPS`) and find the same landings;
+errors are against the proved reference.  A peer takes part where it is installed (extra ``bench``).
 """
 
 from __future__ import annotations

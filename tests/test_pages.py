@@ -1,4 +1,4 @@
-"""Pages for those who read and change the code name files and functions that exist."""
+"""The pages name files, functions, keys and variables that exist, and all of these."""
 
 import re
 from importlib import import_module
@@ -6,9 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from vibrosweep.commands import COMMANDS
+from vibrosweep.model.markdown import insert
+from vibrosweep.spec.schema import _KEYS
+
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "vibrosweep"
-PAGES = [ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 ROOMS = [path.parent.name for path in PACKAGE.glob("*/__init__.py")] + ["api"]
 MADE = ("claims/", "pictures/")  # by the commands of a page
 
@@ -34,3 +39,27 @@ def test_functions_that_a_page_names_exist(page):
             continue
         module, function = import_module(".".join(["vibrosweep", *parts[:-1]])), parts[-1]
         assert hasattr(module, function), name
+
+
+@pytest.mark.parametrize("name", ["sweep-files", "results"])
+def test_the_tables_of_measures_are_those_of_the_registry(name):
+    text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    assert insert(text) == text
+
+
+def test_every_key_of_a_sweep_file_is_explained():
+    text = (DOCS / "sweep-files.md").read_text(encoding="utf-8")
+    names = {key for keys in _KEYS.values() for key in keys} | {f"[{t}]" for t in _KEYS}
+    assert {name for name in names if f"`{name}`" not in text} == set()
+
+
+def test_every_command_is_listed():
+    text = (DOCS / "commands.md").read_text(encoding="utf-8")
+    assert {c.NAME for c in COMMANDS if not re.search(rf"`{c.NAME}[ `]", text)} == set()
+
+
+def test_every_example_is_listed():
+    text = (DOCS / "sweep-files.md").read_text(encoding="utf-8")
+    sweeps = {path.name for path in (ROOT / "sweeps").glob("*.toml")}
+    between = {"population_010.toml", "population_020.toml"}  # of a range that is named
+    assert {name for name in sweeps - between if f"`{name}`" not in text} == set()

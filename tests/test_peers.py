@@ -1,4 +1,4 @@
-"""The comparison with peers: what the README shows is the stored table."""
+"""The comparison with peers: what the page shows is the stored table."""
 
 from pathlib import Path
 
@@ -13,11 +13,11 @@ from methods.truth import prove, worst
 
 ROOT = Path(__file__).parents[1]
 ROWS = read_rows(ROOT / "docs" / "peers.csv")
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-SECTION = README.partition("<!-- begin peers -->")[2].partition("<!-- end peers -->")[0]
+PAGE = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
+SECTION = PAGE.partition("<!-- begin peers -->")[2].partition("<!-- end peers -->")[0]
 
 
-def test_the_readme_shows_the_stored_table():
+def test_the_page_shows_the_stored_table():
     assert peers_table(ROWS) in SECTION
     assert bare_sentence(ROWS) != ""
     assert " ".join(bare_sentence(ROWS).split()) in " ".join(SECTION.split())

@@ -1,4 +1,4 @@
-"""What the README says is true: its commands, files, keys, variables and its Python."""
+"""What the README says is true: its commands, its files and its Python."""
 
 import os
 import re
@@ -7,9 +7,6 @@ import subprocess
 from pathlib import Path
 
 import pytest
-
-from vibrosweep.model.markdown import insert
-from vibrosweep.spec.schema import _KEYS
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -60,39 +57,15 @@ def test_every_file_exists():
     homes = (ROOT, ROOT / "sweeps", ROOT / "src" / "vibrosweep" / "kernels")
     missing = {name for name in named if not any((home / name).exists() for home in homes)}
     assert missing == set()
-    assert {"sweeps/paper.toml", "docs/model.md", "docs/images/return_map.png"} <= named
+    assert {"sweeps/paper.toml", "docs/model.md", "docs/images/moving_height_time_all.png"} <= named
 
 
-def test_pictures_are_small():
-    shown = re.findall(r"!\[.+\]\((.+\.png)\)", README)
-    assert len(shown) == 4
-    assert sum((ROOT / path).stat().st_size for path in shown) < 400_000
+def test_one_small_picture():
+    (shown,) = re.findall(r"!\[.+\]\((.+\.png)\)", README)
+    assert (ROOT / shown).stat().st_size < 200_000
 
 
-def test_the_tables_of_measures_are_those_of_the_registry():
-    assert insert(README) == README
-
-
-def test_every_other_key_is_explained():
-    names = {key for keys in _KEYS.values() for key in keys} | {f"[{t}]" for t in _KEYS}
-    assert {name for name in names if f"`{name}`" not in README} == set()
-
-
-def test_the_python_prints_what_is_shown(paper, monkeypatch, capsys):
-    monkeypatch.chdir(paper.parent)
+def test_the_python_runs(capsys):
     (code,) = blocks("python")
     exec(compile(code, "README.md", "exec"), {})
-    numbers = re.compile(r"(?<![\w.])\d+\.\d+(?:e[+-]\d+)?")
-    shown = next(text for text in blocks("text") if text.startswith("<xarray.Dataset>"))
-    printed = capsys.readouterr().out.partition("Attributes")[0]
-    assert numbers.findall(printed) == numbers.findall(shown)
-    assert len(numbers.findall(shown)) > 10
-
-
-def test_the_functions_it_names(paper, tmp_path):
-    import vibrosweep
-
-    for name in re.findall(r"`vibrosweep\.(\w+)\(", README):
-        assert name in vibrosweep.__all__
-    call = re.search(r"`(vibrosweep\.simulate\(.*?\))`", README)[1]
-    assert eval(call, {"vibrosweep": vibrosweep}).sizes["particle"] == 2
+    assert "rebound_velocity" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""The README's section on peers, and its figure, from the stored table."""
+"""The section on peers of docs/evidence.md, and its figure, from the stored table."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from methods.ensembles import NOTHING_SKIPPED, RECORD, STATISTICS
 from methods.figure import STYLE, TEXT
 from methods.sweeps import SWEEPS
 
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"
 
 Row = dict[str, str]
 
@@ -39,7 +39,7 @@ Random realizations of the ranges of `sweeps/paper.toml` with 20 particles each,
 from one run of `python benchmarks/peers.py`:
 """
 
-PICTURE = "![Time per landing of this package and its peers](docs/images/peers.png)"
+PICTURE = "![Time per landing of this package and its peers](images/peers.png)"
 
 BELOW = """\
 Errors are against proved trajectories: {proved}. numpy, JAX, diffrax, heyoka.py and SciPy use one
@@ -106,8 +106,8 @@ def section(rows: list[Row], origin: str) -> str:
 
 
 def publish(rows: list[Row], origin: str) -> None:
-    """Replace the section of the README."""
-    write_section("peers", section(rows, origin), README)
+    """Replace the section of the page."""
+    write_section("peers", section(rows, origin), PAGE)
 
 
 def _wrapped(text: str) -> str:

@@ -1,6 +1,7 @@
-"""The registry of measures as the tables of the README, which holds just these.
+"""The registry of measures as tables of the documentation, which holds just these.
 
-``python -m vibrosweep.model.markdown README.md`` writes them anew between their markers.
+``python -m vibrosweep.model.markdown docs/sweep-files.md docs/results.md`` writes them anew between
+their markers.
 """
 
 from __future__ import annotations
@@ -54,17 +55,26 @@ TABLES: Final = {"keys of measure": "\n".join(_keys()), "variables": "\n".join(_
 
 
 def insert(text: str) -> str:
-    """Put the tables between their markers, which stay."""
-    for name, table in TABLES.items():
+    """Put the tables between those of their markers that a page has, which stay.
+
+    Raises
+    ------
+    ValueError
+        The page has no markers, or only the first of a pair.
+    """
+    marked = {name for name in TABLES if f"<!-- begin {name} -->" in text}
+    if not marked:
+        raise ValueError("there are no markers of tables")
+    for name in marked:
         begin, end = f"<!-- begin {name} -->\n", f"\n<!-- end {name} -->"
         before, _, rest = text.partition(begin)
         _, found, after = rest.partition(end)
         if not found:
             raise ValueError(f"there is no {begin.strip()} with its end")
-        text = before + begin + table + end + after
+        text = before + begin + TABLES[name] + end + after
     return text
 
 
 if __name__ == "__main__":
-    readme = Path(sys.argv[1])
-    readme.write_text(insert(readme.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in map(Path, sys.argv[1:]):
+        page.write_text(insert(page.read_text(encoding="utf-8")), encoding="utf-8")

@@ -2,7 +2,7 @@
 
 Whatever else names a measure derives from here: the keys of [measure], what a spec and the engine's
 observation ask for (both hold a `Measures`), what a result declares, what stands where nothing
-could be computed, how `vibrosweep verify` judges, reserved names, and the tables of the README.
+could be computed, how `vibrosweep verify` judges, reserved names, and tables of the pages.
 """
 
 from __future__ import annotations
