@@ -1,0 +1,279 @@
+"""Periodic orbits of particles on a base of finite mass, and their Floquet multipliers.
+
+The equations between impacts are linear, so that an orbit is a solution of as many equations as it
+has impacts, twice: every flight ends on the base, and every impact obeys the law of restitution.
+Dimensionless as in `vibrosweep.model.coupled_theory`.  The joint state is the deviation of the base
+and its velocity, then height and speed of each particle.
+
+An impact of particle i happens where h = y_i - Y = 0.  It changes the state by z+ = r(z-, t); a
+small difference dz- from the orbit delays it by n dz- / c, n the gradient of h and c = -dh/dt the
+speed of approach, so that after it, at the time of the orbit's impact,
+
+    dz+ = S dz-,    S = r_z - (f+ - r_z f- - r_t) n / c
+
+(the saltation matrix; f- and f+ are the rates of the state before and after).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import root
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.coupled_theory import landing_phase, mount_propagator
+
+__all__ = [
+    "CoupledBase",
+    "Cycle",
+    "find_cycle",
+    "is_clear",
+    "monodromy",
+    "spectral_radius",
+    "staggered",
+]
+
+Array = NDArray[np.float64]
+TWO_PI = 2.0 * np.pi
+RESIDUAL = 1e-11  # of equations whose terms are of the size of k^2, k the periods of a flight
+SAMPLES = 500  # in a period
+ROUNDING = 1e-12
+
+
+class CoupledBase(NamedTuple):
+    """A base of finite mass: e, Gamma in g, mu, nu and zeta of the module on closed forms."""
+
+    restitution: float
+    acceleration: float
+    mass_ratio: float
+    natural: float
+    damping: float
+
+    def drive(self, time: ArrayLike) -> tuple[Array, Array, Array]:
+        """Height, velocity and acceleration of the base without particles."""
+        turn = TWO_PI * np.asarray(time)
+        alpha = self.acceleration / np.pi
+        height = -alpha / TWO_PI * np.cos(turn)
+        return height, alpha * np.sin(turn), 2.0 * self.acceleration * np.cos(turn)
+
+    @property
+    def exchange(self) -> float:
+        """Change of a particle's speed per speed of approach, (1 + e) / (1 + mu)."""
+        return (1.0 + self.restitution) / (1.0 + self.mass_ratio)
+
+
+class Cycle(NamedTuple):
+    """An orbit that repeats after whole forcing periods.
+
+    Attributes
+    ----------
+    base, periods
+        What it bounces on; after how many periods it repeats.
+    particle, time
+        Shape (impact,): which particle lands, and when, in forcing periods.
+    speed, approach
+        Shape (impact,): absolute speed of the particle after the impact, speed of approach before.
+    deviation
+        Shape (impact, 2): of the base, and its velocity, just before the impact.
+    """
+
+    base: CoupledBase
+    periods: int
+    particle: NDArray[np.int64]
+    time: Array
+    speed: Array
+    approach: Array
+    deviation: Array
+
+    @property
+    def intervals(self) -> Array:
+        """Periods since the impact before, of whichever particle; shape (impact,)."""
+        return _intervals(self.time, self.periods)
+
+
+def _intervals(time: Array, periods: int) -> Array:
+    return np.diff(time, prepend=time[-1] - periods)
+
+
+def _before(particle: NDArray[np.int64], periods: int) -> tuple[NDArray[np.intp], Array]:
+    """Index of each particle's impact before each impact, and the shift of its time."""
+    index, shift = np.empty(particle.size, dtype=np.intp), np.zeros(particle.size)
+    for i in np.unique(particle):
+        own = np.flatnonzero(particle == i)
+        index[own] = np.roll(own, 1)
+        shift[own[0]] = periods
+    return index, shift
+
+
+def _follow(unknown: Array, base: CoupledBase, particle: NDArray[np.int64], periods: int) -> Cycle:
+    """Carry the deviation of the base through impacts at assumed times and with assumed speeds."""
+    time, speed, end = np.split(unknown, [particle.size, 2 * particle.size])
+    index, shift = _before(particle, periods)
+    arrival = speed[index] - 2.0 * (time - time[index] + shift)
+    velocity = base.drive(time)[1]
+    free = mount_propagator(base.natural, base.damping, _intervals(time, periods))
+    deviation, approach = np.empty((particle.size, 2)), np.empty(particle.size)
+    for j in range(particle.size):
+        deviation[j] = free[j] @ end
+        approach[j] = velocity[j] + deviation[j, 1] - arrival[j]
+        end = _after(base, deviation[j], approach[j])
+    return Cycle(base, periods, particle, time, speed, approach, deviation)
+
+
+def _after(base: CoupledBase, deviation: Array, approach: float) -> Array:
+    """Deviation of the base just after an impact."""
+    recoil = np.array([0.0, base.mass_ratio * base.exchange * approach])
+    return np.asarray(deviation - recoil)
+
+
+def _residual(
+    unknown: Array, base: CoupledBase, particle: NDArray[np.int64], periods: int
+) -> Array:
+    """Miss of the base by each flight, of the law by each impact, and of the state at the end."""
+    found = _follow(unknown, base, particle, periods)
+    index, shift = _before(particle, periods)
+    flight = found.time - found.time[index] + shift
+    height = base.drive(found.time)[0] + found.deviation[:, 0]
+    v = found.speed[index]
+    miss = height[index] + (v - flight) * flight - height
+    change = (v - 2.0 * flight) + base.exchange * found.approach - found.speed
+    end = _after(base, found.deviation[-1], float(found.approach[-1]))
+    return np.concatenate([miss, change, end - unknown[-2:]])
+
+
+def find_cycle(
+    base: CoupledBase, k: int, time: ArrayLike, particle: ArrayLike, periods: int
+) -> Cycle:
+    """Find the orbit on which every particle flies for about k periods, close to a guess.
+
+    Parameters
+    ----------
+    time
+        Shape (impact,), increasing: guessed times of the impacts in periods.
+    particle
+        Shape (impact,): which particle lands, counted from 0.
+    periods
+        After how many periods the orbit repeats, a multiple of k.
+
+    Returns
+    -------
+    Cycle
+        It solves the equations of motion at its impacts, with the impacts in the order given;
+        `is_clear` tells whether a particle would have met the base in between.
+
+    Raises
+    ------
+    ParameterError
+        No solution is near, or the guess is not finite.
+    """
+    guess, lands = np.asarray(time, dtype=np.float64), np.asarray(particle, dtype=np.int64)
+    if not np.isfinite(guess).all():
+        raise ParameterError(f"time: {guess} is not finite; is a particle locked to k = {k}?")
+    speeds = np.full(lands.size, float(k))
+    start = np.concatenate([guess, speeds, [0.0, -k * base.mass_ratio]])
+    solution = root(_residual, start, args=(base, lands, periods), tol=1e-13).x
+    found = _follow(solution, base, lands, periods)
+    miss = np.abs(_residual(solution, base, lands, periods)).max()
+    real = (found.intervals > 0.0).all() and (found.approach > 0.0).all()
+    if not (real and miss <= RESIDUAL * k * k):
+        raise ParameterError(f"{base}: found no orbit of k = {k} with these impacts; guess better")
+    return found
+
+
+def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
+    """Find the orbit of mode k with one particle in each of the given slots, 0 to k - 1.
+
+    Raises
+    ------
+    ParameterError
+        A slot is not one of mode k or is given twice, or there is no such orbit.
+    """
+    taken = np.sort(np.asarray(slots, dtype=np.int64))
+    if taken.size == 0 or taken[0] < 0 or taken[-1] >= k or (np.diff(taken) == 0).any():
+        raise ParameterError(f"slots = {slots}: must be different numbers from 0 to {k - 1}")
+    spacing = 1 if taken.size == k else k
+    e, gamma, mu, natural, damping = base
+    phase = landing_phase(gamma, k, e, mu, natural, damping, spacing)
+    return find_cycle(base, k, phase + taken, np.arange(taken.size), k)
+
+
+def _since(time: Array, at: Array, periods: int) -> tuple[NDArray[np.intp], Array]:
+    """Index of the last of the recurring times before each instant, and the periods since then."""
+    last = np.searchsorted(time, at) - 1
+    return last, at - time[last] + np.where(last < 0, periods, 0)
+
+
+def is_clear(cycle: Cycle) -> bool:
+    """Tell whether every particle stays above the base between its impacts.
+
+    Judged at 500 instants in each period, so that a graze may pass unnoticed.
+    """
+    base, periods = cycle.base, cycle.periods
+    at = cycle.time[-1] - periods + (np.arange(SAMPLES * periods) + 0.5) / SAMPLES
+    last, since = _since(cycle.time, at, periods)
+    left = np.array(
+        [_after(base, d, c) for d, c in zip(cycle.deviation, cycle.approach, strict=True)]
+    )
+    free = mount_propagator(base.natural, base.damping, since)
+    surface = base.drive(at)[0] + (free @ left[last, :, np.newaxis])[:, 0, 0]
+    height = base.drive(cycle.time)[0] + cycle.deviation[:, 0]
+    for i in np.unique(cycle.particle):
+        own = np.flatnonzero(cycle.particle == i)
+        last, s = _since(cycle.time[own], at, periods)
+        j = own[last]
+        if (height[j] + (cycle.speed[j] - s) * s < surface - ROUNDING).any():
+            return False
+    return True
+
+
+def _flight(base: CoupledBase, particles: int, interval: float) -> Array:
+    """Tangent map of the motion between two impacts."""
+    tangent = np.eye(2 + 2 * particles)
+    tangent[:2, :2] = mount_propagator(base.natural, base.damping, interval)
+    height = 2 * np.arange(1, particles + 1)
+    tangent[height, height + 1] = interval
+    return tangent
+
+
+def _saltation(cycle: Cycle, j: int, particles: int) -> Array:
+    """Tangent map of impact j: S of the module."""
+    base, c = cycle.base, cycle.approach[j]
+    share, mu, w0 = base.exchange, base.mass_ratio, TWO_PI * base.natural
+    y = 2 + 2 * cycle.particle[j]
+    v = y + 1
+    d, d_velocity = cycle.deviation[j]
+    pull = base.drive(cycle.time[j])[2] - w0 * (2.0 * base.damping * d_velocity + w0 * d)
+    jump = np.eye(2 + 2 * particles)
+    jump[v, [v, 1]] += -share, share
+    jump[1, [v, 1]] += mu * share, -mu * share
+    excess = np.zeros(2 + 2 * particles)  # f+ - r_z f- - r_t
+    excess[[0, y]] = -mu * share * c, share * c
+    excess[v] = -share * (pull + 2.0)
+    excess[1] = mu * share * (pull + 2.0 + 2.0 * base.damping * w0 * c)
+    jump[:, y] -= excess / c
+    jump[:, 0] += excess / c
+    return jump
+
+
+def monodromy(cycle: Cycle) -> Array:
+    """Tangent map of one cycle, from just after its last impact to just after its last impact.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (2 + 2 particles, 2 + 2 particles); its eigenvalues are the Floquet multipliers.
+    """
+    particles = int(cycle.particle.max()) + 1
+    product = np.eye(2 + 2 * particles)
+    for j, interval in enumerate(cycle.intervals):
+        flown = _flight(cycle.base, particles, float(interval)) @ product
+        product = _saltation(cycle, j, particles) @ flown
+    return product
+
+
+def spectral_radius(cycle: Cycle) -> float:
+    """Largest modulus of a Floquet multiplier, per forcing period; below 1 the orbit attracts."""
+    largest = np.abs(np.linalg.eigvals(monodromy(cycle))).max()
+    return float(largest ** (1.0 / cycle.periods))

@@ -1,0 +1,147 @@
+"""Closed forms of a base of finite mass, against matrix exponentials and orbits followed."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model import coupled_theory, theory
+
+TWO_PI = 2.0 * np.pi
+NATURAL = st.floats(0.05, 3.0)
+DAMPING = st.floats(0.0, 3.0)
+REVERSING = [[0, 1], [1, 0]]
+OF_THREE = [[1, 0], [0, 1], [1, 0]]
+
+
+def gaps(rank, k, mass_ratio=0.001):
+    """Separations of two particles in the repeated landings of a pattern, e = 0.9, Gamma = 0.6."""
+    times = coupled_theory.bunch(k, 0.9, 0.6, mass_ratio, rank)
+    return times[:, 1] - times[:, 0]
+
+
+@given(natural=NATURAL, damping=DAMPING | st.just(1.0), periods=st.floats(0.0, 3.0))
+def test_the_free_base_moves_as_the_matrix_exponential_says(natural, damping, periods):
+    w0 = TWO_PI * natural
+    exact = expm(periods * np.array([[0.0, 1.0], [-w0 * w0, -2.0 * damping * w0]]))
+    found = coupled_theory.mount_propagator(natural, damping, periods)
+    scale = np.array([[1.0, 1.0 / w0], [w0, 1.0]])  # of position and velocity
+    rounding = 1e-14 * (1.0 + w0 * periods * (1.0 + damping)) ** 2
+    assert np.all(np.abs(found - exact) <= rounding * scale)
+
+
+@given(natural=NATURAL, damping=st.floats(1e-3, 3.0), spacing=st.integers(1, 4))
+def test_a_base_hit_regularly_repeats_and_damping_holds_it_back(natural, damping, spacing):
+    before = coupled_theory.recoil_deviation(natural, damping, spacing)
+    phi = coupled_theory.mount_propagator(natural, damping, spacing)
+    after = before - np.array([0.0, 1.0])
+    rounding = 1e-13 * (1.0 + np.abs(before).max())
+    assert phi @ after == pytest.approx(before, abs=rounding)
+    assert before[1] <= 0.5 + rounding
+
+
+@given(natural=NATURAL, mass_ratio=st.floats(0.0, 0.5), e=st.floats(0.1, 0.95))
+def test_without_damping_locking_begins_at_one_plus_mu_times_the_acceleration(
+    natural, mass_ratio, e
+):
+    for k in (1, 2, 3):
+        if abs(np.sin(np.pi * natural * k)) < 1e-3:  # recoils add up without limit
+            continue
+        least = coupled_theory.locked_acceleration_min(k, e, mass_ratio, natural, 0.0)
+        alone = np.pi * k * (1.0 - e) / (1.0 + e)
+        assert least == pytest.approx(alone * (1.0 + mass_ratio), rel=1e-9)
+
+
+def test_a_base_of_infinite_mass_locks_as_the_moving_base_does():
+    e, gamma, k = 0.9, 0.6, np.array([1, 2, 3])
+    amplitude = (1.0 + e) * gamma * 9.81 / TWO_PI
+    phase = coupled_theory.landing_phase(gamma, k, e, 0.0, 0.37, 0.05)
+    assert phase == pytest.approx(theory.locked_phase(k, e, amplitude), rel=1e-14)
+    assert np.isnan(coupled_theory.landing_phase(0.3, 2, e, 0.0, 0.37, 0.05))
+
+
+def test_separations_known_from_an_independent_computation():
+    for k, first_order in ((1, 0.00235), (2, 0.00398)):
+        apart = coupled_theory.reversing_separation(k, 0.9, 0.6, 0.001)
+        assert apart == pytest.approx(first_order, abs=5e-6)
+        assert np.abs(gaps(REVERSING, k)) == pytest.approx(float(apart), rel=1e-12)
+
+
+def test_a_pattern_of_three_coexists():
+    assert gaps(OF_THREE, 1) == pytest.approx([-0.00138, 0.00766, -0.00455], abs=5e-5)
+    assert gaps(OF_THREE, 2).sum() > 0.0
+
+
+def test_an_order_that_never_changes_is_no_pattern():
+    for k in (1, 2, 3):
+        assert coupled_theory.bunch(k, 0.9, 0.6, 0.001, [[0, 1]]) is None
+        assert coupled_theory.bunch(k, 0.9, 0.6, 0.001, [[0, 1], [0, 1], [0, 1], [1, 0]]) is None
+
+
+@given(particles=st.integers(2, 9), e=st.floats(0.3, 0.98), share=st.floats(0.05, 0.95))
+def test_a_bunch_that_reverses_is_equally_spaced(particles, e, share):
+    k, least, most = 2, np.pi * 2 * (1.0 - e) / (1.0 + e), 2.0 * (1.0 + e * e) / (1.0 + e) ** 2
+    gamma = np.hypot(least, share * most)
+    ranks = np.arange(particles)
+    times = coupled_theory.bunch(k, e, gamma, 0.01, [ranks, ranks[::-1]])
+    spacing = coupled_theory.reversing_separation(k, e, gamma, 0.01)
+    assert np.diff(times[0]) == pytest.approx(np.full(particles - 1, spacing), rel=1e-9)
+    assert times[1] == pytest.approx(-times[0], rel=1e-9, abs=1e-12 * spacing)
+
+
+def test_where_one_particle_is_not_locked_there_is_no_bunch():
+    for gamma in (0.3, 1.2):  # below the window of k = 2, and above it
+        assert coupled_theory.bunch(2, 0.9, gamma, 0.01, REVERSING) is None
+        assert np.isnan(coupled_theory.reversing_separation(2, 0.9, gamma, 0.01))
+    with pytest.raises(ParameterError, match="ranks the particles 0 to 1 once"):
+        coupled_theory.bunch(1, 0.9, 0.6, 0.01, [[0, 0]])
+
+
+def follow_damper(gap, amplitude, e, mu, natural, speed, phase):
+    """Follow a particle from its impact at the wall ahead to that at the other."""
+    b = amplitude
+
+    def oscillator(state, since, t):
+        """Position and velocity of the oscillator after a free motion."""
+        x, v = coupled_theory.mount_propagator(natural, 0.0, since) @ state
+        return x + b * np.sin(TWO_PI * t), v + TWO_PI * b * np.cos(TWO_PI * t)
+
+    def collide(x, v, t):
+        """State of the oscillator's free part, and the particle's velocity, after an impact."""
+        total, apart = v[0] + mu * v[1], -e * (v[1] - v[0])
+        new = (total - mu * apart) / (1.0 + mu)
+        driven = np.array([b * np.sin(TWO_PI * t), TWO_PI * b * np.cos(TWO_PI * t)])
+        return np.array([x, new]) - driven, new + apart
+
+    # just before the impact at the wall ahead, from the closed form
+    x = speed / 4.0 - gap / 2.0
+    v = -speed * (1.0 - e + 2.0 * mu) / (1.0 + e)
+    free, u = collide(x, (v, speed), phase)
+    place = x + gap / 2.0
+    other = phase + 0.5
+    assert place + 0.5 * u == pytest.approx(oscillator(free, 0.5, other)[0] - gap / 2.0, abs=1e-12)
+    inside = np.linspace(0.0, 0.5, 200)[1:-1]
+    shifted = [place + u * s - oscillator(free, s, phase + s)[0] for s in inside]
+    assert np.max(np.abs(shifted)) < gap / 2.0
+    x2, v2 = oscillator(free, 0.5, other)
+    assert (x2, v2, u) == pytest.approx((-x, -v, -speed), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("natural", "mu", "e"), [(0.9, 0.1, 0.8), (1.2, 0.05, 0.5), (0.7, 0.2, 0.3)]
+)
+def test_the_impact_damper_repeats_with_its_sign_changed(natural, mu, e):
+    solutions = coupled_theory.impact_damper(1.0, 1.0, e, mu, natural)
+    assert len(solutions) == 1  # the walls are closer than the oscillator swings
+    follow_damper(1.0, 1.0, e, mu, natural, *solutions[0])
+
+
+def test_the_impact_damper_has_two_solutions_between_far_walls_and_none_between_farther_ones():
+    numbers = {"amplitude": 0.4, "restitution": 0.8, "mass_ratio": 0.1, "natural": 0.9}
+    solutions = coupled_theory.impact_damper(1.0, **numbers)
+    assert len(solutions) == 2
+    for speed, phase in solutions:
+        follow_damper(1.0, 0.4, 0.8, 0.1, 0.9, speed, phase)
+    assert coupled_theory.impact_damper(1e3, **numbers) == []
