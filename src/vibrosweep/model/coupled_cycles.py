@@ -192,7 +192,7 @@ def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
     """
     taken = np.sort(np.asarray(slots, dtype=np.int64))
     if taken.size == 0 or taken[0] < 0 or taken[-1] >= k or (np.diff(taken) == 0).any():
-        raise ParameterError(f"slots = {slots}: must be different numbers from 0 to {k - 1}")
+        raise ParameterError(f"slots = {slots!r}: must be different numbers from 0 to {k - 1}")
     spacing = 1 if taken.size == k else k
     e, gamma, mu, natural, damping = base
     phase = landing_phase(gamma, k, e, mu, natural, damping, spacing)
