@@ -35,7 +35,7 @@ from vibrosweep.model.times import in_periods
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import SweepSpec, read_spec
 
-REPORT = Path(__file__).parents[1] / "docs" / "fuzzing.md"
+REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
 PATIENCE = 60  # s, after which an attempt is one that hangs
 MOST_WORK = 1e6  # impacts or so, up to which a sweep that is valid is computed too
 SPEC = """title = "A sweep to be spoilt"
