@@ -18,47 +18,37 @@ OPTIONAL = {"heyoka": ("heyoka",), "diffrax": ("diffrax", "optimistix", "jax")}
 INTRODUCTION = """\
 # Work and precision
 
-How long each method takes per impact, and how far its landing times are from the true ones. The
-page, the figure and [the numbers](work_precision.csv) are written by one run of
-`python benchmarks/work_precision.py -o docs`.
+How long each method takes per impact, and how far its landing times are from the true ones: one run of
+`python benchmarks/work_precision.py -o docs`. [All numbers](work_precision.csv) are in a table.
 
 ![Run time per impact against largest landing-time error](images/work_precision.png)
 
-**Error**: the largest distance of any landing from the true one, n-th landing against n-th landing,
-over several trajectories of the scene. The truth is the package's reference in ball arithmetic,
-which proves every landing of the same doubles to better than {radius:.0e} s. On the long scene it
-follows the transient, and then proves that the orbit stays within that distance of the locked orbit
-known in closed form.
+**Error**: the largest distance of any landing from the true one, over several trajectories of the scene. The
+truth is the package's reference in ball arithmetic, which proves every landing of the same doubles to better
+than {radius:.0e} s; on the long scene it proves that the orbit stays within that distance of the locked
+orbit known in closed form. **Run time**: wall time of a batch over its impacts; the fastest of repeated runs,
+without compilation. A method that takes longer gets fewer trajectories.
 
-**Run time**: wall time of a batch over the impacts that its true orbits have; the fastest of
-repeated runs; compilation is left out. A method that takes longer gets fewer trajectories, from a
-minimum that is the same for all; the tables say how many.
-
-Run on {when} on {cpu} with {threads} threads; the load of the machine was {load[0]:.1f} before
-and {load[1]:.1f} at the end of the run of {minutes:.0f} minutes. Versions: {source},
-Python {python}, {versions}.{missing}
+Run on {when} on {cpu} with {threads} threads; the load of the machine was {load[0]:.1f} before and
+{load[1]:.1f} at the end of {minutes:.0f} minutes. {source}, Python {python}, {versions}.{missing}
 
 ## Methods
 
-- **kernel** ({threads} threads, and 1): the streaming kernel, which keeps statistics. Its landing
-  times are taken from the recording kernel, after a check that both follow the same orbits.
-- **kernel, every landing** ({threads} threads): as `vibrosweep.simulate` does it; a first pass
-  counts the landings, a second writes times, lift-offs, velocities and rests.
-- **kernel, state**: the error of the count of periods and the phase that the kernel carries, before
-  they are rounded to one double of time; drawn open, at the streaming kernel's time, where it
-  differs.
-- **naive map** ({threads} threads): the same map compiled by numba as a scalar loop, with a running
-  double for the time and the library's sin(omega t + phi); same statistics.
+- **kernel** ({threads} threads, and 1): the streaming kernel, which keeps statistics. Its landing times are those
+  of the recording kernel, after a check that both follow the same orbits.
+- **kernel, every landing** ({threads} threads): as `vibrosweep.simulate` does it, in two passes.
+- **kernel, state**: the error of count and phase as the kernel carries them, before they are rounded to one
+  double of time.
+- **naive map** ({threads} threads): the same map as a scalar numba loop, with a running double for the time and the
+  library's sine; same statistics.
 - **RK4** ({threads} threads): the study's scheme, `vibrosweep.study.rk4`, compiled by numba.
-- **SciPy** (1 thread): `solve_ivp`, RK45, one call per flight, landing as a terminal event, exact
-  rebound and rest law in Python.
-- **heyoka.py** (1 thread): a Taylor integrator compiled by LLVM, landing as a terminal event, the
-  rebound as a Python callback. Flights start 1e-300 m above the base, because from exactly 0 the
-  event is missed when the whole flight fits into one step; the automatic cooldown is set to 0,
-  because it swallows short flights. An event that is still missed is sought again with half the
-  step, in the same time; the tables count these.
-- **diffrax** (1 thread): Tsit5, landing as an event with Newton's method, a scan over impacts under
-  `jit` and `vmap`.
+- **SciPy** (1 thread): `solve_ivp`, RK45, one call per flight, landing as a terminal event.
+- **heyoka.py** (1 thread): a Taylor integrator compiled by LLVM, landing as a terminal event, the rebound as a
+  Python callback. Flights start 1e-300 m above the base, because from exactly 0 an event within one step is
+  missed; the automatic cooldown is 0, because it swallows short flights; an event that is still missed is
+  sought again with half the step.
+- **diffrax** (1 thread): Tsit5, landing as an event with Newton's method, a scan over impacts under `jit` and
+  `vmap`.
 
 SciPy and diffrax start the clock of each flight at its lift-off, which favours them.
 """
@@ -66,21 +56,17 @@ SciPy and diffrax start the clock of each flight at its lift-off, which favours 
 READING = """\
 ## What limits each method
 
-- A flight is a parabola. SciPy, heyoka and diffrax integrate it exactly at any tolerance, so theirs
-  hardly changes the error: what is left is rounding, most of it in the running time and in
-  sin(omega t + phi), as for the naive map. Their tolerance is not a measure of their quality here.
-- The kernel's landing times on the long scene are as accurate as a double that holds 1e6 s can be
-  (its spacing is 1.2e-10 s). The gain of the reduced phase is in the state: in separations, which
-  are taken from counts and phases, and in every later landing.
-- In the resting scene RK4 needs a step well below the contact time of 1e-4 s. With larger ones it
-  follows another motion, and its error is that of a different orbit.
-- In the chaotic scene any error grows by orders of magnitude within a few impacts; where RK4 is off
-  by a large part of a period it has lost the orbit. At their finest settings all methods agree with
-  the truth to {agree:.2g} s over this horizon.
-- The kernel is at its best on long trajectories. On the chaotic scene, with {short} impacts each,
-  filling and emptying its lanes costs more than the impacts do.
-- Left out for their run time: on the long scene RK4 below 1e-4 s, SciPy past its first
-  10 000 landings, and all but the finest tolerance of SciPy, heyoka and diffrax.
+- A flight of the map is a parabola, which SciPy, heyoka and diffrax integrate exactly at any tolerance: what is
+  left is rounding, most of it in the running time. Their tolerance is not a measure of their quality here.
+- The kernel's landing times on the long scene are as accurate as a double that holds 1e6 s (its spacing is
+  1.2e-10 s). The gain of the reduced phase is in the state: in separations, and in every later landing.
+- In the resting scene RK4 needs a step well below the contact time of 1e-4 s, or it follows another orbit.
+- In the chaotic scene any error grows by orders of magnitude within a few impacts. At their finest settings
+  all methods agree with the truth to {agree:.2g} s.
+- The kernel is at its best on long trajectories. On the chaotic scene, with {short} impacts each, filling and
+  emptying its lanes costs more than the impacts do.
+- Left out for their run time: on the long scene RK4 below 1e-4 s, SciPy past its first 10 000 landings, and all
+  but the finest tolerance of SciPy, heyoka and diffrax.
 """
 
 
@@ -89,27 +75,22 @@ MOVING = """\
 
 ![The same on the moving base](images/work_precision_moving.png)
 
-All methods integrate height and velocity relative to the base, so that the landing is where the
-height returns to zero, and none loses digits where a chattering particle hardly leaves the base.
-The acceleration then depends on time; a flight is no longer integrated exactly, and tolerances
-matter. SciPy takes DOP853 here and diffrax Dopri8, their methods of highest order.
+All methods integrate height and velocity relative to the base, so that none loses digits where a chattering
+particle hardly leaves it. A flight is no longer integrated exactly, and tolerances matter: SciPy takes DOP853
+and diffrax Dopri8, their methods of highest order. **scalar loop** ({threads} threads) is the kernel's search
+as a scalar numba loop with the library's sine. After a rest SciPy, heyoka and diffrax begin 1e-5 rad of phase
+later, because no event can be found where neither speed nor acceleration is left.
 
-- **scalar loop** ({threads} threads): the kernel's search for the landing, compiled by numba as a
-  scalar loop with branches and the library's sine; same statistics.
-- After a rest the particle leaves the base with neither speed nor acceleration. SciPy, heyoka and
-  diffrax begin 1e-5 rad of phase later, because no event can be found from there.
-
-Each method against the kernel on as many threads, at its finest setting, with both errors; the last
-column is the method's error at its coarsest setting.
+Each method against the kernel on as many threads, at its finest setting; the last column is its error at its
+coarsest setting.
 
 | scene | method | setting | threads | time over kernel's | error (s) | kernel's | coarsest |
 |---|---|---|---|---|---|---|---|
 {rows}
 
-Where a coarse setting is off by a large part of a period, it has lost the orbit: an error of the
-integration is amplified as any other, or an event was missed, since the particle dips through the
-base and comes out within one step. The kernel's search cannot miss a landing (see
-[accuracy](accuracy.md)).
+Where a coarse setting is off by a large part of a period it has lost the orbit, or missed an event, since the
+particle dips through the base and comes out within one step. The kernel's search cannot miss a landing
+([accuracy](accuracy.md)).
 """
 
 
@@ -124,14 +105,13 @@ def report(
     """The whole page, in Markdown."""
     parts = [
         _introduction(missing, radius, threads, load, minutes),
+        _scenes(),
         _ratios(points),
         _others(points),
         _order(points),
         _long(points),
         _reading(points),
         _moving(points),
-        "## All numbers\n",
-        *(_table(scene, points) for scene in (*SCENES, *MOVING_SCENES)),
     ]
     return "\n".join(parts)
 
@@ -152,6 +132,28 @@ def _introduction(
         load=load,
         minutes=minutes,
         missing=f" Not installed, therefore absent: {', '.join(missing)}." if missing else "",
+    )
+
+
+def _scenes() -> str:
+    rows = "\n".join(_scene_row(scene) for scene in (*SCENES, *MOVING_SCENES))
+    return f"""\
+## Scenes
+
+1 Hz, launched at {SCENES[0].parameters["launch_velocity"]:g} m/s.
+
+| scene | e | A (m/s) | base, law | launched between (s) | landings up to (s) |
+|---|---|---|---|---|---|
+{rows}
+"""
+
+
+def _scene_row(scene: Scene) -> str:
+    p = scene.parameters
+    law = "moving" if scene.base == "moving" else f"high-bounce, `{scene.rebound}`"
+    return (
+        f"| {scene.title} | {p['restitution']:g} | {p['amplitude']:g} | {law} | "
+        f"{scene.span[0]:g} and {scene.span[1]:g} | {scene.duration:g} |"
     )
 
 
@@ -181,18 +183,14 @@ All from this run, {kernel.threads} threads each.
 |---|---|---|---|---|---|
 {rows}
 
-- **At equal error.** Measured: with its finest step RK4 takes {slower:.2g} times the kernel's time
-  per impact and still errs {off:.2g} times as much, so the ratio at equal error is larger than
-  {slower:.2g}. Extrapolated at first order to the kernel's error, RK4 would need steps of
-  {fine.step / off:.1g} s and {slower * off:.1g} times the kernel's time. No such run exists:
-  a time of 200 s cannot be resolved by such steps in double precision.
-- **At equal time.** Measured: with its coarsest step RK4 still takes {cheap:.3g} times the kernel's
-  time, and errs {coarse.error / kernel.error:.2g} times as much, so the ratio at equal time is at
-  least that. In the kernel's time RK4 could make one step of {period:.2g} s per impact, longer than
-  the flight: there is no such run to measure.
-- Against the kernel that records every landing the two measured ratios of time are
-  {fine.ns_per_impact / kept.ns_per_impact:.2g} and
-  {coarse.ns_per_impact / kept.ns_per_impact:.2g}; the errors are the same.
+- **At equal error.** With its finest step RK4 takes {slower:.2g} times the kernel's time per impact and still errs
+  {off:.2g} times as much. At first order it would need steps of {fine.step / off:.1g} s: a time of 200 s cannot be
+  resolved by such steps in double precision.
+- **At equal time.** With its coarsest step RK4 still takes {cheap:.3g} times the kernel's time, and errs
+  {coarse.error / kernel.error:.2g} times as much. In the kernel's time it could make one step of {period:.2g} s per
+  impact, longer than the flight.
+- Against the kernel that records every landing the two ratios of time are
+  {fine.ns_per_impact / kept.ns_per_impact:.2g} and {coarse.ns_per_impact / kept.ns_per_impact:.2g}.
 """
 
 
@@ -235,11 +233,10 @@ def _order(points: list[Point]) -> str:
     return f"""\
 ## Order of RK4 in its step
 
-Observed on the locked scene: **{fitted:.2f}** over all steps; {between} from each step to the next
-finer one. The scheme is of order four on a smooth field, and exact on a parabola; but it looks for
-the landing only at the end of a step. Contact is therefore seen late by up to one step h, with the
-speed too large by up to g h, and both enter the next rebound. The error is of first order in the
-step, and no higher-order integrator between the impacts would change that.
+Observed on the locked scene: **{fitted:.2f}** over all steps; {between} from each step to the next finer one. The
+scheme is exact on a parabola, but looks for the landing only at the end of a step: contact is seen late by up
+to one step h, with the speed too large by up to g h, and both enter the next rebound. No higher-order
+integrator between the impacts would change that.
 """
 
 
@@ -260,9 +257,8 @@ The frequency is 1 Hz, so an error in seconds is one in turns of the phase.
 | kernel, rounded to one double of time | {kernel.error:.2e} |
 | naive map, running double t | {naive.error:.2e} |
 
-Rounding phase and flight time to double once per impact can by itself force an error of up to
-{forced:.1e} turns on this orbit (half an ulp of each, carried on by the Jacobian and summed). The
-kernel's error exceeds that by {max(0.0, state.error - forced):.1g} turns; the naive form's is
+Rounding phase and flight time once per impact can by itself force an error of up to {forced:.1e} turns on
+this orbit; the kernel's exceeds that by {max(0.0, state.error - forced):.1g} turns. The naive form's is
 {naive.error / state.error:.2g} times the kernel's.
 """
 
@@ -295,30 +291,3 @@ def _moving(points: list[Point]) -> str:
             )
     (scalar, *_) = _of(points, MOVING_SCENES[0].key, moving.SCALAR)
     return MOVING.format(threads=scalar.threads, rows="\n".join(rows))
-
-
-def _table(scene: Scene, points: list[Point]) -> str:
-    rows = [
-        f"| {p.method} | {p.setting} | {p.threads} | {p.trajectories} | {p.ns_per_impact:.3g} | "
-        f"{p.error:.2e} | {p.note} |"
-        for p in points
-        if p.scene == scene.key
-    ]
-    p = scene.parameters
-    base = "on the moving base" if scene.base == "moving" else f"`{scene.rebound}` law"
-    return "\n".join(
-        [
-            f"### {scene.title}",
-            "",
-            f"e = {p['restitution']:g}, A = {p['amplitude']:g} m/s, f = 1 Hz, {base}, "
-            f"launched at {p['launch_velocity']:g} m/s between {scene.span[0]:g} and "
-            f"{scene.span[1]:g} s; landings up to {scene.duration:g} s; errors over at most "
-            f"{scene.proved} trajectories.",
-            "",
-            "| method | setting | threads | trajectories timed | ns per impact | largest error (s) "
-            "| note |",
-            "|---|---|---|---|---|---|---|",
-            *rows,
-            "",
-        ]
-    )
