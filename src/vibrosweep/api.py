@@ -23,10 +23,12 @@ from vibrosweep.model.forcing import (
     completed,
     differing,
     forcing_of,
+    inputs_of,
     only_parameters,
     refuse_large,
 )
 from vibrosweep.model.measures import RECORD, Measures
+from vibrosweep.model.mount import OF_MOUNT, require_mount
 from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, refuse_masked
 from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, unit_of
 from vibrosweep.runs.driver import available_threads, run_sweep
@@ -56,6 +58,11 @@ def simulate(
     duration: float | None = None,
     duration_periods: float | None = None,
     contact_time: ArrayLike = PARAMETERS["contact_time"].default,
+    mass_ratio: ArrayLike | None = None,
+    particle_mass: ArrayLike | None = None,
+    base_mass: ArrayLike | None = None,
+    mount_frequency: ArrayLike | None = None,
+    mount_damping: ArrayLike | None = None,
     base: str = BASES[0],
     rebound: str = "rest",
     impact_budget: int = Measures.impact_budget,
@@ -79,9 +86,14 @@ def simulate(
         Landings up to this time are recorded: in s, 12 by default, or in forcing periods of each
         realization.
     base
-        ``"high-bounce"``, a base that stays at height zero and kicks, or ``"moving"``.
+        ``"high-bounce"``, a base that stays at height zero and kicks, ``"moving"``, or
+        ``"sprung"``, a moving base of finite mass, which recoils.
+    mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
+        Of a sprung base, as physical parameters: the mass of one particle in units of that of the
+        base, or both masses (kg); natural frequency (Hz) and damping ratio (0.05 by default) of its
+        mount.
     rebound
-        ``"rest"`` or ``"reflect"``; only the former with a moving base.
+        ``"rest"`` or ``"reflect"``; the latter over a high-bounce base only.
     impact_budget
         Landings after which a particle is given up, rounded up to a multiple of 6; its status says
         so.
@@ -112,22 +124,31 @@ def simulate(
         "gravity": gravity,
         "launch_velocity": launch_velocity,
         "contact_time": contact_time,
+        "mass_ratio": mass_ratio,
+        "particle_mass": particle_mass,
+        "base_mass": base_mass,
+        "mount_frequency": mount_frequency,
+        "mount_damping": mount_damping,
     }
-    given = {n: v for n, v in asked.items() if v is not None or n not in FORCINGS}
+    optional = {*FORCINGS, *OF_MOUNT}
+    given = {n: v for n, v in asked.items() if v is not None or n not in optional}
     forcing = forcing_of(given)
-    given = {forcing: PARAMETERS["amplitude"].default, **given}
-    values = {name: _checked(name, given[name]) for name in INPUTS if name in given}
     launch = _numbers("launch_time", launch_time, "s")
     _require(np.all(np.isfinite(launch)), "launch_time", launch_time, "finite, in s")
     for name, value, known in (("base", base, BASES), ("rebound", rebound, LAWS)):
         _require(
             isinstance(value, str) and value in known, name, value, f"one of {', '.join(known)}"
         )
+    require_mount(base, given)
+    values = {
+        name: _checked(name, given.get(name, INPUTS[name].default))
+        for name in inputs_of(given, base)
+    }
     end = _end(duration, duration_periods)
     _require_whole("impact_budget", impact_budget)
     require_room(max(v.size for v in values.values()), launch.size)
     quantities = completed(_broadcast(values))
-    refuse_large(quantities["amplitude"], forcing)
+    refuse_large(quantities, forcing)
     parameters = only_parameters(quantities)
     observation = record_observation(
         launch.size, tuple(launch.ravel().tolist()), end, rebound, impact_budget, base

@@ -23,7 +23,9 @@ from vibrosweep.model.forcing import (
     refuse_large,
 )
 from vibrosweep.model.measures import Measures
+from vibrosweep.model.mount import OF_MOUNT, SPRUNG
 from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, STAGGERED, refuse_masked
+from vibrosweep.model.theory import FIXED
 from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, precedes, unit_of
 from vibrosweep.runs.driver import available_threads
 from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
@@ -100,10 +102,11 @@ class Scene:
         own = self._own()
         for name, value in own.items():
             axis(name, value)
-        refuse_large(self.quantities()["amplitude"], forcing_of(own))
+        refuse_large(self.quantities(), forcing_of(own))
         self._require(self.particles >= 1, "particles", "at least 1")
         self._require(self.impact_budget >= 1, "impact_budget", "at least 1")
-        self._require(self.base in BASES, "base", f"one of {', '.join(BASES)}")
+        _refuse_coupled(self.base)
+        self._require(self.base in FIXED, "base", f"one of {', '.join(FIXED)}")
         self._require(self.rebound in LAWS, "rebound", f"one of {', '.join(LAWS)}")
         self._judge_window()
         if isinstance(self.launch, str):
@@ -133,6 +136,7 @@ class Scene:
     @classmethod
     def of(cls, spec: SweepSpec) -> Scene:
         """Scene of a sweep file; a sampled parameter is at its default."""
+        _refuse_coupled(spec.base)
         given = {
             "impact_budget": spec.measures.impact_budget,
             **{name: getattr(spec, name) for name in ("particles", "launch", "base", "rebound")},
@@ -154,7 +158,7 @@ class Scene:
 
     def _own(self) -> dict[str, float]:
         """What is given of `INPUTS`, defaults included."""
-        given = {name: getattr(self, name) for name in INPUTS}
+        given = {name: getattr(self, name) for name in INPUTS if name not in OF_MOUNT}
         given = {name: value for name, value in given.items() if value is not None}
         return {forcing_of(given): PARAMETERS["amplitude"].default, **given}
 
@@ -210,6 +214,15 @@ class Scene:
         for (name, attributes), time in zip(TIMES.items(), (self.end, self.begin), strict=True):
             fixed[name] = ((), in_seconds(time, found["frequency"])[0], attributes)
         return fixed
+
+
+def _refuse_coupled(base: str) -> None:
+    """Refuse a base that couples particles, which analyses with a scene follow one by one."""
+    if base == SPRUNG:
+        raise ParameterError(
+            f'base = "{base}": couples the particles, which this analysis follows one by one; '
+            f"compute a sweep instead (vibrosweep run), or take base = {' or '.join(FIXED)}"
+        )
 
 
 def axis(name: str, values: ArrayLike) -> Array:

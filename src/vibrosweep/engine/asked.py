@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from vibrosweep.engine.observation import Observation
 from vibrosweep.model.forcing import (
     FORCINGS,
-    INPUTS,
     completed,
     differing,
     forcing_of,
+    inputs_of,
     only_parameters,
 )
 from vibrosweep.model.measures import Measures
@@ -57,7 +57,7 @@ def record_observation(
 
 def given_forcing(spec: SweepSpec, sampled: Collection[str]) -> str:
     """Name of the forcing that a sweep gives; that of a table takes the place of the default."""
-    return forcing_of([name for name in sampled if name in FORCINGS] or spec.fixed)
+    return forcing_of([name for name in sampled if name in FORCINGS] or spec.given)
 
 
 def quantities_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> dict[str, Array]:
@@ -75,14 +75,14 @@ def quantities_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> d
     Returns
     -------
     dict
-        What is given, all of `vibrosweep.model.parameters.PARAMETERS`, the acceleration of the
-        base, and the duration and the transient in s.
+        What is given, all of `vibrosweep.model.parameters.PARAMETERS`, of a sprung base also of
+        `vibrosweep.model.parameters.MOUNT`, the acceleration of the base, and the duration and the
+        transient in s.
     """
-    forcing = given_forcing(spec, sampled)
+    others = [name for name in (*sampled, *spec.given) if name not in FORCINGS]
     given = {
         name: sampled[name] if name in sampled else np.full(size, spec.fixed[name])
-        for name in INPUTS
-        if name not in FORCINGS or name == forcing
+        for name in inputs_of([given_forcing(spec, sampled), *others], spec.base)
     }
     found = completed(given)
     for name, time in _times(spec).items():
@@ -104,7 +104,7 @@ def varied_quantities(spec: SweepSpec, sampled: Mapping[str, Array], size: int) 
 
 
 def parameters_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> dict[str, Array]:
-    """Every parameter of realizations of a sweep, each of shape (realization,)."""
+    """What the engine takes of realizations of a sweep, each of shape (realization,)."""
     return only_parameters(quantities_of(spec, sampled, size))
 
 

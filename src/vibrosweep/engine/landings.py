@@ -18,7 +18,14 @@ from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.kernels.statistics import Statistics
-from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, launches
+from vibrosweep.model.parameters import (
+    MOUNT,
+    PARAMETERS,
+    Dimensionless,
+    Launches,
+    dimensionless,
+    launches,
+)
 
 __all__ = [
     "BYTES_PER_LANDING",
@@ -151,9 +158,12 @@ def physical_memory() -> int:
 
 
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:
-    """Fill in default parameters and broadcast all to a common shape (realization,)."""
+    """Fill in default parameters and broadcast all to a common shape (realization,).
+
+    Of `MOUNT` there is what is given.
+    """
     size = max((values.size for values in given.values()), default=1)
     return {  # copies: numba would compile the kernels again for read-only arrays
         name: np.array(np.broadcast_to(given.get(name, p.default), (size,)), float)
-        for name, p in PARAMETERS.items()
+        for name, p in {**PARAMETERS, **{n: MOUNT[n] for n in MOUNT if n in given}}.items()
     }

@@ -1,11 +1,12 @@
-"""The four ways to give how strongly the base is driven, and what each makes of the others.
+"""The four ways to give how strongly the base is driven, and what follows from what is given.
 
 The base moves with the velocity V0 sin(2 pi f t + phi), where it moves at all.  A ball that lands
 gains (1 + e) times the velocity of the base, which is the kick of the high-bounce map:
 
     A = (1 + e) V0        V0 = 2 pi f B        Gamma = 2 pi f V0 / g
 
-The kernels are given the amplitude A: that double is what a realization is.
+The kernels are given the amplitude A: that double is what a realization is.  In the same way the
+masses of a particle and of the base may be given in place of their ratio.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.parameters import BASES, LARGEST, PARAMETERS, Parameter
+from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, SPRUNG
+from vibrosweep.model.parameters import BASES, LARGEST, MOUNT, PARAMETERS, Parameter
 
 __all__ = [
     "FORCINGS",
@@ -26,6 +28,7 @@ __all__ = [
     "completed",
     "differing",
     "forcing_of",
+    "inputs_of",
     "invalid_law",
     "only_parameters",
     "refuse_large",
@@ -60,12 +63,12 @@ FORCINGS: Final[Mapping[str, Parameter]] = {
 }
 
 # What a realization may be given by, in the order of files: the parameters, with the forcings
-# together.  Of these exactly one is given.
+# together, of which exactly one is given, and what is of a mount (`inputs_of`).
 INPUTS: Final[Mapping[str, Parameter]] = {
     name: parameter
     for own, one in PARAMETERS.items()
     for name, parameter in (FORCINGS if own == AMPLITUDE else {own: one}).items()
-}
+} | {**OF_MOUNT}
 
 # What V0 and each of them follow from, apart from each other
 _SOURCES: Final[Mapping[str, frozenset[str]]] = {
@@ -92,6 +95,29 @@ def forcing_of(given: Collection[str]) -> str:
     return found[0] if found else AMPLITUDE
 
 
+def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
+    """Names of the inputs that describe a realization, given or by default.
+
+    Parameters
+    ----------
+    given
+        Names of what is given; they fit together (`vibrosweep.model.mount.mount_mistakes`).
+    base
+        One of `vibrosweep.model.parameters.BASES`.
+
+    Raises
+    ------
+    ParameterError
+        Two forcings are given.
+    """
+    left_out = FORCINGS.keys() - {forcing_of(given)}
+    if base != SPRUNG:
+        left_out |= OF_MOUNT.keys()
+    else:
+        left_out |= MASSES.keys() if MASSES.keys().isdisjoint(given) else {MASS_RATIO}
+    return tuple(name for name in INPUTS if name not in left_out)
+
+
 def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
     """Names of what differs between realizations: of `INPUTS` what is varied, and what follows.
 
@@ -104,22 +130,25 @@ def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
     """
     derived = [name for name in (AMPLITUDE, ACCELERATION) if name not in (forcing, *varied)]
     follows = {name: _SOURCES[forcing] | _SOURCES[name] | {forcing} for name in derived}
-    return (*varied, *(name for name in derived if not follows[name].isdisjoint(varied)))
+    if MASS_RATIO not in varied:
+        follows[MASS_RATIO] = frozenset(MASSES)
+    return (*varied, *(name for name in follows if not follows[name].isdisjoint(varied)))
 
 
 def completed(given: Mapping[str, Array]) -> dict[str, Array]:
-    """Add what follows from the forcing: the amplitude, and the acceleration of the base.
+    """Add what follows: amplitude and acceleration of the base, and the ratio of masses.
 
     Parameters
     ----------
     given
-        All of `INPUTS` but for the forcings, of which there is one; each of shape (realization,).
+        What `inputs_of` names; each of shape (realization,).
 
     Returns
     -------
     dict
         In the order of `INPUTS`.  Only an amplitude above its range can come out, of a
-        displacement or an acceleration; `vibrosweep.model.parameters.representable` tells.
+        displacement or an acceleration, and such a ratio of masses;
+        `vibrosweep.model.parameters.representable` tells.
     """
     name, e = forcing_of(given), given["restitution"]
     value, omega, gravity = given[name], 2.0 * math.pi * given["frequency"], given["gravity"]
@@ -132,28 +161,46 @@ def completed(given: Mapping[str, Array]) -> dict[str, Array]:
     else:
         velocity = value
     found = {AMPLITUDE: (1.0 + e) * velocity, ACCELERATION: omega * velocity / gravity}
+    if not MASSES.keys().isdisjoint(given):
+        particle, base = (given[mass] for mass in MASSES)
+        with np.errstate(over="ignore"):  # out of range, as `representable` tells
+            found[MASS_RATIO] = particle / base
     every = found | dict(given)
     return {name: every[name] for name in INPUTS if name in every}
 
 
 def only_parameters(values: Mapping[str, Array]) -> dict[str, Array]:
-    """Return what the engine takes of `completed`: the entries of `PARAMETERS`."""
-    return {name: values[name] for name in PARAMETERS}
+    """Return what the engine takes of `completed`: `PARAMETERS`, and `MOUNT` of a sprung base."""
+    mount = [name for name in MOUNT if name in values]
+    return {name: values[name] for name in (*PARAMETERS, *mount)}
 
 
-def refuse_large(amplitude: Array, forcing: str) -> None:
-    """Refuse a forcing that makes an amplitude above its range.
+def refuse_large(values: Mapping[str, Array], forcing: str) -> None:
+    """Refuse a forcing that makes an amplitude above its range, and masses of such a ratio.
+
+    Parameters
+    ----------
+    values
+        As `completed` returns them.
+    forcing
+        The one that is given.
 
     Raises
     ------
     ParameterError
-        Naming the forcing.
+        Naming the forcing, or the masses.
     """
     allowed = PARAMETERS[AMPLITUDE]
-    if not np.all(allowed.accepts(amplitude)):
+    if not np.all(allowed.accepts(values[AMPLITUDE])):
         raise ParameterError(
-            f"{forcing}: makes an amplitude of {float(np.max(amplitude)):.3g} m s-1, which must be "
-            f"{allowed.allowed}"
+            f"{forcing}: makes an amplitude of {float(np.max(values[AMPLITUDE])):.3g} m s-1, which "
+            f"must be {allowed.allowed}"
+        )
+    allowed = MOUNT[MASS_RATIO]
+    if MASS_RATIO in values and not np.all(allowed.accepts(values[MASS_RATIO])):
+        raise ParameterError(
+            f"{' and '.join(MASSES)}: make a {MASS_RATIO} of "
+            f"{float(np.max(values[MASS_RATIO])):.3g}, which must be {allowed.allowed}"
         )
 
 

@@ -297,12 +297,15 @@ def representable(parameters: Mapping[str, Array], times: Iterable[Time]) -> NDA
     Parameters
     ----------
     parameters
-        Every parameter of `PARAMETERS`, each of shape (realization,), within its range; only an
-        amplitude that follows from another forcing may be above it.
+        Every parameter of `PARAMETERS`, and of `MOUNT` where the base is sprung, each of shape
+        (realization,), within its range; only an amplitude that follows from another forcing, and
+        a mass ratio that follows from masses, may be above it.
     times
         Launch times, transient and duration; infinite ones are left out.
     """
     usable = PARAMETERS["amplitude"].accepts(parameters["amplitude"])
+    if "mass_ratio" in parameters:
+        usable &= MOUNT["mass_ratio"].accepts(parameters["mass_ratio"])
     longest = {float: 0.0, Periods: 0.0}
     for time in times:
         number, unit = abs(amount(time)), Periods if isinstance(time, Periods) else float

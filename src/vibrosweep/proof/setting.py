@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from vibrosweep.engine.asked import quantities_of, varying
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.errors import SpecError, TableError
-from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.parameters import PARAMETERS, STAGGERED
+from vibrosweep.model.forcing import INPUTS, inputs_of
+from vibrosweep.model.parameters import STAGGERED
 from vibrosweep.runs.result import IDENTITY, recorded_quantities
 from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
@@ -94,7 +94,8 @@ def _drawn(
     design = _design(spec, attributes)
     if isinstance(design, str):
         # a table decides which parameters are sampled
-        names, reason = tuple(PARAMETERS if spec.design == "table" else spec.sampled), design
+        every = inputs_of(spec.given, spec.base)
+        names, reason = tuple(every if spec.design == "table" else spec.sampled), design
     elif np.any(rows >= design.realizations):
         reason = f"the sweep file asks for {design.realizations} realizations"
         names = design.sampled

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from vibrosweep.model import theory
-from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.times import Periods, in_periods
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.sweep import Range, SweepSpec
@@ -26,20 +25,21 @@ def notes(spec: SweepSpec, design: Design) -> dict[str, str]:
 def silent_defaults(spec: SweepSpec, design: Design) -> dict[str, float]:
     """Parameters left at their defaults by a sweep that states others."""
     stated = {*spec.given, *design.sampled}
-    if not stated.isdisjoint(FORCINGS):
-        stated.add("amplitude")
-    return {n: p.default for n, p in PARAMETERS.items() if stated and n not in stated}
+    left = [name for name in inputs_of(stated, spec.base) if stated and name not in stated]
+    return {name: INPUTS[name].default for name in left}
 
 
 def _defaults(spec: SweepSpec, design: Design) -> str:
     return ", ".join(
-        f"{name} {value:g} {PARAMETERS[name].units}".removesuffix(" 1")
+        f"{name} {value:g} {INPUTS[name].units}".removesuffix(" 1")
         for name, value in silent_defaults(spec, design).items()
     )
 
 
 def short_observation(spec: SweepSpec, design: Design) -> str:
     """Say where locked orbits cannot be recognised before the observation ends; else empty."""
+    if spec.base not in theory.FIXED:
+        return ""  # how long coupled orbits take to return is not known
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
     needed = float(theory.recognition_periods(restitution[1], base=spec.base))
     observed = float(in_periods(spec.duration, np.array(frequency[:1]))[0])

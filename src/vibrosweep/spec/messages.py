@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 
 from vibrosweep.errors import SpecError
 from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.mount import OF_MOUNT, SPRUNG
+from vibrosweep.model.parameters import BASES
 
 __all__ = ["ABSENT", "Mistakes", "likely_parameter", "nearest", "quoted", "shown"]
 
@@ -84,16 +86,17 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return found[0] if found else None
 
 
-def likely_parameter(word: str) -> str | None:
-    """Return the physical parameter that an unknown word was probably meant to be."""
+def likely_parameter(word: str, base: str = BASES[0]) -> str | None:
+    """Return the physical parameter of a base that an unknown word was probably meant to be."""
     short = word.lower()
-    for name, parameter in INPUTS.items():
+    known = {n: p for n, p in INPUTS.items() if base == SPRUNG or n not in OF_MOUNT}
+    for name, parameter in known.items():
         if word == parameter.symbol:  # v0 is not V0
             return name
-    for name, parameter in INPUTS.items():
+    for name, parameter in known.items():
         if short and (short == parameter.symbol.lower() or name.startswith(short)):
             return name
-    return nearest(word, INPUTS)
+    return nearest(word, known)
 
 
 def _toml(value: object) -> str:

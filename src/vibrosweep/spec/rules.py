@@ -20,9 +20,11 @@ from vibrosweep.model.forcing import (
     only_parameters,
     refuse_large,
 )
+from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, SPRUNG, mount_mistakes
 from vibrosweep.model.parameters import (
     BASES,
     LAWS,
+    MOUNT,
     STAGGERED,
     dimensionless,
     launches,
@@ -38,6 +40,7 @@ __all__ = [
     "Setting",
     "check_extremes",
     "check_forcing",
+    "check_mount",
     "check_window",
     "columns",
     "fixed_numbers",
@@ -71,7 +74,7 @@ class RecordSpec:
     Attributes
     ----------
     parameters
-        All of `vibrosweep.model.forcing.INPUTS`, of the forcings one, in their units.
+        What `vibrosweep.model.forcing.inputs_of` names, in their units.
     particles
         Number of particles.
     launch
@@ -158,6 +161,22 @@ def check_forcing(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) ->
         if name != before:
             text = f"{name} gives the forcing, and so does {before} in {first}; keep one of the two"
             mistakes.add(key, text, value, involves=[first])
+
+
+def check_mount(base: str, scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> None:
+    """Report what is lacking of the mount of a base of finite mass, or is given for another base.
+
+    Columns of a table that the file does not name are judged when the table is read.
+    """
+    if kind(sample) == "table" and sample.columns is None:
+        return
+    homes = dict.fromkeys(sample.columns or (), "sample.columns")
+    homes |= {name: f"sample.{name}" for name in sample.parameters}
+    homes |= {name: f"scene.{name}" for name in scene.parameters}
+    involved = [f"{t}.{name}" for t in ("scene", "sample") for name in ("base", *OF_MOUNT)]
+    for name, text in mount_mistakes(base, homes).items():
+        key = homes.get(name, f"scene.{name}")
+        mistakes.add(key, text if key.endswith(name) else f"{name} {text}", involves=involved)
 
 
 def fixed_numbers(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> dict[str, float]:
@@ -262,7 +281,7 @@ def record(
 
     ``varied`` names the sampled parameters, None where only the table knows them.
     """
-    given = table.parameters
+    given, own = table.parameters, setting("record", table, shared, mistakes)
     if varied is None:
         text = (
             "the recorded scene must state what the table samples; name the table's columns, as in "
@@ -273,13 +292,22 @@ def record(
     if len(forcings) > 1:
         text = f"gives the forcing, and so does record.{forcings[0]}; keep one of the two"
         mistakes.add(f"record.{forcings[1]}", text, given[forcings[1]])
+    # what the record does not take from the sweep: another way to give the same, another base
+    replaced = {*FORCINGS} if forcings else set()
+    replaced |= {*MASSES} if MASS_RATIO in given else set()
+    replaced |= set() if MASSES.keys().isdisjoint(given) else {MASS_RATIO}
+    replaced |= {*OF_MOUNT} if own.base != SPRUNG else set()
     for name in varied or ():
-        stated = bool(forcings) if name in FORCINGS else name in given
-        if name in INPUTS and not stated:
+        if name in INPUTS and name not in given and name not in replaced:
             text = "is missing; the sweep samples it, so state the value of the recorded scene"
             mistakes.add(f"record.{name}", f"{text} (allowed: {INPUTS[name].allowed})")
-    found = {n: v for n, v in values.items() if not (forcings and n in FORCINGS)} | {**given}
-    own = setting("record", table, shared, mistakes)
+    found = {n: v for n, v in values.items() if n not in replaced} | {**given}
+    tables = ("scene", "sample", "record")
+    involved = [f"{t}.{name}" for t in tables for name in ("base", *OF_MOUNT)]
+    for name, text in mount_mistakes(own.base, found).items():
+        mistakes.add(f"record.{name}", text, involves=involved)
+    if own.base == SPRUNG:
+        found = {"mount_damping": MOUNT["mount_damping"].default, **found}
     return RecordSpec({name: found[name] for name in INPUTS if name in found}, *own)
 
 
@@ -288,8 +316,8 @@ def check_extremes(
 ) -> None:
     """Report if a realization of the sweep, whose parameters have these values, is too extreme.
 
-    The amplitude may follow from a forcing that makes it too large; forcing periods may be too
-    many to be counted exactly.
+    The amplitude may follow from a forcing that makes it too large, and the mass ratio from masses;
+    forcing periods may be too many to be counted exactly.
     """
     ends = [sorted({min(values), max(values)}) for values in spreads.values()]
     corners = np.array([*itertools.product(*ends)]).T
@@ -297,7 +325,7 @@ def check_extremes(
     # the phase does not affect the number of periods
     arrays = only_parameters(values) | {"phase": np.zeros(corners.shape[1])}
     try:
-        refuse_large(values["amplitude"], forcing_of(spreads))
+        refuse_large(values, forcing_of(spreads))
         dimensionless(arrays, shared.duration)
         launches(shared.launch, 1, np.max(arrays["frequency"], keepdims=True))
     except ParameterError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tomllib
 from collections.abc import Mapping
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vibrosweep.errors import SpecError
-from vibrosweep.model.forcing import FORCINGS, INPUTS
+from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.times import Time
 from vibrosweep.spec import rules as rules
@@ -34,9 +35,9 @@ class SweepSpec:
     source
         The file it was read from, None for a text.
     fixed
-        Parameters that are not sampled, defaults included; of the forcings no more than one.  Under
-        a table these are all that ``columns`` does not name; a column of the table overrides the
-        default that stands here.
+        Parameters that are not sampled, defaults included; of the forcings no more than one, and
+        those of a mount for a sprung base only.  Under a table these are all that ``columns`` does
+        not name; a column of the table overrides the default that stands here.
     given
         Names of the parameters in ``fixed`` that the file states.
     sampled
@@ -158,11 +159,12 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
     rules.check_forcing(file.scene, sample, mistakes)
     varied = (*sampled, *(columns or ()))
     shared = rules.setting("scene", file.scene, Setting(), mistakes)
+    rules.check_mount(shared.base, file.scene, sample, mistakes)
+    # one forcing only, for where two were reported
     forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
+    given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]
     values = {
-        name: numbers.get(name, p.default)
-        for name, p in INPUTS.items()
-        if name not in FORCINGS or name == forcing
+        name: numbers.get(name, INPUTS[name].default) for name in inputs_of(given, shared.base)
     }
     frequencies = _values(sampled["frequency"]) if "frequency" in sampled else ()
     if "frequency" not in varied:
@@ -176,7 +178,11 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
         title=file.title or "",
         text=text,
         source=source,
-        fixed={name: value for name, value in values.items() if name not in varied},
+        fixed={
+            name: value
+            for name, value in values.items()
+            if name not in varied and not math.isnan(value)  # one that only the table knows
+        },
         given=frozenset(numbers),
         sampled=sampled,
         design=design,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from vibrosweep.errors import TableError
 from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.measures import RESERVED
+from vibrosweep.model.mount import mount_mistakes
 from vibrosweep.spec.messages import likely_parameter
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.units import KNOWN_UNITS, factor
@@ -206,7 +207,7 @@ def _chosen(columns: Mapping[str, Label], spec: SweepSpec, mistakes: _Mistakes) 
                     f'column "{name}" is also fixed, {name} = {spec.fixed[name]:g} in '
                     f"{_sweep(spec)}; keep one of the two"
                 )
-        meant = [likely_parameter(name) for name in found if name not in INPUTS]
+        meant = [likely_parameter(name, spec.base) for name in found if name not in INPUTS]
         known = {*found, *spec.given, *meant}
         for name in _EXPECTED:
             same = FORCINGS if name in FORCINGS else (name,)
@@ -219,18 +220,23 @@ def _chosen(columns: Mapping[str, Label], spec: SweepSpec, mistakes: _Mistakes) 
             f"{forcings[0]} and {forcings[1]} both give the forcing, here or in {_sweep(spec)}; "
             f"keep one of the two"
         )
+    for name, text in mount_mistakes(spec.base, {*chosen, *spec.given}).items():
+        what = f"{name} in {_sweep(spec)}" if name in spec.given else f'column "{name}"'
+        lacks = name not in chosen and name not in spec.given
+        remedy = "; add the column, or write it as a number in [scene]" if lacks else ""
+        mistakes.add(f"{what} {text}{remedy}")
     for name in chosen:
-        _judge_name(name, spec.columns is not None, mistakes)
+        _judge_name(name, spec, mistakes)
     _judge_shapes({name: columns[name] for name in chosen if name in INPUTS}, mistakes)
     return chosen
 
 
-def _judge_name(name: str, wanted: bool, mistakes: _Mistakes) -> None:
+def _judge_name(name: str, spec: SweepSpec, mistakes: _Mistakes) -> None:
     """Check that the name of a column that is not a parameter can be a label."""
     if name in INPUTS:
         return
     elsewhere = "; rename it, or list the columns to use in sample.columns"
-    guess = None if wanted else likely_parameter(name)
+    guess = None if spec.columns else likely_parameter(name, spec.base)
     if guess:
         mistakes.add(
             f'column "{name}" is not a physical parameter; did you mean "{guess}"? Known columns: '
