@@ -34,7 +34,7 @@ def test_a_ratio_of_masses_and_a_frequency_are_enough():
 @pytest.mark.parametrize("name", OF_MOUNT)
 def test_another_base_has_no_mount(base, name):
     assert mount_mistakes(base, {"amplitude"}) == {}
-    with pytest.raises(ParameterError, match=f'{name} is of a base of finite.*base = "sprung"'):
+    with pytest.raises(ParameterError, match=f'{name}: is of a base of finite.*base = "sprung"'):
         require_mount(base, [name])
 
 

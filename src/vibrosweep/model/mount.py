@@ -73,4 +73,4 @@ def require_mount(base: str, given: Collection[str]) -> None:
     """
     mistakes = mount_mistakes(base, given)
     if mistakes:
-        raise ParameterError("; ".join(f"{name} {text}" for name, text in mistakes.items()))
+        raise ParameterError("; ".join(f"{name}: {text}" for name, text in mistakes.items()))
