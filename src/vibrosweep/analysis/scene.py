@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vibrosweep.engine.landings import physical_memory
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.model.forcing import (
@@ -30,6 +29,7 @@ from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, 
 from vibrosweep.runs.driver import available_threads
 from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
 from vibrosweep.spec.rules import Axis
+from vibrosweep.system import physical_memory
 
 if TYPE_CHECKING:
     from vibrosweep.spec.sweep import SweepSpec

@@ -14,6 +14,7 @@ from vibrosweep.commands import (
     bifurcation,
     claims,
     doctor,
+    examples,
     figures,
     info,
     lab,
@@ -27,6 +28,7 @@ from vibrosweep.commands import (
 __all__ = ["COMMANDS"]
 
 COMMANDS: Final[tuple[ModuleType, ...]] = (
+    examples,
     plan,
     run,
     info,

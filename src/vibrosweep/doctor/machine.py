@@ -12,6 +12,7 @@ from vibrosweep.doctor.finding import Finding
 from vibrosweep.runs.chunks import TRAJECTORIES_PER_BATCH
 from vibrosweep.runs.driver import available_threads
 from vibrosweep.runs.plan import BYTES_PER_TRAJECTORY
+from vibrosweep.system import available_memory, physical_memory
 
 __all__ = ["disk", "memory", "processors"]
 
@@ -47,11 +48,8 @@ def _group_limit(name: str) -> list[str]:
 
 def memory() -> Finding:
     """Check the memory, and a container's limit on it."""
-    total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    available = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    known = _kilobytes(Path("/proc/meminfo")).get("MemAvailable")
-    available = available if known is None else known * 1024
-    state = f"{available / 2**30:.3g} GiB of {total / 2**30:.3g} GiB are available"
+    available = available_memory()
+    state = f"{available / 2**30:.3g} GiB of {physical_memory() / 2**30:.3g} GiB are available"
     limit = _group_limit("memory.max")
     if limit and limit[0] != "max":
         used = _group_limit("memory.current")
@@ -61,16 +59,6 @@ def memory() -> Finding:
         return Finding("memory", state)
     advice = "close other programs, or lower --chunk when running"
     return Finding("memory", state, f"less than {LITTLE_MEMORY / 2**30:.2g} GiB: {advice}")
-
-
-def _kilobytes(path: Path) -> dict[str, int]:
-    """Return the entries of /proc/meminfo; none on a system without it."""
-    try:
-        lines = path.read_text(encoding="ascii").splitlines()
-    except OSError:
-        return {}
-    words = (line.replace(":", "").split() for line in lines)
-    return {entry[0]: int(entry[1]) for entry in words if len(entry) == 3}
 
 
 def disk(directory: Path) -> Finding:

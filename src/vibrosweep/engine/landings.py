@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
@@ -26,12 +25,12 @@ from vibrosweep.model.parameters import (
     dimensionless,
     launches,
 )
+from vibrosweep.system import physical_memory
 
 __all__ = [
     "BYTES_PER_LANDING",
     "all_parameters",
     "launch_times",
-    "physical_memory",
     "record_bytes",
     "record_landings",
     "require_room",
@@ -150,11 +149,6 @@ def _counted(
     each = statistics(problem, launch, enough, workers)
     require_room(realizations, particles, int(each.landings.max()))
     return problem, launch, each
-
-
-def physical_memory() -> int:
-    """Total memory of this machine in bytes."""
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:

@@ -9,7 +9,6 @@ Therefore only one process at a time may write.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import pickle
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +19,7 @@ from numba.core.caching import FunctionCache
 from numba.core.registry import cpu_target
 
 from vibrosweep.kernels.vectors import vector_bits
+from vibrosweep.system import locked
 
 __all__ = ["KernelCache", "Variants", "variants"]
 
@@ -52,8 +52,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
         """Wait until no other process writes in the cache."""
-        with (Path(self.cache_path) / ".lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        with (Path(self.cache_path) / ".lock").open("a") as lock:
+            locked(lock.fileno(), wait=True)
             yield
 
 

@@ -148,8 +148,9 @@ def dask_setup(worker: object) -> None:
 
     A terminal sends Ctrl-C to all processes at once: only the main process must act on it.
     """
-    for ending in (signal.SIGINT, signal.SIGHUP):
-        signal.signal(ending, signal.SIG_IGN)
+    for name in ("SIGINT", "SIGHUP"):
+        if hasattr(signal, name):  # Windows has no SIGHUP
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def on_dask(client: Client, absence: float = ABSENCE) -> Runner:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.engine import landings
-from vibrosweep.engine.landings import BYTES_PER_LANDING, physical_memory
+from vibrosweep.engine.landings import BYTES_PER_LANDING
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError
 from vibrosweep.runs.chunks import batch_size
@@ -23,6 +23,7 @@ from vibrosweep.spec.sweep import RecordSpec, SweepSpec
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import target_of
 from vibrosweep.store.parts import kinds
+from vibrosweep.system import physical_memory
 
 __all__ = ["Needs", "estimate", "has_room", "record_bytes", "require_disk", "require_memory"]
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import resource
 import time
 import tracemalloc
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -22,6 +20,7 @@ from vibrosweep.runs.chunks import Columns, batch_size
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.schema import DRAWN
 from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.system import resident_memory
 
 __all__ = ["UNKNOWN", "Cost", "explore", "memory_per_realization"]
 
@@ -114,7 +113,7 @@ def explore(
         first, _ = _timed(spec, sampled, size, share, workers)
         took, columns = _timed(spec, sampled, size, share, workers)
         start += max(first - took, 0.0)
-        loaded = loaded or _memory_now()
+        loaded = loaded or float(resident_memory())
         now = (share, took / size, float(columns["impact_count"].mean()))
         cost = _extrapolated(before, now, start, loaded, columns)
         before = now
@@ -210,12 +209,3 @@ def _sampled(spec: SweepSpec, design: Design, size: int) -> dict[str, Array]:
     places = [int(design.realizations * (k * GOLDEN % 1.0)) for k in range(size)]
     rows = [design.take(place, place + 1) for place in places]
     return {name: np.concatenate([row[name] for row in rows]) for name in design.sampled}
-
-
-def _memory_now() -> float:
-    """Resident memory of this process in bytes."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
-    return float(pages * resource.getpagesize())

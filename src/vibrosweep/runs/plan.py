@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.engine.asked import varying
-from vibrosweep.engine.landings import physical_memory
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, VibrosweepError
 from vibrosweep.runs.chunks import batch_size
 from vibrosweep.runs.pilot import UNKNOWN, Cost, explore
 from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.system import physical_memory
 
 __all__ = ["Plan", "bytes_per_realization", "make_plan"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import socket
@@ -14,6 +13,7 @@ from typing import Final
 from vibrosweep.errors import RunError
 from vibrosweep.store.disk import flush_directory, reporting, target_of, unwritten
 from vibrosweep.store.parts import MANIFEST, read_manifest
+from vibrosweep.system import locked
 
 __all__ = ["abandon", "empty", "holding", "replaces", "run_directory"]
 
@@ -64,9 +64,10 @@ def holding(output: Path) -> Iterator[Path]:
                 path.unlink()
         yield directory
     finally:
-        if not (directory / MANIFEST).exists():
-            _remove(directory)
-        os.close(descriptor)
+        if (directory / MANIFEST).exists():
+            os.close(descriptor)
+        else:
+            _remove(directory, descriptor)
 
 
 def _locked(output: Path, directory: Path) -> int:
@@ -94,18 +95,18 @@ def _locked(output: Path, directory: Path) -> int:
 
 def _lock(output: Path, directory: Path, descriptor: int) -> None:
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        holder = os.read(descriptor, 200).decode(errors="replace").strip()
-        raise RunError(
-            f"{output}: is being computed by another run ({holder or 'process unknown'}), which "
-            f"holds {directory}; wait for its end, or write to another file with output="
-        ) from error
+        free = locked(descriptor, wait=False)
     except OSError as error:
         raise RunError(
             f"{output}: the file system of {directory} has no locks ({error.strerror}), so that "
             f"two runs could disturb each other; choose another place with output="
         ) from error
+    if not free:
+        holder = os.read(descriptor, 200).decode(errors="replace").strip()
+        raise RunError(
+            f"{output}: is being computed by another run ({holder or 'process unknown'}), which "
+            f"holds {directory}; wait for its end, or write to another file with output="
+        )
     with suppress(OSError):  # the holder's name is only for the message
         os.ftruncate(descriptor, 0)
         os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
@@ -124,7 +125,14 @@ def abandon(directory: Path) -> None:
     (directory / MANIFEST).unlink(missing_ok=True)
 
 
-def _remove(directory: Path) -> None:
+def _remove(directory: Path, descriptor: int) -> None:
+    """Remove the directory and give up its lock: in this order where open files can be removed."""
     with suppress(OSError):  # leftover files do no harm
         empty(directory)
-        shutil.rmtree(directory)
+    if os.name == "nt":
+        os.close(descriptor)
+    with suppress(OSError):
+        (directory / LOCK).unlink()
+        directory.rmdir()
+    if os.name != "nt":
+        os.close(descriptor)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,10 +67,14 @@ def _read(group: Any) -> None:
 def _limit_memory() -> None:
     """Limit memory, so that a damaged size ends this process instead of exhausting the machine."""
     import os
-    import resource
 
+    try:
+        import resource
+    except ImportError:  # Windows has no such limit
+        return
     half = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
-    resource.setrlimit(resource.RLIMIT_AS, (half, half))
+    with suppress(ValueError):  # nor have all versions of macOS
+        resource.setrlimit(resource.RLIMIT_AS, (half, half))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,87 @@
+"""``vibrosweep examples``: list the sweep files that come with the package, and copy them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Final
+
+__all__ = ["HELP", "NAME", "add_arguments", "perform"]
+
+NAME: Final = "examples"
+HELP: Final = "list the example sweeps, or copy some of them"
+
+# In an installed package, and where it runs from its source tree.
+PLACES: Final = (Path(__file__).parents[1] / "sweeps", Path(__file__).parents[3] / "sweeps")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("names", metavar="NAME", nargs="*", help="to copy, as listed")
+    parser.add_argument("--all", action="store_true", help="copy all")
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, default=Path(), help="copy there; default: here"
+    )
+    parser.add_argument("--force", action="store_true", help="replace existing files")
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    files = _examples()
+    if options.all:
+        _copy(files, options.output, force=options.force)
+    elif options.names:
+        _copy(_chosen(files, options.names), options.output, force=options.force)
+    else:
+        _list(files)
+
+
+def _examples() -> dict[str, Path]:
+    """Return the files by their names: paths without the suffix, with slashes on every system."""
+    from vibrosweep.errors import DataError
+
+    for place in PLACES:
+        names = sorted(
+            p.relative_to(place).with_suffix("").as_posix() for p in place.rglob("*.toml")
+        )
+        if names:
+            return {name: place / f"{name}.toml" for name in names}
+    raise DataError(f"{PLACES[0]}: the example sweeps are missing; install vibrosweep again")
+
+
+def _list(files: dict[str, Path]) -> None:
+    import tomllib
+
+    width = max(map(len, files))
+    for name, path in files.items():
+        title = tomllib.loads(path.read_text(encoding="utf-8"))["title"]
+        print(f"{name:{width}}  {title}")
+    print("\nvibrosweep examples NAME... copies some to this directory, --all copies all")
+
+
+def _chosen(files: dict[str, Path], names: list[str]) -> dict[str, Path]:
+    """Return the named files; both ``paper`` and ``paper.toml`` name one."""
+    from vibrosweep.errors import ParameterError
+
+    wanted = [name.removesuffix(".toml") for name in names]
+    unknown = [name for name in wanted if name not in files]
+    if unknown:
+        raise ParameterError(
+            f"no example is called {', '.join(unknown)}; there are {', '.join(files)}"
+        )
+    return {name: files[name] for name in wanted}
+
+
+def _copy(files: dict[str, Path], directory: Path, *, force: bool) -> None:
+    """Copy files below a directory, all of them or none."""
+    from vibrosweep.store.disk import check_output, replacing, reporting
+
+    copies = {directory / f"{name}.toml": path for name, path in files.items()}
+    for copy in copies:
+        with reporting(copy):
+            copy.parent.mkdir(parents=True, exist_ok=True)
+        check_output(copy, force=force)
+    for copy, path in copies.items():
+        with replacing(copy, force=force) as file:
+            file.write(path.read_bytes())
+        print(copy)

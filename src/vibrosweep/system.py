@@ -1,0 +1,94 @@
+"""What operating systems do in ways of their own: locks of files, and memory.
+
+Where memory is stated neither by the POSIX ``sysconf`` nor below ``/proc``, psutil is required.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from importlib import import_module
+from pathlib import Path
+from typing import Final
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+__all__ = ["available_memory", "locked", "physical_memory", "resident_memory"]
+
+POLL: Final = 0.05  # s, between two looks at a lock of Windows
+# Windows lets nobody read a byte that is locked: this one lies behind all that a lock file says.
+LOCKED_BYTE: Final = 1 << 30
+
+
+def locked(descriptor: int, *, wait: bool) -> bool:
+    """Lock an open file, until it is closed or the process ends.
+
+    Parameters
+    ----------
+    descriptor
+        Of the file, which is open for writing.
+    wait
+        Whether to wait while another holds the lock.
+
+    Returns
+    -------
+    bool
+        False if another holds it.
+
+    Raises
+    ------
+    OSError
+        The file system has no locks.
+    """
+    if fcntl is None:
+        return _locked_on_windows(descriptor, wait=wait)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _locked_on_windows(descriptor: int, *, wait: bool) -> bool:
+    msvcrt = import_module("msvcrt")
+    while True:
+        os.lseek(descriptor, LOCKED_BYTE, os.SEEK_SET)
+        try:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        except PermissionError:
+            if not wait:
+                return False
+            time.sleep(POLL)
+        else:
+            return True
+        finally:
+            os.lseek(descriptor, 0, os.SEEK_SET)
+
+
+def physical_memory() -> int:
+    """Total memory of this machine in bytes."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError):
+        return int(import_module("psutil").virtual_memory().total)
+
+
+def available_memory() -> int:
+    """Memory in bytes that programs can still take."""
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return int(import_module("psutil").virtual_memory().available)
+    return next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable")) * 1024
+
+
+def resident_memory() -> int:
+    """Memory in bytes that this process occupies."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return int(import_module("psutil").Process().memory_info().rss)
+    return pages * os.sysconf("SC_PAGE_SIZE")

@@ -1,0 +1,74 @@
+"""``vibrosweep examples``: lists and copies the sweeps that come with the package."""
+
+from pathlib import Path
+
+import pytest
+
+from vibrosweep.cli import main
+from vibrosweep.commands import examples
+
+SWEEPS = Path(__file__).parents[2] / "sweeps"
+NAMES = sorted(p.relative_to(SWEEPS).with_suffix("").as_posix() for p in SWEEPS.rglob("*.toml"))
+
+
+def contents(directory):
+    return {
+        path.relative_to(directory).as_posix(): path.read_bytes()
+        for path in directory.rglob("*")
+        if path.is_file()
+    }
+
+
+def test_all_are_listed_with_their_titles(capsys):
+    assert main(["examples"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[:-2]] == NAMES
+    assert "paper " in lines[NAMES.index("paper")]
+    assert lines[NAMES.index("paper")].endswith("realizations of (restitution, amplitude)")
+
+
+def test_some_are_copied(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["examples", "paper", "laboratory/table4.toml"]) == 0
+    names = ["paper.toml", "laboratory/table4.toml"]
+    assert contents(tmp_path) == {name: (SWEEPS / name).read_bytes() for name in names}
+    assert [Path(line) for line in capsys.readouterr().out.splitlines()] == list(map(Path, names))
+
+
+def test_all_are_copied_and_none_is_replaced_unasked(tmp_path, capsys):
+    place = tmp_path / "sweeps"
+    assert main(["examples", "--all", "-o", str(place)]) == 0
+    assert contents(place) == contents(SWEEPS)
+    (place / "paper.toml").write_text("mine", encoding="utf-8")
+    (place / "basins.toml").unlink()
+    assert main(["examples", "basins", "paper", "-o", str(place)]) == 2
+    assert "paper.toml: exists and is kept" in capsys.readouterr().err
+    assert (place / "paper.toml").read_text(encoding="utf-8") == "mine"
+    assert not (place / "basins.toml").exists()
+    assert main(["examples", "basins", "paper", "--force", "-o", str(place)]) == 0
+    assert contents(place) == contents(SWEEPS)
+
+
+def test_an_unknown_name_is_refused(tmp_path, capsys):
+    assert main(["examples", "papers", "-o", str(tmp_path)]) == 2
+    message = capsys.readouterr().err
+    assert "no example is called papers; there are basins, bifurcation" in message
+    assert contents(tmp_path) == {}
+
+
+def test_a_package_without_them_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(examples, "PLACES", (tmp_path / "none",))
+    assert main(["examples"]) == 2
+    assert "the example sweeps are missing; install vibrosweep again" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_an_installed_package_has_them_inside(tmp_path, monkeypatch, capsys, inside):
+    """Where both are present, those inside the package are taken."""
+    places = (tmp_path / "package" / "sweeps", tmp_path / "sweeps")
+    for place in places[0 if inside else 1 :]:
+        place.mkdir(parents=True)
+        (place / f"{place.parent.name}.toml").write_text('title = "One"', encoding="utf-8")
+    monkeypatch.setattr(examples, "PLACES", places)
+    assert main(["examples"]) == 0
+    assert capsys.readouterr().out.split()[0] == ("package" if inside else tmp_path.name)
