@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import root
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.coupled_theory import landing_phase, mount_propagator
+from vibrosweep.model.coupled_theory import landing_phase, mount_propagator, recoil_deviation
 
 __all__ = [
     "CoupledBase",
@@ -166,11 +166,9 @@ def find_cycle(
     Raises
     ------
     ParameterError
-        No solution is near, or the guess is not finite.
+        No solution is near.
     """
     guess, lands = np.asarray(time, dtype=np.float64), np.asarray(particle, dtype=np.int64)
-    if not np.isfinite(guess).all():
-        raise ParameterError(f"time: {guess} is not finite; is a particle locked to k = {k}?")
     speeds = np.full(lands.size, float(k))
     start = np.concatenate([guess, speeds, [0.0, -k * base.mass_ratio]])
     solution = root(_residual, start, args=(base, lands, periods), tol=1e-13).x
@@ -185,6 +183,8 @@ def find_cycle(
 def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
     """Find the orbit of mode k with one particle in each of the given slots, 0 to k - 1.
 
+    In closed form where the slots are evenly spaced, else by `find_cycle`.
+
     Raises
     ------
     ParameterError
@@ -193,10 +193,19 @@ def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
     taken = np.sort(np.asarray(slots, dtype=np.int64))
     if taken.size == 0 or taken[0] < 0 or taken[-1] >= k or (np.diff(taken) == 0).any():
         raise ParameterError(f"slots = {slots!r}: must be different numbers from 0 to {k - 1}")
-    spacing = 1 if taken.size == k else k
     e, gamma, mu, natural, damping = base
-    phase = landing_phase(gamma, k, e, mu, natural, damping, spacing)
-    return find_cycle(base, k, phase + taken, np.arange(taken.size), k)
+    gaps = np.diff(taken, append=taken[0] + k)
+    evenly = bool((gaps == gaps[0]).all())
+    spacing = int(gaps[0]) if evenly else k
+    time = landing_phase(gamma, k, e, mu, natural, damping, spacing) + taken
+    if np.isnan(time).any():
+        raise ParameterError(f"{base}: no particle can be locked to k = {k}")
+    particle = np.arange(taken.size)
+    if not evenly:
+        return find_cycle(base, k, time, particle, k)
+    speed, approach = np.full(time.shape, float(k)), np.full(time.shape, 2.0 * k / base.exchange)
+    deviation = 2.0 * k * mu * recoil_deviation(natural, damping, spacing)
+    return Cycle(base, k, particle, time, speed, approach, np.tile(deviation, (taken.size, 1)))
 
 
 def _since(time: Array, at: Array, periods: int) -> tuple[NDArray[np.intp], Array]:
