@@ -104,6 +104,21 @@ def test_the_hot_loop_uses_registers_of_the_width_that_is_asked_for(base, bits, 
     assert set(registers) == {register}
 
 
+MASKED_STORES = r"""
+(assembly,) = step.inspect_asm().values()
+print(len(re.findall(r"\tvmaskmovp[ds]\t%ymm.*\)$", assembly, flags=re.MULTILINE)))
+"""
+
+
+@compiles
+@pytest.mark.parametrize("base", BASE_OF)
+def test_no_choice_is_made_by_a_masked_store(base):
+    if not binding.get_host_cpu_features().get("avx2"):
+        pytest.skip("this processor has no avx2")
+    avx2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi2,+sse4.2"}
+    assert int(hot_loop(MASKED_STORES, base, **avx2)) == 0
+
+
 # numba's code before any optimisation, made into code for a plain ARMv8
 ON_ARM = """
 from llvmlite import binding

@@ -108,10 +108,10 @@ def _step(s: Floats, lanes: int, base: Base, budget: float, window: int | None) 
     prepare(base, s, lanes)
     for j in range(lanes):
         fixed = take(base, s, j)
-        x_from, u_from = s[ROW.X + j], s[ROW.U + j]
+        n_from, x_from, u_from = s[ROW.N + j], s[ROW.X + j], s[ROW.U + j]
         time, v, landed = approach(fixed, s, j)
         x, passed = land(x_from, time)
-        n = s[ROW.N + j] + passed
+        n = n_from + passed
         inside = n <= s[ROW.X_END + j] - x
         # the landing after the end is beyond no budget: it ends a flight that counts
         landed = landed & (may_land(fixed, s, j, budget) | (not inside))
@@ -123,11 +123,11 @@ def _step(s: Floats, lanes: int, base: Base, budget: float, window: int | None) 
             x_off = 0.5 if n > s[ROW.X_END + j] - x else x_off
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
         flight = counted_now(fixed, s, j, time, u)
-        s[ROW.N + j] = n_off if landed else s[ROW.N + j]
-        s[ROW.X + j] = x_off if landed else x_from
-        s[ROW.U + j] = u if landed else u_from
         ends = keep(fixed, s, j, time, landed, seen)
         count(s, j, flight, ends, leaves, seen)
+        s[ROW.N + j] = n_off if landed else n_from
+        s[ROW.X + j] = x_off if landed else x_from
+        s[ROW.U + j] = u if landed else u_from
 
 
 @jit

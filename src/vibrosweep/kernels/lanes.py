@@ -47,11 +47,18 @@ class LaneRows(NamedTuple):
     SINE: int  # of the phase of its lift-off, with the cosine
     COSINE: int
     SURE: int  # whether it has only one root
-    REACHED: int  # the time that is tried next, and there
+    NEXT: int  # the time that is tried next, negative where a flight begins
+    REACHED: int  # the time that is tried, and there
+    TURNED: int  # sin(2 pi s), 2 pi s - sin(2 pi s), and sin(pi s)
+    LAG: int
+    HALF: int
     CLEAR: int  # the clearance above the base
     CLEAR_SLOPE: int
     SINE_THEN: int
     COSINE_THEN: int
+    TIME: int  # at which it lands, or is to be tried; the speed of arrival, and whether it lands
+    SPEED: int
+    LANDED: int
     X_END: int
     X: int  # phase
     N: int  # whole periods, counted from the end of the window

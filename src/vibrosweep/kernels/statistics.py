@@ -155,14 +155,15 @@ def clear(s: Floats, j: int) -> None:
 @jit
 def count(s: Floats, j: int, flight: Counted, ends: bool, leaves: bool, seen: bool) -> None:
     """Count a landing in place j where it is seen, and a flight where it ends."""
+    # the sum, which changes nothing, keeps the compiler from choosing by a masked store: that takes
+    # processors of AMD without AVX-512 as long as ten others
+    largest = s[RUNNING.LARGEST + j] + 0.0
     time = flight[0] if ends else 0.0
     height, factor = flight[1] if ends else 0.0, flight[2] if ends else 0.0
-    landings = s[RUNNING.LANDINGS + j]
-    s[RUNNING.LANDINGS + j] = landings + 1.0 if seen else landings
+    s[RUNNING.LANDINGS + j] += 1.0 if seen else 0.0
     s[RUNNING.RESTS + j] += 0.0 if leaves else (1.0 if seen else 0.0)
     s[RUNNING.NEW_SUM + j] += time
     s[RUNNING.NEW_SQUARES + j] = fma(height, factor, s[RUNNING.NEW_SQUARES + j])
-    largest = s[RUNNING.LARGEST + j]
     s[RUNNING.LARGEST + j] = height if height > largest else largest
 
 

@@ -44,7 +44,16 @@ from vibrosweep.kernels.sine import (
     sin_turns,
 )
 
-__all__ = ["Clearance", "Start", "absolute", "clearance", "first_try", "start", "try_landing"]
+__all__ = [
+    "Clearance",
+    "Start",
+    "absolute",
+    "clearance",
+    "first_try",
+    "start",
+    "try_landing",
+    "turn",
+]
 
 TWO_PI = 2.0 * math.pi
 SLOW = 0.15  # periods; the first try for a particle that is neither chattering nor fast
@@ -106,7 +115,7 @@ def absolute(begin: Start) -> float:
 
 
 @jit
-def _clearance(begin: Start, s: float, turned: float, lag: float, half: float) -> Clearance:
+def clearance(begin: Start, s: float, turned: float, lag: float, half: float) -> Clearance:
     """Clearance after s periods, given sin(2 pi s), 2 pi s - sin(2 pi s) and sin(pi s)."""
     sine, cosine = begin.sine, begin.cosine
     c = 2.0 * half * half
@@ -121,11 +130,11 @@ def _clearance(begin: Start, s: float, turned: float, lag: float, half: float) -
 
 
 @jit
-def clearance(begin: Start, s: float) -> Clearance:
-    """Clearance after s periods."""
+def turn(s: float) -> tuple[float, float, float]:
+    """What `clearance` needs of s periods: sin(2 pi s), 2 pi s - sin(2 pi s) and sin(pi s)."""
     part = s - np.rint(s)
     turned, lag = sin_and_lag(s, part)
-    return _clearance(begin, s, turned, lag, sin_near(0.5 * part))
+    return turned, lag, sin_near(0.5 * part)
 
 
 @jit
@@ -151,7 +160,7 @@ def first_try(begin: Start, arcs: int | None) -> tuple[bool, float]:
     s = u if fast else s
     part = s - np.rint(s)
     turned, lag = rough_sine_and_lag(s, part)
-    rough = _clearance(begin, s, turned, lag, rough_sine_near(0.5 * part))
+    rough = clearance(begin, s, turned, lag, rough_sine_near(0.5 * part))
     f, f1, f2 = rough.f, rough.f1, fma(-gamma, rough.cosine, -1.0)
     step = -f * f1 / fma(f1, f1, -0.5 * f * f2)
     near = (f1 < 0.0) & (abs(step) < 0.5 * s) & (abs(step) < 0.25)

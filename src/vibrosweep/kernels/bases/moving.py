@@ -24,6 +24,7 @@ from vibrosweep.kernels.bases.landing_search import (
     first_try,
     start,
     try_landing,
+    turn,
 )
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.laws import Law
@@ -95,7 +96,7 @@ def _(fixed: MovingConstants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
     s[row + 3 * STRIDE] = fixed.x_lift
-    s[ROW.REACHED + j], s[ROW.COUNTS + j] = FRESH, 0.0
+    s[ROW.NEXT + j], s[ROW.COUNTS + j] = FRESH, 0.0
     s[ROW.TRIES + j], s[ROW.AGE_SEEN + j] = 0.0, 0.0
 
 
@@ -108,24 +109,42 @@ def _(base: Moving, s: Floats, j: int) -> MovingConstants:
 
 @answer(bases.prepare, Moving)
 def _(base: Moving, s: Floats, lanes: int) -> None:
-    # loops of their own: while one lane's sine waits for a sum, the processor computes another's
+    # many short loops: a processor computes several lanes at once where their chains of dependent
+    # operations are short enough to be under way together
     _begin(base, s, lanes)
+    _guess(base, s, lanes)
+    _turn(base, s, lanes)
     _look(base, s, lanes)
+    _try(base, s, lanes)
 
 
 @jit
 def _begin(base: Moving, s: Floats, lanes: int) -> None:
-    """Compute the beginning of the flight of each lane, and what is to be tried first."""
+    """Compute sine and cosine where the flight of each lane begins."""
     wide_vectors()
     for j in range(lanes):
-        fixed = bases.take(base, s, j)
-        begin = start(fixed.alpha, fixed.x_lift, s[ROW.X + j], s[ROW.U + j])
-        sure, tried = first_try(begin, base.arcs)
-        reached = s[ROW.REACHED + j]
-        s[ROW.REACHED + j] = tried if reached < 0.0 else reached
-        s[ROW.SINE + j] = begin.sine
-        s[ROW.COSINE + j] = begin.cosine
+        x = s[ROW.X + j]
+        s[ROW.SINE + j] = sin_turns(x)
+        s[ROW.COSINE + j] = cos_turns(x)
+
+
+@jit
+def _guess(base: Moving, s: Floats, lanes: int) -> None:
+    """Compute what is to be tried first in a flight that has just begun."""
+    wide_vectors()
+    for j in range(lanes):
+        sure, tried = first_try(_begun(bases.take(base, s, j), s, j), base.arcs)
+        following = s[ROW.NEXT + j]
+        s[ROW.REACHED + j] = tried if following < 0.0 else following
         s[ROW.SURE + j] = 1.0 if sure else 0.0
+
+
+@jit
+def _turn(base: Moving, s: Floats, lanes: int) -> None:
+    """Compute how far the base turns until the time that is to be tried."""
+    wide_vectors()
+    for j in range(lanes):
+        s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.HALF + j] = turn(s[ROW.REACHED + j])
 
 
 @jit
@@ -133,11 +152,32 @@ def _look(base: Moving, s: Floats, lanes: int) -> None:
     """Compute the clearance of each lane at the time that is to be tried."""
     wide_vectors()
     for j in range(lanes):
-        clear = clearance(_begun(bases.take(base, s, j), s, j), s[ROW.REACHED + j])
+        begin = _begun(bases.take(base, s, j), s, j)
+        turned, lag, half = s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.HALF + j]
+        clear = clearance(begin, s[ROW.REACHED + j], turned, lag, half)
         s[ROW.CLEAR + j] = clear.f
         s[ROW.CLEAR_SLOPE + j] = clear.f1
         s[ROW.SINE_THEN + j] = clear.sine
         s[ROW.COSINE_THEN + j] = clear.cosine
+
+
+@jit
+def _try(base: Moving, s: Floats, lanes: int) -> None:
+    """Judge the clearance: the landing of each lane, or what is to be tried next."""
+    wide_vectors()
+    for j in range(lanes):
+        clear = Clearance(
+            s[ROW.CLEAR + j],
+            s[ROW.CLEAR_SLOPE + j],
+            s[ROW.SINE_THEN + j],
+            s[ROW.COSINE_THEN + j],
+        )
+        sure, reached = s[ROW.SURE + j] != 0.0, s[ROW.REACHED + j]
+        begin = _begun(bases.take(base, s, j), s, j)
+        time, v, landed = try_landing(begin, sure, reached, clear, base.arcs)
+        s[ROW.TIME + j] = time
+        s[ROW.SPEED + j] = v
+        s[ROW.LANDED + j] = 1.0 if landed else 0.0
 
 
 @jit
@@ -149,14 +189,7 @@ def _begun(fixed: MovingConstants, s: Floats, j: int) -> Start:
 
 @answer(bases.approach, MovingConstants)
 def _(fixed: MovingConstants, s: Floats, j: int) -> tuple[float, float, bool]:
-    clear = Clearance(
-        s[ROW.CLEAR + j],
-        s[ROW.CLEAR_SLOPE + j],
-        s[ROW.SINE_THEN + j],
-        s[ROW.COSINE_THEN + j],
-    )
-    sure, reached = s[ROW.SURE + j] != 0.0, s[ROW.REACHED + j]
-    return try_landing(_begun(fixed, s, j), sure, reached, clear, fixed.base.arcs)
+    return s[ROW.TIME + j], s[ROW.SPEED + j], s[ROW.LANDED + j] != 0.0
 
 
 @answer(bases.may_land, MovingConstants)
@@ -167,9 +200,9 @@ def _(fixed: MovingConstants, s: Floats, j: int, budget: float) -> bool:
 @answer(bases.keep, MovingConstants)
 def _(fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
     counts = s[ROW.COUNTS + j] != 0.0
-    s[ROW.COUNTS + j] = (1.0 if seen else 0.0) if landed else s[ROW.COUNTS + j]
-    s[ROW.REACHED + j] = FRESH if landed else time
     s[ROW.AGE + j] += 1.0 if landed else 0.0
+    s[ROW.COUNTS + j] = (1.0 if seen else 0.0) + (0.0 if landed else s[ROW.COUNTS + j])
+    s[ROW.NEXT + j] = FRESH if landed else time
     return bool(landed & counts)
 
 
@@ -200,7 +233,7 @@ def _(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
     sure, time = first_try(begin, arcs)
     v, landed, tries = 0.0, False, 0.0
     while not landed and tries <= TRIES:
-        clear = clearance(begin, time)
+        clear = clearance(begin, time, *turn(time))
         time, v, landed = try_landing(begin, sure, time, clear, arcs)
         tries += 1.0 if clear.f == clear.f else TRIES
     return time if landed else np.nan, v
