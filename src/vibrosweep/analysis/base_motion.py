@@ -8,13 +8,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.requirements import require
+from vibrosweep.errors import DataError
+from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import BASES
 from vibrosweep.model.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["BaseMotion", "Course", "arrival_speeds", "base_motion", "base_name", "course", "moves"]
+__all__ = [
+    "BaseMotion",
+    "Course",
+    "arrival_speeds",
+    "base_motion",
+    "base_name",
+    "course",
+    "moves",
+    "recoils",
+    "refuse_recoil",
+]
 
 Array = NDArray[np.float64]
 
@@ -86,7 +98,27 @@ def base_name(dataset: xr.Dataset) -> str:
 
 def moves(dataset: xr.Dataset) -> bool:
     """Whether the base of a dataset moves."""
-    return base_name(dataset) == "moving"
+    return base_name(dataset) != BASES[0]
+
+
+def recoils(dataset: xr.Dataset) -> bool:
+    """Whether the base of a dataset is of finite mass, so that its particles act on each other."""
+    return base_name(dataset) == SPRUNG
+
+
+def refuse_recoil(dataset: xr.Dataset, analysis: str) -> None:
+    """Refuse what holds for particles only that do not act on each other.
+
+    Raises
+    ------
+    DataError
+        The base is of finite mass.
+    """
+    if recoils(dataset):
+        raise DataError(
+            f"{analysis} holds for particles that do not act on each other, and over base = "
+            f'"{SPRUNG}" they do: compute the sweep with mass_ratio = 0, or with base = "moving"'
+        )
 
 
 def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:
@@ -102,8 +134,9 @@ def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:
     Raises
     ------
     DataError
-        The base moves, and the record lacks a parameter of its motion.
+        The base moves, and the record lacks a parameter of its motion, or particles move it.
     """
+    refuse_recoil(one, analysis)
     if not moves(one):
         return BaseMotion(0.0, 1.0, 0.0)
     require(one, analysis, *NEEDS)

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import moves
+from vibrosweep.analysis.base_motion import moves, refuse_recoil
 from vibrosweep.analysis.records import Array, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import ParameterError
@@ -70,6 +70,7 @@ def slot_decay(
     ParameterError
         There is no such pair, or no such cycle.
     """
+    refuse_recoil(record, "slot_decay")
     require(record, "slot_decay", *NEEDS)
     particles = record.sizes["particle"]
     if cycle_impacts < 1:

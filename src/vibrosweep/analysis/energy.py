@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import arrival_speeds, base_motion, moves
+from vibrosweep.analysis.base_motion import arrival_speeds, base_motion, moves, refuse_recoil
 from vibrosweep.analysis.records import Array, variable
 from vibrosweep.analysis.requirements import require
 
@@ -69,6 +69,7 @@ def energy_balance(
     DataError
         The record lacks a variable.
     """
+    refuse_recoil(record, "energy_balance")
     require(record, "energy_balance", *NEEDS)
     one = [_balances(record, i, since, impacts) for i in range(record.sizes["realization"])]
     found = dict(zip(_NAMES, np.moveaxis(np.array(one), 1, 0), strict=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import moves
+from vibrosweep.analysis.base_motion import moves, refuse_recoil
 from vibrosweep.analysis.records import Array, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import DataError
@@ -50,6 +50,7 @@ def heights_against_restitution(
     from scipy.stats import spearmanr
 
     names = ("restitution", "frequency", "gravity", "rebound_height_max", "rebound_height_mean")
+    refuse_recoil(sweep, "heights_against_restitution")
     require(sweep, "heights_against_restitution", *names)
     e = per_realization(sweep, "restitution")
     highest, mean = (sweep[name].values for name in names[3:])

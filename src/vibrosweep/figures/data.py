@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.base_motion import moves
+from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.analysis.requirements import remedy
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.mount import OF_MOUNT
+from vibrosweep.model.parameters import MOUNT, PARAMETERS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,6 +53,11 @@ SYMBOLS: Final = {
     "gravity": "g",
     "launch_velocity": "v_0",
     "contact_time": r"\tau_c",
+    "mass_ratio": r"\mu",
+    "particle_mass": "m",
+    "base_mass": "M",
+    "mount_frequency": "f_0",
+    "mount_damping": r"\zeta",
     "dt_min": r"\Delta t_{\mathrm{min}}",
     "rebound_height_max": r"H_{\mathrm{max}}",
     "rebound_height_mean": r"\langle H \rangle",
@@ -177,8 +183,8 @@ def symbol(name: str) -> str:
 def label(dataset: xr.Dataset, name: str) -> str:
     """Axis label: words, symbol, units, from the dataset's own attributes where it has them."""
     words, units = name.replace("_", " "), str(dataset[name].attrs.get("units", ""))
-    if name in PARAMETERS:
-        units = PARAMETERS[name].units
+    if name in PARAMETERS or name in OF_MOUNT:
+        units = INPUTS[name].units
     else:
         words = str(dataset[name].attrs.get("long_name", words))
     return f"{textwrap.fill(words, LABEL_WIDTH)}{symbol(name)}{format_units(units)}"
@@ -192,7 +198,7 @@ def conditions(dataset: xr.Dataset) -> str:
     parts = []
     given = str(dataset.attrs.get("forcing", "amplitude"))
     forcing = given if given in dataset.variables else "amplitude"
-    for name in ("restitution", forcing, "frequency"):
+    for name in ("restitution", forcing, "frequency", *MOUNT):
         value = fixed(dataset, name) if name in dataset.variables else None
         if value is not None:
             units = INPUTS[name].units
@@ -200,6 +206,8 @@ def conditions(dataset: xr.Dataset) -> str:
             parts.append(f"${SYMBOLS[name]}$ = {value:.4g}{unit}")
     if dataset.attrs.get("rebound") == "reflect":
         parts.append("reflect law")
-    if moves(dataset):
+    if recoils(dataset):
+        parts.append("sprung base")
+    elif moves(dataset):
         parts.append("moving base")
     return ", ".join(parts)

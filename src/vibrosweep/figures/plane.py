@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibrosweep.analysis.base_motion import base_name
+from vibrosweep.analysis.base_motion import base_name, recoils
 from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.data import Array
 from vibrosweep.figures.paint import Points
@@ -63,7 +63,8 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
     points = paint.scatter_points(data.quantity(sweep, "restitution"), vertical)
     axes.set(xlabel=data.label(sweep, "restitution"), ylabel=label)
     _set_view(axes, points)
-    draw_windows(axes, forcing, over=points.cells is not None)
+    if not recoils(sweep):
+        draw_windows(axes, forcing, over=points.cells is not None)
     _paint_variable(figure, axes, points, sweep, variable)
     # A colour bar names its variable, a legend does not
     coded = "flag_values" in sweep[variable].attrs

@@ -10,7 +10,7 @@ from matplotlib.collections import PathCollection
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from vibrosweep.analysis.base_motion import moves
+from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.figures import data, style
 from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
@@ -47,7 +47,7 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     circle shows the maximum with the launch counted in.  The plateaus H_k = g k^2 / (8 f^2) are the
     heights of the locked orbits of mode k; over a moving base their highest points are in the band
     from H_k to H_k + (2 s_m / pi^2) H_1 while they are stable (`vibrosweep.model.theory`), which is
-    shaded.  If frequency or gravity differ between realizations,
+    shaded; over a base of finite mass neither is drawn.  If frequency or gravity differ between realizations,
     heights are drawn in units of H_1, where the plateaus stand at k^2.
 
     Parameters
@@ -81,11 +81,12 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     else:
         _draw_dots(figure, axes, sweep, restitution, rebound)
         _draw_launches(axes, restitution, rebound, flight)
-    if moves(sweep):
-        _draw_bands(axes, one_height, top)
-    else:
+    if not moves(sweep):
         _draw_launch_height(axes, sweep, unit)
-    _draw_plateaus(axes, one_height, top)
+    elif not recoils(sweep):
+        _draw_bands(axes, one_height, top)
+    if not recoils(sweep):
+        _draw_plateaus(axes, one_height, top)
     in_metres = r"rebound height $H_{\mathrm{max}}$ (m)"
     in_units = r"rebound height $H_{\mathrm{max}} / H_1$, $H_1 = g / 8 f^2$"
     axes.set_xlabel(data.label(sweep, "restitution"))

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.base_motion import base_name, moves
+from vibrosweep.analysis.base_motion import base_name, moves, recoils
 from vibrosweep.figures import data, style
 from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
@@ -44,7 +44,8 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     All points lie in the strip of slope e and half-width A; over a moving base, whose height at
     the next landing is another, in that of half-width A + 2 V0, V0 = A / (1 + e).  Those of the
     second half of the observation are drawn darker and on top.  Diamonds on the identity line are
-    the stable closed-form locked orbits of mode k, crosses the unstable ones.
+    the stable closed-form locked orbits of mode k, crosses the unstable ones.  Over a base of
+    finite mass neither strip nor orbits are known, and only the points are drawn.
 
     Parameters
     ----------
@@ -76,8 +77,9 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     top = 1.06 * max(float(np.max(before, initial=floor)), float(np.max(after, initial=floor)))
     # over a moving base a particle may land while it rises
     lowest = min(float(np.min(before, initial=0.0)), float(np.min(after, initial=0.0)))
-    _draw_strip(axes, one, lowest, top)
-    _draw_locked(axes, one, top)
+    if not recoils(one):
+        _draw_strip(axes, one, lowest, top)
+        _draw_locked(axes, one, top)
     _draw_points(axes, before, after, late, data.pick(one, "duration") / 2.0)
     view = (1.06 * lowest - 0.03 * top, top)
     axes.set(xlim=view, ylim=view, aspect="equal")
