@@ -47,8 +47,8 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     circle shows the maximum with the launch counted in.  The plateaus H_k = g k^2 / (8 f^2) are the
     heights of the locked orbits of mode k; over a moving base their highest points are in the band
     from H_k to H_k + (2 s_m / pi^2) H_1 while they are stable (`vibrosweep.model.theory`), which is
-    shaded; over a base of finite mass neither is drawn.  If frequency or gravity differ between realizations,
-    heights are drawn in units of H_1, where the plateaus stand at k^2.
+    shaded; over a base of finite mass neither is drawn.  If frequency or gravity differ between
+    realizations, heights are drawn in units of H_1, where the plateaus stand at k^2.
 
     Parameters
     ----------

@@ -1,0 +1,47 @@
+"""What holds for particles one by one is refused where the base lets them act on each other."""
+
+import pytest
+import xarray as xr
+
+from vibrosweep.analysis.base_motion import base_motion, moves, recoils
+from vibrosweep.analysis.decay import slot_decay
+from vibrosweep.analysis.energy import energy_balance
+from vibrosweep.analysis.heights import heights_against_restitution
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.spec.sweep import parse_spec
+
+SPRUNG = xr.Dataset(attrs={"base": "sprung"})
+
+
+def test_a_sprung_base_moves_and_recoils():
+    assert moves(SPRUNG)
+    assert recoils(SPRUNG)
+    for base, moving in (("high-bounce", False), ("moving", True)):
+        other = SPRUNG.assign_attrs(base=base)
+        assert (moves(other), recoils(other)) == (moving, False)
+
+
+@pytest.mark.parametrize(
+    "analysis",
+    [
+        energy_balance,
+        heights_against_restitution,
+        slot_decay,
+        lambda record: base_motion(record, "crossings"),
+    ],
+)
+def test_analyses_of_independent_particles(analysis):
+    with pytest.raises(DataError, match=r"do not act on each other.*mass_ratio = 0"):
+        analysis(SPRUNG)
+
+
+def test_scenes_of_windows_diagrams_and_basins():
+    with pytest.raises(ParameterError, match='base = "sprung": couples the particles'):
+        Scene(base="sprung")
+    spec = parse_spec(
+        'title = "x"\n[scene]\nbase = "sprung"\nmass_ratio = 0.1\nmount_frequency = 2.0\n'
+        '[sample]\ndesign = "grid"\namplitude = [1.0, 2.0]\n'
+    )
+    with pytest.raises(ParameterError, match='base = "sprung": couples the particles'):
+        Scene.of(spec)
