@@ -88,7 +88,7 @@ def record(workers):
 @pytest.fixture
 def compute(tmp_path):
     """Compute the text of a sweep file; gives the path of the result."""
-    from vibrosweep.api import run
+    from vibrosweep import run
 
     def result(text, **options):
         count = len(list(tmp_path.glob("*.toml")))
@@ -103,7 +103,7 @@ def compute(tmp_path):
 @pytest.fixture(scope="session")
 def paper(tmp_path_factory):
     """The result of sweeps/paper.toml."""
-    from vibrosweep.api import run
+    from vibrosweep import run
 
     path = tmp_path_factory.mktemp("paper") / "paper.h5"
     run(Path(__file__).parents[1] / "sweeps" / "paper.toml", path).close()

@@ -3,7 +3,7 @@
 import numba
 import pytest
 
-from vibrosweep.api import simulate
+from vibrosweep import simulate
 from vibrosweep.cli import main
 from vibrosweep.doctor.warmup import KERNELS, warm_up
 from vibrosweep.errors import OutputError

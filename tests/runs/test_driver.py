@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.api import has_record, open_record, open_sweep, simulate
+from vibrosweep import open_record, open_sweep, simulate
+from vibrosweep.api.results import has_record
 from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.figures import FIGURES, available
 from vibrosweep.model.measures import MEASURES

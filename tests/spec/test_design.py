@@ -129,11 +129,11 @@ def test_latin_hypercube_too_large():
     with pytest.raises(SpecError) as caught:
         opened("latin", MAX_LATIN_VALUES)
     said = str(caught.value)
-    assert f"sample.realizations = {MAX_LATIN_VALUES}" in said
+    assert f"realizations = {MAX_LATIN_VALUES}" in said
     assert f"at most {MAX_LATIN_VALUES}" in said
     assert '"sobol" or "uniform"' in said
 
 
 def test_more_realizations_than_sobol_points():
-    with pytest.raises(SpecError, match=r"sample.realizations = 4294967297 .* 4294967296 points"):
+    with pytest.raises(SpecError, match=r"realizations = 4294967297 .* 4294967296 points"):
         opened("sobol", 2**32 + 1)

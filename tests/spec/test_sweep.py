@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from vibrosweep.errors import SpecError
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.spec.schema import _KEYS
+from vibrosweep.spec.schema import SECTIONS
 from vibrosweep.spec.sweep import Axis, Range, parse_spec, read_spec
 
 SWEEPS = sorted((Path(__file__).parents[2] / "sweeps").glob("*.toml"))
@@ -135,7 +135,7 @@ def test_record_overrides_the_scene():
 
 def test_tables_of_the_schema_know_every_parameter():
     for table in ("scene", "sample", "record"):
-        assert [name for name in _KEYS[table] if name in PARAMETERS] == list(PARAMETERS)
+        assert [name for name in SECTIONS[table] if name in PARAMETERS] == list(PARAMETERS)
 
 
 MISTAKES = {
@@ -479,8 +479,8 @@ JSON_LIKE = st.recursive(
     max_leaves=4,
 )
 KEYS = sorted(
-    {f"scene.{k}" for k in _KEYS["scene"]}
-    | {f"sample.{k}" for k in _KEYS["sample"]}
+    {f"scene.{k}" for k in SECTIONS["scene"]}
+    | {f"sample.{k}" for k in SECTIONS["sample"]}
     | {"measure.transient", "record.launch", "title", "scene", "record.what"}
 )
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from vibrosweep import open_record, open_sweep
 from vibrosweep._version import __version__
-from vibrosweep.api import open_record, open_sweep
 from vibrosweep.errors import RunError
 from vibrosweep.model.measures import RECORD, VARIABLES, Measures
 from vibrosweep.model.parameters import PARAMETERS

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.evaluate import lift_off_speeds
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
@@ -21,6 +21,7 @@ from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
 from vibrosweep.model.status import Regime
 from vibrosweep.model.turns import reduced_turns
+from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:

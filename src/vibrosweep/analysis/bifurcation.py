@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
@@ -22,6 +22,7 @@ from vibrosweep.model.forcing import FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import BASES, PARAMETERS
 from vibrosweep.model.status import Regime
+from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:
@@ -142,7 +143,9 @@ def bifurcation(
     return _dataset(scene, a, measured, name, values, {"units": units, "long_name": words})
 
 
-def bifurcation_of_spec(spec: SweepSpec, observable: str, samples: int, threads: int) -> xr.Dataset:
+def bifurcation_of_spec(
+    spec: SweepSpec, observable: str | Observable, samples: int, threads: int
+) -> xr.Dataset:
     """Bifurcation diagram of a sweep file whose grid has an axis of the forcing, in any form.
 
     Raises

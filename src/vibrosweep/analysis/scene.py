@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.engine.observation import Observation
-from vibrosweep.errors import ParameterError, SpecError
+from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import (
     FORCINGS,
     INPUTS,
@@ -26,7 +26,6 @@ from vibrosweep.model.mount import OF_MOUNT, SPRUNG
 from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, STAGGERED, refuse_masked
 from vibrosweep.model.theory import FIXED
 from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, precedes, unit_of
-from vibrosweep.runs.driver import available_threads
 from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
 from vibrosweep.spec.rules import Axis
 from vibrosweep.system import physical_memory
@@ -34,7 +33,7 @@ from vibrosweep.system import physical_memory
 if TYPE_CHECKING:
     from vibrosweep.spec.sweep import SweepSpec
 
-__all__ = ["Scene", "axis", "grid_axes", "require_memory", "thread_count"]
+__all__ = ["Scene", "axis", "grid_axes", "require_memory"]
 
 Array = NDArray[np.float64]
 
@@ -270,9 +269,8 @@ def grid_axes(
         also = f" and, if need be, of {' or '.join(allowed)}" if allowed else " and no other"
         if needed == "amplitude" and not FORCINGS.keys().isdisjoint(other):
             also += "; give the forcing as amplitude = (1 + restitution) base_velocity"
-        raise SpecError(
-            f'{spec.source}: {wrong}: {purpose} need design = "grid" with an axis of {needed}{also}'
-        )
+        grid = 'design = "grid" with an axis of' if spec.source else "a list of values for"
+        raise spec.refusal(f"{wrong}: {purpose} need {grid} {needed}{also}")
     return axes
 
 
@@ -290,12 +288,3 @@ def require_memory(what: str, count: int, bytes_each: int) -> None:
             f"{count} {what} need {count * bytes_each / 2**30:.3g} GiB of memory, but this machine "
             f"has {available / 2**30:.3g} GiB: take fewer of them"
         )
-
-
-def thread_count(threads: int | None) -> int:
-    """Return the number of threads to use, all processors for None."""
-    if threads is None:
-        return available_threads()
-    if threads < 1:
-        raise ParameterError(f"threads = {threads!r}: must be at least 1")
-    return threads

@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.records import Array, variable
+from vibrosweep.engine.asked import observation_of
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
@@ -17,8 +18,9 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import FORCINGS, INPUTS, completed, forcing_of, only_parameters
 from vibrosweep.model.measures import MEASURE_OF
+from vibrosweep.spec.sweep import Range, SweepSpec
 
-__all__ = ["OUTPUTS", "sobol_indices"]
+__all__ = ["OUTPUTS", "sobol_indices", "sobol_of_spec"]
 
 OUTPUTS: Final = ("rebound_height_max", "rebound_height_mean", "flight_time_mean", "dt_min")
 RESAMPLES: Final = 400
@@ -30,6 +32,7 @@ def sobol_indices(
     observation: Observation,
     workers: Workers,
     *,
+    fixed: Mapping[str, float] | None = None,
     outputs: Sequence[str] = OUTPUTS,
     base: int = 1024,
     seed: int = 0,
@@ -44,12 +47,14 @@ def sobol_indices(
     Parameters
     ----------
     ranges
-        Lower and upper end of each parameter that varies; the others are those of Table 1.  The
-        forcing may vary as any one of `vibrosweep.model.forcing.FORCINGS`.
+        Lower and upper end of each parameter that varies.  The forcing may vary as any one of
+        `vibrosweep.model.forcing.FORCINGS`.
     observation
         What is launched and watched; it must measure the outputs.
     workers
         Threads to use.
+    fixed
+        Values of other parameters, by default those of Table 1.
     outputs
         Variables with one number per realization.
     base
@@ -79,7 +84,8 @@ def sobol_indices(
     points = qmc.Sobol(2 * low.size, seed=np.random.default_rng(seed)).random(base)
     a, b = (low + (high - low) * half for half in np.split(points, 2, axis=1))
     mixed = [np.where(np.arange(low.size) == k, b, a) for k in range(low.size)]
-    found = _measured(np.concatenate([a, b, *mixed]), tuple(ranges), observation, workers, outputs)
+    every = dict(zip(ranges, np.concatenate([a, b, *mixed]).T, strict=True))
+    found = _measured(every, fixed or {}, observation, workers, outputs)
     parts = found.reshape(len(outputs), 2 + low.size, base)
     first, total = _indices(parts)
     random = np.random.default_rng(seed + 1)
@@ -89,6 +95,46 @@ def sobol_indices(
     tail = (1.0 - confidence) / 2.0
     ends = np.quantile(resampled, [tail, 1.0 - tail], axis=0)
     return _index_dataset(first, total, ends, parts, tuple(outputs), tuple(ranges))
+
+
+def sobol_of_spec(
+    spec: SweepSpec, outputs: Sequence[str] | None, confidence: float, threads: int
+) -> xr.Dataset:
+    """Sobol' indices over the ranges of a sweep, as `sobol_indices`.
+
+    Parameters
+    ----------
+    spec
+        The sweep; its number of realizations is the size of the base sample.
+    outputs
+        Variables, which are measured; by default `OUTPUTS`, those of pairs only where there are
+        particles for one.
+
+    Raises
+    ------
+    SpecError
+        No parameter has a range.
+    """
+    ranges = {n: (s.low, s.high) for n, s in spec.sampled.items() if isinstance(s, Range)}
+    if not ranges:
+        raise spec.refusal(
+            "Sobol' indices need parameters that vary over ranges, as restitution = [low, high]"
+        )
+    if outputs is None:
+        outputs = [n for n in OUTPUTS if spec.particles > 1 or MEASURE_OF.get(n) != "separation"]
+    asks = {MEASURE_OF[name]: True for name in outputs if name in MEASURE_OF}
+    with Workers(threads) as workers:
+        found = sobol_indices(
+            ranges,
+            observation_of(spec).measuring(**asks),
+            workers,
+            fixed=spec.fixed,
+            outputs=outputs,
+            base=spec.realizations or 1,
+            seed=spec.seed,
+            confidence=confidence,
+        )
+    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
 
 
 def _require_ranges(ranges: Mapping[str, tuple[float, float]], base: int) -> None:
@@ -108,17 +154,19 @@ def _require_ranges(ranges: Mapping[str, tuple[float, float]], base: int) -> Non
 
 
 def _measured(
-    points: Array,
-    names: Sequence[str],
+    points: Mapping[str, Array],
+    fixed: Mapping[str, float],
     observation: Observation,
     workers: Workers,
     outputs: Sequence[str],
 ) -> Array:
     """Outputs at the points, shape (output, point)."""
-    found = []
-    for start in range(0, len(points), BATCH):
-        given = dict(zip(names, points[start : start + BATCH].T, strict=True))
-        measured = measure(_with_amplitude(given), observation, workers)
+    found, count = [], len(next(iter(points.values())))
+    for start in range(0, count, BATCH):
+        given = {name: np.ascontiguousarray(v[start : start + BATCH]) for name, v in points.items()}
+        size = len(next(iter(given.values())))
+        others = {n: np.full(size, v) for n, v in fixed.items()}
+        measured = measure(_with_amplitude(others | given), observation, workers)
         _require_outputs(measured, outputs)
         found.append(np.array([measured[name] for name in outputs], dtype=np.float64))
     values = np.concatenate(found, axis=1)

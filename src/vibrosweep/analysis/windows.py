@@ -19,13 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.analysis import evaluate
 from vibrosweep.analysis.bisection import find_edges, windows_of_row
 from vibrosweep.analysis.conditions import NAMES, Condition, Locked, named
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory, thread_count
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
 from vibrosweep.engine.workers import Workers
-from vibrosweep.errors import ParameterError, SpecError
+from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import END_ERROR
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
 
 if TYPE_CHECKING:
@@ -155,14 +156,13 @@ def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
         restitution and amplitude alone.
     """
     if spec.windows is None:
-        raise SpecError(
-            f"{spec.source}: [windows] is missing; add it with conditions = [...], each one of "
-            f"{', '.join(NAMES)}"
+        raise spec.refusal(
+            f"[windows] is missing; add it with conditions = [...], each one of {', '.join(NAMES)}"
         )
     try:
         conditions = [named(name) for name in spec.windows.conditions]
     except ParameterError as error:
-        raise SpecError(f"{spec.source}: windows.conditions: {error}") from error
+        raise spec.refusal(f"windows.conditions: {error}") from error
     axes = grid_axes(spec, "windows", "amplitude", ("restitution",))
     return find_windows(
         Scene.of(spec),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from numbers import Integral
 from pathlib import Path
 
 from vibrosweep.engine.asked import (
@@ -11,7 +12,7 @@ from vibrosweep.engine.asked import (
     record_observation,
 )
 from vibrosweep.engine.workers import Workers
-from vibrosweep.errors import RunError, VibrosweepError
+from vibrosweep.errors import ParameterError, RunError, VibrosweepError
 from vibrosweep.runs.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
 from vibrosweep.runs.forecast import estimate, has_room, record_bytes, require_disk
 from vibrosweep.runs.identity import identity
@@ -33,13 +34,42 @@ __all__ = [
     "observation_of",
     "parameters_of",
     "record_observation",
+    "require_whole",
     "run_sweep",
+    "thread_count",
 ]
 
 
 def available_threads() -> int:
     """Number of processors available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def thread_count(threads: int | None) -> int:
+    """Return the number of threads to use, all processors for None.
+
+    Raises
+    ------
+    ParameterError
+        It is no whole number above 0.
+    """
+    if threads is None:
+        return available_threads()
+    require_whole("threads", threads)
+    return threads
+
+
+def require_whole(name: str, value: object) -> None:
+    """Refuse what is no count: an int or a numpy integer, at least 1.
+
+    Raises
+    ------
+    ParameterError
+        Naming it.
+    """
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not (whole and value > 0):  # type: ignore[operator]
+        raise ParameterError(f"{name} = {value!r}: must be a whole number, at least 1")
 
 
 def run_sweep(

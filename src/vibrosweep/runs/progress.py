@@ -1,13 +1,15 @@
-"""Progress of a run: a bar on a terminal, plain lines elsewhere."""
+"""Progress of a run: a bar on a terminal or in a notebook, plain lines elsewhere."""
 
 from __future__ import annotations
 
+import sys
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Final, Protocol, TextIO
+from typing import Any, Final, Protocol, TextIO
 
-__all__ = ["Advance", "reporting", "silent"]
+__all__ = ["Advance", "reporting", "showing", "silent"]
 
 SECONDS_BETWEEN_LINES: Final = 10.0
 SECONDS_BEFORE_BAR: Final = 0.5
@@ -35,7 +37,41 @@ def reporting(stream: TextIO, things: str = "realizations") -> Iterator[Advance]
         return
     from tqdm import tqdm  # imported only for a terminal
 
-    bar = tqdm(unit=f" {things}", file=stream, leave=False, delay=SECONDS_BEFORE_BAR)
+    with _following(tqdm(file=stream, **_options(things))) as advance:
+        yield advance
+
+
+@contextmanager
+def showing(wanted: bool | None, things: str = "realizations") -> Iterator[Advance]:
+    """Show a bar to who calls a function from Python.
+
+    Parameters
+    ----------
+    wanted
+        Whether to show it; None: in a notebook, and on a terminal.
+    things
+        What is counted.
+    """
+    if wanted is None:
+        terminal = sys.stderr is not None and sys.stderr.isatty()
+        wanted = terminal or "ipykernel" in sys.modules
+    if not wanted:
+        yield silent
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # without ipywidgets the bar is text
+        from tqdm.auto import tqdm
+    with _following(tqdm(**_options(things))) as advance:
+        yield advance
+
+
+def _options(things: str) -> dict[str, Any]:
+    return {"unit": f" {things}", "leave": False, "delay": SECONDS_BEFORE_BAR}
+
+
+@contextmanager
+def _following(bar: Any) -> Iterator[Advance]:
+    """Let a bar follow a run, and close it at the end."""
 
     def advance(done: int, total: int, /) -> None:
         with suppress(OSError):  # a closed terminal must not end the run

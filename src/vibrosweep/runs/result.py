@@ -24,6 +24,7 @@ from vibrosweep.spec.design import Design
 from vibrosweep.spec.sweep import RecordSpec, SweepSpec
 from vibrosweep.store.dataset import Group
 from vibrosweep.store.kinds import KIND, SWEEP
+from vibrosweep.store.memory import InMemory
 from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
 
@@ -124,7 +125,7 @@ class Rows:
         self._pieces, self._waiting = [], 0
 
 
-def declare(file: Group, spec: SweepSpec, design: Design, threads: int) -> None:
+def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: int) -> None:
     """Declare what the file will hold."""
     file.dimensions({"realization": design.realizations, "particle": spec.particles})
     quantities = quantities_of(spec, design.take(0, 1), 1)
@@ -172,7 +173,7 @@ def periods_given(duration: Time, transient: Time = 0.0) -> dict[str, float]:
 
 
 def _declare_quantity(
-    file: Group, name: str, quantities: Mapping[str, Array], varied: Collection[str]
+    file: Group | InMemory, name: str, quantities: Mapping[str, Array], varied: Collection[str]
 ) -> None:
     attributes = TIMES[name] if name in TIMES else coordinate_attributes(INPUTS[name])
     if name in varied:
@@ -182,7 +183,7 @@ def _declare_quantity(
 
 
 def _declare_launches(
-    file: Group, launch: str | tuple[float, ...], particles: int, frequency: float | None
+    file: Group | InMemory, launch: str | tuple[float, ...], particles: int, frequency: float | None
 ) -> None:
     """Launch times; staggered launches follow the frequency, fixed or not."""
     if frequency is not None or not isinstance(launch, str):

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.errors import SpecError, TableError
+from vibrosweep.errors import TableError
 from vibrosweep.spec.sweep import Axis, Range, SweepSpec
 from vibrosweep.spec.table import Label, read_table
 
@@ -137,10 +137,9 @@ def _uniform(spec: SweepSpec) -> Callable[[int, int], Array]:
 
 def _sobol(spec: SweepSpec) -> Callable[[int, int], Array]:
     if (spec.realizations or 1) > 2**_SOBOL_BITS:
-        raise SpecError(
-            f"{spec.source or 'the sweep'}: sample.realizations = {spec.realizations} is more than "
-            f"the {2**_SOBOL_BITS} points of a Sobol' sequence; lower it, or use "
-            f'design = "uniform"'
+        raise spec.refusal(
+            f"sample.realizations = {spec.realizations} is more than the {2**_SOBOL_BITS} points "
+            f'of a Sobol\' sequence; lower it, or use design = "uniform"'
         )
     from scipy.stats import qmc
 
@@ -170,10 +169,10 @@ def _latin(spec: SweepSpec) -> Callable[[int, int], Array]:
     count = spec.realizations or 1
     values = count * len(spec.sampled)
     if values > MAX_LATIN_VALUES:
-        raise SpecError(
-            f"{spec.source or 'the sweep'}: sample.realizations = {count} makes a Latin hypercube "
-            f"of {values} values, which must be held in memory; at most {MAX_LATIN_VALUES} are "
-            f'allowed: lower it, or use design = "sobol" or "uniform"'
+        raise spec.refusal(
+            f"sample.realizations = {count} makes a Latin hypercube of {values} values, which must "
+            f"be held in memory; at most {MAX_LATIN_VALUES} are allowed: lower it, or use "
+            f'design = "sobol" or "uniform"'
         )
     from scipy.stats import qmc
 

@@ -1,30 +1,62 @@
-"""Mistakes in a sweep file: worded in the user's terms, collected, and raised together."""
+"""Mistakes in a sweep: worded in the user's terms, collected, and raised together.
+
+They are written as for a sweep file.  Where keywords of Python gave the sweep, `in_python` spells
+them as Python does.
+"""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any, Final
 
 from vibrosweep.errors import SpecError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.mount import OF_MOUNT, SPRUNG
 from vibrosweep.model.parameters import BASES
 
-__all__ = ["ABSENT", "Mistakes", "likely_parameter", "nearest", "quoted", "shown"]
+__all__ = [
+    "ABSENT",
+    "Mistakes",
+    "in_python",
+    "likely_parameter",
+    "nearest",
+    "quoted",
+    "shown",
+    "toml",
+]
 
 ABSENT = object()
 _LONGEST = 60
+# What a sweep file calls `sample.restitution` or `[low, high]` -> what Python does
+_IN_PYTHON: Final = tuple(
+    (re.compile(pattern), text)
+    for pattern, text in (
+        (r"\b(?:scene|sample|measure|windows)\.(?=[a-z])", ""),
+        (r"\[low, high\]", "(low, high)"),
+        (r"\btrue or false\b", "True or False"),
+        (r"a table: write \[\w+\] on a line of its own", "a mapping"),
+        (r"at the top of the file|of \[(\w+)\]", "here"),
+        (r"\bin \[(\w+)\]", "too"),
+        (r"of this file too", "too"),
+        (r"\bwrite \[([^\]]+)\]", r"write (\1)"),
+        (r"\b(\w+) in \1\b", r"\1"),
+    )
+)
 
 
 @dataclass
 class Mistakes:
-    """All that is wrong with one sweep file.
+    """All that is wrong with one sweep.
 
     Attributes
     ----------
     file
-        Name of the sweep file as messages print it.
+        Name of the sweep file as messages print it; None where keywords gave the sweep.
+    given
+        The keywords as they were given, to be shown so.
     lines
         One line for each mistake.
     broken
@@ -32,7 +64,8 @@ class Mistakes:
         checked, so that one mistake is never reported twice.
     """
 
-    file: str
+    file: str | None
+    given: Mapping[str, Any] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
     broken: set[str] = field(default_factory=set)
 
@@ -54,21 +87,41 @@ class Mistakes:
 
     def raise_any(self) -> None:
         """Raise one `SpecError` that lists every mistake, if there are any."""
+        where = "" if self.file is None else f"{self.file}: "
         if len(self.lines) == 1:
-            raise SpecError(f"{self.file}: {self.lines[0]}")
+            raise SpecError(f"{where}{self.lines[0]}")
         if self.lines:
             listed = "".join(f"\n  {line}" for line in self.lines)
-            raise SpecError(f"{self.file}: {len(self.lines)} mistakes{listed}")
+            raise SpecError(f"{where}{len(self.lines)} mistakes{listed}")
 
     def _note(self, key: str, text: str, value: object) -> None:
-        self.lines.append(
-            f"{key}: {text}" if value is ABSENT else f"{key} = {shown(value)}: {text}"
-        )
+        of = "" if value is ABSENT else f" = {shown(value)}"
+        if self.file is None:
+            key, text = in_python(key), in_python(text)
+            if of and key in self.given:
+                value = self.given[key]
+                value = value.tolist() if hasattr(value, "tolist") else value
+                of = f" = {_cut(repr(value))}"
+            elif key == "scene":  # a rule between keywords
+                self.lines.append(text)
+                return
+        self.lines.append(f"{key}{of}: {text}")
+
+
+def in_python(text: str) -> str:
+    """Spell a message about a sweep file for keywords of Python."""
+    for pattern, python in _IN_PYTHON:
+        text = pattern.sub(python, text)
+    return text
 
 
 def shown(value: object) -> str:
     """Format a value as in the TOML file, cut to a readable length."""
-    text = _toml(value)
+    # what lies beyond the longest text is never printed
+    return _cut(toml(value, _LONGEST))
+
+
+def _cut(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
@@ -99,16 +152,16 @@ def likely_parameter(word: str, base: str = BASES[0]) -> str | None:
     return nearest(word, known)
 
 
-def _toml(value: object) -> str:
+def toml(value: object, most: int | None = None) -> str:
+    """Write a value as TOML does, of a list the first `most` members."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, list | tuple):
-        # what lies beyond the longest text is never printed
-        return f"[{', '.join(_toml(v) for v in value[:_LONGEST])}]"
+        return f"[{', '.join(toml(v, most) for v in value[:most])}]"
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{k} = {_toml(v)}' for k, v in value.items())} }}"
+        return f"{{ {', '.join(f'{k} = {toml(v, most)}' for k, v in value.items())} }}"
     if isinstance(value, int) and value.bit_length() > 1000:
         return "a huge number"  # Python refuses to print integers of many thousand digits
     return str(value)

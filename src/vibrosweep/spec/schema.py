@@ -24,6 +24,7 @@ from vibrosweep.spec.windows import WindowsTable, condition_names, tolerance
 __all__ = [
     "DRAWN",
     "MAX_REALIZATIONS",
+    "SECTIONS",
     "SampleTable",
     "SceneTable",
     "SpecFile",
@@ -98,11 +99,11 @@ def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
     the remaining keys can still be judged.
     """
     top = _sound(
-        "", data, {"title": _title, **{name: partial(_table, name) for name in _KEYS}}, mistakes
+        "", data, {"title": _title, **{name: partial(_table, name) for name in SECTIONS}}, mistakes
     )
     tables = {
         name: _sound(name, top[name], checks, mistakes)
-        for name, checks in _KEYS.items()
+        for name, checks in SECTIONS.items()
         if name in top
     }
     for name in ("scene", "record"):
@@ -139,7 +140,7 @@ def _note_unknown(
     table: str, name: str, value: object, known: Mapping[str, Check], mistakes: Mistakes
 ) -> None:
     """Say which key was probably meant, or where it belongs."""
-    homes = [f"[{t}]" for t, checks in _KEYS.items() if name in checks]
+    homes = [f"[{t}]" for t, checks in SECTIONS.items() if name in checks]
     guess = None if homes else nearest(name, known)
     hint = f"; it belongs in {' or '.join(homes)}." if homes else "."
     hint = f'; did you mean "{guess}"?' if guess else hint
@@ -318,7 +319,7 @@ _SCENE: Final[Mapping[str, Check]] = {
     "base": partial(_one_of, BASES),
     "rebound": partial(_one_of, LAWS),
 }
-_KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
+SECTIONS: Final[Mapping[str, Mapping[str, Check]]] = {
     "scene": _SCENE,
     "sample": {
         "design": _design,

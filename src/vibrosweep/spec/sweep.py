@@ -8,18 +8,28 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from vibrosweep.errors import SpecError
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.times import Time
 from vibrosweep.spec import rules as rules
-from vibrosweep.spec.messages import Mistakes
+from vibrosweep.spec.messages import Mistakes, in_python
 from vibrosweep.spec.rules import Axis, Range, RecordSpec, Setting
 from vibrosweep.spec.schema import SpecFile, read_tables
 from vibrosweep.spec.windows import WindowsTable
 
-__all__ = ["Axis", "Range", "RecordSpec", "SweepSpec", "parse_spec", "read_spec", "read_text"]
+__all__ = [
+    "Axis",
+    "Range",
+    "RecordSpec",
+    "SweepSpec",
+    "checked",
+    "parse_spec",
+    "read_spec",
+    "read_text",
+]
 
 
 @dataclass(frozen=True)
@@ -31,9 +41,9 @@ class SweepSpec:
     title
         What the sweep shows.
     text
-        The whole TOML text.
+        The whole TOML text; for keywords, one that asks for the same.
     source
-        The file it was read from, None for a text.
+        The file it was read from, None for a text and for keywords.
     fixed
         Parameters that are not sampled, defaults included; of the forcings no more than one, and
         those of a mount for a sprung base only.  Under a table these are all that ``columns`` does
@@ -82,6 +92,10 @@ class SweepSpec:
     measures: Measures
     record: RecordSpec | None
     windows: WindowsTable | None
+
+    def refusal(self, text: str) -> SpecError:
+        """Return the error that says why an analysis cannot use this sweep."""
+        return SpecError(in_python(text) if self.source is None else f"{self.source}: {text}")
 
 
 def read_spec(path: str | os.PathLike[str]) -> SweepSpec:
@@ -140,6 +154,28 @@ def parse_spec(text: str, source: Path | None = None) -> SweepSpec:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # too many digits, too deep
         raise SpecError(f"{mistakes.file}: is not valid TOML: {error}") from error
+    return checked(data, text, source, mistakes)
+
+
+def checked(
+    data: Mapping[str, Any], text: str, source: Path | None, mistakes: Mistakes
+) -> SweepSpec:
+    """Validate what a sweep file holds, as `tomllib` reads it.
+
+    Parameters
+    ----------
+    data
+        The tables of the file.
+    text, source
+        As in `SweepSpec`.
+    mistakes
+        Takes the mistakes, and words them.
+
+    Raises
+    ------
+    SpecError
+        There are mistakes; all of them are listed.
+    """
     spec = _assembled(read_tables(data, mistakes), text, source, mistakes)
     mistakes.raise_any()
     _check_extremes(spec, mistakes)

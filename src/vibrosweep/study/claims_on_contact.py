@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
+from vibrosweep import simulate
 from vibrosweep.analysis.crossings import crossings
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.separations import compare_separations, separation_distribution
-from vibrosweep.api import simulate
 from vibrosweep.engine.workers import Workers
 from vibrosweep.figures.separations import decay_in_a_slot, distributions
 from vibrosweep.model import theory

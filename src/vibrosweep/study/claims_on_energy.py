@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep import simulate
 from vibrosweep.analysis.energy import energy_balance
 from vibrosweep.analysis.returns import return_map
-from vibrosweep.api import simulate
 from vibrosweep.model import theory
 from vibrosweep.study.batches import random_sample
 from vibrosweep.study.figures.balance import balance_against_rests, energy_decay

@@ -7,13 +7,13 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
+from vibrosweep import simulate
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.capacity import capacity
 from vibrosweep.analysis.meetings import first_shared_base
 from vibrosweep.analysis.order import order_of_landings
 from vibrosweep.analysis.preservation import separation_changes
 from vibrosweep.analysis.scene import Scene
-from vibrosweep.api import simulate
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model import theory
 from vibrosweep.model.parameters import PARAMETERS

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.api import simulate
+from vibrosweep import simulate
 from vibrosweep.model import theory
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.study.figures.scheme import errors_in_time

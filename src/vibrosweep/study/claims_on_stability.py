@@ -8,11 +8,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep import simulate
 from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
-from vibrosweep.api import simulate
 from vibrosweep.engine.workers import Workers
 from vibrosweep.figures.plane import parameter_plane
 from vibrosweep.figures.returns import return_map

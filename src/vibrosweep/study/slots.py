@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.api import simulate
+from vibrosweep import simulate
 from vibrosweep.model import theory
 
 __all__ = ["POPULATIONS", "own_slots", "smallest_separation"]

@@ -1,14 +1,10 @@
-"""The public functions: physical parameters or a sweep file in, `xarray.Dataset` out."""
+"""Every landing of a small scene."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Mapping
-from numbers import Integral
-from pathlib import Path
 from typing import Any
 
-import h5netcdf
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings, require_room
 from vibrosweep.engine.workers import Workers
-from vibrosweep.errors import DataError, ExistingOutputError, ParameterError
+from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import (
     FORCINGS,
     INPUTS,
@@ -31,16 +27,10 @@ from vibrosweep.model.measures import RECORD, Measures
 from vibrosweep.model.mount import OF_MOUNT, require_mount
 from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, refuse_masked
 from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, unit_of
-from vibrosweep.runs.driver import available_threads, run_sweep
-from vibrosweep.runs.finished import is_of, origin
+from vibrosweep.runs.driver import require_whole, thread_count
 from vibrosweep.runs.result import LAUNCH_TIME, TIMES, coordinate_attributes, periods_given
-from vibrosweep.spec.sweep import read_spec
-from vibrosweep.store.disk import check_output
-from vibrosweep.store.kinds import SWEEP, kind_of
-from vibrosweep.store.reading import reading
-from vibrosweep.store.rundir import replaces
 
-__all__ = ["open_record", "open_sweep", "run", "simulate"]
+__all__ = ["simulate"]
 
 
 def simulate(
@@ -112,6 +102,13 @@ def simulate(
     ParameterError
         A parameter is of the wrong kind or outside its range, two contradict each other, or the
         record would be too large.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.simulate(restitution=0.9, amplitude=1.2, launch_time=[0.0, 0.125])
+    >>> found.landing_time.sel(particle=1).values[0, :2].round(6)
+    array([1.144368, 2.254512])
     """
     asked = {
         "restitution": restitution,
@@ -145,7 +142,7 @@ def simulate(
         for name in inputs_of(given, base)
     }
     end = _end(duration, duration_periods)
-    _require_whole("impact_budget", impact_budget)
+    require_whole("impact_budget", impact_budget)
     require_room(max(v.size for v in values.values()), launch.size)
     quantities = completed(_broadcast(values))
     refuse_large(quantities, forcing)
@@ -153,7 +150,7 @@ def simulate(
     observation = record_observation(
         launch.size, tuple(launch.ravel().tolist()), end, rebound, impact_budget, base
     )
-    with Workers(_threads(threads)) as workers:
+    with Workers(thread_count(threads)) as workers:
         found = record_landings(parameters, observation, workers)
     dataset = xr.Dataset(
         {name: (v.dims, found[name], v.attributes) for name, v in RECORD.items()},
@@ -177,116 +174,9 @@ def _end(duration: float | None, duration_periods: float | None) -> Time:
     return Periods(float(length)) if isinstance(end, Periods) else float(length)
 
 
-def run(
-    spec: str | os.PathLike[str],
-    output: str | os.PathLike[str],
-    *,
-    threads: int | None = None,
-    chunk: int | None = None,
-    force: bool = False,
-) -> xr.Dataset:
-    """Compute a sweep file and open the result; a run that was ended early is continued.
-
-    Parameters
-    ----------
-    spec
-        Path of the sweep file (TOML).
-    output
-        Path of the result.  One that exists is opened if it is that of this very sweep, and
-        otherwise kept, unless `force`.
-    threads
-        Number of threads, by default all processors; the result does not depend on it.
-    chunk
-        Realizations in a chunk, by default some seconds of work; the result does not depend on it.
-    force
-        Whether an existing output is replaced, and an unfinished run thrown away.
-
-    Raises
-    ------
-    SpecError, TableError, OutputError, ParameterError
-        The sweep file or its table holds mistakes, or the output cannot be written.
-    RunError
-        Another run or an unfinished one stands in the way, or chunks failed; the same call again
-        continues with those that are missing.
-    """
-    path = Path(output)
-    checked = read_spec(spec)
-    if chunk is not None:
-        _require_whole("chunk", chunk)
-    try:
-        check_output(path, force=force or replaces(path), inputs=(checked.source, checked.table))
-    except ExistingOutputError as error:
-        if is_of(checked, path):
-            return open_sweep(path)
-        raise ExistingOutputError(path, origin(checked, path)) from error
-    run_sweep(checked, path, threads=_threads(threads), chunk=chunk, force=force)
-    return open_sweep(path)
-
-
-def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Open the result of a sweep, lazily; the same as ``xarray.open_dataset(path)``.
-
-    Raises
-    ------
-    DataError
-        There is no such file, or it is not a result.
-    """
-    return _open(path, None)
-
-
-def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Open every landing of the scene that a sweep recorded (``[record]`` in its file).
-
-    Raises
-    ------
-    DataError
-        There is no such file, or it holds no record.
-    """
-    if not has_record(path):
-        raise DataError(
-            f"{path}: holds no record of landings; add a [record] section to the sweep file and "
-            f"run it again"
-        )
-    return _open(path, "record")
-
-
-def has_record(path: str | os.PathLike[str]) -> bool:
-    """Whether a result holds every landing of a scene.
-
-    Raises
-    ------
-    DataError
-        There is no such file, or it is not a result.
-    """
-    with reading(path), h5netcdf.File(Path(path), "r", phony_dims="access") as file:
-        return "record" in file.groups
-
-
-def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
-    with reading(path):
-        # without phony_dims a foreign file makes h5netcdf warn
-        dataset = xr.open_dataset(path, engine="h5netcdf", group=group, phony_dims="access")
-        kind = kind_of(path, dataset.attrs) if group is None else SWEEP
-    needed = {*PARAMETERS, "landing_time" if group else "impact_count"}
-    if not needed <= dataset.variables.keys():
-        dataset.close()
-        if kind is not SWEEP:
-            raise DataError(
-                f"{path}: is a result of {kind.command}; open it with xarray.open_dataset"
-            )
-        raise DataError(f"{path}: is not a result of vibrosweep run; check the path")
-    return dataset.rename({d: str(d).removeprefix(f"{group}_") for d in dataset.dims})
-
-
 def _require(condition: object, name: str, value: object, allowed: str) -> None:
     if not condition:
         raise ParameterError(f"{name} = {value!r}: must be {allowed}")
-
-
-def _require_whole(name: str, value: object) -> None:
-    """A count: an int or a numpy integer."""
-    whole = isinstance(value, Integral) and not isinstance(value, bool)
-    _require(whole and value > 0, name, value, "a whole number, at least 1")  # type: ignore[operator]
 
 
 def _numbers(name: str, value: object, units: str) -> NDArray[np.float64]:
@@ -337,10 +227,3 @@ def _coordinates(
         for name, v in quantities.items()
     }
     return coordinates | {"launch_time": (("particle",), launch, LAUNCH_TIME)}
-
-
-def _threads(threads: int | None) -> int:
-    if threads is None:
-        return available_threads()
-    _require_whole("threads", threads)
-    return threads

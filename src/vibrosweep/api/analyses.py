@@ -1,0 +1,306 @@
+"""Questions that are answered by computing anew: windows, bifurcations, basins, and the like.
+
+All take the keywords of `vibrosweep.sweep`, or the path of a sweep file, or a mapping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import xarray as xr
+
+from vibrosweep.analysis.basins import basins_of_spec
+from vibrosweep.analysis.bifurcation import Observable, bifurcation_of_spec
+from vibrosweep.analysis.sensitivity import sobol_of_spec
+from vibrosweep.analysis.separations import (
+    QUANTILES,
+    separation_against,
+    separation_distribution,
+)
+from vibrosweep.analysis.windows import windows_of_spec
+from vibrosweep.api.asking import Asked, asked
+from vibrosweep.api.sweeps import sweep
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.forcing import INPUTS
+from vibrosweep.runs.driver import require_whole, thread_count
+
+__all__ = ["basins", "bifurcation", "separations", "sobol", "windows"]
+
+# Realizations in the base sample of Sobol' indices
+SOBOL_SAMPLE = 1024
+
+
+def windows(
+    spec: Asked | None = None, /, *, threads: int | None = None, **keywords: Any
+) -> xr.Dataset:
+    """Find the intervals of amplitude in which conditions hold, for every restitution.
+
+    Parameters
+    ----------
+    spec
+        Instead of keywords: a mapping of them, or the path of a sweep file.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    **keywords
+        Those of `vibrosweep.sweep`; and
+
+        amplitude
+            Points of the coarse scan in m s-1, a list of two or more.
+        restitution
+            A number or a list.
+        conditions
+            A list of ``"locked(k)"``, ``"ordered"``, ``"periodic"``, ``"separated"``,
+            ``"collision_free"`` and ``"regular"``; by default ``["locked(1)"]``.
+        continuation
+            Whether orbits go on along the amplitude, up and down, instead of being launched anew at
+            every point; False by default.
+        tolerance
+            Largest width of the bracket around an end, relative to it; 1e-9 by default.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (condition, direction, restitution, window): ``A_min`` and ``A_max`` (m s-1), the
+        middles of brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window
+        reaches the end of the scan and past the last window; ``window_ends``, which of its ends are
+        so open.  Dims (condition, direction, restitution): ``window_count`` and ``widest``, the
+        index of the widest window, -1 without any.
+
+    Raises
+    ------
+    SpecError
+        Keywords hold mistakes, all of which are listed, or the scan has other axes.
+    ParameterError
+        A condition cannot be continued, or the points do not fit into memory.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.windows(restitution=[0.8, 0.9], amplitude=[0.1, 1.0, 2.0, 4.0])
+    >>> one = found.isel(condition=0, direction=0, window=0)
+    >>> closed = vs.theory.amplitude_max(1, one.restitution.values)
+    >>> bool((abs(one.A_max - closed) <= one.A_max_bracket).all())
+    True
+    """
+    if spec is None:
+        keywords = {"windows": {}, **keywords}
+    return windows_of_spec(asked(spec, keywords, "windows"), thread_count(threads))
+
+
+def bifurcation(
+    spec: Asked | None = None,
+    /,
+    *,
+    observable: str | Observable = "rebound_velocity",
+    samples: int = 64,
+    threads: int | None = None,
+    **keywords: Any,
+) -> xr.Dataset:
+    """Follow orbits up and down the forcing, each from the state reached before.
+
+    Parameters
+    ----------
+    spec
+        Instead of keywords: a mapping of them, or the path of a sweep file.
+    observable
+        ``"rebound_velocity"`` (m s-1), ``"rebound_height"`` (m), ``"flight_time"`` (s),
+        ``"impact_phase"`` (turns), or a function of the phase of landing (turns), the speed at
+        lift-off (m s-1) and gravity (m s-2), on arrays of any shape.
+    samples
+        Impacts that are kept at each point, once the orbit has settled.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    **keywords
+        Those of `vibrosweep.sweep`; the forcing, in any of its four forms, is an ascending list.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (direction, amplitude, particle, sample): the observable under its name, ``observable``
+        for a function.  Dims (direction, amplitude, particle): ``regime``, ``cycle_impacts``,
+        ``cycle_periods``, ``cycle_rests``, ``lyapunov_largest`` with its error.
+
+    Raises
+    ------
+    SpecError
+        Keywords hold mistakes, all of which are listed, or there are other axes.
+    ParameterError
+        The observable is not known, or the impacts do not fit into memory.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.bifurcation(amplitude=[0.6, 0.7, 0.8], samples=4, duration_periods=2000)
+    >>> table = found.rebound_velocity.to_series().dropna()
+    >>> table.index.names
+    FrozenList(['direction', 'amplitude', 'particle', 'sample'])
+    """
+    require_whole("samples", samples)
+    checked = asked(spec, keywords)
+    return bifurcation_of_spec(checked, observable, samples, thread_count(threads))
+
+
+def basins(
+    spec: Asked | None = None, /, *, threads: int | None = None, **keywords: Any
+) -> xr.Dataset:
+    """Tell which attractor each launch leads to.
+
+    Parameters
+    ----------
+    spec
+        Instead of keywords: a mapping of them, or the path of a sweep file.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    **keywords
+        Those of `vibrosweep.sweep`; ``launch_velocity`` is a list (m s-1), and the launch times are
+        those of ``launch`` (s), or of ``particles`` staggered ones.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (launch_velocity, launch_time): ``basin``, an index into the dim attractor, and
+        ``slot``, which of its time-shifted copies.  Dim attractor, the most frequent first:
+        ``fraction`` of the launches, ``regime``, ``cycle_impacts``, ``cycle_periods``,
+        ``cycle_rests``, ``lyapunov_largest``, ``impact_phase`` (turns), ``rebound_velocity``
+        (m s-1).
+
+    Raises
+    ------
+    SpecError
+        Keywords hold mistakes, all of which are listed, or there are other axes.
+    ParameterError
+        The launches do not fit into memory.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.basins(launch_velocity=[3.0, 4.0, 5.0], particles=20, duration=2000.0)
+    >>> found.basin.dims, found.basin.shape
+    (('launch_velocity', 'launch_time'), (3, 20))
+    """
+    return basins_of_spec(asked(spec, keywords), thread_count(threads))
+
+
+def sobol(
+    spec: Asked | None = None,
+    /,
+    *,
+    outputs: Sequence[str] | None = None,
+    confidence: float = 0.95,
+    threads: int | None = None,
+    **keywords: Any,
+) -> xr.Dataset:
+    """First-order and total Sobol' indices: on which parameters measured variables depend.
+
+    Parameters
+    ----------
+    spec
+        Instead of keywords: a mapping of them, or the path of a sweep file.
+    outputs
+        Measured variables with one number for each realization; by default
+        ``rebound_height_max``, ``rebound_height_mean``, ``flight_time_mean`` and, for two or more
+        particles, ``dt_min``.
+    confidence
+        Level of the intervals, from a bootstrap.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    **keywords
+        Those of `vibrosweep.sweep`: parameters that vary are tuples ``(low, high)``, and
+        ``realizations`` is the size of the base sample, a power of 2, 1024 by default; (parameters
+        + 2) times as many are computed.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (output, parameter): ``first_order`` and ``total_order``, each with ``_low`` and
+        ``_high``; dim output: ``mean`` and ``standard_deviation``, in the output's own unit.
+
+    Raises
+    ------
+    SpecError
+        Keywords hold mistakes, all of which are listed, or no parameter varies.
+    DataError
+        An output is undefined in some realizations, or the same in all.
+    ParameterError
+        The number of realizations is no power of 2.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.sobol(restitution=(0.8, 0.98), amplitude=(0.2, 3.5), realizations=64)
+    >>> found.total_order.dims, found.parameter.values.tolist()
+    (('output', 'parameter'), ['restitution', 'amplitude'])
+    """
+    if any(name in INPUTS and isinstance(v, tuple) for name, v in keywords.items()):
+        keywords = {"realizations": SOBOL_SAMPLE, **keywords}
+    checked = asked(spec, keywords)
+    return sobol_of_spec(checked, outputs, confidence, thread_count(threads))
+
+
+def separations(
+    spec: Asked | xr.Dataset | None = None,
+    /,
+    *,
+    against: str | None = None,
+    bins: int = 10,
+    measure: str = "dt_min",
+    quantiles: Sequence[float] = QUANTILES,
+    threads: int | None = None,
+    **keywords: Any,
+) -> xr.Dataset:
+    """Distribution of the smallest separation between landings of different particles.
+
+    Parameters
+    ----------
+    spec
+        Instead of keywords: the result of a sweep with separations, or what `vibrosweep.sweep`
+        takes.
+    against
+        Parameter against which the distribution is given, in bins that hold equally many
+        realizations; by default all realizations are taken together.
+    bins
+        Number of bins.
+    measure
+        ``"dt_min"``, over all landings, or ``"dt_min_same_index"``, over equal impact numbers.
+    quantiles
+        In [0, 1].
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    **keywords
+        Those of `vibrosweep.sweep`; separations are measured in any case.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``separation_quantile`` (quantile) in s, ``zero_fraction``, ``collision_free_fraction`` with
+        the ends of its Wilson 95 % interval, and the number ``known`` of realizations with a
+        separation: scalars, or along dim ``part``, with the ends of each bin as coordinates.
+        Without `against` also ``separation`` (rank) in s, sorted, with ``cumulative_fraction``.
+
+    Raises
+    ------
+    SpecError
+        Keywords hold mistakes; all of them are listed.
+    DataError
+        The result lacks separations, or `against` does not differ between realizations.
+    ParameterError
+        The measure is not one of the two.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.separations(amplitude=(0.5, 3.5), realizations=64, particles=5)
+    >>> int(found.known)
+    64
+    """
+    if isinstance(spec, xr.Dataset):
+        if keywords:
+            raise ParameterError(f"{', '.join(keywords)}: cannot be given beside a result")
+        result = spec
+    else:
+        asks = {"separation": True, **keywords} if spec is None else {}
+        result = sweep(spec, threads=threads, **asks)
+    if against is None:
+        return separation_distribution(result, measure=measure, quantiles=quantiles)
+    return separation_against(result, against, bins=bins, measure=measure, quantiles=quantiles)

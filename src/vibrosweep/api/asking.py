@@ -1,0 +1,49 @@
+"""What a public function was asked: a sweep file, a mapping, or keywords."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.spec.keywords import keyword_spec
+from vibrosweep.spec.sweep import SweepSpec, read_spec
+
+__all__ = ["Asked", "asked"]
+
+Asked = str | os.PathLike[str] | Mapping[str, Any]
+
+
+def asked(spec: Asked | None, keywords: Mapping[str, Any], *first: str) -> SweepSpec:
+    """Return the sweep that is asked for.
+
+    Parameters
+    ----------
+    spec
+        Path of a sweep file, or a mapping; None where keywords are given.
+    keywords
+        Keywords.
+    first
+        As in `keyword_spec`.
+
+    Raises
+    ------
+    SpecError
+        There are mistakes; all of them are listed.
+    ParameterError
+        There are both, or `spec` is neither path nor mapping.
+    """
+    if spec is None:
+        return keyword_spec(keywords, *first)
+    if keywords:
+        raise ParameterError(
+            f"{', '.join(keywords)}: not beside a sweep file or a mapping; write it there"
+        )
+    if isinstance(spec, Mapping):
+        return keyword_spec(spec, *first)
+    if isinstance(spec, str | os.PathLike):
+        return read_spec(spec)
+    raise ParameterError(
+        f"{type(spec).__name__}: is no sweep; give keywords, a mapping, or the path of a sweep file"
+    )

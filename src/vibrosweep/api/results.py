@@ -1,0 +1,109 @@
+"""Open result files."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import h5netcdf
+import xarray as xr
+
+from vibrosweep.errors import DataError
+from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.store.kinds import SWEEP, kind_of
+from vibrosweep.store.reading import reading
+
+__all__ = ["has_record", "open_record", "open_sweep"]
+
+
+def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Open the result of a sweep, lazily; the same as ``xarray.open_dataset(path)``.
+
+    Parameters
+    ----------
+    path
+        What `vibrosweep.run` or the command of this name wrote.
+
+    Returns
+    -------
+    xarray.Dataset
+        As of `vibrosweep.sweep`; values are read when they are needed.
+
+    Raises
+    ------
+    DataError
+        There is no such file, or it is not a result.
+
+    Examples
+    --------
+    >>> import tempfile, vibrosweep as vs
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     vs.run({"restitution": [0.8, 0.9]}, f"{folder}/out.h5").close()
+    ...     with vs.open_sweep(f"{folder}/out.h5") as found:
+    ...         print(found.restitution.values)
+    [0.8 0.9]
+    """
+    return _open(path, None)
+
+
+def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
+    """Open every landing of the scene that a sweep recorded (``[record]`` in its file).
+
+    Parameters
+    ----------
+    path
+        What `vibrosweep.run` or the command of this name wrote.
+
+    Returns
+    -------
+    xarray.Dataset
+        As of `vibrosweep.simulate`; values are read when they are needed.
+
+    Raises
+    ------
+    DataError
+        There is no such file, or it holds no record.
+
+    Examples
+    --------
+    >>> import tempfile, vibrosweep as vs
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     vs.run({"record": {"particles": 2}}, f"{folder}/out.h5").close()
+    ...     with vs.open_record(f"{folder}/out.h5") as found:
+    ...         print(found.landing_time.dims)
+    ('realization', 'particle', 'impact')
+    """
+    if not has_record(path):
+        raise DataError(
+            f"{path}: holds no record of landings; add a [record] section to the sweep file and "
+            f"run it again"
+        )
+    return _open(path, "record")
+
+
+def has_record(path: str | os.PathLike[str]) -> bool:
+    """Whether a result holds every landing of a scene.
+
+    Raises
+    ------
+    DataError
+        There is no such file, or it is not a result.
+    """
+    with reading(path), h5netcdf.File(Path(path), "r", phony_dims="access") as file:
+        return "record" in file.groups
+
+
+def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
+    with reading(path):
+        # without phony_dims a foreign file makes h5netcdf warn
+        dataset = xr.open_dataset(path, engine="h5netcdf", group=group, phony_dims="access")
+        kind = kind_of(path, dataset.attrs) if group is None else SWEEP
+    needed = {*PARAMETERS, "landing_time" if group else "impact_count"}
+    if not needed <= dataset.variables.keys():
+        dataset.close()
+        if kind is not SWEEP:
+            raise DataError(
+                f"{path}: is a result of {kind.command}; open it with xarray.open_dataset"
+            )
+        raise DataError(f"{path}: is not a result of vibrosweep run; check the path")
+    return dataset.rename({d: str(d).removeprefix(f"{group}_") for d in dataset.dims})

@@ -1,0 +1,174 @@
+"""Sweeps, in memory or into a file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from vibrosweep.api.asking import Asked, asked
+from vibrosweep.api.results import open_sweep
+from vibrosweep.errors import ExistingOutputError, ParameterError
+from vibrosweep.runs.driver import require_whole, run_sweep, thread_count
+from vibrosweep.runs.finished import is_of, origin
+from vibrosweep.runs.inmemory import sweep_in_memory
+from vibrosweep.runs.progress import showing
+from vibrosweep.store.disk import check_output
+from vibrosweep.store.rundir import replaces
+
+__all__ = ["run", "sweep"]
+
+
+def sweep(
+    spec: Asked | None = None,
+    /,
+    *,
+    threads: int | None = None,
+    progress: bool | None = None,
+    **keywords: Any,
+) -> xr.Dataset:
+    """Compute realizations in memory.
+
+    Every keyword below is also a key of a sweep file, and means the same there.  A physical
+    parameter that is a number is fixed, a tuple ``(low, high)`` is a range from which realizations
+    are drawn, and a list or 1-D array is an axis of a grid.
+
+    Parameters
+    ----------
+    spec
+        Instead of keywords: a mapping of them, or the path of a sweep file.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    progress
+        Whether to show a progress bar; by default in a notebook and on a terminal.
+    **keywords
+        The sweep:
+
+        restitution, frequency, phase, gravity, launch_velocity, contact_time
+            Physical parameters (1, Hz, rad, m s-2, m s-1, s).
+        amplitude, base_velocity, base_displacement, base_acceleration
+            The forcing, a physical parameter given in one of four ways: amplitude A of the kick
+            (m s-1), or peak velocity V0 (m s-1), displacement B (m) or acceleration Gamma (in units
+            of gravity) of the base; A = (1 + e) V0, V0 = 2 pi f B, Gamma = 2 pi f V0 / g.
+        particles, launch
+            Number of particles in each realization, and ``"staggered"`` launches (particle j at
+            j / (particles frequency)) or a list of launch times in s.
+        duration, duration_periods
+            End of the observation in s, 12 by default, or in forcing periods.
+        base, rebound
+            ``"high-bounce"``, a base that stays at height zero and kicks, or ``"moving"``; the law
+            of rebound, ``"rest"`` or ``"reflect"``.
+        design, realizations, seed
+            ``"uniform"``, ``"latin"`` or ``"sobol"`` for ranges, with the number of realizations
+            and a seed; ``"grid"`` for axes; or the path of a table (.csv, .nc).
+        columns
+            Columns of the table to use, all by default.
+        transient, transient_periods
+            Beginning of the window that measures cover, in s or in forcing periods.
+        separation, per_particle, regimes, lyapunov, trust
+            What is measured beside landings, heights and flight times: True or False.
+        tolerance, impact_budget
+            Error in s up to which `trust` trusts a landing; impacts after which a particle is
+            given up.
+        title
+            What the sweep shows.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim ``realization`` (and ``particle`` for what is measured of each): measured variables with
+        units and meanings as attributes, parameters as coordinates.
+
+    Raises
+    ------
+    SpecError
+        Keywords are unknown, contradict each other, or have values that are not allowed; all
+        mistakes are listed.
+    TableError
+        The table of realizations holds mistakes.
+    ParameterError
+        The result does not fit into memory, or a setting of this call is wrong.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.sweep(restitution=(0.80, 0.98), amplitude=(0.2, 3.5), realizations=50, seed=1)
+    >>> found.rebound_height_max.dims, found.rebound_height_max.attrs["units"]
+    (('realization',), 'm')
+    """
+    checked = asked(spec, keywords)
+    if checked.record is not None:
+        raise ParameterError(
+            "record: a sweep in memory keeps no landings; write it to a file with vibrosweep.run, "
+            "or call vibrosweep.simulate"
+        )
+    with showing(progress) as advance:
+        return sweep_in_memory(checked, threads=thread_count(threads), advance=advance)
+
+
+def run(
+    spec: Asked,
+    output: str | os.PathLike[str],
+    *,
+    threads: int | None = None,
+    chunk: int | None = None,
+    force: bool = False,
+    progress: bool | None = None,
+) -> xr.Dataset:
+    """Compute a sweep into a file and open it; a run that was ended early is continued.
+
+    Parameters
+    ----------
+    spec
+        Path of the sweep file (TOML), or a mapping of the keywords of `sweep`; one that holds the
+        tables of a sweep file, as `tomllib` reads them, is right too.
+    output
+        Path of the result.  One that exists is opened if it is that of this very sweep, and
+        otherwise kept, unless `force`.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    chunk
+        Realizations in a chunk, by default some seconds of work; the result does not depend on it.
+    force
+        Whether an existing output is replaced, and an unfinished run thrown away.
+    progress
+        Whether to show a progress bar; by default in a notebook and on a terminal.
+
+    Returns
+    -------
+    xarray.Dataset
+        As of `sweep`, read from the file when needed.
+
+    Raises
+    ------
+    SpecError, TableError, OutputError, ParameterError
+        The sweep or its table holds mistakes, or the output cannot be written.
+    RunError
+        Another run or an unfinished one stands in the way, or chunks failed; the same call again
+        continues with those that are missing.
+
+    Examples
+    --------
+    >>> import tempfile, vibrosweep as vs
+    >>> sweep = {"restitution": (0.80, 0.98), "realizations": 50, "particles": 2}
+    >>> with tempfile.TemporaryDirectory() as folder, vs.run(sweep, f"{folder}/out.h5") as found:
+    ...     print(found.sizes["realization"])
+    50
+    """
+    path = Path(output)
+    checked = asked(spec, {})
+    if chunk is not None:
+        require_whole("chunk", chunk)
+    try:
+        check_output(path, force=force or replaces(path), inputs=(checked.source, checked.table))
+    except ExistingOutputError as error:
+        if is_of(checked, path):
+            return open_sweep(path)
+        raise ExistingOutputError(path, origin(checked, path)) from error
+    with showing(progress) as advance:
+        run_sweep(
+            checked, path, threads=thread_count(threads), chunk=chunk, force=force, advance=advance
+        )
+    return open_sweep(path)

@@ -1,0 +1,64 @@
+"""A sweep in memory: the same numbers as in a file, and no file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from vibrosweep.engine.landings import physical_memory
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import ParameterError
+from vibrosweep.runs.chunks import batch_size, compute_rows
+from vibrosweep.runs.plan import bytes_per_realization
+from vibrosweep.runs.progress import Advance, silent
+from vibrosweep.runs.result import declare
+from vibrosweep.spec.design import open_design
+from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.store.memory import InMemory
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["sweep_in_memory"]
+
+# Progress is told about as often; smaller pieces would cost time.
+PIECES: Final = 100
+TRAJECTORIES_PER_PIECE: Final = 1 << 14
+
+
+def sweep_in_memory(spec: SweepSpec, *, threads: int, advance: Advance = silent) -> xr.Dataset:
+    """Compute a sweep; the result does not depend on the number of threads.
+
+    Parameters
+    ----------
+    spec
+        The sweep; its record, if it has one, is left out.
+    threads
+        Number of threads.
+    advance
+        Called with the number of finished realizations and the total.
+
+    Raises
+    ------
+    ParameterError, TableError, SpecError
+        The result does not fit into memory, or the realizations cannot be had.
+    """
+    design = open_design(spec)
+    total = design.realizations
+    needed, available = bytes_per_realization(spec, design) * total, physical_memory()
+    if needed > available / 2:
+        raise ParameterError(
+            f"the results of {total} realizations take {needed / 2**30:.3g} GiB of this machine's "
+            f"{available / 2**30:.3g} GiB: write them to a file with vibrosweep.run"
+        )
+    found = InMemory()
+    declare(found, spec, design, threads)
+    piece = max(-(-total // PIECES), TRAJECTORIES_PER_PIECE // spec.particles, 1)
+    piece, done = min(piece, batch_size(spec)), 0
+    with Workers(threads) as workers:
+        while done < total:
+            for columns in compute_rows(spec, design, done, min(done + piece, total), workers):
+                for name, values in columns.items():
+                    found.write(name, done, values)
+            done = min(done + piece, total)
+            advance(done, total)
+    return found.dataset()

@@ -1,0 +1,152 @@
+"""Keywords of Python, or a mapping of them, to the same checked sweep that a file gives.
+
+A physical parameter that is a tuple is a range, a list or an array is an axis of a grid, and a
+number is fixed.  Keywords become the tables of a sweep file, and those are checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.parameters import refuse_masked
+from vibrosweep.spec.messages import Mistakes, likely_parameter, nearest, toml
+from vibrosweep.spec.schema import DRAWN, MAX_STEPS, SECTIONS
+from vibrosweep.spec.sweep import SweepSpec, checked
+
+__all__ = ["keyword_spec"]
+
+# Where a keyword is looked for, in this order
+HOMES: Final = ("scene", "sample", "measure")
+# Evenly spaced values of at least this number are written as start, stop and num.
+LONG: Final = 10
+
+
+def keyword_spec(given: Mapping[str, Any], *first: str) -> SweepSpec:
+    """Validate keywords, or a mapping of the same, in which whole tables of a file may stand.
+
+    Parameters
+    ----------
+    given
+        Keyword -> value; None stands for one that is not given.  Under the name of a table of a
+        sweep file a mapping, which means what it means there.
+    first
+        Tables in which keywords are looked for before all others.
+
+    Raises
+    ------
+    SpecError
+        There are mistakes; all of them are listed, each with its keyword.
+    ParameterError
+        A value is masked.
+    """
+    stated = {name: value for name, value in given.items() if value is not None}
+    mistakes = Mistakes(None, stated)
+    data = _tables(stated, (*first, *HOMES), mistakes)
+    spec = checked(data, "", None, mistakes)
+    return replace(spec, text=_file(data))
+
+
+def _tables(given: Mapping[str, Any], homes: tuple[str, ...], mistakes: Mistakes) -> dict[str, Any]:
+    """Tables of the sweep file that asks for the same."""
+    data: dict[str, Any] = {
+        name: _plain(name, value)
+        for name, value in given.items()
+        if name == "title" or name in SECTIONS
+    }
+    for name, value in given.items():
+        if name in data:
+            continue
+        home = _home(name, value, homes)
+        if home is None:
+            _note_unknown(name, value, homes, mistakes)
+        elif name in data.setdefault(home, {}):
+            mistakes.add_broken(name, f"is given in {home} too; keep one of the two", value)
+        else:
+            plain = _plain(name, value)
+            data[home][name] = _steps(plain) if name in INPUTS else plain
+    _choose_design(given, data, mistakes)
+    data.setdefault("title", _title(given))
+    return data
+
+
+def _home(name: str, value: object, homes: tuple[str, ...]) -> str | None:
+    """Table in which a keyword belongs."""
+    if name in INPUTS and _kind(value) is not None:
+        return "sample"
+    return next((home for home in homes if name in SECTIONS[home]), None)
+
+
+def _kind(value: object) -> str | None:
+    """Tell whether a parameter is a range or an axis; None for anything else."""
+    if isinstance(value, tuple):
+        return "range"
+    several = isinstance(value, list | range | Mapping) or np.ndim(np.asarray(value)) > 0
+    return "axis" if several else None
+
+
+def _choose_design(given: Mapping[str, Any], data: dict[str, Any], mistakes: Mistakes) -> None:
+    """Take a grid where there are axes; report ranges and axes that do not fit the design."""
+    kinds = {name: _kind(value) for name, value in given.items() if name in INPUTS}
+    axes, ranges = ([n for n, kind in kinds.items() if kind == k] for k in ("axis", "range"))
+    sample = data.get("sample", {})
+    design = sample.get("design") if isinstance(sample, Mapping) else None
+    if axes and ranges:
+        text = f"is an axis of a grid, but {ranges[0]} is a range; give all as lists, or as tuples"
+        mistakes.add_broken(axes[0], text, given[axes[0]])
+    elif axes and design is None:
+        data["sample"]["design"] = "grid"
+    elif axes and design in DRAWN:
+        text = f'is an axis of a grid, but design = "{design}" draws: give a tuple [low, high]'
+        mistakes.add_broken(axes[0], text, given[axes[0]])
+    elif ranges and design == "grid":
+        text = 'is a range, but design = "grid" takes the values of an axis: give them as a list'
+        mistakes.add_broken(ranges[0], text, given[ranges[0]])
+
+
+def _title(given: Mapping[str, Any]) -> str:
+    varied = [name for name, value in given.items() if name in INPUTS and _kind(value) is not None]
+    return f"Sweep over {' and '.join(varied)}" if varied else "A sweep"
+
+
+def _note_unknown(name: str, value: object, homes: tuple[str, ...], mistakes: Mistakes) -> None:
+    known = dict.fromkeys(key for home in homes for key in SECTIONS[home])
+    guess = nearest(name, known) or likely_parameter(name)
+    hint = f'; did you mean "{guess}"?' if guess else "."
+    text = f"is not a known keyword{hint} Known keywords: {', '.join(known)}"
+    mistakes.add_broken(name, text, value)
+    if guess:  # the keyword that was meant is neither missing nor at its default
+        mistakes.broken |= {f"{home}.{guess}" for home in homes}
+
+
+def _plain(name: str, value: Any) -> Any:
+    """Value as a TOML file would give it: numbers, texts, lists and dicts of Python."""
+    refuse_masked(name, value)
+    if isinstance(value, Mapping):
+        return {str(key): _plain(str(key), member) for key, member in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [_plain(name, member) for member in value]
+    return np.asarray(value).tolist() if hasattr(value, "__array__") else value
+
+
+def _steps(values: Any) -> Any:
+    """Write long axes of even steps shortly, where this gives the same values."""
+    if not (isinstance(values, list) and LONG <= len(values) <= MAX_STEPS):
+        return values
+    if not all(isinstance(v, float) for v in values) or not values[0] < values[-1]:
+        return values
+    even = np.linspace(values[0], values[-1], len(values)).tolist() == values
+    return {"start": values[0], "stop": values[-1], "num": len(values)} if even else values
+
+
+def _file(data: Mapping[str, Any]) -> str:
+    """Text of a sweep file."""
+    lines = [f"title = {toml(data['title'])}"]
+    for section in SECTIONS:
+        if section in data:
+            lines += [f"[{section}]", *(f"{key} = {toml(v)}" for key, v in data[section].items())]
+    return "\n".join(lines) + "\n"

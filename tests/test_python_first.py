@@ -1,0 +1,44 @@
+"""What a new user asks first, each in at most five lines of Python."""
+
+import numpy as np
+import pandas as pd
+
+import vibrosweep as vs
+
+
+def test_a_random_sweep():
+    found = vs.sweep(restitution=(0.80, 0.98), amplitude=(0.2, 3.5), realizations=200, seed=1)
+    tallest = found.rebound_height_max.max().item()
+    assert dict(found.sizes)["realization"] == 200
+    assert tallest > found.rebound_height_mean.max().item() > 0.0
+
+
+def test_windows_of_a_locked_orbit_beside_their_closed_form():
+    e = np.linspace(0.5, 0.95, 10)
+    found = vs.windows(restitution=e, amplitude=np.linspace(0.1, 5.0, 50), conditions=["locked(1)"])
+    window = found.isel(condition=0, direction=0, window=0)
+    closed = {"A_min": vs.theory.amplitude_min(1, e), "A_max": vs.theory.amplitude_max(1, e)}
+    for end, values in closed.items():
+        assert (abs(window[end] - values) <= window[f"{end}_bracket"]).all()
+
+
+def test_a_bifurcation_diagram_as_a_table(tmp_path):
+    found = vs.bifurcation(amplitude=np.linspace(1.2, 1.6, 5), launch=[0.125], duration=3000.0)
+    found.rebound_velocity.to_series().dropna().to_csv(tmp_path / "diagram.csv")
+    table = pd.read_csv(tmp_path / "diagram.csv")
+    locked = table[table.direction == "up"]
+    assert len(locked) == 5 * 64
+    assert np.allclose(locked.rebound_velocity, vs.theory.locked_velocity(1), rtol=1e-12)
+
+
+def test_basins():
+    found = vs.basins(launch_velocity=np.linspace(3.0, 6.0, 8), particles=8, duration=2000.0)
+    share = (found.basin == 0).mean().item()
+    assert share == found.fraction[0].item()
+
+
+def test_sobol_indices():
+    found = vs.sobol(restitution=(0.8, 0.98), amplitude=(0.2, 3.5), realizations=256)
+    total = found.total_order.sel(output="rebound_height_max")
+    assert total.sel(parameter="amplitude") > 0.2
+    assert (found.first_order <= found.total_order + 0.1).all()
