@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fuzz import FUZZERS, campaign, spoilt_bytes
 from vibrosweep.errors import SpecError
-from vibrosweep.spec.schema import _KEYS
+from vibrosweep.spec.schema import SECTIONS
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
 
 NUMBERS = st.one_of(
@@ -29,7 +29,7 @@ VALUES = st.recursive(
     ),
     max_leaves=6,
 )
-KEYS = [(table, key) for table, keys in _KEYS.items() for key in keys]
+KEYS = [(table, key) for table, keys in SECTIONS.items() for key in keys]
 ENTRIES = st.lists(st.tuples(st.sampled_from(KEYS), VALUES), max_size=6)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from vibrosweep.commands import COMMANDS
 from vibrosweep.model.markdown import insert
-from vibrosweep.spec.schema import _KEYS
+from vibrosweep.spec.schema import SECTIONS
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "vibrosweep"
@@ -49,7 +49,7 @@ def test_the_tables_of_measures_are_those_of_the_registry(name):
 
 def test_every_key_of_a_sweep_file_is_explained():
     text = (DOCS / "sweep-files.md").read_text(encoding="utf-8")
-    names = {key for keys in _KEYS.values() for key in keys} | {f"[{t}]" for t in _KEYS}
+    names = {key for keys in SECTIONS.values() for key in keys} | {f"[{t}]" for t in SECTIONS}
     assert {name for name in names if f"`{name}`" not in text} == set()
 
 
