@@ -58,8 +58,12 @@ def sweep(
         duration, duration_periods
             End of the observation in s, 12 by default, or in forcing periods.
         base, rebound
-            ``"high-bounce"``, a base that stays at height zero and kicks, or ``"moving"``; the law
-            of rebound, ``"rest"`` or ``"reflect"``.
+            ``"high-bounce"``, a base that stays at height zero and kicks, ``"moving"``, or
+            ``"sprung"``, a moving base of finite mass; the law of rebound, ``"rest"`` or
+            ``"reflect"``, the latter over a high-bounce base only.
+        mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
+            Of a sprung base, as physical parameters: the mass of one particle in units of that of
+            the base, or both masses (kg); natural frequency (Hz) and damping ratio of its mount.
         design, realizations, seed
             ``"uniform"``, ``"latin"`` or ``"sobol"`` for ranges, with the number of realizations
             and a seed; ``"grid"`` for axes; or the path of a table (.csv, .nc).
