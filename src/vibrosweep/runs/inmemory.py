@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.engine.landings import physical_memory
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.runs.chunks import batch_size, compute_rows
@@ -14,6 +13,7 @@ from vibrosweep.runs.result import declare
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.memory import InMemory
+from vibrosweep.system import physical_memory
 
 if TYPE_CHECKING:
     import xarray as xr
