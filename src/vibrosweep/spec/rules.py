@@ -20,6 +20,7 @@ from vibrosweep.model.forcing import (
     only_parameters,
     refuse_large,
 )
+from vibrosweep.model.measures import Measures
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, SPRUNG, mount_mistakes
 from vibrosweep.model.parameters import (
     BASES,
@@ -41,6 +42,7 @@ __all__ = [
     "check_extremes",
     "check_forcing",
     "check_mount",
+    "check_trust",
     "check_window",
     "columns",
     "fixed_numbers",
@@ -177,6 +179,13 @@ def check_mount(base: str, scene: SceneTable, sample: SampleTable, mistakes: Mis
     for name, text in mount_mistakes(base, homes).items():
         key = homes.get(name, f"scene.{name}")
         mistakes.add(key, text if key.endswith(name) else f"{name} {text}", involves=involved)
+
+
+def check_trust(base: str, measures: Measures, mistakes: Mistakes) -> None:
+    """Report if error bounds are asked for over a base that none are proved for."""
+    if base == SPRUNG and measures.trust:
+        text = f'no bound of errors is proved over base = "{base}"; leave it out'
+        mistakes.add("measure.trust", text, True, involves=["scene.base"])
 
 
 def fixed_numbers(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> dict[str, float]:

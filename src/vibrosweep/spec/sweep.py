@@ -196,6 +196,7 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
     varied = (*sampled, *(columns or ()))
     shared = rules.setting("scene", file.scene, Setting(), mistakes)
     rules.check_mount(shared.base, file.scene, sample, mistakes)
+    rules.check_trust(shared.base, file.measures, mistakes)
     # one forcing only, for where two were reported
     forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
     given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]
