@@ -1,5 +1,7 @@
 """Sobol' indices of functions whose indices are known, and plateaus of heights."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,10 +9,12 @@ import xarray as xr
 from vibrosweep.analysis import sensitivity
 from vibrosweep.analysis.heights import heights_against_restitution
 from vibrosweep.analysis.sensitivity import sobol_indices
+from vibrosweep.engine.asked import record_observation
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model import theory
 
 RANGES = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "gravity": (9.0, 10.0)}
+ONE = record_observation(1, "staggered", 12.0, "rest", 1000)
 
 
 @pytest.fixture
@@ -25,7 +29,7 @@ def linear(monkeypatch):
 
 
 def test_indices_of_a_linear_function_are_its_shares_of_variance(linear):
-    found = sobol_indices(RANGES, None, None, outputs=["dt_min"], base=512)
+    found = sobol_indices(RANGES, ONE, None, outputs=["dt_min"], base=512)
     # variances 1/12 and 4/12: shares 0.2, 0.8 and nothing for gravity; no interactions
     np.testing.assert_allclose(found["first_order"][0], [0.2, 0.8, 0.0], atol=0.01)
     np.testing.assert_allclose(found["total_order"][0], [0.2, 0.8, 0.0], atol=0.01)
@@ -44,16 +48,31 @@ def test_any_forcing_may_vary(monkeypatch):
 
     monkeypatch.setattr(sensitivity, "measure", measure)
     ranges = dict.fromkeys(("restitution", "base_acceleration", "frequency", "gravity"), (0.5, 0.9))
-    found = sobol_indices(ranges, None, None, outputs=["dt_min"], base=64)
+    found = sobol_indices(ranges, ONE, None, outputs=["dt_min"], base=64)
     # what is measured is the acceleration alone, over 2 pi
     np.testing.assert_allclose(found["mean"], [0.7 / (2.0 * np.pi)], rtol=0.01)
     for name in ("first_order", "total_order"):
         np.testing.assert_allclose(found[name][0], [0.0, 1.0, 0.0, 0.0], atol=0.05)
 
 
+def test_what_varies_may_be_of_a_mount(monkeypatch):
+    monkeypatch.setattr(
+        sensitivity,
+        "measure",
+        lambda parameters, observation, workers: {"dt_min": 1.0 / parameters["mass_ratio"]},
+    )
+    sprung, ranges = replace(ONE, base="sprung"), {"base_mass": (1.0, 3.0), "mount_damping": (0, 1)}
+    fixed = {"particle_mass": 2.0, "mount_frequency": 1.0}
+    found = sobol_indices(ranges, sprung, None, fixed=fixed, outputs=["dt_min"], base=64)
+    np.testing.assert_allclose(found["mean"], [1.0], rtol=1e-2)
+    np.testing.assert_allclose(found["total_order"][0], [1.0, 0.0], atol=0.05)
+    with pytest.raises(ParameterError, match="mount_frequency: is missing"):
+        sobol_indices(ranges, sprung, None, fixed={"particle_mass": 2.0}, outputs=["dt_min"])
+
+
 def test_indices_repeat_with_the_seed(linear):
     runs = [
-        sobol_indices(RANGES, None, None, outputs=["dt_min"], base=64, seed=s) for s in (1, 1, 2)
+        sobol_indices(RANGES, ONE, None, outputs=["dt_min"], base=64, seed=s) for s in (1, 1, 2)
     ]
     xr.testing.assert_identical(runs[0], runs[1])
     assert not runs[0].equals(runs[2])
@@ -97,7 +116,7 @@ def test_indices_of_one_impact_follow_from_its_height(observe, workers):
 )
 def test_bad_ranges_are_named(ranges, base, text):
     with pytest.raises(ParameterError, match=text):
-        sobol_indices(ranges, None, None, base=base)
+        sobol_indices(ranges, ONE, None, base=base)
 
 
 def test_outputs_must_be_measured_and_defined(observe, workers):

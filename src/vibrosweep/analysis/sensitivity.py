@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.records import Array, variable
 from vibrosweep.engine.asked import observation_of
-from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.forcing import FORCINGS, INPUTS, completed, forcing_of, only_parameters
+from vibrosweep.model.forcing import INPUTS, completed, forcing_of, inputs_of, only_parameters
 from vibrosweep.model.measures import MEASURE_OF
+from vibrosweep.model.mount import require_mount
 from vibrosweep.spec.sweep import Range, SweepSpec
 
 __all__ = ["OUTPUTS", "sobol_indices", "sobol_of_spec"]
@@ -54,7 +54,8 @@ def sobol_indices(
     workers
         Threads to use.
     fixed
-        Values of other parameters, by default those of Table 1.
+        Values of other parameters, by default those of Table 1; a base of finite mass needs those
+        of its mount.
     outputs
         Variables with one number per realization.
     base
@@ -80,6 +81,7 @@ def sobol_indices(
     from scipy.stats import qmc
 
     _require_ranges(ranges, base)
+    require_mount(observation.base, {*ranges, *(fixed or {})})
     low, high = np.array(list(ranges.values()), dtype=np.float64).T
     points = qmc.Sobol(2 * low.size, seed=np.random.default_rng(seed)).random(base)
     a, b = (low + (high - low) * half for half in np.split(points, 2, axis=1))
@@ -166,7 +168,8 @@ def _measured(
         given = {name: np.ascontiguousarray(v[start : start + BATCH]) for name, v in points.items()}
         size = len(next(iter(given.values())))
         others = {n: np.full(size, v) for n, v in fixed.items()}
-        measured = measure(_with_amplitude(others | given), observation, workers)
+        every = _every_parameter(others | given, observation.base)
+        measured = measure(every, observation, workers)
         _require_outputs(measured, outputs)
         found.append(np.array([measured[name] for name in outputs], dtype=np.float64))
     values = np.concatenate(found, axis=1)
@@ -182,13 +185,17 @@ def _measured(
     return values
 
 
-def _with_amplitude(given: dict[str, Array]) -> dict[str, Array]:
-    """All parameters of realizations in which any forcing may be given."""
-    every = all_parameters(given)
-    if not FORCINGS.keys().isdisjoint(given):
-        others = {name: v for name, v in every.items() if name not in FORCINGS}
-        every = only_parameters(completed(others | given))
-    return every
+def _every_parameter(given: dict[str, Array], base: str) -> dict[str, Array]:
+    """What the engine takes of realizations, of which the parameters that differ are given."""
+    size = len(next(iter(given.values())))
+    return only_parameters(
+        completed(
+            {
+                name: given[name] if name in given else np.full(size, INPUTS[name].default)
+                for name in inputs_of(given, base)
+            }
+        )
+    )
 
 
 def _require_outputs(measured: Mapping[str, NDArray[Any]], outputs: Sequence[str]) -> None:
