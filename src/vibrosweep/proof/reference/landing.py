@@ -1,4 +1,4 @@
-"""The first point where a ballistic flight meets the moving base again, certified.
+"""The first root of a smooth function, certified; the flight that meets the moving base again.
 
 In the units of `vibrosweep.proof.reference.moving`, after leaving at phase x with the relative
 speed y, the particle is
@@ -6,7 +6,8 @@ speed y, the particle is
     G(s) = s (y - s) / 2 + alpha / (4 pi) (sin(2 pi x) (q - sin q) - cos(2 pi x) (1 - cos q))
 
 above the base after s periods, q = 2 pi s.  G'' >= -(1 + Gamma), and |G'''| <= 2 pi Gamma gives a
-better bound of G'' for a while.  So from any s with G(s) >= 0 a parabola of this curvature passes
+better bound of G'' for a while; a base of finite mass (`vibrosweep.proof.reference.mount`) has such
+bounds too.  So from any s with G(s) >= 0 a parabola of this curvature passes
 no root; steps to where it comes down converge to the first root from below.  While the particle is
 above every height of the base there is none, and a step goes to the end of that time at once.  The
 root at s = 0 is left by a step that is proved beforehand.  Once G > 0 at one end of an interval,
@@ -18,17 +19,37 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, Protocol
 
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.decisions import UncertainError
 
-__all__ = ["Clearance", "first_root", "narrowed"]
+__all__ = ["SHY", "Clearance", "Course", "first_root", "narrowed"]
 
 # Steps; a flight takes about ten, and one that passes close above the base some dozens.
 MOST_STEPS: Final = 1000
 SHY: Final = arb(1.0 - 2.0**-8)  # where the particle is still well above the base
+# How often, and by how much, an interval about a root is narrowed until it is proved to hold one.
+CLOSER: Final = 4
+NEARER: Final = arb(2.0**-16)
+END: Final = arb.pos_inf()
 UNDECIDED: Final = "the flight grazes the base or lands"
+
+
+class Course(Protocol):
+    """A function of time, positive until its first root."""
+
+    def height(self, s: arb) -> arb:
+        """Value."""
+
+    def slope(self, s: arb) -> arb:
+        """Derivative."""
+
+    def curvature(self, s: arb) -> tuple[arb, arb, arb]:
+        """Minus the second derivative, a bound of it from then on, and one of its growth."""
+
+    def above_all(self) -> tuple[arb, arb] | None:
+        """Interval of time without a root, where one is known."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +96,10 @@ class Clearance:
         """Positive where the base presses what lies on it: minus the second derivative."""
         return 1 + self.gamma * (2 * (self.x + s)).cos_pi()
 
+    def curvature(self, s: arb) -> tuple[arb, arb, arb]:
+        """`bend`, a bound of it, and one of its growth."""
+        return self.bend(s), 1 + self.gamma, 2 * arb.pi() * self.gamma
+
     def start(self) -> arb | None:
         """Time before which there is no root; None where that is open."""
         if self.bend(arb(0)) < 0 and (self.y > 0 or self.y.is_zero()):
@@ -94,17 +119,21 @@ class Clearance:
         return ((u - root.sqrt()) / 2).upper(), ((u + SHY * root.sqrt()) / 2).lower()
 
 
-def first_root(c: Clearance, start: arb, impact: int) -> arb:
+def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
     """Ball that holds the first root, with G' < 0 on all of it.
+
+    Infinite where there is proved to be no root up to `until`.
 
     Parameters
     ----------
     c
         The flight.
     start
-        A positive time; G > 0 is known between 0 and this.
+        A time before which there is no root.
     impact
         Number of the impact, for the error.
+    until
+        Roots after this are not looked for.
 
     Raises
     ------
@@ -114,6 +143,8 @@ def first_root(c: Clearance, start: arb, impact: int) -> arb:
     clear = c.above_all()
     s, before = start, start
     for _ in range(MOST_STEPS):
+        if s > until:
+            return END
         height, slope = c.height(s), c.slope(s)
         if not height > 0:  # as near to the root as this precision comes
             break
@@ -127,19 +158,22 @@ def first_root(c: Clearance, start: arb, impact: int) -> arb:
         if not reached > s:
             break
         before, s = s, reached
-    found = _bracket(c, before, (2 * s - before).upper())
-    if found is None:
-        raise UncertainError(f"whether {UNDECIDED}", impact)
-    return found
+    width = s - before
+    for _ in range(CLOSER):  # there is none before s
+        found = _bracket(c, (s - width).upper(), (s + width).upper())
+        if found is not None:
+            return found
+        width *= NEARER
+    raise UncertainError(f"whether {UNDECIDED}", impact)
 
 
-def _step(c: Clearance, s: arb, height: arb, slope: arb) -> arb:
+def _step(c: Course, s: arb, height: arb, slope: arb) -> arb:
     """Step that passes no root, from lower bounds of G(s), which is positive, and G'(s)."""
-    step = _down(height, slope, 1 + c.gamma)
-    now, tried = c.bend(s), step
+    now, largest, rate = c.curvature(s)
+    tried = step = _down(height, slope, largest)
     while tried < 1:
         tried = 4 * tried
-        bend = now + 2 * arb.pi() * c.gamma * tried  # at most, for as long as is tried
+        bend = now + rate * tried  # at most, for as long as is tried
         down = _down(height, slope, bend)
         if not down > tried:
             return step.max(down.min(tried))
@@ -156,14 +190,14 @@ def _down(height: arb, slope: arb, bend: arb) -> arb:
     return (slope + reach) / bend if bend > 0 else arb.pos_inf()
 
 
-def _bracket(c: Clearance, low: arb, high: arb) -> arb | None:
+def _bracket(c: Course, low: arb, high: arb) -> arb | None:
     """Interval between two times if the only root in it is proved to be a landing."""
     interval = low.union(high)
     proved = c.height(low) > 0 and c.height(high) < 0 and c.slope(interval) < 0
     return interval if proved else None
 
 
-def narrowed(c: Clearance, root: arb) -> arb:
+def narrowed(c: Course, root: arb) -> arb:
     """Narrow a ball that holds a root and on which G' < 0, as far as the precision goes."""
     while True:
         middle = root.mid()

@@ -1,0 +1,263 @@
+"""Trajectories of all particles on a base of finite mass, with proved error bounds.
+
+Parameters are taken as the exact doubles that they are, as in `vibrosweep.proof.reference.ball`;
+`vibrosweep.proof.reference.sprung` states what happens at each event.  A landing at t' counts if
+and only if t' <= duration; the motion is followed further until all that fly then have landed.  A
+particle that rides the base at the end has no lift-off.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import groupby
+from typing import Final
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.status import Status
+from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx, exact
+from vibrosweep.proof.reference.decisions import UncertainError, certain_above, nearest_integer
+from vibrosweep.proof.reference.events import LANDING, Bodies, Event, Launch
+from vibrosweep.proof.reference.mount import Mount
+from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
+from vibrosweep.proof.reference.sprung import System
+
+__all__ = ["Coupled", "bodies_of", "coupled"]
+
+GUARD_BITS: Final = 64
+ZERO: Final = arb(0)
+
+
+@dataclass(frozen=True)
+class Coupled:
+    """The proved motion of a realization.
+
+    Attributes
+    ----------
+    particles
+        Trajectory of each.
+    events
+        All up to the end, in the order of time, in the units of `vibrosweep.proof.reference.mount`.
+    precision_bits
+        Precision at which every decision became certain and every ball narrow enough.
+    """
+
+    particles: tuple[Trajectory, ...]
+    events: tuple[Event, ...]
+    precision_bits: int
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Exact inputs, and the radii asked for."""
+
+    parameters: Mapping[str, float]
+    launch_times: tuple[Fraction, ...]
+    duration: Fraction
+    max_landings: int
+    digits: int
+
+    @property
+    def bits(self) -> int:
+        """Relative accuracy in bits that gives the digits."""
+        return math.ceil(self.digits * math.log2(10.0)) + 2
+
+    @property
+    def launches(self) -> list[Launch]:
+        """Particles by their launch, in the order of time and then of their numbers."""
+        ordered = sorted(range(len(self.launch_times)), key=self.launch_times.__getitem__)
+        return [
+            Launch(self.turns(time), tuple(particles))
+            for time, particles in groupby(ordered, key=self.launch_times.__getitem__)
+        ]
+
+    @property
+    def speed(self) -> arb:
+        """Unit of speeds, m s-1."""
+        return arb(self.parameters["gravity"]) / (2 * arb(self.parameters["frequency"]))
+
+    @property
+    def length(self) -> arb:
+        """Unit of heights, m."""
+        return self.speed / arb(self.parameters["frequency"])
+
+    def turns(self, time: Fraction) -> arb:
+        """Phase of the forcing at a time, whole periods included."""
+        p = self.parameters
+        return arb(p["frequency"]) * exact(time) + arb(p["phase"]) / (2 * arb.pi())
+
+    def time(self, turns: arb) -> arb:
+        """Time in s of a phase."""
+        p = self.parameters
+        return (turns - arb(p["phase"]) / (2 * arb.pi())) / arb(p["frequency"])
+
+    def require_narrow(self, impact: Impact, number: int) -> None:
+        """Raise `UncertainError` unless a landing and the lift-off after it are narrow."""
+        radius = arb(10) ** -self.digits
+        time = radius * arb(self.parameters["contact_time"])
+        asked = [(impact.landing_time, time), (impact.phase, radius)]
+        if impact.liftoff_time is not None and impact.rebound_velocity is not None:
+            velocity = time * arb(self.parameters["gravity"]) / 2
+            asked += [(impact.liftoff_time, time), (impact.rebound_velocity, velocity)]
+        if impact.flight is not None:
+            asked.append((impact.flight.duration, radius))
+        for ball, small in asked:
+            if not (ball.rel_accuracy_bits() >= self.bits or ball.rad() <= small):
+                raise UncertainError("a result to the digits asked for", number)
+
+
+def bodies_of(parameters: Mapping[str, float]) -> Bodies:
+    """Base and particles of physical parameters, at the current precision."""
+    p = {name: arb(value) for name, value in parameters.items()}
+    rate = 2 * p["frequency"] / p["gravity"]
+    mount = Mount(
+        alpha=rate * p["amplitude"] / (1 + p["restitution"]),
+        natural=2 * arb.pi() * p["mount_frequency"] / p["frequency"],
+        damping=p["mount_damping"],
+        mass_ratio=p["mass_ratio"],
+    )
+    rest = p["frequency"] * p["contact_time"]
+    return Bodies(mount, p["restitution"], rest, rate * p["launch_velocity"])
+
+
+def coupled(
+    parameters: Mapping[str, float],
+    launch_times: Sequence[float | Fraction],
+    duration: float | Fraction,
+    *,
+    max_landings: int = 10_000,
+    digits: int = 20,
+    max_bits: int = 1 << 14,
+) -> Coupled:
+    """Every landing of all particles, with proved error bounds.
+
+    Parameters
+    ----------
+    parameters
+        Those of `vibrosweep.model.parameters.PARAMETERS`, and mass_ratio (1), mount_frequency (Hz)
+        and mount_damping (1).
+    launch_times, duration
+        s; landings at t <= duration count.  A `Fraction` is a time that no double is.
+    max_landings
+        Budget of landings, of all particles.
+    digits
+        Radii asked for: 10**-digits of a velocity, or of v_rest where that is larger; of a time, or
+        of the contact time where that is larger; and of a turn for a phase.
+    max_bits
+        Largest precision tried.
+
+    Raises
+    ------
+    ParameterError
+        A number is outside its range; the message names it.
+    UndecidableError
+        A decision, which the message names, stays uncertain at `max_bits`: a tie, or motion that
+        loses more digits.  The number of the impact is that among all particles.
+    """
+    values = {name: float(value) for name, value in parameters.items()}
+    launched = tuple(_exact("launch_time", time) for time in launch_times)
+    for name, number in (("max_landings", max_landings), ("digits", digits)):
+        if number < 1:
+            raise ParameterError(f"{name} = {number!r}: must be at least 1")
+    problem = _Problem(values, launched, _exact("duration", duration), max_landings, digits)
+    bits = GUARD_BITS * (2 + problem.bits // GUARD_BITS)
+    while True:
+        try:
+            return _attempt(problem, bits)
+        except UncertainError as uncertain:
+            if 2 * bits > max_bits:
+                raise UndecidableError(uncertain.decision, uncertain.impact, bits) from None
+        bits *= 2
+
+
+def _exact(name: str, time: float | Fraction) -> Fraction:
+    if not math.isfinite(time):
+        raise ParameterError(f"{name} = {time!r}: must be any finite number (s)")
+    return time if isinstance(time, Fraction) else Fraction(float(time))
+
+
+class _Course:
+    """Events of one particle: `counted` of them up to the end of the observation, then others."""
+
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+        self.counted = 0
+
+    def add(self, event: Event, after: bool) -> None:
+        """Add the next event, which is after the end or not."""
+        self.events.append(event)
+        self.counted += not after
+
+    @property
+    def rides(self) -> bool:
+        """Whether it is on the base at the end."""
+        return self.counted > 0 and _rests(self.events[self.counted - 1])
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing that happens after the end is left to know."""
+        return self.rides or any(e.kind is LANDING for e in self.events[self.counted :])
+
+    def trajectory(self, problem: _Problem, good: bool, bits: int) -> Trajectory:
+        """What is reported of it; one that rides at the end may be at rest for `good`."""
+        impacts: list[Impact] = []
+        for i, landed in enumerate(self.events[: self.counted]):
+            if landed.kind is not LANDING:
+                continue
+            rested = _rests(landed)
+            left, count = i + rested, nearest_integer(landed.turns)
+            leaves = left < self.counted
+            impacts.append(
+                Impact(
+                    landing_time=problem.time(landed.turns),
+                    liftoff_time=problem.time(self.events[left].turns) if leaves else None,
+                    rebound_velocity=problem.speed * self.events[left].after if leaves else None,
+                    rested=rested,
+                    count=count,
+                    phase=landed.turns - count,
+                    flight=self._flight(problem, left) if leaves else None,
+                )
+            )
+            problem.require_narrow(impacts[-1], landed.number)
+        launch, at_rest = self._flight(problem, 0), good and self.rides
+        return Trajectory(launch, tuple(impacts), at_rest, Status.COMPLETED, bits)
+
+    def _flight(self, problem: _Problem, left: int) -> Flight:
+        """Flight that an event begins, and the next one ends."""
+        event, landed = self.events[left : left + 2]
+        if landed.turns is event.turns:  # a launch that is slower than the base
+            return Flight(event.relative, problem.length * event.height, ZERO, None)
+        rising = event.after.max(ZERO)
+        top = event.height + rising * rising / 4
+        return Flight(event.relative, problem.length * top, landed.turns - event.turns, None)
+
+
+def _rests(event: Event) -> bool:
+    """Whether the particle stays on the base after an event."""
+    return event.relative is None
+
+
+def _attempt(problem: _Problem, bits: int) -> Coupled:
+    """Return the motion at one precision, or raise `UncertainError`."""
+    with ctx.workprec(bits):
+        bodies, end = bodies_of(problem.parameters), problem.turns(problem.duration)
+        system, counted = System(bodies, problem.launches), 0
+        own = [_Course() for _ in problem.launch_times]
+        while moves := system.advance():
+            for event in system.events[sum(len(one.events) for one in own) :]:
+                what = f"the {event.kind} of particle {event.particle} is after the end"
+                after = certain_above(event.turns, end, what, event.number)
+                own[event.particle].add(event, after)
+                counted += not after
+            if system.landings > problem.max_landings:
+                raise ParameterError(
+                    f"max_landings = {problem.max_landings!r}: more come before the end; raise it "
+                    f"or shorten the duration"
+                )
+            if counted < len(system.events) and all(one.over for one in own):
+                break
+        good = not moves or (bodies.mount.mass_ratio.is_zero() and system.riders_stay)
+        particles = tuple(one.trajectory(problem, good, bits) for one in own)
+        return Coupled(particles, tuple(system.events[:counted]), bits)

@@ -1,0 +1,290 @@
+"""Particles on a base of finite mass, event by event, in ball arithmetic.
+
+The units are those of `vibrosweep.proof.reference.mount`.  A particle of velocity v lands on a base
+of velocity V on which n particles ride, with the approach speed c = V - v.  mu is the mass ratio:
+
+* It sticks if e c <= r and the base then presses it: V and v become
+  ((1 + n mu) V + mu v) / (1 + (n + 1) mu).
+* Else v rises by (1 + e) c / (1 + mu), and V falls by w = mu (1 + e) c / (1 + mu).  The riders keep
+  their velocity and so leave with the relative speed w, if w > r.
+* Else base and riders take the impact as one body: mu / (1 + n mu) replaces mu.
+
+The base presses while it would, alone, not fall faster than gravity: Yf'' - 2 zeta w0 D' - w0^2 D
+> -2.  When it begins to, all riders leave with its velocity.  Particles in one and the same state
+land in the order of their numbers, and those whom the base then no longer approaches fly on.
+
+Which event is next is proved: of all flights the first landing is enclosed, or proved to be later,
+and two enclosures that overlap ask for more precision.  Balls are carried from event to event as
+they are, so the precision needed grows with the number of landings of a particle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from vibrosweep.proof.reference._flint import arb, ctx
+from vibrosweep.proof.reference.decisions import UncertainError, certain_above
+from vibrosweep.proof.reference.enclosure import FRAME_BITS
+from vibrosweep.proof.reference.events import (
+    LANDING,
+    LAUNCH,
+    LIFTOFF,
+    Bodies,
+    Event,
+    Flying,
+    Launch,
+    Next,
+    Riders,
+    latest_start,
+)
+from vibrosweep.proof.reference.landing import Course, first_root
+from vibrosweep.proof.reference.mount import Above, Arc, Pressure, contact_free
+
+__all__ = ["System"]
+
+ZERO: Final = arb(0)
+# Periods for which a lift-off is looked for at a time, and in all.
+STRETCH: Final = arb(16)
+LONGEST_REST: Final = arb(4096)
+
+
+class System:
+    """The base, of a state at the first launch, and its particles; at one precision.
+
+    The state is that of an exact instant next to the last event, as if the motion after the event
+    had begun before: the event's own uncertain time then widens no ball that it does not concern.
+
+    Attributes
+    ----------
+    events
+        All so far, in the order of time.
+    landings
+        Number of landings so far, of all particles.
+    """
+
+    def __init__(
+        self,
+        bodies: Bodies,
+        launches: Sequence[Launch],
+        deviation: arb = ZERO,
+        rate: arb = ZERO,
+    ) -> None:
+        self._bodies, self._waiting = bodies, list(launches)
+        self._flying: list[Flying] = []
+        self._leaving: list[Flying] = []
+        self._riders: list[int] = []
+        self.events: list[Event] = []
+        self.landings = 0
+        self._instant, self._late = self._waiting[0].turns.mid(), ZERO
+        self._deviation, self._rate = deviation, rate
+        self._arc = self._motion()
+
+    def _motion(self) -> Arc:
+        """Motion of the base from its present state on."""
+        state = (self._deviation, self._rate), len(self._riders), self._late
+        return Arc(self._bodies.mount, self._instant, *state, self.landings + 1)
+
+    @property
+    def riders_stay(self) -> bool:
+        """Whether those who ride never leave, if nothing lands on the base."""
+        return Pressure(self._arc).lasts(self._late.lower())
+
+    def advance(self) -> bool:
+        """Carry out the next event; False if there is none.
+
+        Raises
+        ------
+        UncertainError
+            More precision is needed to find it, or to decide what happens.
+        """
+        first = self._next()
+        if first is None:
+            return False
+        arrival = self._go_to(first)
+        if isinstance(first.what, Launch):
+            self._waiting.pop(0)
+            self._launch(first.what.particles)
+        elif isinstance(first.what, Riders):
+            self._leave(ZERO, lifted=True)
+        else:
+            self._land(first.what.particles, arrival)
+        self._settle()
+        return True
+
+    def _next(self) -> Next | None:
+        """Return the first of all events that may come."""
+        found: list[Next] = []
+        if self._waiting:
+            found.append(Next(self._waiting[0].turns - self._instant, self._waiting[0]))
+        for flying in self._flying:
+            above = Above(self._arc, flying.gap, flying.speed)
+            start = self._late.lower() if flying.clear is None else flying.clear
+            found += self._root(above, start, latest_start(found), flying)
+        if self._riders:
+            found += self._liftoff(latest_start(found))
+        # a few bits have told most of them apart
+        least, number = latest_start(found), self.landings + 1
+        found = [one if one.s > least else one.narrowed() for one in found]
+        if not found:
+            return None
+        first = min(found, key=lambda one: one.s.mid())
+        for other in found:
+            if first is not other and not first.s < other.s:
+                raise UncertainError(f"whether {first} precedes {other}", number)
+        if self.events and not first.s > self._late:
+            raise UncertainError(f"whether {first} follows the last event", number)
+        return first
+
+    def _root(self, course: Course, start: arb, until: arb, what: Flying | Riders) -> list[Next]:
+        """First root, where it comes before `until`; few bits are enough in most cases."""
+        try:
+            with ctx.workprec(FRAME_BITS):
+                s = first_root(course, start, self.landings + 1, until)
+        except UncertainError:
+            s = first_root(course, start, self.landings + 1, until)
+        return [Next(s, what, course)] if s.is_finite() else []
+
+    def _liftoff(self, until: arb) -> list[Next]:
+        """When the base begins to fall away from its riders, if that comes before `until`."""
+        pressure, start = Pressure(self._arc), self._late.lower()
+        while start < until and not pressure.lasts(start):
+            stretch = (start + STRETCH).lower().min(until)
+            found = self._root(pressure, start, stretch, Riders(tuple(self._riders)))
+            if found:
+                return found
+            if start > LONGEST_REST:
+                raise UncertainError("whether the riders ever leave", self.landings + 1)
+            start = stretch
+        return []
+
+    def _go_to(self, event: Next) -> arb:
+        """Take base and flights to an event; gives the speed at which its particles land."""
+        arc, s = self._arc, event.s
+        turns = event.what.turns if isinstance(event.what, Launch) else self._instant + s
+        instant = turns.mid()
+        passed = self._passed = instant - self._instant
+        self._instant, self._late, self._recoiled = instant, turns - instant, ZERO
+        arrival = ZERO
+        if isinstance(event.what, Flying):
+            self._flying.remove(event.what)
+            arrival = event.what.speed - 2 * s - arc.since(s)[1]
+        for flying in self._flying:
+            far, fast = arc.since(passed)
+            flying.gap += passed * (flying.speed - passed) - far
+            flying.speed -= 2 * passed + fast
+            flying.clear = None
+        self._deviation, self._rate = arc.deviation(s)
+        alpha = self._bodies.mount.alpha
+        sine, cosine = (2 * turns).sin_cos_pi()
+        self._turns, self._height = turns, self._deviation - alpha / (2 * arb.pi()) * cosine
+        self._own_velocity, self._own_press = alpha * sine, 2 + 2 * arb.pi() * alpha * cosine
+        return arrival
+
+    def _settle(self) -> None:
+        """Begin the motion after the event, for all that fly, at the exact instant next to it."""
+        late, around = self._late, ZERO.union(self._late)
+        before, self._arc = self._arc.derivative(2, self._passed + around), self._motion()
+        after = self._arc.derivative(2, around)
+        for flying in self._flying:
+            flying.gap -= late * (self._recoiled + late / 2 * (after - before))
+            flying.speed += self._recoiled + late * (after - before)
+        for flying in self._leaving:
+            speed, lifted = flying.speed, flying.lifted
+            clear = contact_free(self._arc, late, speed, lifted=lifted, impact=self.landings + 1)
+            flying.clear = (late + clear).lower()
+            flying.gap = -late * (speed + late / 2 * (2 + after))
+            flying.speed = speed + late * (2 + after)
+        self._flying += self._leaving
+        self._leaving = []
+
+    @property
+    def _velocity(self) -> arb:
+        """Velocity of the base at the event."""
+        return self._own_velocity + self._rate
+
+    def _recoil(self, velocity: arb) -> None:
+        """Take a velocity from the base."""
+        self._rate -= velocity
+        self._recoiled += velocity
+        for flying in self._leaving:
+            flying.speed += velocity
+
+    def _launch(self, particles: Sequence[int]) -> None:
+        """Launch particles; those slower than the base land at once."""
+        flying = []
+        for particle in particles:
+            speed = self._bodies.u0 - self._velocity
+            self._note(LAUNCH, particle, self._bodies.u0, speed)
+            what = "a launch is faster than the base"
+            if certain_above(speed, ZERO, what, self.landings + 1):
+                flying.append(particle)
+            else:
+                self._impact([particle], speed)
+        if flying:
+            speed = self._bodies.u0 - self._velocity
+            self._leaving.append(Flying(tuple(flying), ZERO, speed))
+
+    def _leave(self, speed: arb, *, lifted: bool) -> None:
+        """All riders leave, with a speed relative to the base."""
+        riders, self._riders = tuple(sorted(self._riders)), []
+        self._leaving.append(Flying(riders, ZERO, speed, lifted))
+        for particle in riders:
+            self._note(LIFTOFF, particle, self._velocity + speed, speed)
+
+    def _land(self, particles: Sequence[int], speed: arb) -> None:
+        """Let particles of one state land, one after the other; as one where they are massless."""
+        if self._bodies.mount.mass_ratio.is_zero():
+            self._impact(particles, speed)
+            return
+        own = self._recoiled
+        for place, particle in enumerate(particles):
+            now = speed + self._recoiled - own
+            what = "the base still approaches a particle that lands with another"
+            if place and not certain_above(-now, ZERO, what, self.landings + 1):
+                self._leaving.append(Flying((particle,), ZERO, now))
+            else:
+                self._impact([particle], now)
+
+    def _impact(self, particles: Sequence[int], speed: arb) -> None:
+        """Exchange momentum between the base and particles that land with a relative speed."""
+        mount, e, r, _ = self._bodies
+        base = self._velocity
+        v, c, riding, mu = base + speed, -speed, len(self._riders), mount.mass_ratio
+        self.landings += len(particles)
+        if self._sticks(c):
+            self._recoil(mu * c / (1 + (riding + 1) * mu))
+            self._riders.extend(particles)
+            for particle in particles:
+                self._note(LANDING, particle, v, None, base)
+            return
+        thrown = mu * (1 + e) * c / (1 + mu)
+        throws = riding > 0 and certain_above(thrown, r, "the riders leave", self.landings)
+        ratio = mu if throws else mu / (1 + riding * mu)
+        self._recoil(ratio * (1 + e) * c / (1 + ratio))
+        for particle in particles:
+            self._note(LANDING, particle, v, e * c, base)
+        if throws:
+            self._leave(thrown, lifted=False)
+        self._leaving.append(Flying(tuple(particles), ZERO, e * c))
+
+    def _sticks(self, c: arb) -> bool:
+        """Whether a particle that approaches the base with this speed sticks."""
+        (mount, e, r, _), riding = self._bodies, len(self._riders)
+        if certain_above(e * c, r, "e c > r", self.landings):
+            return False
+        if riding:  # the base presses them, and more after the impact
+            return True
+        rate = self._rate - mount.mass_ratio * c / (1 + mount.mass_ratio)
+        pull = mount.natural * (2 * mount.damping * rate + mount.natural * self._deviation)
+        what = "the base presses a particle"
+        return certain_above(self._own_press - pull, ZERO, what, self.landings)
+
+    def _note(
+        self, kind: str, particle: int, before: arb, relative: arb | None, base: arb | None = None
+    ) -> None:
+        now = self._velocity
+        after = now if relative is None else now + relative
+        moves = before, after, now if base is None else base, now, relative
+        state = self.landings, len(self._riders), self._deviation, self._rate
+        self.events.append(Event(kind, particle, self._turns, self._height, *moves, *state))

@@ -1,0 +1,242 @@
+"""The proved base of finite mass: the moving base as its limit, budgets, a locked orbit, ties."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from flint import arb, ctx
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.proof.reference.ball import UndecidableError, trajectory
+from vibrosweep.proof.reference.coupled import bodies_of, coupled
+from vibrosweep.proof.reference.events import LANDING, LAUNCH, LIFTOFF, Bodies, Launch
+from vibrosweep.proof.reference.mount import Mount
+from vibrosweep.proof.reference.sprung import System
+
+TABLE_1 = {
+    "restitution": 0.9,
+    "amplitude": 1.2,
+    "frequency": 1.0,
+    "phase": 0.0,
+    "gravity": 9.81,
+    "launch_velocity": 5.0,
+    "contact_time": 1e-4,
+    "mass_ratio": 0.05,
+    "mount_frequency": 0.37,
+    "mount_damping": 0.05,
+}
+# e, amplitude, mass ratio, mount frequency, damping: light, undamped, critical, overdamped, stiff
+SCENES = [
+    (0.7, 2.0, 0.01, 0.37, 0.05),
+    (0.5, 3.2, 0.05, 0.77, 0.0),
+    (0.4, 4.0, 0.2, 1.6, 1.0),
+    (0.3, 3.0, 0.2, 1.6, 1.5),
+    (0.6, 2.6, 0.5, 4.0, 0.1),
+    (0.0, 4.5, 0.1, 0.21, 0.05),
+]
+
+
+def number(low, high):
+    return st.floats(low, high, allow_subnormal=False)
+
+
+def run(launch_times, duration, **changes):
+    return coupled(TABLE_1 | changes, launch_times, duration)
+
+
+def scene(e, amplitude, mass_ratio, mount_frequency, mount_damping):
+    return {
+        "restitution": e,
+        "amplitude": amplitude,
+        "mass_ratio": mass_ratio,
+        "mount_frequency": mount_frequency,
+        "mount_damping": mount_damping,
+        "contact_time": 5e-3,
+    }
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"amplitude": 4.0, "restitution": 0.4}, {"amplitude": 0.0, "restitution": 0.7}],
+)
+def test_particles_without_mass_see_the_moving_base(changes):
+    launch_times = (0.0, 0.3, 0.3)
+    alone = TABLE_1 | {"contact_time": 1e-2} | changes
+    found = coupled(alone | {"mass_ratio": 0.0}, launch_times, 4.0)
+    for name in ("mass_ratio", "mount_frequency", "mount_damping"):
+        del alone[name]
+    for time, own in zip(launch_times, found.particles, strict=True):
+        other = trajectory(base="moving", launch_time=time, duration=4.0, **alone)
+        assert own.at_rest == other.at_rest
+        assert own.launch.duration.overlaps(other.launch.duration)
+        for a, b in zip(own.impacts, other.impacts, strict=True):
+            assert a.rested == b.rested
+            assert a.count == b.count
+            assert a.landing_time.overlaps(b.landing_time)
+            if a.flight is not None:
+                assert a.liftoff_time.overlaps(b.liftoff_time)
+                assert a.rebound_velocity.overlaps(b.rebound_velocity)
+                for name in ("speed", "height", "duration"):
+                    assert getattr(a.flight, name).overlaps(getattr(b.flight, name)), name
+    assert all(event.deviation == 0 for event in found.events)
+
+
+@pytest.mark.parametrize("values", SCENES)
+def test_momentum_and_energy_of_each_impact(values):
+    changes = scene(*values)
+    found = run((0.0, 0.21, 0.4), 4.0, **changes)
+    riders = kinds = 0
+    with ctx.workprec(2 * found.precision_bits):
+        mu, e = arb(changes["mass_ratio"]), arb(changes["restitution"])
+        for event, then in pairwise(found.events):
+            if event.kind is LANDING:
+                sticks = event.relative is None
+                thrown = then.kind is LIFTOFF and then.turns is event.turns
+                # what meets: the particle, and the base with the riders that stay
+                mass = 1 + mu * (0 if thrown else riders)
+                change = mass * (event.base - event.base_before)
+                assert (mu * (event.after - event.before) + change).overlaps(arb(0))
+                c = event.base_before - event.before
+                lost = mu * (event.before**2 - event.after**2)
+                lost += mass * (event.base_before**2 - event.base**2)
+                kept = arb(0) if sticks else e
+                assert (lost / 2).overlaps(mass * mu / (2 * (mass + mu)) * (1 - kept**2) * c**2)
+                if thrown:
+                    assert then.after.overlaps(event.base_before)
+                    assert then.relative > changes["contact_time"]
+                kinds |= 1 << (2 * sticks + (riders > 0))
+            riders = event.riders
+    assert kinds & 5 == 5  # some bounce and some stick
+
+
+@pytest.mark.parametrize("values", SCENES)
+def test_flights_begin_and_end_on_the_base(values):
+    found = run((0.0, 0.21, 0.4), 3.0, **scene(*values))
+    with ctx.workprec(2 * found.precision_bits):
+        alpha = bodies_of(TABLE_1 | scene(*values)).mount.alpha
+        left = {}
+        for event in found.events:
+            own = -alpha / (2 * arb.pi()) * (2 * event.turns).cos_pi()
+            assert event.height.overlaps(own + event.deviation)
+            if event.kind is LANDING:
+                start = left.pop(event.particle)
+                s = event.turns - start.turns
+                assert event.height.overlaps(start.height + s * start.after - s * s)
+                assert event.before.overlaps(start.after - 2 * s)
+            if event.relative is not None:
+                left[event.particle] = event
+
+
+def test_base_answers_every_impact_by_its_own_oscillation():
+    """Without riders, D is the sum of the answers to all impacts, and nobody is below the base."""
+    changes = {"mass_ratio": 0.1, "mount_damping": 0.2, "amplitude": 3.0}
+    found = run((0.0, 0.3, 0.8), 8.0, **changes)
+    assert not any(event.riders for event in found.events)
+    mount = bodies_of(TABLE_1 | changes).mount
+    w0, zeta, alpha = (float(v) for v in (mount.natural, mount.damping, mount.alpha))
+    w = w0 * math.sqrt(1.0 - zeta**2)
+    hits = [
+        (float(e.turns), float(e.base - e.base_before)) for e in found.events if e.kind is LANDING
+    ]
+
+    def base(t):
+        height = -alpha / (2.0 * math.pi) * np.cos(2.0 * math.pi * t)
+        for time, velocity in hits:
+            s = np.maximum(t - time, 0.0)
+            height += velocity / w * np.exp(-zeta * w0 * s) * np.sin(w * s)
+        return height
+
+    left = {}
+    for event in found.events:
+        t = float(event.turns)
+        assert float(event.height) == pytest.approx(float(base(t)), rel=0.0, abs=1e-12)
+        if event.kind is LANDING:
+            start = left[event.particle]
+            s = np.linspace(0.0, t - float(start.turns), 1001)[1:-1]
+            flown = float(start.height) + s * (float(start.after) - s)
+            assert np.all(flown > base(float(start.turns) + s))
+        left[event.particle] = event
+    assert len(hits) > 20
+
+
+@pytest.mark.parametrize("mass_ratio", [0.01, 0.2, 0.5])
+@pytest.mark.parametrize(("k", "nu"), [(1, 0.37), (2, 0.77), (1, 4.3)])
+def test_locked_orbit_without_damping(mass_ratio, k, nu):
+    """The sine of the landing phase is Gamma_k (1 + mu) / Gamma: one impact every k periods."""
+    with ctx.workprec(300):
+        e, mu, w0 = arb(0.8), arb(mass_ratio), 2 * arb.pi() * arb(nu)
+        least = arb.pi() * k * (1 - e) / (1 + e) * (1 + mu)
+        gamma = least * 1.1
+        x = (1 - (least / gamma).asin() / arb.pi()) / 2
+        recoil = 2 * k * mu
+        half = w0 * k / 2
+        deviation = -recoil / 2 / (w0 * half.sin()) * half.cos()
+        mount = Mount(gamma / arb.pi(), w0, arb(0), mu)
+        bodies = Bodies(mount, e, arb(1e-4), arb(k))
+        system = System(bodies, [Launch(x, (0,))], deviation, -recoil / 2)
+        while system.landings < 6:
+            assert system.advance()
+        for n, event in enumerate(system.events):
+            assert event.turns.overlaps(x + n * k)
+            assert event.after.overlaps(arb(k))
+            assert event.deviation.overlaps(deviation)
+            assert event.rate.overlaps(-recoil / 2)
+            assert event.turns.rad() < 1e-40
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    mu=number(1e-3, 2.0),
+    nu=number(0.1, 3.0),
+    u=number(0.5, 5.0),
+    gap=number(0.05, 2.0),
+)
+def test_elastic_particles_on_an_undamped_base_keep_their_energy(mu, nu, u, gap):
+    still = {"restitution": 1.0, "amplitude": 0.0, "contact_time": 1e-9, "gravity": 2.0}
+    mounted = {"mass_ratio": mu, "mount_frequency": nu, "mount_damping": 0.0}
+    # no simple ratios, which tie
+    times, speed = (0.0, gap / math.pi), u / math.e
+    found = run(times, 3.0 * speed, launch_velocity=speed, **still, **mounted)
+    with ctx.workprec(2 * found.precision_bits):
+        w0, mass = 2 * arb.pi() * arb(nu), arb(mu)
+        flying, launched, total = {}, 0, None
+        for event in found.events:
+            if event.relative is not None:
+                flying[event.particle] = event
+            launched += event.kind is LAUNCH
+            energy = (event.rate**2 + w0**2 * event.deviation**2) / 2
+            for start in flying.values():  # a parabola keeps what it began with
+                energy += mass * (start.after**2 / 2 + 2 * start.height)
+            if launched == 2 and event.kind is LANDING:
+                assert energy.overlaps(total)
+            elif event.kind is LAUNCH:
+                total = energy
+
+
+def test_particles_of_one_state_land_in_the_order_of_their_numbers():
+    found = run((0.2, 0.0, 0.0), 3.0, restitution=0.6, amplitude=2.0, contact_time=1e-2)
+    landings = [event for event in found.events if event.kind is LANDING]
+    first, second = (event for event in landings if event.number <= 2)
+    assert (first.particle, second.particle) == (1, 2)
+    assert first.turns is second.turns
+    assert second.base_before.overlaps(first.base)
+    assert second.base < first.base
+    assert first.after > second.after
+
+
+def test_what_is_undecided_is_named():
+    still = {"amplitude": 0.0, "gravity": 2.0, "launch_velocity": 1.0}
+    with pytest.raises(UndecidableError, match="the launch of particle 1 precedes the landing of"):
+        run((0.0, 1.0), 3.0, **still)
+    assert len(run((0.0,), 1.0, **still).particles[0].impacts) == 1  # exactly at the end
+    resonant = {"mount_frequency": 1.5, "mass_ratio": 1.25, "mount_damping": 0.0}
+    with pytest.raises(UndecidableError, match="the loaded base is driven at its resonance"):
+        run((0.0,), 3.0, restitution=0.0, **resonant)
+
+
+def test_budget_of_landings():
+    with pytest.raises(ParameterError, match="max_landings = 3: more come before the end"):
+        coupled(TABLE_1, (0.0, 0.1), 12.0, max_landings=3)
