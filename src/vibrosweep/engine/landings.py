@@ -9,19 +9,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.engine.coupled import count_coupled, record_coupled
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.record import Units, empty_record, record
-from vibrosweep.kernels.statistics import Statistics
+from vibrosweep.kernels.record import Record, Units, empty_record, record
+from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import (
     MOUNT,
     PARAMETERS,
-    Dimensionless,
-    Launches,
     dimensionless,
     launches,
 )
@@ -75,23 +74,37 @@ def record_landings(
     ParameterError
         The record would not fit into half of this machine's memory.
     """
-    problem, launch, each = _counted(parameters, observation, workers)
-    capacity = int(each.landings.max())
-    out = empty_record(each.landings.size, capacity)
+    landings, status = _counted(parameters, observation, workers)
+    capacity = int(landings.max())
+    if observation.base == SPRUNG:
+        out = record_coupled(parameters, observation, workers, capacity)
+    else:
+        out = _recorded(parameters, observation, workers, capacity)
+    shape = (parameters["frequency"].size, observation.particles)
+    found: dict[str, NDArray[Any]] = {
+        name: values.reshape(*shape, capacity) for name, values in out._asdict().items()
+    }
+    found["impact_count"] = landings.reshape(shape)
+    found["status"] = status.reshape(shape)
+    return found
+
+
+def _recorded(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers, capacity: int
+) -> Record:
+    """Record particles that are independent of each other."""
+    problem = dimensionless(parameters, observation.duration, observation.measures.transient)
+    launch = launches(observation.launch, observation.particles, parameters["frequency"])
+    trajectories = parameters["frequency"].size * observation.particles
+    out = empty_record(trajectories, capacity)
     batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
     units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
 
     def task(first: int, last: int) -> None:
         record(first, last, batch, units, out)
 
-    workers.each(task, each.landings.size, max(1, TRAJECTORIES_PER_TASK // 128))
-    shape = (problem.kick.size, observation.particles)
-    found: dict[str, NDArray[Any]] = {
-        name: values.reshape(*shape, capacity) for name, values in out._asdict().items()
-    }
-    found["impact_count"] = each.landings.reshape(shape).copy()
-    found["status"] = each.status.reshape(shape).copy()
-    return found
+    workers.each(task, trajectories, max(1, TRAJECTORIES_PER_TASK // 128))
+    return out
 
 
 def record_bytes(
@@ -101,10 +114,10 @@ def record_bytes(
 
     Arguments and errors are those of `record_landings`.
     """
-    each = _counted(parameters, observation, workers)[2]
-    realizations, capacity = parameters["frequency"].size, int(each.landings.max())
+    landings, _ = _counted(parameters, observation, workers)
+    realizations, capacity = parameters["frequency"].size, int(landings.max())
     return (
-        BYTES_PER_LANDING * each.landings.size * capacity,
+        BYTES_PER_LANDING * landings.size * capacity,
         _needed(realizations, observation.particles, capacity),
     )
 
@@ -135,20 +148,25 @@ def _needed(realizations: int, particles: int, landings: int) -> int:
 
 def _counted(
     parameters: Mapping[str, Array], observation: Observation, workers: Workers
-) -> tuple[Dimensionless, Launches, Statistics]:
-    """Count the landings of a record; raise if it does not fit into memory."""
+) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
+    """Landings of each particle, and its status; raise if a record does not fit into memory."""
     realizations, particles = parameters["frequency"].size, observation.particles
     require_room(realizations, particles)
-    problem = dimensionless(parameters, observation.duration, observation.measures.transient)
-    launch = launches(observation.launch, particles, parameters["frequency"])
     most = physical_memory() // (2 * BYTES_PER_LANDING * realizations * particles)
     # a trajectory with more than `most` is followed no further: the record is refused anyway
     budget = min(observation.measures.impact_budget, most + LOOK_AFTER)
     # counted as they will be kept: one by one
     enough = replace(observation.measuring(impact_budget=budget), skip=False)
-    each = statistics(problem, launch, enough, workers)
-    require_room(realizations, particles, int(each.landings.max()))
-    return problem, launch, each
+    if observation.base == SPRUNG:
+        coupled = count_coupled(parameters, enough, workers)
+        landings, status = coupled.landings, coupled.status
+    else:
+        problem = dimensionless(parameters, observation.duration, observation.measures.transient)
+        launch = launches(observation.launch, particles, parameters["frequency"])
+        each = statistics(problem, launch, enough, workers)
+        landings, status = each.landings.copy(), each.status.copy()
+    require_room(realizations, particles, int(landings.max()))
+    return landings, status
 
 
 def all_parameters(given: Mapping[str, Array]) -> dict[str, Array]:

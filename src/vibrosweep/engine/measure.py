@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.engine.coupled import measure_coupled
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow
@@ -18,6 +19,7 @@ from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.statistics import Statistics, physical
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
+from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, launches
 from vibrosweep.model.times import Periods, Time, amount, in_periods, in_seconds
 
@@ -35,7 +37,8 @@ def measure(
     Parameters
     ----------
     parameters
-        Every parameter of `vibrosweep.model.parameters.PARAMETERS`, each of shape (realization,).
+        Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of the mount of a
+        sprung base, each of shape (realization,).
     observation
         Launches, duration, and what to measure.
     workers
@@ -52,6 +55,8 @@ def measure(
     ParameterError
         Parameters are outside the range in which forcing periods can be counted exactly.
     """
+    if observation.base == SPRUNG:
+        return measure_coupled(parameters, observation, workers)
     measures = observation.measures
     problem = dimensionless(parameters, observation.duration, measures.transient)
     frequency, particles = parameters["frequency"], observation.particles

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from vibrosweep.model.parameters import BASES
 from vibrosweep.model.status import Regime, Status
 from vibrosweep.model.times import Time
 
@@ -36,6 +37,7 @@ __all__ = [
 ]
 
 UNDETERMINED: Final = -1
+COUPLES: Final = BASES[2]  # the base over which particles are coupled
 TRANSIENT_PERIODS: Final = "transient_periods"
 # Forcing periods.  A landing phase is rounded to 2**-54, and orbits that contract by 2**-12 or more
 # per impact keep the error below this; a separation that is smaller may be all rounding.
@@ -98,12 +100,16 @@ class Measure:
         What a result then holds.
     requires
         Keys of other measures that are measured with it.
+    coupled
+        True for one of particles that a base of finite mass couples, False for one of particles
+        that are independent of each other, None for one of either.
     """
 
     meaning: str
     cost: str
     variables: tuple[Variable, ...]
     requires: tuple[str, ...] = ()
+    coupled: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -321,6 +327,7 @@ _REGIMES: Final = Measure(
             judged="recurrent_from",
         ),
     ),
+    coupled=False,
 )
 
 _LYAPUNOV: Final = Measure(
@@ -394,7 +401,61 @@ _LYAPUNOV: Final = Measure(
             judged="slot",
         ),
     ),
+    coupled=False,
     requires=("regimes",),  # the exponents of a cycle are those of its multipliers
+)
+
+_ORDERING: Final = Measure(
+    "order of the landings of particles that a base of finite mass couples; always measured there",
+    "nothing",
+    (
+        *(
+            _real(
+                f"order_{name}",
+                _R,
+                "1",
+                f"order parameter of the last landings at {words} forcing frequency",
+                "absolute value of the mean of exp(2 pi i h f t) over the last landing of each "
+                f"particle, h = {harmonic}; 1: all at one phase; NaN where none has landed",
+            )
+            for name, words, harmonic in (
+                ("1", "the", "1"),
+                ("2", "twice the", "2"),
+                ("3", "three times the", "3"),
+                ("half", "half the", "1/2"),
+                ("third", "a third of the", "1/3"),
+            )
+        ),
+        _real(
+            "gap_median",
+            _R,
+            "s",
+            "median time between neighbouring landings of different particles in the last period",
+            "NaN without two such landings, or with more than 4096",
+        ),
+        _real(
+            "gap_min",
+            _R,
+            "s",
+            "shortest time between neighbouring landings of different particles in the last period",
+            "NaN as for gap_median",
+        ),
+        _count(
+            "order_changes",
+            _R,
+            "landings out of turn",
+            "of another particle than the one whose last landing was longest ago",
+        ),
+        _count(
+            "undecided_count",
+            _R,
+            "decisions that rounding may have made",
+            "between bouncing and sticking, or landing and passing, where the difference is below "
+            "1e-12 of the speed of lift-off",
+            judged="undecided_count",
+        ),
+    ),
+    coupled=True,
 )
 
 _TRUST: Final = Measure(
@@ -428,6 +489,7 @@ _TRUST: Final = Measure(
             judged="trusted_until",
         ),
     ),
+    coupled=False,
 )
 
 
@@ -456,6 +518,7 @@ class Measures:
     regimes: bool = _key(False, _REGIMES)
     lyapunov: bool = _key(False, _LYAPUNOV)
     trust: bool = _key(False, _TRUST)
+    ordering: bool = _key(False, _ORDERING)
     tolerance: float = _key(
         1e-9,
         Option(
@@ -484,6 +547,17 @@ class Measures:
         object.__setattr__(self, key, True)
         for other in MEASURES[key].requires:
             self._ask(other)
+
+    def over(self, base: str) -> Measures:
+        """Return the same measures, with those that a base brings with it."""
+        return replace(self, ordering=True) if base == COUPLES else self
+
+    def impossible(self, base: str) -> tuple[str, ...]:
+        """Return the keys that are asked for and cannot be had over a base."""
+        other = base != COUPLES
+        return tuple(
+            key for key, m in MEASURES.items() if getattr(self, key) and m.coupled is other
+        )
 
     @property
     def variables(self) -> tuple[Variable, ...]:

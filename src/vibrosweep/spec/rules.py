@@ -20,7 +20,7 @@ from vibrosweep.model.forcing import (
     only_parameters,
     refuse_large,
 )
-from vibrosweep.model.measures import Measures
+from vibrosweep.model.measures import COUPLES, Measures
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, SPRUNG, mount_mistakes
 from vibrosweep.model.parameters import (
     BASES,
@@ -41,8 +41,8 @@ __all__ = [
     "Setting",
     "check_extremes",
     "check_forcing",
+    "check_measures",
     "check_mount",
-    "check_trust",
     "check_window",
     "columns",
     "fixed_numbers",
@@ -148,6 +148,21 @@ def check_window(
         mistakes.add(keys[0], rule, amount(begin), involves=["scene.duration", *keys])
 
 
+def check_measures(base: str, measures: Measures, mistakes: Mistakes) -> None:
+    """Report measures that cannot be had over a base."""
+    for key in measures.impossible(base):
+        if base == COUPLES:
+            text = (
+                f'is of particles that do not act on each other; with base = "{base}" leave it out '
+                f"(`vibrosweep verify` tells how exact a result is)"
+            )
+        else:
+            text = (
+                f'is of particles that a base of finite mass couples; it needs base = "{COUPLES}"'
+            )
+        mistakes.add(f"measure.{key}", text, True, involves=["scene.base"])
+
+
 def check_forcing(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> None:
     """Report if the forcing is given in two ways."""
     given: list[tuple[str, str, object]] = [
@@ -179,13 +194,6 @@ def check_mount(base: str, scene: SceneTable, sample: SampleTable, mistakes: Mis
     for name, text in mount_mistakes(base, homes).items():
         key = homes.get(name, f"scene.{name}")
         mistakes.add(key, text if key.endswith(name) else f"{name} {text}", involves=involved)
-
-
-def check_trust(base: str, measures: Measures, mistakes: Mistakes) -> None:
-    """Report if error bounds are asked for over a base that none are proved for."""
-    if base == SPRUNG and measures.trust:
-        text = f'no bound of errors is proved over base = "{base}"; leave it out'
-        mistakes.add("measure.trust", text, True, involves=["scene.base"])
 
 
 def fixed_numbers(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> dict[str, float]:

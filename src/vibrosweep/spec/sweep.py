@@ -196,7 +196,7 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
     varied = (*sampled, *(columns or ()))
     shared = rules.setting("scene", file.scene, Setting(), mistakes)
     rules.check_mount(shared.base, file.scene, sample, mistakes)
-    rules.check_trust(shared.base, file.measures, mistakes)
+    rules.check_measures(shared.base, file.measures, mistakes)
     # one forcing only, for where two were reported
     forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
     given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]
@@ -227,7 +227,7 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
         columns=columns,
         realizations=rules.realizations(sample, sampled, mistakes),
         seed=sample.seed,
-        measures=file.measures,
+        measures=file.measures.over(shared.base),
         record=record,
         windows=file.windows,
         **shared._asdict(),

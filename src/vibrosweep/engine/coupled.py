@@ -1,0 +1,201 @@
+"""Measure realizations whose particles are coupled by a base of finite mass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.bases.sprung import mount
+from vibrosweep.kernels.coupled.follow import (
+    Coupled,
+    Whole,
+    Written,
+    empty_whole,
+    follow,
+)
+from vibrosweep.kernels.coupled.tally import Each, empty_each, room
+from vibrosweep.kernels.coupled.written import Scale, Track, empty_track, trace
+from vibrosweep.kernels.record import Record, Units, empty_record
+from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
+from vibrosweep.model.parameters import dimensionless, launches, mounts
+
+__all__ = ["BaseTrack", "base_track", "count_coupled", "measure_coupled", "record_coupled"]
+
+Array = NDArray[np.float64]
+Measured = dict[str, NDArray[Any]]
+LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly
+
+
+def measure_coupled(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> Measured:
+    """Follow a batch of realizations on bases of finite mass and measure them.
+
+    Parameters and result are those of `vibrosweep.engine.measure.measure`; the parameters of the
+    mount are among them.
+    """
+    each, sums, whole = _followed(parameters, observation, workers, None)
+    frequency, particles = parameters["frequency"], observation.particles
+    unit = parameters["gravity"] / (2.0 * frequency**2)
+    found = _physical(sums, frequency, unit)
+    launched = np.where(sums.launch_height > -np.inf, sums.launch_height * unit, np.nan)
+    found |= {
+        "at_rest_count": sums.at_rest,
+        "status": sums.status,
+        "flight_height_max": np.fmax(found["rebound_height_max"], launched),
+    }
+    if observation.measures.per_particle:
+        per_particle = _physical(each, np.repeat(frequency, particles), np.repeat(unit, particles))
+        per_particle |= {"at_rest": each.at_rest.astype(np.int8), "status": each.status}
+        found |= {f"particle_{n}": v.reshape(-1, particles) for n, v in per_particle.items()}
+    found |= _separations(whole, sums, frequency) | _order(whole, frequency)
+    asked = {variable.name for variable in observation.measures.variables}
+    return {name: values for name, values in found.items() if name in asked}
+
+
+def _followed(
+    parameters: Mapping[str, Array],
+    observation: Observation,
+    workers: Workers,
+    written: Written | None,
+) -> tuple[Each, Each, Whole]:
+    """Statistics of particles and of realizations, and what realizations have one number of."""
+    particles, size = observation.particles, parameters["frequency"].size
+    batch = _batch(parameters, observation)
+    each, sums, whole = empty_each(size * particles), empty_each(size), empty_whole(size)
+    rooms = [room(particles) for _ in range(min(size, workers.threads))]
+
+    def task(first: int, last: int) -> None:
+        own = rooms.pop()
+        follow(first, last, batch, observation.budget, own, (each, sums), whole, written)
+        rooms.append(own)
+
+    periods = float(np.max(batch.problem.end_count)) - float(np.min(batch.launches.whole)) + 1.0
+    per_task = LANDINGS_PER_TASK / (particles * max(periods, 1.0))
+    workers.each(task, size, max(1, int(per_task)))
+    return each, sums, whole
+
+
+def _batch(parameters: Mapping[str, Array], observation: Observation) -> Coupled:
+    """Return the batch in dimensionless form."""
+    problem = dimensionless(parameters, observation.duration, observation.measures.transient)
+    launch = launches(observation.launch, observation.particles, parameters["frequency"])
+    return Coupled(problem, mounts(parameters), launch)
+
+
+def _physical(found: Each, frequency: Array, unit: Array) -> Measured:
+    """Statistics in physical units; `unit` is that of height, in m."""
+    flights = found.flights
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        of_flights = {
+            "rebound_height_mean": unit * (found.height_sum / flights),
+            "rebound_height_max": unit * found.height_max,
+            "flight_time_mean": found.flight_sum / flights / frequency,
+        }
+    known = {name: np.where(flights > 0, v, np.nan) for name, v in of_flights.items()}
+    return {"impact_count": found.landings, "rest_count": found.rests, **known}
+
+
+def _separations(whole: Whole, sums: Each, frequency: Array) -> Measured:
+    """Separations; undetermined where not every landing up to the end was found."""
+    complete = sums.status == 0
+    gap = np.where(complete, whole.gap, np.nan)
+    shared = np.where(complete, whole.shared, UNDETERMINED).astype(np.int8)
+    resolved = np.where(np.isnan(gap), UNDETERMINED, gap > RESOLUTION)
+    return {
+        "dt_min": gap / frequency,
+        "dt_min_resolved": resolved.astype(np.int8),
+        "dt_min_same_index": np.where(complete, whole.same, np.nan) / frequency,
+        "base_shared": shared,
+        "collision_free": np.where(shared == UNDETERMINED, shared, 1 - shared).astype(np.int8),
+    }
+
+
+def _order(whole: Whole, frequency: Array) -> Measured:
+    """Order of the landings."""
+    names = ("order_1", "order_2", "order_3", "order_half", "order_third")
+    return {
+        **{name: whole.order[:, h].copy() for h, name in enumerate(names)},
+        "gap_median": whole.gap_median / frequency,
+        "gap_min": whole.gap_least / frequency,
+        "order_changes": whole.changes,
+        "undecided_count": whole.undecided,
+    }
+
+
+@dataclass(frozen=True)
+class BaseTrack:
+    """Motion of the bases of a small batch, exactly, from event to event.
+
+    Attributes
+    ----------
+    parameters
+        Of the realizations, in physical units.
+    batch
+        The same, dimensionless.
+    track
+        After every launch, landing and lift-off.
+    """
+
+    parameters: dict[str, Array]
+    batch: Coupled
+    track: Track
+
+    def at(self, times: Array, realization: int = 0) -> tuple[Array, Array]:
+        """Return the height (m) and velocity (m s-1) of a base at increasing times (s).
+
+        NaN before the first launch.
+        """
+        frequency = float(self.parameters["frequency"][realization])
+        velocity = float(self.parameters["gravity"][realization]) / (2.0 * frequency)
+        problem = self.batch.problem
+        scale = Scale(frequency, velocity, 0.0, float(problem.phase[realization]))
+        fixed = mount(problem, self.batch.mounts, realization)
+        out = np.full((2, times.size), np.nan)
+        known = times >= self.track.time[realization, 0]
+        found = np.empty((2, int(np.count_nonzero(known))))
+        trace(fixed, scale, realization, self.track, np.ascontiguousarray(times[known]), found)
+        out[:, known] = found
+        return out[0] * velocity / frequency, out[1] * velocity
+
+
+def count_coupled(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> Each:
+    """Statistics of every particle, ordered by realization; arguments as of `measure_coupled`."""
+    return _followed(parameters, observation, workers, None)[0]
+
+
+def record_coupled(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers, capacity: int
+) -> Record:
+    """Every landing until the end of the observation, at most `capacity` of each particle."""
+    return _written(parameters, observation, workers, capacity).record
+
+
+def base_track(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+) -> BaseTrack:
+    """Motion of the bases while particles land on them; arguments as of `measure_coupled`."""
+    capacity = int(count_coupled(parameters, observation, workers).landings.max())
+    written = _written(parameters, observation, workers, capacity)
+    return BaseTrack(dict(parameters), _batch(parameters, observation), written.track)
+
+
+def _written(
+    parameters: Mapping[str, Array], observation: Observation, workers: Workers, capacity: int
+) -> Written:
+    size, particles = parameters["frequency"].size, observation.particles
+    # a launch of each particle; each landing is followed by no more than one lift-off of riders
+    events = particles * (1 + 2 * capacity)
+    velocity = parameters["gravity"] / (2.0 * parameters["frequency"])
+    record = empty_record(size * particles, capacity)
+    written = Written(record, empty_track(size, events), Units(parameters["frequency"], velocity))
+    _followed(parameters, observation, workers, written)
+    return written

@@ -1,0 +1,256 @@
+"""A base of finite mass on a linear mount: its motion between impacts, and what an impact does.
+
+Time is in forcing periods, speed in g / (2 f), so that gravity is 2.  Without particles the base
+moves as the one of infinite mass does, at the height -alpha / (2 pi) cos(2 pi x).  With n particles
+that ride it, mu being the mass of one in units of that of the base, its height Y obeys
+
+    (1 + n mu) Y'' + 2 zeta w Y' + w^2 Y = forcing - 2 n mu,        w = 2 pi f0 / f:
+
+a forced oscillation, the sag under the load, and a free oscillation (D, D'), which impacts excite.
+An impact only ever pushes the base down.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import jit
+from vibrosweep.kernels.sine import sin_and_lag, sin_near
+from vibrosweep.model.parameters import Dimensionless, Mounts
+
+__all__ = [
+    "Bounds",
+    "Load",
+    "Motion",
+    "Mount",
+    "bounds",
+    "free_motion",
+    "loaded",
+    "mount",
+    "move",
+    "recoil",
+]
+
+TWO_PI = 2.0 * math.pi
+LARGEST_GAMMA = 1e9  # as over the base of infinite mass
+SERIES = 1.0  # radians of the free oscillation up to which its power series is summed
+TERMS = 40
+
+
+class Mount(NamedTuple):
+    """What decides the motion of one realization.
+
+    Attributes
+    ----------
+    e, alpha, r
+        Restitution, largest velocity of the base without particles, and threshold of rest.
+    mu, w, zeta
+        Mass of a particle in units of that of the base, natural frequency in radians per forcing
+        period, and damping ratio of the mount.
+    """
+
+    e: float
+    alpha: float
+    r: float
+    mu: float
+    w: float
+    zeta: float
+
+
+class Load(NamedTuple):
+    """The base under the load of the particles that ride it.
+
+    Attributes
+    ----------
+    riders
+        How many.
+    stiffness, drag
+        Of the free oscillation D'' + 2 drag D' + stiffness D = 0.
+    p, q
+        The forced oscillation p cos(2 pi x) + q sin(2 pi x).
+    level
+        Height about which it oscillates.
+    keeps
+        Time for which a push down holds the base down: half a free oscillation.
+    """
+
+    riders: int
+    stiffness: float
+    drag: float
+    p: float
+    q: float
+    level: float
+    keeps: float
+
+
+class Motion(NamedTuple):
+    """What the base has done some time after an instant.
+
+    Attributes
+    ----------
+    rise, gain
+        Height and velocity beyond those of uniform motion, Y(s) - Y - Y' s and Y'(s) - Y'.
+    d, v
+        Deviation from the forced oscillation, and its velocity.
+    pull, jerk
+        Acceleration Y''(s) and its rate.
+    """
+
+    rise: float
+    gain: float
+    d: float
+    v: float
+    pull: float
+    jerk: float
+
+
+class Bounds(NamedTuple):
+    """Bounds that hold until the next impact, from the energy of the free oscillation.
+
+    Attributes
+    ----------
+    height
+        Above which the base does not come.
+    pull, jerk, snap
+        Of the absolute values of Y'', Y''' and Y''''.
+    """
+
+    height: float
+    pull: float
+    jerk: float
+    snap: float
+
+
+@jit
+def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
+    """Return what decides the motion of realization i."""
+    e = problem.restitution[i]
+    alpha = problem.kick[i] / (1.0 + e)
+    if math.pi * alpha > LARGEST_GAMMA:
+        alpha = np.nan
+    return Mount(
+        e,
+        alpha,
+        problem.rest_flight[i],
+        mounts.mass_ratio[i],
+        TWO_PI * mounts.natural[i],
+        mounts.damping[i],
+    )
+
+
+@jit
+def loaded(of: Mount, riders: int) -> Load:
+    """Return the base under the load of so many particles."""
+    mass = 1.0 + riders * of.mu
+    stiffness, drag = of.w * of.w / mass, of.zeta * of.w / mass
+    p, q = -of.alpha / TWO_PI, 0.0
+    if mass > 1.0:
+        # the response to what moves the bare base with the amplitude p
+        damping = 2.0 * of.zeta * of.w * TWO_PI
+        bare = of.w * of.w - TWO_PI * TWO_PI
+        full = bare - (mass - 1.0) * TWO_PI * TWO_PI
+        norm = full * full + damping * damping
+        q = -p * damping * (full - bare) / norm
+        p = p * (bare * full + damping * damping) / norm
+    turns = stiffness - drag * drag
+    keeps = math.pi / math.sqrt(turns) if turns > 0.0 else np.inf
+    level = -2.0 * (mass - 1.0) / (of.w * of.w) if mass > 1.0 else 0.0
+    return Load(riders, stiffness, drag, p, q, level, keeps)
+
+
+@jit
+def bounds(load: Load, d: float, v: float) -> Bounds:
+    """Bound the motion from the deviation d with velocity v on: its energy never grows."""
+    forced = math.hypot(load.p, load.q)
+    speed = math.sqrt(v * v + load.stiffness * d * d)
+    twice = 2.0 * load.drag
+    pull = math.sqrt(twice * twice + load.stiffness)
+    jerk = twice * pull + load.stiffness
+    snap = twice * jerk + load.stiffness * pull
+    return Bounds(
+        load.level + forced + (speed / math.sqrt(load.stiffness) if speed > 0.0 else 0.0),
+        TWO_PI**2 * forced + pull * speed,
+        TWO_PI**3 * forced + jerk * speed,
+        TWO_PI**4 * forced + snap * speed,
+    )
+
+
+@jit
+def _series(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
+    """Sum the power series of the free oscillation from its second degree on."""
+    slowed, turned = 2.0 * load.drag * s, load.stiffness * s * s
+    before, term = d, v * s
+    rise = gain = 0.0
+    for k in range(2, TERMS):
+        before, term = term, -(slowed * term + turned * before / (k - 1)) / k
+        rise += term
+        gain += k * term
+        if abs(before) + abs(term) <= 2.0**-60 * abs(rise):
+            break
+    return rise, gain / s
+
+
+@jit
+def free_motion(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
+    """Return D(s) - d - v s and D'(s) - v of the free oscillation with D = d and D' = v at first.
+
+    Neither is a difference of nearly equal numbers while the oscillation has hardly begun.
+    """
+    if s == 0.0 or (d == 0.0 and v == 0.0):
+        return 0.0, 0.0
+    if s * (2.0 * load.drag + math.sqrt(load.stiffness)) <= SERIES:
+        return _series(load, d, v, s)
+    turns = load.stiffness - load.drag * load.drag
+    if turns > 0.0:
+        rate = math.sqrt(turns)
+        decay = math.exp(-load.drag * s)
+        even, odd = decay * math.cos(rate * s), decay * math.sin(rate * s) / rate
+    else:
+        rate = math.sqrt(-turns)
+        slow, fast = -load.stiffness / (load.drag + rate), -(load.drag + rate)
+        even = 0.5 * (math.exp(slow * s) + math.exp(fast * s))
+        odd = s * math.exp(slow * s)
+        if rate > 0.0:
+            odd = -math.exp(slow * s) * math.expm1((fast - slow) * s) / (2.0 * rate)
+    then = d * (even + load.drag * odd) + v * odd
+    speed = v * (even - load.drag * odd) - load.stiffness * d * odd
+    return then - d - v * s, speed - v
+
+
+@jit
+def move(load: Load, sine: float, cosine: float, d: float, v: float, s: float) -> Motion:
+    """Return the motion of the base s periods after a phase of this sine and cosine."""
+    part = s - np.rint(s)
+    turned, lag = sin_and_lag(s, part)
+    half = sin_near(0.5 * part)
+    c = 2.0 * half * half  # 1 - cos(2 pi s)
+    height = load.p * cosine + load.q * sine
+    slope = load.q * cosine - load.p * sine
+    rise, gain = free_motion(load, d, v, s)
+    d, v = d + v * s + rise, v + gain
+    pull = -2.0 * load.drag * v - load.stiffness * d
+    jerk = -2.0 * load.drag * pull - load.stiffness * v
+    h = height * (1.0 - c) + slope * turned
+    h1 = slope * (1.0 - c) - height * turned
+    return Motion(
+        rise - height * c - slope * lag,
+        gain - TWO_PI * (height * turned + slope * c),
+        d,
+        v,
+        pull - TWO_PI**2 * h,
+        jerk - TWO_PI**3 * h1,
+    )
+
+
+@jit
+def recoil(of: Mount, riders: int, c: float, sticks: bool) -> float:
+    """Speed that an impact with the approach speed c takes from the base.
+
+    Momentum is conserved, with `riders` particles as one body with the base; one that sticks has
+    then the velocity of the base, one that bounces leaves it with the relative speed e c.
+    """
+    mass = of.mu / (1.0 + riders * of.mu)
+    return mass / (1.0 + mass) * (c if sticks else (1.0 + of.e) * c)

@@ -1,0 +1,300 @@
+"""Follow realizations with a base of finite mass; keep statistics, or every landing as well."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
+from vibrosweep.kernels.bases.sprung import Mount, loaded, mount
+from vibrosweep.kernels.coupled.events import next_event
+from vibrosweep.kernels.coupled.neighbours import (
+    GAPS,
+    HARMONICS,
+    Landings,
+    Order,
+    clear,
+    note,
+    order_of,
+)
+from vibrosweep.kernels.coupled.state import EVENT, NOW, Event, begin, riders
+from vibrosweep.kernels.coupled.tally import (
+    Each,
+    Room,
+    add_up,
+    apex,
+    count_flight,
+    end_flight,
+    forget,
+)
+from vibrosweep.kernels.coupled.written import (
+    Scale,
+    Track,
+    write_base,
+    write_landing,
+    write_lift_off,
+)
+from vibrosweep.kernels.record import Record, Units
+from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
+from vibrosweep.model.status import Status
+
+__all__ = ["Coupled", "Whole", "Written", "empty_whole", "follow"]
+
+COMPLETED = int(Status.COMPLETED)
+BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
+NON_FINITE = int(Status.NON_FINITE)
+AFTER_THE_END = 100_000  # events in which flights that began before the end are to land
+
+
+class Coupled(NamedTuple):
+    """Realizations, their mounts and launches.
+
+    Attributes
+    ----------
+    problem : vibrosweep.model.parameters.Dimensionless
+    mounts : vibrosweep.model.parameters.Mounts
+    launches : vibrosweep.model.parameters.Launches
+    """
+
+    problem: Dimensionless
+    mounts: Mounts
+    launches: Launches
+
+
+class Whole(NamedTuple):
+    """What realizations have one number of; each array of shape (realization,) but for `order`.
+
+    Attributes
+    ----------
+    gap, same, shared
+        As in `vibrosweep.kernels.separation.Separations`.
+    undecided
+        Decisions between bouncing and sticking, landing and grazing, or on the order of two
+        landings, that rounding may have made.
+    changes
+        Landings out of turn.
+    gap_median, gap_least
+        Of the gaps between neighbouring landings of different particles in the last period.
+    order
+        Shape (realization, harmonic).
+    """
+
+    gap: Floats
+    same: Floats
+    shared: Flags
+    undecided: Integers
+    changes: Integers
+    gap_median: Floats
+    gap_least: Floats
+    order: Floats
+
+
+def empty_whole(realizations: int) -> Whole:
+    """Allocate what realizations have one number of."""
+    gap, same, median, least = (np.full(realizations, np.nan) for _ in range(4))
+    shared = np.full(realizations, -1, np.int8)
+    undecided, changes = np.zeros(realizations, np.int64), np.zeros(realizations, np.int64)
+    order = np.full((realizations, len(HARMONICS)), np.nan)
+    return Whole(gap, same, shared, undecided, changes, median, least, order)
+
+
+class Written(NamedTuple):
+    """Arrays of every landing and of the base; None for none of them."""
+
+    record: Record
+    track: Track
+    units: Units
+
+
+@jit
+def _windows(problem: Dimensionless, i: int, now: Floats, past: bool) -> tuple[bool, bool]:
+    """Whether now is in the window, and in its last period."""
+    early = (problem.begin_count[i] - problem.end_count[i] - now[NOW.N]) + (
+        problem.begin_phase[i] - now[NOW.X]
+    )
+    left = problem.end_phase[i] - now[NOW.X] - now[NOW.N]
+    return not past and early <= 0.0, not past and early <= 0.0 and left <= 1.0
+
+
+@jit
+def _leave(work: Room, fixed: Mount, first: int, past: bool, each: Each) -> None:
+    """Count the flights of the riders, which leave now."""
+    load = loaded(fixed, 0)
+    for j in range(work.rides.size):
+        if work.rides[j] == 1:
+            count_flight(work, load, first + j, j, past, each)
+
+
+@jit
+def _count(
+    work: Room, fixed: Mount, event: Event, windows: tuple[bool, bool], first: int, each: Each
+) -> None:
+    """Count a landing, and the flights that it ends and begins; it has been noted."""
+    j = event.who
+    t = first + j
+    sticks = event.kind == EVENT.STICK
+    if windows[0]:
+        each.landings[t] += 1
+        each.rests[t] += 1 if sticks else 0
+    work.counts[j] = 1 if windows[0] else 0
+    if not sticks:
+        load = loaded(fixed, riders(work.of))
+        count_flight(work, load, t, j, False, each)
+
+
+@jit
+def _launched(work: Room, fixed: Mount, j: int, t: int, seen: bool, each: Each) -> None:
+    """Count a launch."""
+    work.lifted[0, j], work.lifted[1, j] = work.of.now[NOW.N], work.of.now[NOW.X]
+    if seen:
+        load = loaded(fixed, riders(work.of))
+        each.launch_height[t] = apex(work.of, load, j)
+
+
+@jit
+def _write(
+    work: Room, fixed: Mount, event: Event, scale: Scale, place: tuple[int, int], out: Written
+) -> None:
+    """Write an event; `place`: the realization, and how many events came before."""
+    i, number = place
+    load, first = loaded(fixed, riders(work.of)), i * work.rides.size
+    write_base(work.of, load, scale, i, number, out.track)
+    if event.kind == EVENT.BOUNCE or event.kind == EVENT.STICK:
+        write_landing(work, load, scale, first + event.who, event, out.record)
+    if event.kind == EVENT.LIFT or event.dropped:
+        for j in range(work.rides.size):
+            if work.rides[j] == 1:
+                write_lift_off(work, load, scale, first + j, j, out.record)
+
+
+@jit
+def _conclude(work: Room, memory: Landings, order: Order, i: int, out: Whole) -> None:
+    """Write what a realization has one number of."""
+    out.gap[i] = order.gap if order.gap < np.inf else np.nan
+    out.same[i] = order.same if order.same < np.inf else np.nan
+    out.shared[i], out.changes[i] = order.shared, order.changes
+    out.undecided[i] = int(work.of.now[NOW.UNDECIDED])
+    if 0 < order.gaps <= GAPS:
+        gaps = np.sort(memory.gaps[: order.gaps])
+        out.gap_least[i] = gaps[0]
+        out.gap_median[i] = 0.5 * (gaps[(order.gaps - 1) // 2] + gaps[order.gaps // 2])
+    for h in range(out.order.shape[1]):
+        out.order[i, h] = order_of(memory, HARMONICS[h])
+
+
+@jit
+def _shared(order: Order) -> Order:
+    """Return the same, with two particles on the base at once."""
+    gap, same, _, who, number, seen, changes, gaps = order
+    return Order(gap, same, 1, who, number, seen, changes, gaps)
+
+
+@jit
+def _scale(problem: Dimensionless, units: Units, i: int) -> Scale:
+    """Units and origin of time of realization i."""
+    return Scale(units.frequency[i], units.velocity[i], problem.end_count[i], problem.phase[i])
+
+
+@jit
+def _judge(first: int, particles: int, status: int, each: Each) -> None:
+    """Write the status of all particles, which are coupled: that of the worst."""
+    for t in range(first, first + particles):
+        total = each.flight_sum[t] + each.height_sum[t]
+        if each.landings[t] > 0 and not np.isfinite(total):
+            status = NON_FINITE
+    each.status[first : first + particles] = status
+
+
+@jit
+def _resting(work: Room, fixed: Mount, first: int, each: Each) -> None:
+    """Note which particles rest for good: all of them, or any where none moves the base."""
+    count = riders(work.of)
+    for_good = work.of.now[NOW.LIFT] == np.inf and (count == work.rides.size or fixed.mu == 0.0)
+    for j in range(work.rides.size):
+        each.at_rest[first + j] = 1 if for_good and work.rides[j] == 1 else 0
+
+
+@kernel
+def follow(
+    first: int,
+    last: int,
+    batch: Coupled,
+    budget: int,
+    work: Room,
+    statistics: tuple[Each, Each],
+    whole: Whole,
+    written: Written | None,
+) -> None:
+    """Follow realizations first ... last - 1 to the end of their windows.
+
+    Parameters
+    ----------
+    first, last
+        Range of realizations.
+    batch : Coupled
+    budget
+        Largest number of landings of a particle.
+    work : Room
+        Not shared between threads.
+    statistics
+        Of particles and of realizations.
+    whole : Whole
+        Only the slots of these realizations are written.
+    written : Written
+        Of every landing; None where statistics are enough.  What exceeds its capacity is cut off.
+    """
+    problem, mounts, launches = batch
+    each, sums = statistics
+    of, memory = work.of, work.landings
+    particles = of.mode.size
+    for i in range(first, last):
+        fixed, place = mount(problem, mounts, i), i * particles
+        begin(of, problem, launches, i)
+        forget(work)
+        order = clear(memory)
+        past, events, late, status = False, 0, 0, COMPLETED
+        if not np.isfinite(fixed.alpha):
+            status = NON_FINITE
+        while status == COMPLETED:
+            until = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
+            event = next_event(of, fixed, problem.launch_flight[i], np.inf if past else until)
+            together = np.sum(work.rides) > 1
+            if event.kind <= EVENT.LOST:
+                order = _shared(order) if together else order
+                if event.kind == EVENT.LOST:
+                    status = BUDGET_EXCEEDED
+                if event.kind == EVENT.NONE and np.sum(work.flies) > 0:
+                    past = True
+                    continue
+                break
+            windows = _windows(problem, i, of.now, past)
+            if event.kind == EVENT.LAUNCH:
+                _launched(work, fixed, event.who, place + event.who, windows[0], each)
+            elif event.kind != EVENT.LIFT:
+                if memory.total[event.who] >= budget:
+                    status = BUDGET_EXCEEDED
+                    break
+                end_flight(work, place + event.who, event.who, each)
+                if not past:
+                    order = _shared(order) if together and windows[0] else order
+                    memory, order = note(of, work.rides, memory, order, event.who, windows, fixed.r)
+                    _count(work, fixed, event, windows, place, each)
+                elif np.sum(work.flies) == 0:
+                    break
+                elif late >= AFTER_THE_END:
+                    status = BUDGET_EXCEEDED
+            if event.kind == EVENT.LIFT or event.dropped:
+                _leave(work, fixed, place, past, each)
+            if written is not None and not past:
+                _write(work, fixed, event, _scale(problem, written.units, i), (i, events), written)
+            if event.kind == EVENT.LIFT or event.dropped:
+                work.rides[:] = 0
+            if event.kind == EVENT.STICK:
+                work.rides[event.who] = 1
+            events += 1
+            late += 1 if past else 0
+        _conclude(work, memory, order, i, whole)
+        _resting(work, fixed, place, each)
+        _judge(place, particles, status, each)
+        add_up(i, particles, each, sums)

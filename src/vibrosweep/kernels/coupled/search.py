@@ -1,0 +1,154 @@
+"""Particles that meet one base of finite mass, event by event.
+
+Every impact moves the base and so every landing to come.  For each particle a time is kept before
+which it cannot land, and only the particle whose time is earliest is looked at:
+
+- The step (F' + sqrt(F'^2 + 2 K F)) / K from a clearance F passes no root, as F'' >= -K with a
+  bound K from the energy of the free oscillation, which does not grow between impacts.
+- An impact pushes the base down.  Until half a free oscillation later the base is nowhere higher
+  than it would have been, so that a time found before the impact still holds.
+- The base stays below a height that follows from its energy.  A time before which a particle is
+  above that height holds until the energy exceeds what was assumed, whatever other particles do.
+
+Where F' < 0 and 4 K F <= F'^2 the next root is the only one within reach, and Newton's iteration
+with the next two derivatives finds it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vibrosweep.kernels._jit import fma, jit
+from vibrosweep.kernels.bases.sprung import Bounds, Load, Motion, bounds
+from vibrosweep.kernels.coupled.state import (
+    MODE,
+    NOW,
+    PARTICLE,
+    System,
+    Turned,
+    base_height,
+    base_speed,
+    motion_after,
+)
+
+__all__ = ["ROUNDING", "crossings", "earliest", "is_next", "lift", "look"]
+
+NEAR = 2.0**-50  # relative error that ends Newton's iteration
+ROUNDING = 2.0**-40  # of speeds and clearances: a decision by less may be one of rounding
+
+
+@jit
+def _ahead(f: float, f1: float, k: float) -> float:
+    """Return a step that passes no root of a function with these values and f'' >= -k."""
+    root = math.sqrt(f1 * f1 + 2.0 * k * f)
+    if f1 >= 0.0:
+        return (f1 + root) / k if k > 0.0 else np.inf
+    return 2.0 * f / (root - f1)
+
+
+@jit
+def _step(f: float, f1: float, f2: float, f3: float) -> float:
+    """Return the step to the root of the cubic with these derivatives, f1 < 0, to third order."""
+    inside = f1 * f1 - 2.0 * f * f2
+    step = 2.0 * f / (math.sqrt(inside if inside > 0.0 else 0.0) - f1)
+    slope = f1 + f2 * step
+    return step - f3 * step * step * step / (6.0 * slope) if slope < 0.0 else step
+
+
+@jit
+def _clearance(of: System, j: int, motion: Motion, t: float) -> tuple[float, float]:
+    """Return the height of particle j above the base and its rate after time t."""
+    h, w = of.particle[PARTICLE.HEIGHT, j], of.particle[PARTICLE.SPEED, j]
+    return fma(t, w - t, h) - motion.rise, w - 2.0 * t - motion.gain
+
+
+@jit
+def crossings(left: float, u: float) -> tuple[float, float]:
+    """Return when a particle with the speed u rises to a height above it, and falls to it.
+
+    Infinity and 0 where it does not reach it.
+    """
+    spare = 0.25 * u * u - left
+    if not spare > 0.0:
+        return np.inf, 0.0
+    return 0.5 * u - math.sqrt(spare), 0.5 * u + math.sqrt(spare)
+
+
+@jit
+def earliest(of: System) -> tuple[int, float]:
+    """Return the particle that may be the next to land or to be launched, and its time."""
+    who, time = -1, np.inf
+    for j in range(of.mode.size):
+        safe = of.particle[PARTICLE.SAFE, j]
+        if of.mode[j] != MODE.RIDING and safe < time:
+            who, time = j, safe
+    return who, time
+
+
+@jit
+def look(of: System, load: Load, turned: Turned, limit: Bounds, j: int) -> bool:
+    """Move the time before which particle j does not land; return whether it lands then."""
+    t = of.particle[PARTICLE.SAFE, j]
+    motion = motion_after(of, load, turned, t)
+    f, f1 = _clearance(of, j, motion, t)
+    scale, k = of.particle[PARTICLE.SCALE, j], 2.0 + limit.pull  # F'' = -2 - Y'' >= -k
+    if f <= 0.0:
+        if f1 <= 0.0:
+            return True
+        f = 0.0
+    if f1 < 0.0 and 4.0 * k * f <= f1 * f1:
+        of.particle[PARTICLE.SAFE, j] = _landing(of, load, turned, limit, j)
+        return True
+    if t > 0.0 and f1 >= 0.0 and f <= ROUNDING * scale * scale:
+        of.now[NOW.UNDECIDED] += 1.0
+    ahead = t + _ahead(f, f1, k)
+    if base_height(of, load) + base_speed(of, load) * t + motion.rise + f > of.now[NOW.HIGHEST]:
+        ahead = max(ahead, of.particle[PARTICLE.ABOVE, j])
+    of.particle[PARTICLE.SAFE, j] = ahead
+    return not ahead > t
+
+
+@jit
+def _landing(of: System, load: Load, turned: Turned, limit: Bounds, j: int) -> float:
+    """Return when particle j lands, where that is the only time within reach."""
+    t, last = of.particle[PARTICLE.SAFE, j], np.inf
+    for _ in range(20):
+        motion = motion_after(of, load, turned, t)
+        f, f1 = _clearance(of, j, motion, t)
+        step = _step(f, f1, -2.0 - motion.pull, -motion.jerk)
+        t = max(t + step, 0.0)
+        # what is left out of the cubic, and rounding, which lets steps shrink no more
+        if limit.snap * step**4 <= -f1 * NEAR * t or abs(step) >= 0.5 * last:
+            break
+        last = abs(step)
+    return float(t)
+
+
+@jit
+def lift(of: System, load: Load, turned: Turned, until: float) -> bool:
+    """Move the time before which the riders do not leave; return whether they leave then."""
+    now = of.now
+    while now[NOW.LIFT] <= until:
+        t = now[NOW.LIFT]
+        motion = motion_after(of, load, turned, t)
+        limit = bounds(load, motion.d, motion.v)
+        if limit.pull <= 2.0:
+            now[NOW.LIFT] = np.inf
+            return False
+        g = motion.pull + 2.0
+        if g <= 0.0 and motion.jerk <= 0.0:
+            return True
+        ahead = t + _ahead(max(g, 0.0), motion.jerk, limit.snap)
+        if not ahead > t:
+            return True
+        now[NOW.LIFT] = ahead
+    return False
+
+
+@jit
+def is_next(of: System, who: int) -> bool:
+    """Whether particle `who`, whose landing is known, lands before anything else happens."""
+    first, time = earliest(of)
+    return first == who and not time > of.now[NOW.LIFT]

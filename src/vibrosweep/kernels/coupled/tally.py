@@ -1,0 +1,147 @@
+"""Statistics of particles on a base of finite mass, over the window."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit
+from vibrosweep.kernels.bases.sprung import Load
+from vibrosweep.kernels.coupled.neighbours import Landings, landings
+from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, base_height, base_speed, system
+
+__all__ = [
+    "Each",
+    "Room",
+    "add_up",
+    "apex",
+    "count_flight",
+    "empty_each",
+    "end_flight",
+    "forget",
+    "room",
+]
+
+
+class Each(NamedTuple):
+    """Statistics of particles over the window, each array of shape (realization * particle,).
+
+    Attributes
+    ----------
+    landings, rests, flights
+        Numbers of landings, of those after which the particle rested, and of the flights that
+        follow on them and began before the end.
+    flight_sum, height_sum, height_max
+        Of these flights: sum of the flight times in forcing periods, sum and maximum of the
+        greatest heights in g / (2 f^2).
+    launch_height
+        Greatest height of the launch, -inf where that is not in the window.
+    at_rest
+        1 if it came to rest for good; of a realization, the number of such particles.
+    status
+        `vibrosweep.model.status.Status`.
+    """
+
+    landings: Integers
+    rests: Integers
+    flights: Integers
+    flight_sum: Floats
+    height_sum: Floats
+    height_max: Floats
+    launch_height: Floats
+    at_rest: Integers
+    status: Flags
+
+
+class Room(NamedTuple):
+    """Scratch memory of one thread.
+
+    Attributes
+    ----------
+    of
+        State of the realization.
+    landings
+        What is remembered of landings.
+    lifted
+        Whole periods and phase of the last lift-off of each particle; shape (2, particle).
+    counts, flies, rides
+        For each particle, 1 where its last landing is in the window, where its flight counts, and
+        where it rests.
+    """
+
+    of: System
+    landings: Landings
+    lifted: Floats
+    counts: Integers
+    flies: Integers
+    rides: Integers
+
+
+def room(particles: int) -> Room:
+    """Allocate scratch memory for one thread."""
+    counts, flies, rides = (np.zeros(particles, np.int64) for _ in range(3))
+    lifted = np.zeros((2, particles))
+    return Room(system(particles), landings(particles), lifted, counts, flies, rides)
+
+
+def empty_each(particles: int) -> Each:
+    """Allocate statistics of so many particles, of all realizations."""
+    landed, rests, flights, at_rest = (np.zeros(particles, np.int64) for _ in range(4))
+    time, height, highest = (np.zeros(particles) for _ in range(3))
+    launch_height, status = np.full(particles, -np.inf), np.zeros(particles, np.int8)
+    return Each(landed, rests, flights, time, height, highest, launch_height, at_rest, status)
+
+
+@jit
+def forget(work: Room) -> None:
+    """Begin with no landings."""
+    work.counts[:] = 0
+    work.flies[:] = 0
+    work.rides[:] = 0
+
+
+@jit
+def apex(of: System, load: Load, j: int) -> float:
+    """Return the greatest height of the flight on which particle j sets out now."""
+    u = base_speed(of, load) + of.particle[PARTICLE.SPEED, j]
+    return base_height(of, load) + (0.25 * u * u if u > 0.0 else 0.0)
+
+
+@jit
+def count_flight(work: Room, load: Load, t: int, j: int, past: bool, each: Each) -> None:
+    """Count the flight on which particle j, in place t, sets out now."""
+    work.lifted[0, j], work.lifted[1, j] = work.of.now[NOW.N], work.of.now[NOW.X]
+    if past or work.counts[j] == 0:
+        return
+    height = apex(work.of, load, j)
+    each.height_max[t] = max(each.height_max[t], height) if each.flights[t] > 0 else height
+    each.height_sum[t] += height
+    each.flights[t] += 1
+    work.flies[j] = 1
+
+
+@jit
+def end_flight(work: Room, t: int, j: int, each: Each) -> None:
+    """Count the time of the flight of particle j, in place t, that ends now."""
+    if work.flies[j] == 1:
+        whole = work.of.now[NOW.N] - work.lifted[0, j]
+        each.flight_sum[t] += whole + (work.of.now[NOW.X] - work.lifted[1, j])
+        work.flies[j] = 0
+
+
+@jit
+def add_up(i: int, particles: int, each: Each, out: Each) -> None:
+    """Add up the particles of realization i, always in the same order."""
+    for t in range(i * particles, (i + 1) * particles):
+        out.landings[i] += each.landings[t]
+        out.rests[i] += each.rests[t]
+        out.flight_sum[i] += each.flight_sum[t]
+        out.height_sum[i] += each.height_sum[t]
+        if each.flights[t] > 0:
+            least = out.height_max[i] if out.flights[i] > 0 else -np.inf
+            out.height_max[i] = max(least, each.height_max[t])
+        out.flights[i] += each.flights[t]
+        out.launch_height[i] = max(out.launch_height[i], each.launch_height[t])
+        out.at_rest[i] += each.at_rest[t]
+        out.status[i] = max(out.status[i], each.status[t])

@@ -1,0 +1,137 @@
+"""Every landing on a base of finite mass, and the motion of the base, in arrays."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
+from vibrosweep.kernels.bases.sprung import Load, Mount, loaded, move
+from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System, base_speed
+from vibrosweep.kernels.coupled.tally import Room
+from vibrosweep.kernels.record import Record
+from vibrosweep.kernels.sine import cos_turns, sin_turns
+
+__all__ = [
+    "Scale",
+    "Track",
+    "empty_track",
+    "trace",
+    "write_base",
+    "write_landing",
+    "write_lift_off",
+]
+
+
+class Scale(NamedTuple):
+    """Units and origin of time of one realization.
+
+    Attributes
+    ----------
+    frequency, velocity
+        Hz, and g / (2 f) in m s-1.
+    end, phase
+        Whole periods of the end, and phase of the forcing at t = 0.
+    """
+
+    frequency: float
+    velocity: float
+    end: float
+    phase: float
+
+
+class Track(NamedTuple):
+    """Motion of the base after every event, each array of shape (realization, event).
+
+    Attributes
+    ----------
+    time
+        s; NaN past the last event.
+    deviation, velocity
+        From the forced oscillation under the present load, in g / (2 f^2) and g / (2 f).
+    riders
+        How many particles ride.
+    """
+
+    time: Floats
+    deviation: Floats
+    velocity: Floats
+    riders: Integers
+
+
+def empty_track(realizations: int, events: int) -> Track:
+    """Allocate at most so many events of each realization."""
+    time, deviation, velocity = (np.full((realizations, events), np.nan) for _ in range(3))
+    return Track(time, deviation, velocity, np.zeros((realizations, events), np.int64))
+
+
+@jit
+def _time(of: System, scale: Scale) -> float:
+    """Return the time in s."""
+    turns = of.now[NOW.N] + scale.end + (of.now[NOW.X] - scale.phase)
+    return float(turns / scale.frequency)
+
+
+@jit
+def write_landing(work: Room, load: Load, scale: Scale, t: int, event: Event, out: Record) -> None:
+    """Write the last landing of a particle, in place t."""
+    j, k = event.who, work.landings.total[event.who] - 1
+    if k < out.rested.shape[1]:
+        out.landing_time[t, k] = _time(work.of, scale)
+        out.rested[t, k] = 1 if event.kind == EVENT.STICK else 0
+        if event.kind == EVENT.BOUNCE:
+            write_lift_off(work, load, scale, t, j, out)
+
+
+@jit
+def write_lift_off(work: Room, load: Load, scale: Scale, t: int, j: int, out: Record) -> None:
+    """Write the lift-off of particle j, in place t, after its last landing."""
+    k = work.landings.total[j] - 1
+    if k < out.rested.shape[1]:
+        speed = base_speed(work.of, load) + work.of.particle[PARTICLE.SPEED, j]
+        out.liftoff_time[t, k] = _time(work.of, scale)
+        out.rebound_velocity[t, k] = speed * scale.velocity
+
+
+@jit
+def write_base(of: System, load: Load, scale: Scale, i: int, event: int, out: Track) -> None:
+    """Write the motion of the base after an event of realization i."""
+    if event < out.time.shape[1]:
+        out.time[i, event] = _time(of, scale)
+        out.deviation[i, event], out.velocity[i, event] = of.now[NOW.D], of.now[NOW.V]
+        out.riders[i, event] = load.riders
+
+
+@kernel
+def trace(of: Mount, scale: Scale, i: int, track: Track, times: Floats, out: Floats) -> None:
+    """Write the height and velocity of the base of realization i at increasing times.
+
+    Parameters
+    ----------
+    of : vibrosweep.kernels.bases.sprung.Mount
+    scale : Scale
+    i
+        The realization.
+    track : Track
+    times
+        s, none before the first event.
+    out
+        Shape (2, time): height in g / (2 f^2), velocity in g / (2 f).
+    """
+    event = 0
+    for k in range(times.size):
+        while event + 1 < track.time.shape[1] and track.time[i, event + 1] <= times[k]:
+            event += 1
+        load = loaded(of, track.riders[i, event])
+        turns = scale.frequency * track.time[i, event] + scale.phase
+        x = turns - np.rint(turns)
+        sine, cosine = sin_turns(x), cos_turns(x)
+        d, v = track.deviation[i, event], track.velocity[i, event]
+        passed = scale.frequency * (times[k] - track.time[i, event])
+        motion = move(load, sine, cosine, d, v, passed)
+        speed = 2.0 * math.pi * (load.q * cosine - load.p * sine) + v
+        height = load.p * cosine + load.q * sine + load.level + d
+        out[0, k] = height + speed * passed + motion.rise
+        out[1, k] = speed + motion.gain
