@@ -1,0 +1,332 @@
+"""Closed forms that hold for orbits of any kind: exponents, bounds, rests (numpy only)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.parameters import BASES
+
+__all__ = [
+    "FIXED",
+    "HIGH_BOUNCE",
+    "exponent_sum",
+    "flight_time_bound",
+    "liftoff_flight",
+    "liftoff_speed_bound",
+    "moves",
+    "recognition_periods",
+    "unforced_rest_impact",
+    "unforced_rest_time",
+]
+
+Array = NDArray[np.float64]
+HIGH_BOUNCE, MOVING = FIXED = BASES[:2]  # bases that particles do not act on
+HALVINGS = 60  # of a bracket of the size of what is sought, to a rounding
+
+
+def moves(base: str) -> bool:
+    """Whether a base of `FIXED` moves.
+
+    Raises
+    ------
+    ParameterError
+        The base is not one of the two.
+    """
+    if base not in FIXED:
+        raise ParameterError(f"base = {base!r}: must be one of {', '.join(FIXED)}")
+    return base == MOVING
+
+
+def exponent_sum(restitution: ArrayLike, base: str = HIGH_BOUNCE) -> Array:
+    """Sum of the Lyapunov exponents of an orbit without rests, per impact: ln e or 2 ln e.
+
+    On a moving base an impact changes an area of phase and absolute speed by e^2 z / z', where z
+    and z' are the relative speeds with which the particle left before and leaves after it; along
+    an orbit the quotients cancel.
+
+    Parameters
+    ----------
+    restitution
+        Coefficient of restitution e, 0 to 1.
+    base
+        ``"high-bounce"`` or ``"moving"``.
+
+    Returns
+    -------
+    numpy.ndarray
+        Per impact.
+
+    Raises
+    ------
+    ParameterError
+        The base is not one of the two.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> float(vs.theory.exponent_sum(0.9).round(6))
+    -0.105361
+    """
+    with np.errstate(divide="ignore"):
+        one = np.log(np.asarray(restitution, dtype=np.float64))
+    return np.asarray(2.0 * one if moves(base) else one)
+
+
+def recognition_periods(restitution: ArrayLike, k: ArrayLike = 1, base: str = HIGH_BOUNCE) -> Array:
+    """Forcing periods in which an orbit locked to k periods returns bit for bit, 150 k / |ln p|.
+
+    Both multipliers have the modulus sqrt(p) over most of the window, where p is e, or e^2 on a
+    moving base.  From a distance of 1 to one rounding, 2^-53, it takes 2 * 53 ln 2 / |ln p|
+    impacts, and up to twice that until the anchors of the recogniser, whose ages double, have seen
+    it; none is seen before 64 impacts.  Infinite for e = 1, 0 for e = 0.
+
+    Parameters
+    ----------
+    restitution, k
+        E (0 to 1) and mode (forcing periods between impacts); they broadcast.
+    base
+        ``"high-bounce"`` or ``"moving"``.
+
+    Returns
+    -------
+    numpy.ndarray
+        Forcing periods, as the arguments broadcast.
+
+    Raises
+    ------
+    ParameterError
+        The base is not one of the two.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> float(vs.theory.recognition_periods(0.9).round(6))
+    1423.683237
+    """
+    with np.errstate(divide="ignore"):
+        return np.asarray(150.0 * np.asarray(k) / np.abs(exponent_sum(restitution, base)))
+
+
+def liftoff_speed_bound(
+    launch_speed: ArrayLike, kick: ArrayLike, restitution: ArrayLike, base: str = HIGH_BOUNCE
+) -> Array:
+    """Bound of the absolute speed of every lift-off, in g / (2 f); infinite at e = 1.
+
+    High-bounce: max(u0, a / (1 - e)), for e u + a is at most that where u is.
+
+    Moving: max(u0, (1 + 3 e) alpha / (1 - e)), alpha = a / (1 + e).  A flight of s periods from
+    phase x with speed u lands where
+
+        s (s - u) = alpha / (2 pi) (cos 2 pi (x + s) - cos 2 pi x) <= alpha s,
+
+    because a cosine is no steeper than 2 pi per turn.  Hence s <= u + alpha; the speed of arrival
+    is v = 2 s - u <= u + 2 alpha, and the next speed e v + (1 + e) alpha sin 2 pi x' is at most
+    e u + (1 + 3 e) alpha, which keeps to the bound.  A particle that lands at once leaves with at
+    most (1 + e) alpha, and one that rested with at most alpha.
+
+    Parameters
+    ----------
+    launch_speed
+        In g / (2 f).
+    kick
+        a = 2 f A / g.
+    restitution
+        Coefficient of restitution e, 0 to 1.
+    base
+        ``"high-bounce"`` or ``"moving"``.
+
+    Returns
+    -------
+    numpy.ndarray
+        In g / (2 f), in the shape of the arguments broadcast.
+
+    Raises
+    ------
+    ParameterError
+        The base is not one of the two.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> float(vs.theory.liftoff_speed_bound(1.0, 0.2, 0.9).round(6))
+    2.0
+    """
+    e, a = np.asarray(restitution, dtype=np.float64), np.asarray(kick, dtype=np.float64)
+    fed = a * ((1.0 + 3.0 * e) / (1.0 + e)) if moves(base) else a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fed = np.where(a == 0.0, 0.0, fed / (1.0 - e))
+    return np.maximum(np.asarray(launch_speed, dtype=np.float64), fed)
+
+
+def flight_time_bound(
+    launch_speed: ArrayLike, kick: ArrayLike, restitution: ArrayLike, base: str = HIGH_BOUNCE
+) -> Array:
+    """Bound of every flight time in forcing periods; infinite at e = 1.
+
+    That of the speed of lift-off, `liftoff_speed_bound`, and on a moving base alpha more.
+
+    Parameters
+    ----------
+    launch_speed
+        In g / (2 f).
+    kick
+        a = 2 f A / g.
+    restitution
+        Coefficient of restitution e, 0 to 1.
+    base
+        ``"high-bounce"`` or ``"moving"``.
+
+    Returns
+    -------
+    numpy.ndarray
+        Forcing periods, in the shape of the arguments broadcast.
+
+    Raises
+    ------
+    ParameterError
+        The base is not one of the two.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> float(vs.theory.flight_time_bound(1.0, 0.2, 0.9).round(6))
+    2.0
+    """
+    e, a = np.asarray(restitution, dtype=np.float64), np.asarray(kick, dtype=np.float64)
+    longer = a / (1.0 + e) if moves(base) else 0.0
+    return np.asarray(liftoff_speed_bound(launch_speed, a, e, base) + longer)
+
+
+def _above_sine(x: Array) -> Array:
+    """Return x - sin x for x >= 0, to a few roundings; below 2 by the series."""
+    term = total = x**3 / 6.0
+    for n in range(4, 24, 2):
+        term = -term * x * x / (n * (n + 1))
+        total = total + term
+    return np.where(x < 2.0, total, x - np.sin(x))
+
+
+def liftoff_flight(acceleration: ArrayLike) -> Array:
+    """First flight after a rest on a moving base, in forcing periods; NaN for Gamma <= 1.
+
+    The particle leaves at the phase at which the base begins to fall faster than it, without
+    relative speed.  After the angle q = 2 pi s it is on the base again where
+
+        sqrt(Gamma^2 - 1) = h(q) = (q^2 / 2 + cos q - 1) / (q - sin q).
+
+    The restitution does not enter.  With t = q / 2 the derivative of h is
+    4 (t cos t - sin t)^2 / (q - sin q)^2 >= 0: there is one such angle, which is bisected.  Where
+    t = tan t the particle lands without relative speed.
+
+    Parameters
+    ----------
+    acceleration
+        Gamma, the amplitude of the base's acceleration in g.
+
+    Returns
+    -------
+    numpy.ndarray
+        Forcing periods, in the shape of `acceleration`.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> float(vs.theory.liftoff_flight(3.296908).round(6))
+    1.0
+    """
+    gamma = np.asarray(acceleration, dtype=np.float64)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        needed = np.sqrt((gamma - 1.0) * (gamma + 1.0))
+        low, high = np.zeros_like(needed), 4.0 * needed  # h(q) >= q / 4
+        for _ in range(HALVINGS):
+            q = 0.5 * (low + high)
+            t = 0.5 * q
+            # q^2 / 2 + cos q - 1 = 2 (t - sin t) (t + sin t)
+            short = 2.0 * _above_sine(t) * (t + np.sin(t)) < needed * _above_sine(q)
+            low, high = np.where(short, q, low), np.where(short, high, q)
+    return np.asarray(np.where(gamma > 1.0, 0.5 * (low + high), np.nan) / (2.0 * np.pi))
+
+
+def unforced_rest_impact(
+    launch_flight: ArrayLike, restitution: ArrayLike, rest_flight: ArrayLike
+) -> Array:
+    """Count the landings until a particle without excitation comes to rest for good.
+
+    The first n >= 1 with e^n u0 <= r, where u0 and r are flight times in forcing periods (any
+    common unit serves).  Infinite where e = 1 and u0 > r.
+
+    Parameters
+    ----------
+    launch_flight
+        First flight u0, in forcing periods.
+    restitution
+        Coefficient of restitution e, 0 to 1.
+    rest_flight
+        Contact time r, in the same unit.
+
+    Returns
+    -------
+    numpy.ndarray
+        Number of landings, in the shape of the arguments broadcast.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> float(vs.theory.unforced_rest_impact(1.0, 0.5, 0.1))
+    4.0
+    """
+    u0 = np.asarray(launch_flight, dtype=np.float64)
+    e = np.asarray(restitution, dtype=np.float64)
+    r = np.asarray(rest_flight, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        n = np.ceil(np.log(r / u0) / np.log(e))
+        # a quotient of logarithms that should be whole may round to either side
+        n = np.where(e ** (n - 1.0) * u0 <= r, n - 1.0, n)
+        n = np.where(e**n * u0 > r, n + 1.0, n)
+        n = np.where(e == 1.0, np.inf, n)
+        n = np.where((e == 0.0) | (e * u0 <= r), 1.0, n)
+    return np.asarray(n)
+
+
+def unforced_rest_time(
+    launch_velocity: ArrayLike,
+    restitution: ArrayLike,
+    contact_time: ArrayLike,
+    gravity: ArrayLike = 9.81,
+) -> Array:
+    """Time in s from launch until a particle without excitation comes to rest for good.
+
+    The flights last (2 v0 / g) e^j for j = 0 ... n - 1; their sum tends to
+    (2 v0 / g) / (1 - e) as the contact time goes to zero.
+
+    Parameters
+    ----------
+    launch_velocity
+        m s-1.
+    restitution
+        Coefficient of restitution e, 0 to 1.
+    contact_time
+        s.
+    gravity
+        m s-2.
+
+    Returns
+    -------
+    numpy.ndarray
+        s, in the shape of the arguments broadcast.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> float(vs.theory.unforced_rest_time(5.0, 0.9, 1e-4).round(6))
+    10.192721
+    """
+    first = 2.0 * np.asarray(launch_velocity, dtype=np.float64) / np.asarray(gravity)
+    e = np.asarray(restitution, dtype=np.float64)
+    n = unforced_rest_impact(first, e, contact_time)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # 1 - e^n without cancellation where e is next to 1
+        total = first * -np.expm1(n * np.log1p(e - 1.0)) / (1.0 - e)
+    return np.asarray(np.where(e == 1.0, np.where(n == 1.0, first, np.inf), total))
