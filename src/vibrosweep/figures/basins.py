@@ -29,6 +29,11 @@ def basins_of_attraction(basins: xr.Dataset) -> Figure:
     basins
         Result of `vibrosweep.analysis.basins.basins` with at least two times and two speeds.
 
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure, which is neither shown nor written.
+
     Raises
     ------
     DataError

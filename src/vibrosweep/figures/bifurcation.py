@@ -32,6 +32,11 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     diagram
         Result of `vibrosweep.analysis.bifurcation.bifurcation`.
 
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure, which is neither shown nor written.
+
     Raises
     ------
     DataError

@@ -146,6 +146,11 @@ def available(sweep: xr.Dataset | None, record: xr.Dataset | None) -> list[str]:
         Result of a sweep, if there is one.
     record
         Record of every landing, if there is one.
+
+    Returns
+    -------
+    list of str
+        Keys of `FIGURES`.
     """
     lacking = missing(sweep, record)
     return [name for name in FIGURES if name not in lacking]

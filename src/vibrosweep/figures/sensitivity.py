@@ -25,6 +25,11 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
     ----------
     indices
         What `vibrosweep.analysis.sensitivity.sobol_indices` found.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure, which is neither shown nor written.
     """
     outputs = [str(name) for name in indices["output"].values]
     names = [str(name) for name in indices["parameter"].values]

@@ -33,6 +33,11 @@ def distributions(found: Sequence[xr.Dataset], names: Sequence[str], contact_tim
         Of the curves.
     contact_time
         Marked by a line, s.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure, which is neither shown nor written.
     """
     figure, axes = style.new_figure(style.MEDIUM, 2.9)
     for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
@@ -71,6 +76,11 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
         What `vibrosweep.analysis.decay.slot_decay` found.
     realization
         Which, by position.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure, which is neither shown nor written.
     """
     one = found.isel(realization=realization)
     separation = np.abs(one["separation"].values)

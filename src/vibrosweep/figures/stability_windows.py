@@ -42,6 +42,11 @@ def stability_windows(windows: xr.Dataset) -> Figure:
     windows
         Result of `vibrosweep.analysis.windows.find_windows`.
 
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure, which is neither shown nor written.
+
     Raises
     ------
     DataError

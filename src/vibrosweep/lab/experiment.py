@@ -128,7 +128,18 @@ class Trial(NamedTuple):
 
 
 def perform_trials(experiment: Experiment) -> list[Trial]:
-    """Record every repeat; the same experiment gives the same bits."""
+    """Record every repeat; the same experiment gives the same bits.
+
+    Parameters
+    ----------
+    experiment
+        The scene, its imperfections, and the camera that films it.
+
+    Returns
+    -------
+    list of Trial
+        For each repeat the tracks that the camera saw, and the landings and parameters behind them.
+    """
     beads, *repeats = np.random.SeedSequence(experiment.seed).spawn(experiment.repeats + 1)
     variation = experiment.variation
     drawn = np.random.default_rng(beads).standard_normal(experiment.particles)

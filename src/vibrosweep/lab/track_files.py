@@ -103,7 +103,24 @@ def tracks_from_frame(
 ) -> xr.Dataset:
     """Tracks from a `pandas.DataFrame` with columns time, particle, height or frame, particle, y.
 
-    The other parameters, the result and the errors are those of `read_tracks`.
+    Parameters
+    ----------
+    table
+        Times in s, or frames; heights in m or in a unit of `scale`.
+    frame_rate, scale, axis, base
+        As in `read_tracks`.
+    source
+        What messages call the table.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `make_tracks` returns it.
+
+    Raises
+    ------
+    TrackError
+        The table holds no tracks.
     """
     for name, value in (("frame_rate", frame_rate), ("scale", scale)):
         if value is not None and not (np.isfinite(value) and value > 0.0):

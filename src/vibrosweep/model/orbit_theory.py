@@ -75,12 +75,13 @@ def exponent_sum(restitution: ArrayLike, base: str = HIGH_BOUNCE) -> Array:
 
 
 def recognition_periods(restitution: ArrayLike, k: ArrayLike = 1, base: str = HIGH_BOUNCE) -> Array:
-    """Forcing periods in which an orbit locked to k periods returns bit for bit, 150 k / |ln p|.
+    """Forcing periods in which an orbit locked to k periods returns bit for bit.
 
-    Both multipliers have the modulus sqrt(p) over most of the window, where p is e, or e^2 on a
-    moving base.  From a distance of 1 to one rounding, 2^-53, it takes 2 * 53 ln 2 / |ln p|
-    impacts, and up to twice that until the anchors of the recogniser, whose ages double, have seen
-    it; none is seen before 64 impacts.  Infinite for e = 1, 0 for e = 0.
+    These are ``150 k / |ln p|``.  Both multipliers have the modulus sqrt(p) over most of the
+    window, where p is e, or e^2 on a moving base.  From a distance of 1 to one rounding, 2^-53, it
+    takes ``2 * 53 ln 2 / |ln p|`` impacts, and up to twice that until the anchors of the
+    recogniser, whose ages double, have seen it; none is seen before 64 impacts.  Infinite for
+    e = 1, 0 for e = 0.
 
     Parameters
     ----------
