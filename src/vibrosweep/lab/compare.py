@@ -60,8 +60,9 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
         Dims (case, quantity, reading): ``error`` in per cent, ``|measured - predicted| /
         measured``, the mean over the repeats, and what of it ``frames``, ``pixels`` and
         ``parameters`` explain by themselves (in per cent of the measured value); they add in
-        squares.  Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats, ``predicted`` (m, s).  Dim case:
-        ``particles``, ``repeats``, ``compared``, and the parameters used.
+        squares.  Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats,
+        ``predicted`` (m, s).  Dim case: ``particles``, ``repeats``, ``compared``, and the
+        parameters used.
 
     Raises
     ------
