@@ -20,7 +20,7 @@ from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import _step
-from vibrosweep.kernels.bases import constants, leave, parts, put
+from vibrosweep.kernels.bases import constants, fitted, leave, put
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.lanes import LANES as LANES_OF_KERNEL
 from vibrosweep.kernels.lanes import ROW
@@ -133,7 +133,7 @@ def passes(s, repetitions, base):
 def filled(ranges):
     """Scratch memory with a launch in every lane, and no end of the observation."""
     problem, s = dimensionless(RANGES[ranges](LANES_OF_KERNEL), 1.0), scratch()
-    ((base, _),) = parts(base_of("moving", "rest"), problem)
+    base = fitted(base_of("moving", "rest"), problem)
     rng = np.random.default_rng(1)
     for j in range(LANES_OF_KERNEL):
         fixed = constants(base, problem, j)

@@ -68,6 +68,10 @@ launch = [0.0, 0.125]
 MOVING = SPEC.replace(
     'duration = 3.0\nrebound = "rest"', 'duration_periods = 3.0\nbase = "moving"'
 ).replace("amplitude = [0.2, 3.5]", "base_acceleration = [0.2, 5.0]")
+SPRUNG = (
+    MOVING.replace('base = "moving"', 'base = "sprung"\nmass_ratio = 0.01\nmount_frequency = 1.5')
+    .replace("regimes = true\ntrust = true\ntolerance = 1e-9\n", "")
+)  # fmt: skip
 TABLE = "restitution,amplitude,frequency\n0.9,1.2,1.0\n0.8,0.4,2.0\n0.95,3.0,1.5\n"
 VALUES = (
     "0", "-1", "1e308", "-1e308", "1e-320", "nan", "inf", "-inf", "9" * 400, "9" * 5000, "2**3",
@@ -76,7 +80,7 @@ VALUES = (
     "[" * 2000, "{ start = 0.1, stop = 0.9, num = 3 }",
     "{ start = 0.1, stop = 0.9, num = 1000000 }",
     '"$(touch owned)"', "\"__import__('os').system('touch owned')\"", "1_0", "0x10", "1e400",
-    r'"\uD7FF\U0010FFFF"', r'"\u001b[2J"', '"moving"', '"reflect"',
+    r'"\uD7FF\U0010FFFF"', r'"\u001b[2J"', '"moving"', '"sprung"', '"reflect"',
     '"sobol"', '"latin"', '"grid"', '"table.csv"',
 )  # fmt: skip
 
@@ -215,7 +219,7 @@ def fuzz_specs(directory: Path, rng: np.random.Generator, number: int) -> Findin
     findings = Findings()
     (directory / "table.csv").write_text(TABLE)
     for _ in range(number):
-        data = spoilt_text(rng, MOVING if rng.random() < 0.5 else SPEC)
+        data = spoilt_text(rng, (SPEC, MOVING, SPRUNG)[rng.integers(3)])
         (directory / "sweep.toml").write_bytes(data)
         try_spec(directory, findings, data)
     return findings
