@@ -3,7 +3,7 @@
 import pytest
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import base_motion, moves, recoils
+from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.energy import energy_balance
 from vibrosweep.analysis.heights import heights_against_restitution
@@ -28,7 +28,6 @@ def test_a_sprung_base_moves_and_recoils():
         energy_balance,
         heights_against_restitution,
         slot_decay,
-        lambda record: base_motion(record, "crossings"),
     ],
 )
 def test_analyses_of_independent_particles(analysis):

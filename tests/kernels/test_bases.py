@@ -179,9 +179,7 @@ for kind in KINDS:
         numbers = [np.concatenate([np.ravel(part) for part in row]).tolist() for row in found]
         low = bases.lowest(base, problem)
         of_base = bases.lifts(base, problem).tolist(), None if low is None else low.tolist()
-        chosen = [np.arange(size) if which is None else which
-                  for _, which in bases.parts(base, problem)]
-        assert sorted(np.concatenate(chosen).tolist()) == list(range(size))
+        assert bases.fitted(base, problem) == base
         print(json.dumps([kind, numbers, room.tolist(), of_base]))
 """
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.kernels.advance import Options, advance
-from vibrosweep.kernels.bases import parts
+from vibrosweep.kernels.bases import fitted
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.kernels.statistics import empty_statistics, scratch
@@ -26,11 +26,9 @@ def problem(size, most, periods, seed=1, **fixed):
     return dimensionless(given, periods), launches("staggered", PARTICLES, given["frequency"])
 
 
-def streamed(base, scene, launch, budget=600_000, chosen=None, out=None):
-    size = scene.kick.size if chosen is None else chosen.size
-    total = size * PARTICLES
-    out = empty_statistics(total) if out is None else out
-    room, batch = scratch(), Batch(base, scene, launch, chosen)
+def streamed(base, scene, launch, budget=600_000):
+    total = scene.kick.size * PARTICLES
+    out, room, batch = empty_statistics(total), scratch(), Batch(base, scene, launch)
     options = Options(budget)
     lanes = advance((0, total, 0), batch, options, False, room, out, None, None)
     while lanes:
@@ -46,23 +44,11 @@ def same(one, other):
 def test_without_arcs_the_bits_are_the_same():
     scene, launch = problem(200, 1.0, 40.0)
     base = base_of("moving", "rest")
-    ((less, chosen),) = parts(base, scene)
+    less = fitted(base, scene)
     assert less.arcs is None
-    assert chosen is None
     assert same(streamed(base, scene, launch), streamed(less, scene, launch))
-
-
-def test_parts_of_a_batch_have_the_bits_of_the_whole():
-    scene, launch = problem(200, 2.0, 20.0)
-    base = base_of("moving", "rest")
-    (calm, gentle), (lifting, rest) = parts(base, scene)
-    assert calm.arcs is None
-    assert lifting == base
-    assert np.array_equal(np.sort(np.concatenate([gentle, rest])), np.arange(200))
-    whole, out = streamed(base, scene, launch), empty_statistics(200 * PARTICLES)
-    for one, chosen in ((calm, gentle), (lifting, rest)):
-        streamed(one, scene, launch, chosen=chosen, out=out)
-    assert same(whole, out)
+    lifting, _ = problem(200, 2.0, 40.0)
+    assert fitted(base, lifting) == base
 
 
 def test_passes_of_all_lanes_find_what_one_flight_after_another_finds():

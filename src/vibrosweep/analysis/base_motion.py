@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -33,8 +34,9 @@ Array = NDArray[np.float64]
 NEEDS: Final = ("restitution", "amplitude", "frequency", "phase")
 
 
-class BaseMotion(NamedTuple):
-    """Motion of the base of one realization.
+@dataclass(frozen=True)
+class BaseMotion:
+    """Motion of the base of one realization, which no particle changes.
 
     Attributes
     ----------
@@ -62,6 +64,11 @@ class BaseMotion(NamedTuple):
     def displacement(self) -> float:
         """Peak displacement, m."""
         return self.speed / (2.0 * np.pi * self.frequency)
+
+    @property
+    def reach(self) -> float:
+        """Largest distance from height 0, m."""
+        return self.displacement
 
     def _angle(self, time: ArrayLike) -> Array:
         return np.asarray(2.0 * np.pi * self.frequency * np.asarray(time) + self.phase)
@@ -127,21 +134,26 @@ def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:
     Parameters
     ----------
     one
-        A record without the dim realization.
+        A record without the dim realization, with all its particles.
     analysis
         What the user asked for, as an error message names it.
 
     Raises
     ------
     DataError
-        The base moves, and the record lacks a parameter of its motion, or particles move it.
+        The base moves, and the record lacks a parameter of its motion; or particles move the base,
+        and the record is not of all.
     """
-    refuse_recoil(one, analysis)
     if not moves(one):
         return BaseMotion(0.0, 1.0, 0.0)
     require(one, analysis, *NEEDS)
     e, amplitude, frequency, phase = (float(one[name]) for name in NEEDS)
-    return BaseMotion(amplitude / (1.0 + e), frequency, phase)
+    motion = BaseMotion(amplitude / (1.0 + e), frequency, phase)
+    if not recoils(one):
+        return motion
+    from vibrosweep.analysis.recoil import recoiling  # loads numba, which drawing does not
+
+    return recoiling(one, motion, analysis)
 
 
 def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:

@@ -17,7 +17,7 @@ from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance
-from vibrosweep.kernels.bases import parts
+from vibrosweep.kernels.bases import fitted
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
@@ -142,6 +142,8 @@ def statistics(
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
     windowed = observation.windowed  # loops over all launches
+    base = fitted(base_of(observation.base, observation.rebound), problem)
+    batch = Batch(base, problem, launch)
     options = Options(
         observation.budget,
         PERIODS_TO_RECUR,
@@ -149,24 +151,19 @@ def statistics(
         int(observation.skip),
     )
 
-    def stream(batch: Batch, size: int) -> None:
-        def begin() -> Callable[[int, int], None]:
-            room = scratch()
-            rests = None if cycles is None else empty_rests()
-            lanes = 0
+    def begin() -> Callable[[int, int], None]:
+        room = scratch()
+        rests = None if cycles is None else empty_rests()
+        lanes = 0
 
-            def task(first: int, last: int) -> None:
-                nonlocal lanes
-                span = (first, last, lanes)
-                lanes = advance(span, batch, options, windowed, room, each, cycles, rests)
+        def task(first: int, last: int) -> None:
+            nonlocal lanes
+            span = (first, last, lanes)
+            lanes = advance(span, batch, options, windowed, room, each, cycles, rests)
 
-            return task
+        return task
 
-        workers.stream(begin, size * observation.particles)
-
-    for base, chosen in parts(base_of(observation.base, observation.rebound), problem):
-        size = problem.kick.size if chosen is None else chosen.size
-        stream(Batch(base, problem, launch, chosen), size)
+    workers.stream(begin, total)
     return each
 
 

@@ -95,10 +95,9 @@ def height_time(
     """
     NEEDS.check("height_time", record)
     one = data.one_realization(record, realization)
-    shown = _shown(one, particles)
+    base, shown = base_motion(one, "height_time"), _shown(one, particles)
     one = one.isel(particle=shown)
     begin, stop = _window(one, until)
-    base = base_motion(one, "height_time")
     drawn = motions(one, base, stop)
     # A single particle needs less height: it is one curve
     figure, axes = style.new_figure(style.PAGE, 2.3 if len(shown) == 1 else 2.8)
@@ -108,9 +107,9 @@ def height_time(
     if mark_landings if mark_landings is not None else len(shown) == 1:
         _draw_landings(axes, drawn, colours, base)
     top = max((highest(motion, data.pick(one, "gravity")) for motion in drawn), default=0.0)
-    top = max(top, base.displacement) or 1.0
-    axes.set(xlim=(begin, stop), ylim=(-0.03 * top - base.displacement, 1.05 * top))
-    if base.displacement:
+    top = max(top, base.reach) or 1.0
+    axes.set(xlim=(begin, stop), ylim=(-0.03 * top - base.reach, 1.05 * top))
+    if base.reach:
         _draw_base(axes, base, begin, stop)
     axes.set(xlabel="time $t$ (s)", ylabel="height $y$ (m)")
     if 1 < len(shown) <= len(style.OKABE_ITO):
@@ -214,7 +213,7 @@ def _draw_rests(
     # Bars of many particles hide each other, and a single one's would hide its landings
     plain = not 1 < len(drawn) <= len(style.OKABE_ITO)
     stays = [(i, rest) for i, motion in enumerate(drawn) for rest in motion.rests]
-    times = [_sampled(base, *rest) if base.displacement else rest for _, rest in stays]
+    times = [_sampled(base, *rest) if base.reach else rest for _, rest in stays]
     of = [REST if plain else colours[i] for i, _ in stays]
     axes.add_collection(
         LineCollection(

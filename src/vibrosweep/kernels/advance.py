@@ -165,14 +165,6 @@ def _find_done(s: Floats, lanes: int, places: Integers) -> int:
 
 
 @jit
-def _realization(chosen: Integers | None, problem: Dimensionless, row: int) -> int:
-    """Realization in a row of those that are followed; beyond the end, the last one."""
-    if chosen is None:
-        return min(row, problem.kick.size - 1)
-    return int(chosen[min(row, chosen.size - 1)])
-
-
-@jit
 def _watch(base: Base, problem: Dimensionless, i: int) -> Watch:
     return Watch(
         constants(base, problem, i),
@@ -243,9 +235,8 @@ def advance(
     Parameters
     ----------
     span
-        Trajectories ``span[0] ... span[1] - 1`` are started, counted over the chosen realizations;
-        ``span[2]`` are in progress: 0, or the value returned by the previous call.  With none to
-        start, those in progress are finished.
+        Trajectories ``span[0] ... span[1] - 1`` are started; ``span[2]`` are in progress: 0, or the
+        value returned by the previous call.  With none to start, those in progress are finished.
     batch : vibrosweep.kernels.impact.Batch
     options : Options
     windowed
@@ -266,13 +257,12 @@ def advance(
     int
         Number of trajectories in progress.
     """
-    base, problem, launches, chosen = batch
+    base, problem, launches = batch
     budget = float(options.budget)
     first, last, lanes = span
     particles = launches.whole.shape[1]
-    row, p = first // particles, first % particles
-    i = _realization(chosen, problem, row)
-    watch = _watch(base, problem, i)
+    i, p = first // particles, first % particles
+    watch = _watch(base, problem, min(i, problem.kick.size - 1))
     patience = 0.0 if options.all_cycles == 1 else options.patience
     following = first
     places = np.arange(lanes, lanes + LANES)
@@ -281,7 +271,7 @@ def advance(
     while lanes > 0:
         fresh = min(done, last - following)
         for q in range(fresh):
-            lane = i * particles + p
+            lane = following + q
             if i < 0 or p < 0 or places[q] < 0:  # never, see `write`
                 return 0
             start = launch(launches, i, p, problem.phase[i])
@@ -289,9 +279,8 @@ def advance(
             expect(out, lane)
             p += 1
             if p == particles:
-                row, p = row + 1, 0
-                i = _realization(chosen, problem, row)
-                watch = _watch(base, problem, i)
+                i, p = i + 1, 0
+                watch = _watch(base, problem, min(i, problem.kick.size - 1))
         following += fresh
         lanes = _close_gaps(s, lanes, places, fresh, done)
         if lanes < LANES and first < last:

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels._jit import Integers, jit
+from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import (
     Base,
     Constants,
@@ -54,14 +54,11 @@ class Batch(NamedTuple):
     problem : vibrosweep.model.parameters.Dimensionless
     launches : vibrosweep.model.parameters.Launches
         Trajectory t of a batch is particle t % N of realization t // N.
-    chosen
-        The realizations that `vibrosweep.kernels.advance.advance` follows; None for all.
     """
 
     base: Base
     problem: Dimensionless
     launches: Launches
-    chosen: Integers | None = None
 
 
 class Impact(NamedTuple):

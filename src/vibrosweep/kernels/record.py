@@ -67,7 +67,7 @@ def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> No
     out : Record
         A trajectory with more landings than its capacity is cut off.
     """
-    base, problem, launches, _ = batch
+    base, problem, launches = batch
     particles = launches.whole.shape[1]
     for t in range(first, last):
         i, p = t // particles, t % particles

@@ -122,7 +122,7 @@ def separate(
     out : Separations
         Only the slots of these realizations are written.
     """
-    base, problem, launches, _ = batch
+    base, problem, launches = batch
     particles = launches.whole.shape[1]
     for i in range(span[0], span[1]):
         if not complete[i]:

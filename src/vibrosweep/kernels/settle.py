@@ -290,7 +290,7 @@ def settle(
     out : Orbits
         Only the slots first ... last - 1 are written.
     """
-    base, problem, launches, _ = batch
+    base, problem, launches = batch
     particles = launches.whole.shape[1]
     g = np.empty(growth.ROOM)
     judged, doubtful = -1, 0  # realization whose orbit with rests was judged, and the result

@@ -73,7 +73,7 @@ def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
 @kernel
 def _fill(batch: Batch, walk: Floats, frequency: float, velocity_unit: float, out: Record) -> bool:
     """Write the landings of particle p with the parameters of realization p; tell if all fit."""
-    base, problem, launches, _ = batch
+    base, problem, launches = batch
     for p in range(launches.whole.shape[1]):
         fixed = constants(base, problem, p)
         n, x = launch(launches, p, p, problem.phase[p])

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Floats, Integers, question
+from vibrosweep.kernels._jit import Floats, question
 from vibrosweep.model.parameters import Dimensionless
 
 __all__ = [
@@ -41,6 +41,7 @@ __all__ = [
     "counted",
     "counted_now",
     "density",
+    "fitted",
     "fixed_attracts",
     "fixed_holds",
     "fixed_residual",
@@ -53,7 +54,6 @@ __all__ = [
     "lifts",
     "lowest",
     "may_land",
-    "parts",
     "pending",
     "prepare",
     "put",
@@ -176,11 +176,8 @@ def counted_now(fixed: Constants, s: Floats, j: int, time: float, u_off: float) 
 
 
 @singledispatch
-def parts(base: Base, problem: Dimensionless) -> list[tuple[Base, Integers | None]]:
-    """Parts of a batch: its base without what they do not need, and their realizations.
-
-    None stands for all.  The results are the same as those of the base itself.
-    """
+def fitted(base: Base, problem: Dimensionless) -> Base:
+    """Return the base without what none of these realizations needs; the results are the same."""
     raise NotImplementedError
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import Floats, Integers, answer, jit
+from vibrosweep.kernels._jit import Floats, answer, jit
 from vibrosweep.kernels.bases import Counted, Flight, Jacobian, error_bounds
 from vibrosweep.kernels.bases.error_bounds import Spread
 from vibrosweep.kernels.lanes import ROW, STRIDE
@@ -150,9 +150,9 @@ def _(fixed: Constants, s: Floats, j: int, time: float, u_off: float) -> Counted
     return u_off, u_off, u_off
 
 
-@bases.parts.register(HighBounce)
-def _(base: HighBounce, problem: Dimensionless) -> list[tuple[HighBounce, Integers | None]]:
-    return [(base, None)]
+@bases.fitted.register(HighBounce)
+def _(base: HighBounce, problem: Dimensionless) -> HighBounce:
+    return base
 
 
 @bases.lowest.register(HighBounce)

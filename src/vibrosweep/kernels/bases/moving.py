@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import Floats, Integers, answer, fma, jit, wide_vectors
+from vibrosweep.kernels._jit import Floats, answer, fma, jit, wide_vectors
 from vibrosweep.kernels.bases import Counted, Flight
 from vibrosweep.kernels.bases.landing_search import (
     Clearance,
@@ -144,7 +144,7 @@ def _turn(base: Moving, s: Floats, lanes: int) -> None:
     """Compute how far the base turns until the time that is to be tried."""
     wide_vectors()
     for j in range(lanes):
-        s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j] = turn(s[ROW.REACHED + j])
+        s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.HALF + j] = turn(s[ROW.REACHED + j])
 
 
 @jit
@@ -153,8 +153,8 @@ def _look(base: Moving, s: Floats, lanes: int) -> None:
     wide_vectors()
     for j in range(lanes):
         begin = _begun(bases.take(base, s, j), s, j)
-        turned, lag, c = s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j]
-        clear = clearance(begin, s[ROW.REACHED + j], turned, lag, c)
+        turned, lag, half = s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.HALF + j]
+        clear = clearance(begin, s[ROW.REACHED + j], turned, lag, half)
         s[ROW.CLEAR + j] = clear.f
         s[ROW.CLEAR_SLOPE + j] = clear.f1
         s[ROW.SINE_THEN + j] = clear.sine
@@ -301,12 +301,9 @@ def _(base: Moving, problem: Dimensionless) -> NDArray[np.bool_]:
     return math.pi * (problem.kick / (1.0 + problem.restitution)) > 1.0
 
 
-@bases.parts.register(Moving)
-def _(base: Moving, problem: Dimensionless) -> list[tuple[Moving, Integers | None]]:
-    lifting, calm = bases.lifts(base, problem), base._replace(arcs=None)
-    if lifting.all() or not lifting.any():
-        return [(base if lifting.any() else calm, None)]
-    return [(calm, np.flatnonzero(~lifting)), (base, np.flatnonzero(lifting))]
+@bases.fitted.register(Moving)
+def _(base: Moving, problem: Dimensionless) -> Moving:
+    return base if bases.lifts(base, problem).any() else base._replace(arcs=None)
 
 
 @bases.lowest.register(Moving)

@@ -1,0 +1,120 @@
+"""How a base of finite mass moves under the particles of a record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from vibrosweep.analysis.base_motion import BaseMotion
+from vibrosweep.analysis.requirements import require
+from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.coupled import BaseTrack, base_track, count_coupled
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import DataError
+from vibrosweep.model.measures import Measures
+from vibrosweep.model.mount import SPRUNG
+from vibrosweep.model.parameters import MOUNT, PARAMETERS, STAGGERED
+from vibrosweep.model.status import Status
+from vibrosweep.model.times import Periods
+
+__all__ = ["Recoiling", "recoiling"]
+
+Array = NDArray[np.float64]
+
+NEEDS: Final = (*PARAMETERS, *MOUNT, "launch_time", "impact_count", "status", "duration")
+# In a forcing period, and altogether
+SAMPLES: Final = 64
+MOST_SAMPLES: Final = 100_000
+
+
+@dataclass(frozen=True)
+class Recoiling(BaseMotion):
+    """Motion of a base of finite mass; without particles it would be that of a `BaseMotion`.
+
+    Attributes
+    ----------
+    track
+        What its particles make of it.
+    begin, end
+        First launch, and end of the observation, s.
+    """
+
+    track: BaseTrack
+    begin: float
+    end: float
+
+    def velocity(self, time: ArrayLike) -> Array:
+        """Velocity, m s-1, at times in s of any shape; after an impact at that very instant."""
+        return self._at(time, 1)
+
+    def height(self, time: ArrayLike) -> Array:
+        """Height above that without particles at rest, m, at times in s of any shape."""
+        return self._at(time, 0)
+
+    @cached_property
+    def reach(self) -> float:
+        """Largest distance from height 0, of what is sampled, m."""
+        count = int(min(SAMPLES * self.frequency * (self.end - self.begin), MOST_SAMPLES)) + 2
+        return float(np.max(np.abs(self.height(np.linspace(self.begin, self.end, count)))))
+
+    def _at(self, time: ArrayLike, which: int) -> Array:
+        times = np.asarray(time, dtype=np.float64)
+        instants, places = np.unique(times[np.isfinite(times)], return_inverse=True)
+        found = super().velocity(times) if which else super().height(times)
+        followed = self.track.at(instants)[which][places]
+        # before the first launch nothing has disturbed it
+        found[np.isfinite(times)] = np.where(
+            np.isnan(followed), found[np.isfinite(times)], followed
+        )
+        return found
+
+
+def recoiling(one: xr.Dataset, alone: BaseMotion, analysis: str) -> Recoiling:
+    """Motion of the base of one realization of a record.
+
+    Parameters
+    ----------
+    one
+        A record without the dim realization, with all its particles.
+    alone
+        The motion without particles.
+    analysis
+        What the user asked for, as an error message names it.
+
+    Raises
+    ------
+    DataError
+        The record lacks a variable, or is not of all particles.
+    """
+    require(one, analysis, *NEEDS)
+    begin, end = float(one["launch_time"].min()), float(one["duration"])
+    return Recoiling(alone.speed, alone.frequency, alone.phase, _track(one, analysis), begin, end)
+
+
+def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
+    """Follow the particles of a record again, now with the base."""
+    parameters = {name: np.array([float(one[name])]) for name in (*PARAMETERS, *MOUNT)}
+    times = np.broadcast_to(one["launch_time"].values, one["impact_count"].shape)
+    listed = one.attrs.get("launch") != STAGGERED
+    periods = one.attrs.get("duration_periods")
+    landings, followed = one["impact_count"].values, np.all(one["status"] == Status.COMPLETED)
+    observation = record_observation(
+        landings.size,
+        tuple(times.tolist()) if listed else STAGGERED,
+        float(one["duration"]) if periods is None else Periods(float(periods)),
+        str(one.attrs["rebound"]),
+        Measures.impact_budget if followed else max(int(landings.max()), 1),
+        SPRUNG,
+    )
+    with Workers(1) as workers:
+        if not np.array_equal(count_coupled(parameters, observation, workers).landings, landings):
+            raise DataError(
+                f"{analysis}: the landings of the record cannot be repeated, as the motion of the "
+                f"base needs: use a record of all particles, computed by this version"
+            )
+        return base_track(parameters, observation, workers)
