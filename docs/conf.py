@@ -5,6 +5,7 @@ python -m sphinx -W --keep-going docs build/site
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import unescape
 
@@ -35,6 +36,7 @@ nitpicky = False
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
+os.environ["TQDM_DISABLE"] = "1"  # no progress bars in what tutorials print
 nb_execution_mode = "force"
 nb_execution_in_temp = True  # a tutorial leaves no file behind
 nb_execution_raise_on_error = True
