@@ -5,9 +5,10 @@ import sys
 
 import matplotlib as mpl
 import pytest
+import xarray as xr
 from PIL import Image
 
-from vibrosweep.cli import main
+from vibrosweep.api import open_sweep
 from vibrosweep.errors import OutputError
 from vibrosweep.figures import FIGURES, available, missing, save_all
 
@@ -60,9 +61,13 @@ def test_a_fixed_parameter_is_missing_not_an_error(twenty, make_sweep):
     assert set(missing(fixed, twenty)) == {"height_against_restitution", "parameter_plane"}
 
 
-def test_every_file_opens(sweep, twenty, tmp_path):
-    directory = tmp_path / "new" / "figures"
-    written = save_all(sweep, twenty, directory)
+@pytest.fixture(scope="module")
+def written(sweep, twenty, tmp_path_factory):
+    """The files of all figures, in a directory that was not there before."""
+    return save_all(sweep, twenty, tmp_path_factory.mktemp("some") / "new" / "figures")
+
+
+def test_every_file_opens(written):
     assert [path.name for path in written] == [
         f"{stem}.{kind}" for stem in STEMS for kind in ("png", "pdf")
     ]
@@ -76,21 +81,15 @@ def test_every_file_opens(sweep, twenty, tmp_path):
             assert path.read_bytes().startswith(b"%PDF")
 
 
-def test_the_same_data_give_the_same_files(sweep, twenty, tmp_path):
-    first = save_all(sweep, twenty, tmp_path / "first")
-    second = save_all(sweep, twenty, tmp_path / "second")
-    for one, other in zip(first, second, strict=True):
+def test_the_same_data_give_the_same_files(written, sweep, twenty, tmp_path):
+    again = save_all(sweep, twenty, tmp_path)
+    for one, other in zip(written, again, strict=True):
         assert one.read_bytes() == other.read_bytes(), one.name
 
 
-def test_only_what_is_available_is_written(sweep, tmp_path):
-    names = {path.name for path in save_all(sweep, None, tmp_path) if path.suffix == ".png"}
-    assert names == {
-        "fig3_height_against_restitution.png",
-        "separation_distribution.png",
-        "parameter_plane.png",
-    }
-    assert save_all(None, None, tmp_path) == []
+def test_without_data_nothing_is_written(tmp_path):
+    assert save_all(None, None, tmp_path / "new") == []
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_directory_that_cannot_be_made_is_named(sweep, tmp_path):
@@ -100,10 +99,15 @@ def test_a_directory_that_cannot_be_made_is_named(sweep, tmp_path):
         save_all(sweep, None, occupied)
 
 
-def test_a_file_that_cannot_be_written_is_named(sweep, tmp_path):
+def test_only_what_is_available_is_written_and_a_file_that_cannot_be_is_named(sweep, tmp_path):
     (tmp_path / "parameter_plane.png").mkdir()
     with pytest.raises(OutputError, match=r"parameter_plane\.png: .*another place"):
         save_all(sweep, None, tmp_path)
+    assert {path.name for path in tmp_path.glob("*.png")} == {
+        "fig3_height_against_restitution.png",
+        "separation_distribution.png",
+        "parameter_plane.png",
+    }
 
 
 def test_the_callers_style_is_neither_used_nor_changed(sweep):
@@ -122,7 +126,13 @@ def test_importing_is_cheap():
 
 
 @pytest.mark.parametrize("scene", ["duration = 0.1", "launch_velocity = 1e30"])
-def test_a_result_without_separations_or_with_huge_heights_has_figures(compute, tmp_path, scene):
+def test_a_result_without_separations_or_with_huge_heights_has_figures(compute, scene):
     sample = '[sample]\ndesign = "grid"\nrestitution = [0.5, 0.9]\n[measure]\nseparation = true\n'
     path = compute(f"[scene]\nparticles = 3\n{scene}\n{sample}[record]\nrestitution = 0.9\n")
-    assert main(["figures", str(path), "-o", str(tmp_path / "figures")]) == 0
+    with open_sweep(path) as sweep, xr.open_dataset(path, group="record") as record:
+        names = available(sweep, record)
+        assert {"separation_distribution", "parameter_plane", "height_time"} <= set(names)
+        for name in names:
+            one = FIGURES[name]
+            figure = one.draw(record if one.source == "record" else sweep)
+            figure.draw_without_rendering()

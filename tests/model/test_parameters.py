@@ -22,6 +22,7 @@ from vibrosweep.model.parameters import (
     mounts,
     representable,
 )
+from vibrosweep.model.times import Periods
 
 
 def turns_off(count, phase, exact):
@@ -51,6 +52,19 @@ def test_table_1_in_dimensionless_form(parameters):
     assert problem.rest_flight[0] == 1e-4
     assert (problem.end_count[0], problem.end_phase[0]) == (12.0, 0.0)
     assert (problem.begin_count[0], problem.begin_phase[0]) == (0.0, 0.0)
+
+
+def test_the_arrays_of_kernels_have_one_layout(parameters):
+    """Kernels are compiled for each layout that they meet, which takes seconds."""
+    given = parameters()
+    columns = np.stack([np.repeat(values, 3) for values in given.values()], axis=1)
+    strided = dict(zip(given, columns.T, strict=True))
+    repeated = {name: np.broadcast_to(values[0], 3) for name, values in given.items()}
+    for passed in (strided, repeated):
+        for values in dimensionless(passed, Periods(2.0), 0.5):
+            assert values.shape == (3,)
+            assert values.flags.c_contiguous
+            assert values.flags.writeable
 
 
 def test_dimensionless_form_is_that_of_exact_arithmetic(random_scenes):

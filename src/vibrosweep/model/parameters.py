@@ -235,7 +235,8 @@ def dimensionless(
     else:
         begin_count, begin_phase = np.full_like(turns, amount(transient)), np.zeros_like(turns)
     return Dimensionless(
-        restitution=parameters["restitution"],
+        # a copy: kernels are compiled anew for arrays that are read-only or not contiguous
+        restitution=np.array(parameters["restitution"]),
         kick=kick,
         launch_flight=per_velocity * parameters["launch_velocity"],
         rest_flight=rest_flight,
