@@ -21,6 +21,7 @@ from vibrosweep.analysis.windows import (
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model import theory
+from vibrosweep.model.forcing import FORCINGS
 
 MODES = (1, 2, 3, 4)
 PI = Fraction("3.14159265358979323846264338327950288419716939937510582097494459")
@@ -48,6 +49,38 @@ def test_gravity_and_the_reflect_law_give_the_same_locked_windows_of_positive_ki
     lower, upper = (end(1, 0.8, 1.0, 1.62) for end in (theory.amplitude_min, theory.amplitude_max))
     assert found["A_min"].item() == pytest.approx(lower, rel=1e-8)
     assert found["A_max"].item() == pytest.approx(upper, rel=1e-8)
+
+
+@pytest.mark.parametrize(("base", "frequency"), [("high-bounce", 1.0), ("moving", 17.0)])
+@pytest.mark.parametrize("forcing", ["base_velocity", "base_displacement", "base_acceleration"])
+def test_any_forcing_can_be_scanned(forcing, base, frequency):
+    e, omega = np.array([0.5, 0.8, 0.95]), 2.0 * np.pi * frequency
+    scale = {"base_displacement": 1.0 / omega, "base_acceleration": omega / 9.81}.get(forcing, 1.0)
+    scan = np.linspace(0.01, 4.0, 20) * scale / frequency
+    scene = Scene(base=base, frequency=frequency)
+    options = {"forcing": forcing, "tolerance": 1e-13}
+    found = find_windows(scene, e, scan, ["locked(1)"], **options).squeeze()
+    symbol, units = FORCINGS[forcing].symbol, FORCINGS[forcing].units
+    assert found.attrs["forcing"] == forcing
+    assert (found["window_count"] == 1).all()
+    for name, end in (
+        ("min", theory.amplitude_min(1, e, frequency)),
+        ("max", theory.amplitude_max(1, e, frequency, base=base)),
+    ):
+        one = found[f"{symbol}_{name}"]
+        assert one.attrs["units"] == units
+        assert one.values == pytest.approx(end * scale / (1.0 + e), rel=1e-13)
+
+
+def test_a_condition_of_launches_holds_for_the_same_base_however_it_is_said():
+    scene = Scene(particles=3, duration=200.0)
+    scan = np.linspace(0.2, 3.0, 15)
+    amplitude = find_windows(scene, [0.9], scan, ["separated"], continuation=False)
+    velocity = find_windows(scene, [0.9], scan / 1.9, ["separated"], forcing="base_velocity")
+    assert velocity["window_count"].item() == amplitude["window_count"].item() > 0
+    for end in ("min", "max"):
+        said, other = velocity[f"V0_{end}"].values, amplitude[f"A_{end}"].values
+        np.testing.assert_allclose(1.9 * said, other, rtol=1e-8)
 
 
 def exact_window(k, e, frequency, gravity, sign=1, base="high-bounce"):

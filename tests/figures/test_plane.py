@@ -59,7 +59,7 @@ def test_the_curves_are_those_of_the_base_and_of_its_acceleration(base):
         chosen = {"base": base} if is_upper else {}
         for f, g in ((1.0, 9.81), (20.0, 3.7)):
             amplitudes = window_curves(*view, Forcing("A", base, f, g), [2])
-            accelerations = window_curves(*view, Forcing("G", base, is_acceleration=True), [2])
+            accelerations = window_curves(*view, Forcing("G", base, name="base_acceleration"), [2])
             (one,) = [c for c in accelerations if c.is_upper == is_upper]
             gamma = end(2, one.restitution, f, g, **chosen) * 2.0 * np.pi * f / g
             np.testing.assert_allclose(one.forcing, gamma / (1.0 + one.restitution), rtol=1e-14)

@@ -54,6 +54,25 @@ def test_a_dataset_without_windows_is_refused(windows):
         stability_windows(windows.drop_vars("A_min"))
 
 
+def test_windows_of_another_forcing_have_its_axis_and_curves():
+    scene, scan = Scene(base="moving"), np.linspace(0.1, 2.0, 8)
+    found = find_windows(scene, [0.7, 0.8, 0.9], scan, ["locked(1)"], forcing="base_acceleration")
+    (axes,) = stability_windows(found).axes
+    assert r"$\Gamma$" in axes.get_ylabel()
+    tops = [bar.get_y() + bar.get_height() for bar in axes.patches]
+    assert sorted(tops) == pytest.approx(sorted(found["Gamma_max"].values.ravel()))
+    upper = axes.lines[-1]
+    e = upper.get_xdata()
+    exact = theory.amplitude_max(1, e, base="moving") * 2.0 * np.pi / (9.81 * (1.0 + e))
+    assert upper.get_ydata() == pytest.approx(exact, rel=1e-12)
+
+
+def test_curves_of_the_reflect_law_are_said_to_be_of_one_orbit():
+    found = find_windows(Scene(rebound="reflect"), [0.8], [0.5, 1.0, 4.0], ["locked(1)"])
+    (axes,) = stability_windows(found).axes
+    assert "curves: orbits that are not turned back" in axes.get_legend().get_title().get_text()
+
+
 def heights_of(axes):
     return [(bar.get_y(), bar.get_y() + bar.get_height()) for bar in axes.patches]
 

@@ -1,4 +1,4 @@
-"""Conditions evaluated at points of the plane of restitution and amplitude, in batches."""
+"""Conditions evaluated at points of the plane of restitution and forcing, in batches."""
 
 from __future__ import annotations
 
@@ -49,6 +49,7 @@ __all__ = [
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 States = NDArray[np.float64]
+Points = dict[str, Array]  # restitution, and the forcing by its name, each of shape (point,)
 
 FAILS, HOLDS = 0, 1  # codes of points
 STATES: Final = 3  # of a fixed orbit
@@ -76,18 +77,15 @@ def _dataset(scene: Scene, parameters: dict[str, Array], measured: dict[str, Any
     )
 
 
-def locked(
-    scene: Scene, condition: Locked, restitution: Array, amplitude: Array, workers: Workers
-) -> Codes:
+def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) -> Codes:
     """Tell whether the fixed orbits are absent, attract or repel at each point; shape (point,).
 
     The `reflect` law may have two, one of which is turned back at every impact.  The code is that
-    of the pair of their states.  Along the amplitude each of them is absent, attracts and repels in
+    of the pair of their states.  Along the forcing each of them is absent, attracts and repels in
     this order, so that no code occurs twice: where two points have the same one, nothing hides
     between them.
     """
-    parameters = scene.parameters(restitution=restitution, amplitude=amplitude)
-    problem = dimensionless(parameters, scene.end)
+    problem = dimensionless(scene.parameters(**points), scene.end)
     k = np.full(problem.kick.size, condition.k)
     base = base_of(scene.base, scene.rebound)
 
@@ -104,16 +102,14 @@ def locked(
     return straight + STATES * state(-1.0) if may_push_back(scene.rebound) else straight
 
 
-def launched(
-    scene: Scene, condition: Condition, restitution: Array, amplitude: Array, workers: Workers
-) -> Codes:
+def launched(scene: Scene, condition: Condition, points: Points, workers: Workers) -> Codes:
     """Whether a condition holds for the scene's launches at each point; shape (point,)."""
     observation = scene.observation(**condition.measures)
     size = max(1, TRAJECTORIES_AT_A_TIME // scene.particles)
     held = []
-    for start in range(0, restitution.size, size):
-        piece = slice(start, start + size)
-        parameters = scene.parameters(restitution=restitution[piece], amplitude=amplitude[piece])
+    for start in range(0, points["restitution"].size, size):
+        piece = {name: values[start : start + size] for name, values in points.items()}
+        parameters = scene.parameters(**piece)
         measured = measure(parameters, observation, workers)
         held.append(condition.judge(_dataset(scene, parameters, measured)))
     return _codes(np.concatenate(held))
@@ -201,8 +197,7 @@ def settle_from(
 def continued(
     scene: Scene,
     condition: Condition,
-    restitution: Array,
-    amplitude: Array,
+    points: Points,
     states: States,
     workers: Workers,
 ) -> tuple[Codes, States]:
@@ -213,7 +208,7 @@ def continued(
     ParameterError
         The condition is about launches, which a continued orbit has left behind.
     """
-    parameters = scene.parameters(restitution=restitution, amplitude=amplitude)
+    parameters = scene.parameters(**points)
     orbits = settle_from(scene, parameters, states, workers)
     measured = orbit_variables(orbits, parameters["frequency"])
     del measured["recurrent_from"]  # counts from the last point, not from the launch
@@ -221,7 +216,7 @@ def continued(
     if lacking:
         raise ParameterError(
             f"condition {condition.name} reads {lacking[0]}, which follows from the launches: it "
-            f"cannot be continued along the amplitude; leave continuation out for it"
+            f"cannot be continued along the forcing; leave continuation out for it"
         )
     held = condition.judge(_dataset(scene, parameters, measured))
     return _codes(held), reached(orbits, scene.particles)

@@ -267,8 +267,6 @@ def grid_axes(
     if spec.design != "grid" or needed not in axes or other:
         wrong = f"sample.{other[0]}" if other else f'sample.design = "{spec.design}"'
         also = f" and, if need be, of {' or '.join(allowed)}" if allowed else " and no other"
-        if needed == "amplitude" and not FORCINGS.keys().isdisjoint(other):
-            also += "; give the forcing as amplitude = (1 + restitution) base_velocity"
         grid = 'design = "grid" with an axis of' if spec.source else "a list of values for"
         raise spec.refusal(f"{wrong}: {purpose} need {grid} {needed}{also}")
     return axes

@@ -1,6 +1,6 @@
-"""Stability windows: the intervals of amplitude in which a condition holds, for each restitution.
+"""Stability windows: the intervals of the forcing in which a condition holds, for each restitution.
 
-A coarse scan over the amplitude finds between which of its points a condition begins or ceases to
+A coarse scan over the forcing finds between which of its points a condition begins or ceases to
 hold; all these edges, of all restitutions, are then bisected together.  What hides between two
 neighbouring points of the scan, a window narrower than its step, is not seen: the scan is the
 resolution.  Locked orbits are the exception, for a scan also sees where they exist without being
@@ -10,7 +10,7 @@ stable: every window of theirs that is wider than the tolerance is found.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -23,7 +23,8 @@ from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import END_ERROR
-from vibrosweep.model.forcing import FORCINGS
+from vibrosweep.kernels.rounding import HALF_ULP
+from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of, refuse_large
 from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs.driver import thread_count
@@ -48,6 +49,9 @@ TOLERANCE: Final = 1e-9
 FRESH: Final = ("launch",)
 DIRECTIONS: Final = ("up", "down")
 FINEST: Final = 1e-14
+# Relative error of the amplitude that `model.forcing.completed` makes of another forcing: at most
+# six roundings, with that of pi
+FORCING_ERROR: Final = 6.0 * HALF_ULP
 BYTES_PER_POINT: Final = 200
 BYTES_PER_STATE: Final = 16  # that a continued particle has at a point
 NO_WINDOW: Final = -1
@@ -71,14 +75,15 @@ ENDS: Final = Variable(
 def find_windows(
     scene: Scene,
     restitution: ArrayLike,
-    amplitude: ArrayLike,
+    scan: ArrayLike,
     conditions: Sequence[str | Condition | Locked],
     *,
+    forcing: str = AMPLITUDE,
     continuation: bool = False,
     tolerance: float = TOLERANCE,
     threads: int | None = None,
 ) -> xr.Dataset:
-    """Intervals of amplitude in which conditions hold, for every restitution.
+    """Intervals of the forcing in which conditions hold, for every restitution.
 
     Parameters
     ----------
@@ -86,12 +91,15 @@ def find_windows(
         All other parameters, launches and the observation.
     restitution
         Values, shape (restitution,).
-    amplitude
-        Points of the coarse scan in m s-1, ascending, at least two.
+    scan
+        Points of the coarse scan, ascending, at least two.
     conditions
         Names as in `conditions.NAMES`, or conditions of one's own.
+    forcing
+        What is scanned: ``"amplitude"`` (m s-1), ``"base_velocity"`` (m s-1),
+        ``"base_displacement"`` (m) or ``"base_acceleration"`` (in units of gravity).
     continuation
-        Whether orbits go on along the amplitude from the last one, upwards and downwards, instead
+        Whether orbits go on along the scan from the last one, upwards and downwards, instead
         of being launched anew at every point: coexisting and hysteretic windows then show as
         differences between the directions.
     tolerance
@@ -103,9 +111,10 @@ def find_windows(
     Returns
     -------
     xarray.Dataset
-        Dims (condition, direction, restitution, window): ``A_min`` and ``A_max`` (m s-1), the
-        middles of brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window
-        reaches the end of the scan, which is no edge of it, and past the last window;
+        Dims (condition, direction, restitution, window): ``A_min`` and ``A_max``, the middles of
+        brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window reaches the
+        end of the scan, which is no edge of it, and past the last window; their names begin with
+        the symbol of what is scanned: ``A``, ``V0``, ``B`` or ``Gamma``;
         ``window_ends``, which of its ends are so open, -1 past the last window.  Dims (condition,
         direction, restitution): ``window_count`` and ``widest``, the index of the window that
         covers most of the scan, -1 without any.
@@ -116,9 +125,13 @@ def find_windows(
         A value is outside its range, a condition cannot be continued, or the points of the scan do
         not fit into memory.
     """
-    e, a = axis("restitution", restitution), axis("amplitude", amplitude)
+    if forcing not in FORCINGS:
+        raise ParameterError(f"forcing = {forcing!r}: must be one of {', '.join(FORCINGS)}")
+    e, a = axis("restitution", restitution), axis(forcing, scan)
     if a.size < 2 or not np.all(np.diff(a) > 0.0):
-        raise ParameterError("amplitude: must be at least two values in ascending order")
+        raise ParameterError(f"{forcing}: must be at least two values in ascending order")
+    largest = {"restitution": np.array([e.max()]), forcing: a[-1:]}
+    refuse_large(scene.quantities(**largest), forcing)
     if not FINEST <= tolerance < 1.0:
         raise ParameterError(f"tolerance = {tolerance!r}: must be at least {FINEST} and below 1")
     if not conditions:
@@ -129,12 +142,13 @@ def find_windows(
     require_memory("points of the scan", e.size * a.size, BYTES_PER_POINT + states)
     with Workers(thread_count(threads)) as workers:
         found = [
-            _windows(scene, condition, e, a, direction, tolerance, workers)
+            _windows(scene, condition, Scan(forcing, e, a), direction, tolerance, workers)
             for condition in chosen
             for direction in directions
         ]
     table = _table(found, (len(chosen), len(directions), e.size))
-    return _dataset(scene, chosen, directions, e, a, tolerance, table)
+    dataset = _dataset(scene, chosen, directions, Scan(forcing, e, a), table)
+    return dataset.assign_attrs(tolerance=tolerance)
 
 
 def recognises_orbits(spec: SweepSpec) -> bool:
@@ -153,7 +167,7 @@ def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
     ------
     SpecError
         The file has no such section, a condition is not known, or the design is no grid over
-        restitution and amplitude alone.
+        restitution and a forcing alone.
     """
     if spec.windows is None:
         raise spec.refusal(
@@ -163,12 +177,14 @@ def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
         conditions = [named(name) for name in spec.windows.conditions]
     except ParameterError as error:
         raise spec.refusal(f"windows.conditions: {error}") from error
-    axes = grid_axes(spec, "windows", "amplitude", ("restitution",))
+    forcing = forcing_of(spec.sampled)
+    axes = grid_axes(spec, "windows", forcing, ("restitution",))
     return find_windows(
         Scene.of(spec),
         axes.get("restitution", spec.fixed.get("restitution", ())),
-        axes["amplitude"],
+        axes[forcing],
         conditions,
+        forcing=forcing,
         continuation=spec.windows.continuation,
         tolerance=spec.windows.tolerance,
         threads=threads,
@@ -178,13 +194,15 @@ def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
 def summary(windows: xr.Dataset) -> Iterator[str]:
     """Say in a line for each condition and direction where there are windows, if anywhere."""
     first, last = windows["scan"].values[[0, -1]]
+    units = FORCINGS[windows.attrs["forcing"]].units
+    unit = "" if units == "1" else f" {units}"
     for condition in windows["condition"].values:
         for direction in windows["direction"].values:
             one = windows.sel(condition=condition, direction=direction)
             count, ends = one["window_count"].values, one[ENDS.name].values
             name = condition if direction in FRESH else f"{condition} {direction}"
             if not count.any():
-                yield f"{name:24}no window was found from {first:g} to {last:g} m s-1"
+                yield f"{name:24}no window was found from {first:g} to {last:g}{unit}"
                 continue
             number = np.count_nonzero(ends > 0)
             reach = f"; {number} of {count.sum()} reach the end of the scan" if number else ""
@@ -197,29 +215,49 @@ def summary(windows: xr.Dataset) -> Iterator[str]:
 Row = list[tuple[float, float, float, float]]
 
 
+class Scan(NamedTuple):
+    """What is scanned.
+
+    Attributes
+    ----------
+    forcing
+        Name, one of `FORCINGS`.
+    restitution
+        For each of which it is scanned; shape (restitution,).
+    values
+        Points of the coarse scan, shape (scan,).
+    """
+
+    forcing: str
+    restitution: Array
+    values: Array
+
+
 def _windows(
     scene: Scene,
     condition: Condition | Locked,
-    e: Array,
-    a: Array,
+    scan: Scan,
     direction: str,
     tolerance: float,
     workers: Workers,
 ) -> list[Row]:
     """Windows of one condition in one direction, a list for each restitution."""
+    forcing, e, a = scan
 
     def judge(rows: Codes, at: Array, states: Array) -> tuple[Codes, Array]:
+        points = {"restitution": e[rows], forcing: at}
         if isinstance(condition, Locked):
-            return evaluate.locked(scene, condition, e[rows], at, workers), states
+            return evaluate.locked(scene, condition, points, workers), states
         if direction in FRESH:
-            return evaluate.launched(scene, condition, e[rows], at, workers), states
-        return evaluate.continued(scene, condition, e[rows], at, states, workers)
+            return evaluate.launched(scene, condition, points, workers), states
+        return evaluate.continued(scene, condition, points, states, workers)
 
     fresh = isinstance(condition, Locked) or direction in FRESH
     upward = direction != DIRECTIONS[1]
-    first = scene.parameters(restitution=e, amplitude=np.full(e.size, a[0 if upward else -1]))
-    start = None if fresh else evaluate.launch_states(scene, first)
-    error = END_ERROR if isinstance(condition, Locked) else 0.0
+    first = {"restitution": e, forcing: np.full(e.size, a[0 if upward else -1])}
+    start = None if fresh else evaluate.launch_states(scene, scene.parameters(**first))
+    error = END_ERROR + (FORCING_ERROR if forcing != AMPLITUDE else 0.0)
+    error = error if isinstance(condition, Locked) else 0.0
     width = tolerance - 2.0 * error  # so that the brackets keep to the tolerance with the error
     codes, edges = find_edges(judge, e.size, a, width, start=start, upward=upward)
     edges = edges._replace(low=edges.low * (1.0 - error), high=edges.high * (1.0 + error))
@@ -247,12 +285,11 @@ def _dataset(
     scene: Scene,
     conditions: list[Condition | Locked],
     directions: Sequence[str],
-    e: Array,
-    a: Array,
-    tolerance: float,
+    scan: Scan,
     table: Array,
 ) -> xr.Dataset:
-    dims = ENDS.dims
+    (forcing, e, a), dims = scan, ENDS.dims
+    symbol = FORCINGS[forcing].symbol
     lower, upper, lower_bracket, upper_bracket, ends = table
     count = np.count_nonzero(ends != NO_WINDOW, axis=-1)
     top, bottom = np.where(np.isnan(upper), a[-1], upper), np.where(np.isnan(lower), a[0], lower)
@@ -260,10 +297,15 @@ def _dataset(
     widest = np.where(count > 0, np.argmax(covered, axis=-1), -1)
     comment = "-1 without any; an open end counts as the end of the scan"
     data: dict[str, Any] = {
-        "A_min": (dims, lower, _attributes("lower end of the window")),
-        "A_max": (dims, upper, _attributes("upper end of the window")),
-        "A_min_bracket": (dims, lower_bracket, _attributes("width of the lower bracket")),
-        "A_max_bracket": (dims, upper_bracket, _attributes("width of the upper bracket")),
+        f"{symbol}_{name}": (dims, values, _attributes(words, FORCINGS[forcing].units))
+        for name, values, words in (
+            ("min", lower, "lower end of the window"),
+            ("max", upper, "upper end of the window"),
+            ("min_bracket", lower_bracket, "width of the lower bracket"),
+            ("max_bracket", upper_bracket, "width of the upper bracket"),
+        )
+    }
+    data |= {
         ENDS.name: (dims, ends.astype(np.int8), ENDS.attributes),
         "window_count": (dims[:-1], count, {"units": "1", "long_name": "number of windows"}),
         "widest": (
@@ -272,32 +314,28 @@ def _dataset(
             {"units": "1", "long_name": "index of the widest window", "comment": comment},
         ),
     }
-    every = scene.quantities(restitution=np.repeat(e, a.size), amplitude=np.tile(a, e.size))
-    scan = {
-        **coordinate_attributes(PARAMETERS["amplitude"]),
+    every = scene.quantities(restitution=np.repeat(e, a.size), **{forcing: np.tile(a, e.size)})
+    words = {
+        **coordinate_attributes(FORCINGS[forcing]),
         "comment": "points of the coarse scan",
     }
     coordinates = {
         "condition": [condition.name for condition in conditions],
         "direction": list(directions),
         "restitution": (("restitution",), e, coordinate_attributes(PARAMETERS["restitution"])),
-        "scan": (("scan",), a, scan),
+        "scan": (("scan",), a, words),
         "base_acceleration": (
             ("restitution", "scan"),
             every["base_acceleration"].reshape(e.size, a.size),
             coordinate_attributes(FORCINGS["base_acceleration"]),
         ),
-        **scene.coordinates(("restitution", "amplitude")),
+        **scene.coordinates(("restitution", forcing)),
     }
     meanings = "; ".join(f"{c.name}: {c.sentence}" for c in conditions if c.sentence)
-    attributes = scene.attributes("Intervals of amplitude in which conditions hold")
-    return xr.Dataset(
-        data,
-        coordinates,
-        {**attributes, "forcing": "amplitude", "tolerance": tolerance, "meaning": meanings},
-    )
+    attributes = scene.attributes("Intervals of the forcing in which conditions hold")
+    return xr.Dataset(data, coordinates, {**attributes, "forcing": forcing, "meaning": meanings})
 
 
-def _attributes(long_name: str) -> dict[str, str]:
+def _attributes(long_name: str, units: str) -> dict[str, str]:
     comment = "NaN where the window reaches the end of the scan, which is no edge of it"
-    return {"units": "m s-1", "long_name": long_name, "comment": comment}
+    return {"units": units, "long_name": long_name, "comment": comment}

@@ -34,7 +34,7 @@ SOBOL_SAMPLE = 1024
 def windows(
     spec: Asked | None = None, /, *, threads: int | None = None, **keywords: Any
 ) -> xr.Dataset:
-    """Find the intervals of amplitude in which conditions hold, for every restitution.
+    """Find the intervals of the forcing in which conditions hold, for every restitution.
 
     Parameters
     ----------
@@ -45,15 +45,15 @@ def windows(
     **keywords
         Those of `vibrosweep.sweep`; and
 
-        amplitude
-            Points of the coarse scan in m s-1, a list of two or more.
+        amplitude, base_velocity, base_displacement, base_acceleration
+            One of them: points of the coarse scan (m s-1, m s-1, m, 1), a list of two or more.
         restitution
             A number or a list.
         conditions
             A list of ``"locked(k)"``, ``"ordered"``, ``"periodic"``, ``"separated"``,
             ``"collision_free"`` and ``"regular"``; by default ``["locked(1)"]``.
         continuation
-            Whether orbits go on along the amplitude, up and down, instead of being launched anew at
+            Whether orbits go on along the scan, up and down, instead of being launched anew at
             every point; False by default.
         tolerance
             Largest width of the bracket around an end, relative to it; 1e-9 by default.
@@ -64,7 +64,8 @@ def windows(
         Dims (condition, direction, restitution, window): ``A_min`` and ``A_max`` (m s-1), the
         middles of brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window
         reaches the end of the scan and past the last window; ``window_ends``, which of its ends are
-        so open.  Dims (condition, direction, restitution): ``window_count`` and ``widest``, the
+        so open.  Names begin with the symbol of what is scanned: ``A``, ``V0``, ``B``, ``Gamma``.
+        Dims (condition, direction, restitution): ``window_count`` and ``widest``, the
         index of the widest window, -1 without any.
 
     Raises

@@ -10,12 +10,12 @@ from vibrosweep.commands.picture import add_common, produce
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
 NAME: Final = "windows"
-HELP: Final = "find the intervals of amplitude in which conditions hold"
+HELP: Final = "find the intervals of the forcing in which conditions hold"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    add_common(parser, "a grid over amplitude, with [windows]")
+    add_common(parser, "a grid over the forcing, with [windows]")
 
 
 def perform(options: argparse.Namespace) -> None:

@@ -89,8 +89,8 @@ def warm_up() -> Compiled:
                 measure(scene, replace(endless, measures=asked), workers)
                 measure(scene, longer.measuring(transient=transient), workers)
         for base, rebound in ways:
-            point = np.array([0.9]), np.array([1.2])
-            locked(Scene(base=base, rebound=rebound), Locked(1), *point, workers)
+            point = {"restitution": np.array([0.9]), "amplitude": np.array([1.2])}
+            locked(Scene(base=base, rebound=rebound), Locked(1), point, workers)
     made = sum(sum(kernel.stats.cache_misses.values()) for kernel in KERNELS)
     kept = sum(sum(kernel.stats.cache_hits.values()) for kernel in KERNELS)
     return Compiled(made, kept, _jit.cache_directory)

@@ -87,7 +87,8 @@ class Needs:
         """Say what is missing and what would supply it; None if the figure can be drawn."""
         absent = [name for name in self.variables if name not in dataset.variables]
         if absent:
-            return f"the variable {' and '.join(absent)}: {remedy(absent[0])}"
+            noun = "variable" if len(absent) == 1 else "variables"
+            return f"the {noun} {' and '.join(absent)}: {remedy(absent[0])}"
         if self.one_of and not any(name in dataset.variables for name in self.one_of):
             return f"the variable {' or '.join(self.one_of)}: {remedy(self.one_of[0])}"
         for name in self.varied:

@@ -81,7 +81,7 @@ def _vertical(sweep: xr.Dataset) -> tuple[Forcing, Array, str]:
         return Forcing("a", base), data.kick(sweep), "kick $a = 2 f A / g$"
     values, label = data.quantity(sweep, name), data.label(sweep, name)
     if name == data.ACCELERATION:
-        return Forcing(data.SYMBOLS[name], base, is_acceleration=True), values, label
+        return Forcing(data.SYMBOLS[name], base, name=name), values, label
     frequency, gravity = (float(data.quantity(sweep, n)[0]) for n in ("frequency", "gravity"))
     return Forcing("A", base, frequency, gravity), values, label
 

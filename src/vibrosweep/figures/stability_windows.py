@@ -14,13 +14,14 @@ from vibrosweep.analysis.base_motion import base_name, moves
 from vibrosweep.figures import data, style
 from vibrosweep.figures.data import Array
 from vibrosweep.figures.window_curves import MODES, Forcing, draw_windows
+from vibrosweep.model.forcing import FORCINGS
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["NEEDS", "stability_windows"]
 
-NEEDS: Final = data.Needs(("A_min", "A_max", "window_ends", "restitution", "frequency", "gravity"))
+NEEDS: Final = ("window_ends", "restitution", "scan", "frequency", "gravity")
 PANEL_HEIGHT: Final = 3.2
 LEGEND_LINE: Final = 0.18
 NONE_FOUND: Final = ": no window found"
@@ -29,10 +30,10 @@ BAND: Final[Mapping[str, Any]] = {"linewidth": 0.0, "alpha": 0.45, "zorder": 1.0
 
 @style.styled
 def stability_windows(windows: xr.Dataset) -> Figure:
-    """Draw the intervals of amplitude in which conditions hold against restitution.
+    """Draw the intervals of the forcing in which conditions hold against restitution.
 
     All locked orbits share the first panel, every other condition has its own.  Where orbits were
-    continued along the amplitude, both directions are drawn over each other: where only one of
+    continued along the forcing, both directions are drawn over each other: where only one of
     them is seen, the window is hysteretic.  A bar that reaches the end of the scan may go on beyond
     it.  Curves are the closed forms of locked orbits that are not turned back: solid from where
     they exist, dashed up to where they are stable.
@@ -52,7 +53,9 @@ def stability_windows(windows: xr.Dataset) -> Figure:
     DataError
         The dataset lacks a variable.
     """
-    NEEDS.check("stability_windows", windows)
+    symbol = FORCINGS[_scanned(windows)].symbol
+    needs = data.Needs((f"{symbol}_min", f"{symbol}_max", *NEEDS))
+    needs.check("stability_windows", windows)
     windows = windows.sortby("restitution")
     names = [str(name) for name in windows["condition"].values]
     locked = [name for name in names if name.startswith("locked(")]
@@ -79,15 +82,24 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
         label = name.replace("_", " ") + ("" if len(directions) == 1 else f", {direction}")
         top = max(top, _bands(axes, chosen, scan, colour, label))
     axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
-    axes.set_ylabel("amplitude of the kick $A$ (m s$^{-1}$)")
+    name = _scanned(windows)
+    scanned = FORCINGS[name]
+    units = data.format_units(scanned.units)
+    axes.set_ylabel(f"{scanned.long_name} ${data.SYMBOLS[name]}${units}")
     modes = [int(name[len("locked(") : -1]) for name in names] if is_locked else MODES
     forcing = Forcing(
-        "A", base_name(windows), float(windows["frequency"]), float(windows["gravity"])
+        data.SYMBOLS[name],
+        base_name(windows),
+        float(windows["frequency"]),
+        float(windows["gravity"]),
+        name,
     )
     draw_windows(axes, forcing, over=True, modes=modes)
     # with their remark only two entries fit beside each other
     lack = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
-    style.head(axes, _conditions(windows), columns=2 if lack else 4)
+    turned = is_locked and windows.attrs.get("rebound") == "reflect"
+    remark = "; curves: orbits that are not turned back" if turned else ""
+    style.head(axes, _conditions(windows) + remark, columns=2 if lack else 4)
 
 
 def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label: str) -> float:
@@ -97,7 +109,8 @@ def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label
     """
     edges = _edges(chosen["restitution"].values)
     there = chosen["window_ends"].values >= 0
-    lower, upper = chosen["A_min"].values, chosen["A_max"].values
+    symbol = FORCINGS[_scanned(chosen)].symbol
+    lower, upper = (chosen[f"{symbol}_{end}"].values for end in ("min", "max"))
     lower = np.where(there & np.isnan(lower), scan[0], lower)
     upper = np.where(there & np.isnan(upper), scan[-1], upper)
     if not there.any():
@@ -114,6 +127,11 @@ def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label
             **BAND,
         )
     return float(np.max(upper, initial=0.0, where=there))
+
+
+def _scanned(windows: xr.Dataset) -> str:
+    """Name of the forcing that was scanned."""
+    return str(windows.attrs.get("forcing", "amplitude"))
 
 
 def _edges(e: Array) -> Array:

@@ -31,16 +31,16 @@ class Forcing:
     base
         One of `vibrosweep.model.parameters.BASES`.
     frequency, gravity
-        In Hz and m s-2, of an amplitude; by default it is the dimensionless kick.
-    is_acceleration
-        Whether it is the acceleration of the base in g instead of an amplitude.
+        In Hz and m s-2; by default an amplitude is the dimensionless kick.
+    name
+        What is drawn, one of `vibrosweep.model.forcing.FORCINGS`.
     """
 
     symbol: str
     base: str
     frequency: float = 1.0
     gravity: float = 2.0
-    is_acceleration: bool = False
+    name: str = "amplitude"
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,7 @@ def window_curves(
         The modes k.
     """
     e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
-    # Gamma = pi a / (1 + e)
-    scale = np.pi / (1.0 + e) if forcing.is_acceleration else 1.0
+    scale = _per_amplitude(forcing, e)
     ends = (False, theory.amplitude_min), (True, partial(theory.amplitude_max, base=forcing.base))
     curves = [
         Curve(k, is_upper, e, end(k, e, forcing.frequency, forcing.gravity) * scale)
@@ -81,6 +80,19 @@ def window_curves(
     ]
     low, high = y_range
     return [c for c in curves if np.any((c.forcing > low) & (c.forcing < high))]
+
+
+def _per_amplitude(forcing: Forcing, e: Array) -> Array:
+    """What is drawn, over the amplitude A = (1 + e) V0."""
+    if forcing.name == "amplitude":
+        return np.ones_like(e)
+    omega = 2.0 * np.pi * forcing.frequency
+    units = {
+        "base_velocity": 1.0,
+        "base_displacement": 1.0 / omega,
+        "base_acceleration": omega / forcing.gravity,
+    }
+    return units[forcing.name] / (1.0 + e)
 
 
 def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[int] = MODES) -> None:

@@ -9,14 +9,14 @@ __all__ = ["WindowsTable", "condition_names", "tolerance"]
 
 @dataclass(frozen=True)
 class WindowsTable:
-    """[windows], for stability windows: the amplitude axis of a grid is their coarse scan.
+    """[windows], for stability windows: the forcing axis of a grid is their coarse scan.
 
     Attributes
     ----------
     conditions
         Names of conditions, each once.
     continuation
-        Whether orbits are continued along the amplitude, up and down, instead of launched at each.
+        Whether orbits are continued along the forcing, up and down, instead of launched at each.
     tolerance
         Width of the bracket around an edge, relative to the edge.
     """

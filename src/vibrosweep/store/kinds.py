@@ -80,7 +80,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             "vibrosweep.analysis.windows:summary",
             "vibrosweep.figures.stability_windows:stability_windows",
             "stability_windows",
-            unverified=f"{_PROVES} this holds ends of intervals of amplitude",
+            unverified=f"{_PROVES} this holds ends of intervals of the forcing",
         ),
         Kind(
             "bifurcation",

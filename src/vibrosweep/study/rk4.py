@@ -16,19 +16,21 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import jit, kernel
-from vibrosweep.model.parameters import LAWS, PARAMETERS
+from vibrosweep.model.parameters import PARAMETERS
 
 __all__ = ["MAX_STEPS", "Landings", "rk4", "rk4_range"]
 
 Array = NDArray[np.float64]
 
+# Laws of rebound that the scheme knows, as the kernel takes them
+REFLECT: Final = {"rest": None, "reflect": True}
 # Time is a count of steps times the step; beyond this the count is no longer an exact double.
 MAX_STEPS = 2.0**53
 
@@ -188,7 +190,7 @@ def rk4(
     _check(parameters, duration, step, rebound, capacity, threads)
     n = len(parameters)
     out = Landings(np.full((n, capacity), np.nan), np.zeros(n, np.int64))
-    reflect = True if rebound == "reflect" else None
+    reflect = REFLECT[rebound]
     edges = np.linspace(0, n, threads + 1).astype(int)
 
     def work(start: int, stop: int) -> None:
@@ -222,8 +224,8 @@ def _check(
         raise ParameterError(f"duration = {duration!r}: must be any finite number (s)")
     if not (step > 0.0 and math.isfinite(step)):
         raise ParameterError(f"step = {step!r}: must be finite and greater than 0 s")
-    if rebound not in LAWS:
-        raise ParameterError(f"rebound = {rebound!r}: must be one of {', '.join(LAWS)}")
+    if rebound not in REFLECT:
+        raise ParameterError(f"rebound = {rebound!r}: must be one of {', '.join(REFLECT)}")
     for name, number in (("capacity", capacity), ("threads", threads)):
         if number < 1:
             raise ParameterError(f"{name} = {number!r}: must be at least 1")

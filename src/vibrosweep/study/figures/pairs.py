@@ -16,11 +16,14 @@ __all__ = ["fates", "separations_in_time"]
 
 # Where zero is drawn on a logarithmic axis, s
 ZERO: Final = 1e-17
+PARTNERS: Final = len(style.OKABE_ITO)  # that colours tell apart
 
 
 @style.styled
 def separations_in_time(record: xr.Dataset, *, realization: int = 0) -> Figure:
-    """Draw the separation of each particle from the first one, at each impact number.
+    """Draw the separation of particles from the first one, at each impact number.
+
+    Of more than `PARTNERS` only the first are drawn, and the heading says so.
 
     Parameters
     ----------
@@ -33,7 +36,8 @@ def separations_in_time(record: xr.Dataset, *, realization: int = 0) -> Figure:
     times = one["landing_time"].values
     figure, axes = style.new_figure(style.PAGE, 2.5)
     number = np.arange(1, times.shape[1] + 1)
-    for i, colour in zip(range(1, times.shape[0]), style.OKABE_ITO, strict=False):
+    partners = times.shape[0] - 1
+    for i, colour in zip(range(1, partners + 1), style.OKABE_ITO, strict=False):
         launched = float(one["launch_time"][i] - one["launch_time"][0])
         axes.plot(
             number,
@@ -47,7 +51,8 @@ def separations_in_time(record: xr.Dataset, *, realization: int = 0) -> Figure:
         axes.axhline(launched, color=colour, linestyle=(0, (5, 2)), linewidth=0.8)
     axes.set_xlabel("impact $n$")
     axes.set_ylabel("separation $t_j(n) - t_i(n)$ (s)")
-    style.head(axes, data.conditions(one))
+    rest = f"; the first {PARTNERS} of {partners} partners" if partners > PARTNERS else ""
+    style.head(axes, data.conditions(one) + rest)
     return figure
 
 
