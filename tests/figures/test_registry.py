@@ -5,10 +5,9 @@ import sys
 
 import matplotlib as mpl
 import pytest
-import xarray as xr
 from PIL import Image
 
-from vibrosweep.api import open_sweep
+from vibrosweep import open_record, open_sweep
 from vibrosweep.errors import OutputError
 from vibrosweep.figures import FIGURES, available, missing, save_all
 
@@ -129,7 +128,7 @@ def test_importing_is_cheap():
 def test_a_result_without_separations_or_with_huge_heights_has_figures(compute, scene):
     sample = '[sample]\ndesign = "grid"\nrestitution = [0.5, 0.9]\n[measure]\nseparation = true\n'
     path = compute(f"[scene]\nparticles = 3\n{scene}\n{sample}[record]\nrestitution = 0.9\n")
-    with open_sweep(path) as sweep, xr.open_dataset(path, group="record") as record:
+    with open_sweep(path) as sweep, open_record(path) as record:
         names = available(sweep, record)
         assert {"separation_distribution", "parameter_plane", "height_time"} <= set(names)
         for name in names:

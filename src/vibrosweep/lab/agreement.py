@@ -30,7 +30,7 @@ QUANTITY_UNITS: Final = {
     "phase_difference": ("1", "mean separation in phase of neighbouring particles, in turns"),
     "dt_min": ("s", "smallest separation of landings of different particles"),
 }
-# Their zero is a convention: a deviation relative to the mean says nothing.
+# The zero of a phase is arbitrary, so a coefficient of variation of it has no meaning.
 _ANGLES: Final = ("impact_phase", "phase_difference")
 
 
@@ -127,7 +127,7 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     mean = values.mean(axis=0)
     sd = values.std(axis=0, ddof=1) if len(trials) > 1 else np.full(len(names), np.nan)
     for k, name in enumerate(names):
-        if name == "impact_phase":  # phases go round
+        if name == "impact_phase":  # a circular quantity
             vectors = np.exp(2j * np.pi * values[:, k])
             mean[k] = np.angle(vectors.mean()) / (2.0 * np.pi) % 1.0
             off = np.angle(vectors * np.exp(-2j * np.pi * mean[k])) / (2.0 * np.pi)

@@ -1,4 +1,4 @@
-"""Bounces as equations between landing times: the map, as a camera's landings can test it.
+"""Bounces as equations between landing times: the map in quantities that a camera measures.
 
 With a flight of known gravity, the speeds before and after the bounce at t are
 v = g (t - lift-off before) / 2 and v' = g (next landing - t) / 2, so that
@@ -24,7 +24,8 @@ __all__ = ["Bounces", "bounces_of"]
 
 Array = NDArray[np.float64]
 
-# A bounce shares an instant with the second next one, whose errors are linked to its neighbours'.
+# Half bandwidth of the covariance of the equations: a bounce shares an instant with the second next
+# one, and the errors of neighbouring instants are correlated.
 BAND = 3
 
 
@@ -95,7 +96,7 @@ def bounces_of(impacts: xr.Dataset) -> Bounces:
             continue
         column = {name: one[name].values[: quality.size] for name in one if one[name].ndim}
         bounced = quality == BOUNCED
-        # a bounce has its lift-off only as a landing, anything else has both
+        # at a bounce landing and lift-off are one instant, after a stay on the base they are two
         single = np.stack([np.ones_like(bounced), ~bounced], axis=1)
         both = np.stack([column["landing_time"], column["liftoff_time"]], axis=1)
         error = np.stack([column["landing_time_error"], column["liftoff_time_error"]], axis=1)

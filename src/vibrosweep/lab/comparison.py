@@ -1,7 +1,8 @@
 """Measured against predicted heights and periods, in the form of the study's Table 4.
 
-The error of a quantity is |measured - predicted| / measured.  What is compared is open to
-readings, so each is given: the means of all particles, each particle's mean, and each flight.
+The error of a quantity is |measured - predicted| / measured.  The study does not say which values
+it compares, so each interpretation is given: the means of all particles, each particle's mean, and
+each flight.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ CASES: Final = {"A": 1, "B": 5, "C": 20, "D": 50}
 STUDY: Final = {"height": (3.8, 7.1), "period": (2.9, 6.0)}
 QUANTITIES: Final = ("height", "period")
 READINGS: Final = ("ensemble", "particle", "worst", "flight")
-# A particle is compared if so much of the time, and so many of its landings, are seen well: the
-# mean of some of its flights is not the mean of its flights.
+# A particle is compared if at least this share of the time and of its landings was measured well: a
+# mean over a selection of its flights would be biased.
 SEEN: Final = 0.9
 
 

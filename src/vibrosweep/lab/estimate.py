@@ -1,10 +1,10 @@
 """Restitution, amplitude, phase and frequency from landings, with standard errors.
 
 All instants carry errors, and each is part of a speed of arrival, a speed of departure and a
-phase: a plain regression, which lets only one side err, is biased.  The instants are therefore
-adjusted together with the parameters (the condition adjustment of Gauss and Helmert, which is total
-least squares for errors of any covariance): the smallest weighted change of the instants that makes
-every bounce obey the map.
+phase: ordinary least squares, which assumes errors in the departure alone, is biased.  The instants
+are therefore adjusted together with the parameters (the condition adjustment of Gauss and Helmert,
+which is total least squares for errors of any covariance): the smallest weighted change of the
+instants that makes every bounce obey the map.
 """
 
 from __future__ import annotations
@@ -31,23 +31,24 @@ PARAMETER_UNITS: Final = {
 }
 TURN: Final = 2.0 * np.pi
 FEWEST: Final = 10
-# Phases that are tried, a third of a degree apart, and how much worse than the best, in shares of
-# the kicks' sum of squares, one may be that is called as good.
+# Phases that are tried, a third of a degree apart.  A second minimum counts as equally good if its
+# sum of squares is above the smallest one by at most this share of the kicks' sum of squares.
 PHASES: Final = 1080
 TIE: Final = 0.01
 ROUNDS: Final = 25
-# The profile over frequencies is scanned on so many seconds, in steps of a quarter of its width.
+# The frequency is first scanned on so many seconds of the recording, in steps of a quarter of the
+# width that the minimum then has.
 SCAN_SECONDS: Final = 10.0
 SCAN_BOUNCES: Final = 1000
-# Parameters are called undetermined if the weakest direction of the design holds less signal than
-# so many times the noise of the instants, or an error is larger than such shares.
+# Parameters are called undetermined if the signal in the weakest direction of the design matrix is
+# below this multiple of the noise of the instants, or if a relative standard error is above these.
 SIGNAL: Final = 10.0
 WORST_RESTITUTION: Final = 0.1
 WORST_AMPLITUDE: Final = 0.25
 
 
 class _Adjusted(NamedTuple):
-    """Result of the adjustment: (e, S, C, f or not), its covariance, chi-square, the instants."""
+    """Result of the adjustment: (e, S, C) and f if it is free, covariance, chi-square, instants."""
 
     values: Array
     covariance: Array
@@ -100,7 +101,7 @@ def estimate(
     signal = _weakest_signal(bounces, found, rate)
     error = np.sqrt(np.diag(covariance))
     warning = _warning(signal, values, error)
-    if signal < SIGNAL:  # what noise alone has determined is no estimate
+    if signal < SIGNAL:  # noise alone determines the numbers
         values, error, covariance = (np.full_like(v, np.nan) for v in (values, error, covariance))
     names = list(PARAMETER_UNITS)[: values.size]
     return xr.Dataset(
@@ -143,7 +144,7 @@ def find_frequency(bounces: Bounces, between: tuple[float, float]) -> float:
     )
     best, width = float(trial[np.argmin(misfit)]), float(trial[1] - trial[0])
     reach = span
-    while True:  # each longer stretch narrows the peak, which the last one has located
+    while True:  # a stretch twice as long halves the width of the minimum around the one found
         chosen = time <= time[0] + reach
         data = (arrive[chosen], leave[chosen], time[chosen])
         best = float(
@@ -246,10 +247,10 @@ def _polar(values: Array, covariance: Array) -> tuple[Array, Array]:
 
 
 def _weakest_signal(bounces: Bounces, found: _Adjusted, rate: float) -> float:
-    """Signal in the direction of the design that varies least, in units of the noise in it.
+    """Signal in the direction of the design matrix that varies least, in units of its noise.
 
-    The design of a locked orbit is one point, blurred by the errors of the instants: however many
-    bounces are seen, they say nothing of two of the three parameters.
+    All bounces of a locked orbit are the same but for the errors of the instants: however many are
+    measured, two of the three parameters remain undetermined.
     """
     arrive, _, time = bounces.speeds()
     _, s, c, *_ = found.values

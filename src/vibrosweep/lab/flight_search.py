@@ -1,4 +1,4 @@
-"""From samples to landings: flights found, fitted, cut anew where they meet, and judged."""
+"""From samples to landings: flights are found, fitted, cut again where they meet, and judged."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ __all__ = ["Flights", "find_flights"]
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-# Samples above this share of a flight's height belong to it whatever happens at its ends.
+# Samples above this share of a flight's height belong to it, wherever its ends turn out to be.
 UPPER: Final = 0.25
-# A flight needs a sample more than it has unknowns, and must rise out of the noise.
+# A flight needs one sample more than it has unknowns, and this height in units of the noise.
 LEAST_SAMPLES: Final = 3
 LEAST_HEIGHT: Final = 4.0
-# In units of the noise: among the higher flights, those that show with which gravity they fall.
+# Height in units of the noise above which the curvature of a flight shows the gravity.
 WELL_SEEN: Final = 5.0
 FIRST_SHARE: Final = 0.6
-# One good flight in a million is called poor.
+# Significance level: one good flight in a million is called poor.
 POOR: Final = 1e-6
 # Iterations; after three, samples of most tracks no longer change their flight.
 ROUNDS: Final = 4
@@ -111,7 +111,7 @@ def find_flights(
 def _settle(
     samples: Samples, noise: float, gravity: float, given: float | None, exposure: float
 ) -> Flights:
-    """Fit, join, and share the samples out anew between the landings, until that settles."""
+    """Fit flights, join them, and assign samples to flights between the landings found; repeat."""
     member, piece, base = _first_members(samples, noise, gravity, given)
     error = 0.0
     for turn in range(ROUNDS):

@@ -43,14 +43,14 @@ _VARIABLES: Final = {
 
 
 class Fitted(NamedTuple):
-    """Tracks taken apart.
+    """Tracks with the flights found in them.
 
     Attributes
     ----------
     samples, flights
         What was seen, and the parabolas through it.
     swaps
-        Exchanged names: the first frame with them, and the two particles.
+        Swapped identities: the first frame with them, and the two particles.
     """
 
     samples: Samples

@@ -1,4 +1,4 @@
-"""What happens between neighbouring flights: a bounce, a stay on the base, or something odd."""
+"""What happens between neighbouring flights: a bounce, a stay on the base, or neither."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-# Standard errors by which two flights must miss each other to tell a stay on the base.
+# Standard errors by which two flights must miss each other to be seen as parted by a stay.
 MISSED: Final = 4.0
 # Flights that meet within so many standard errors of the base meet on it.
 ON_BASE: Final = 4.0
-# Stays pull meetings down, so the base is sought from above.
+# Stays on the base make neighbouring parabolas meet below it: take a high quantile of the meetings.
 FROM_ABOVE: Final = 0.8
 FEWEST: Final = 3
 BASE_ROUNDS: Final = 5

@@ -1,4 +1,4 @@
-"""Results of the laboratory as lines of text, and as what figures are drawn from."""
+"""Results of the laboratory as lines of text, and as data for its figures."""
 
 from __future__ import annotations
 

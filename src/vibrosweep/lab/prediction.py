@@ -22,7 +22,7 @@ __all__ = ["DRAWS", "Prediction", "draw", "predict"]
 Array = NDArray[np.float64]
 
 DRAWS: Final = 64
-# Drawn from the same posterior that one draw in so many must be physical.
+# Largest share of draws from the posterior that may be unphysical.
 MOST_REFUSED: Final = 0.5
 
 
@@ -47,7 +47,7 @@ def draw(
     Parameters
     ----------
     scene
-        Every parameter of `scene.PARAMETERS`; what is estimated overrides it.
+        Every parameter of `model.parameters.PARAMETERS`; what is estimated overrides it.
     estimated
         Result of `estimate`, or None where the parameters are known.
     draws

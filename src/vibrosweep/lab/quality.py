@@ -15,7 +15,8 @@ __all__ = ["find_swaps", "remarks", "seen"]
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-# Standard deviations of a second difference: what no noise does, and what noise does.
+# Second differences in standard deviations: above the first they are no noise, below the second
+# they may be.
 BROKEN: Final = 6.0
 WHOLE: Final = 3.0
 
@@ -49,7 +50,7 @@ def seen(tracks: xr.Dataset) -> xr.Dataset:
 def find_swaps(
     time: Array, height: Array, noise: float, base: float, gravity: float
 ) -> list[tuple[int, int, int]]:
-    """Find frames from which on two particles bear each other's names.
+    """Find frames from which on the identities of two particles are swapped.
 
     Neither goes on as a flight does, but each goes on as the other's flight, and none of the
     two is at a landing.  Exchanges at nearly the same height and speed leave no trace at once;

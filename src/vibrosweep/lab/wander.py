@@ -1,7 +1,7 @@
-"""Particles on a base whose period is not quite steady: the map with a wandering phase.
+"""Particles on a base whose period is not quite steady: the map with a phase that drifts.
 
-The length of every forcing period varies by itself, so that the phase of the forcing wanders off as
-a random walk does; all particles of a repeat feel the same walk.  Within a period the phase grows
+The lengths of the forcing periods vary independently, so that the phase of the forcing performs a
+random walk, the same for all particles of a repeat.  Within a period the phase grows
 evenly.  The impact itself is that of `vibrosweep.kernels.impact`; without wander this is the record
 of the engine to the last bit.
 """
