@@ -130,7 +130,7 @@ def test_a_result_without_separations_or_with_huge_heights_has_figures(compute, 
     path = compute(f"[scene]\nparticles = 3\n{scene}\n{sample}[record]\nrestitution = 0.9\n")
     with open_sweep(path) as sweep, open_record(path) as record:
         names = available(sweep, record)
-        assert {"separation_distribution", "parameter_plane", "height_time"} <= set(names)
+        assert {"separation_distribution", "height_time"} <= set(names)
         for name in names:
             one = FIGURES[name]
             figure = one.draw(record if one.source == "record" else sweep)
