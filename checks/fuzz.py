@@ -37,7 +37,7 @@ from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import SweepSpec, read_spec
 
 REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
-PATIENCE = 60  # s, after which an attempt is one that hangs
+PATIENCE = 600  # s, after which an attempt hangs: a busy machine compiles for minutes
 MOST_WORK = 1e6  # impacts or so, up to which a sweep that is valid is computed too
 SPEC = """title = "A sweep to be spoilt"
 [scene]

@@ -173,9 +173,9 @@ def test_a_diagram_and_its_picture_are_written(
         ("basins", "amplitude = [1.0, 2.0]", [], ["sample.amplitude", "axis of launch_velocity"]),
         (
             "windows",
-            'base_acceleration = [0.5, 1.0]\n[windows]\nconditions = ["locked(1)"]',
+            'frequency = [0.5, 1.0]\n[windows]\nconditions = ["locked(1)"]',
             [],
-            ["sample.base_acceleration", "amplitude = (1 + restitution) base_velocity"],
+            ["sample.frequency", "axis of amplitude"],
         ),
     ],
 )

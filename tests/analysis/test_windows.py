@@ -8,6 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from vibrosweep import windows
 from vibrosweep.analysis.conditions import NAMED, Condition, named
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import (
@@ -70,6 +71,13 @@ def test_any_forcing_can_be_scanned(forcing, base, frequency):
         one = found[f"{symbol}_{name}"]
         assert one.attrs["units"] == units
         assert one.values == pytest.approx(end * scale / (1.0 + e), rel=1e-13)
+
+
+def test_keywords_may_scan_the_acceleration_of_the_base():
+    found = windows(restitution=0.8, base_acceleration=[0.1, 0.5, 2.0], base="moving").squeeze()
+    end = theory.amplitude_min(1, 0.8) * 2.0 * np.pi / (1.8 * 9.81)
+    assert float(found["Gamma_min"]) == pytest.approx(float(end), rel=1e-8)
+    assert "amplitude" not in found.variables
 
 
 def test_a_condition_of_launches_holds_for_the_same_base_however_it_is_said():
