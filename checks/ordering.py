@@ -1,0 +1,247 @@
+"""Bunching and staggering of particles on a base of finite mass.
+
+    python checks/ordering.py [--only NAME] [--pictures FOLDER] [--write]
+
+Draws the pictures of docs/ordering.md and prints its tables; --write replaces them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import time
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+import ordering_pictures as pictures
+from accuracy import provenance, table, write_section
+from ordering_scenes import (
+    GAMMA,
+    E,
+    modes,
+    outcomes,
+    phase_of,
+    scene,
+)
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.coupled_cycles import CoupledBase, find_cycle, spectral_radius, staggered
+from vibrosweep.model.coupled_theory import bunch
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "ordering.md"
+IMAGES = ROOT / "docs" / "images"
+LARGEST = 0.3  # mass of all particles in units of that of the base
+BANDS = (1e-3, 1e-2, 3e-2, 1e-1, LARGEST)
+PIECE = 150  # realizations at a time
+COLOURS = 64  # of a picture
+
+
+def percent(share):
+    return f"{100 * share:.0f} %"
+
+
+def keep(figure, name, options):
+    """Write a picture with few colours, which makes it smaller."""
+    path = options.pictures / f"{name}.png"
+    figure.savefig(path, dpi=150)
+    Image.open(path).convert("RGB").quantize(COLOURS).save(path, optimize=True)
+
+
+def steepness(k):
+    """Return s = -Gamma cos(2 pi x) of mode k on a base of infinite mass."""
+    least = np.pi * k * (1.0 - E) / (1.0 + E)
+    return np.sqrt((GAMMA - least) * (GAMMA + least))
+
+
+def turn(k):
+    """Angle of the multipliers of mode k on a base of infinite mass, in turns."""
+    cosine = (1.0 + E * E - (1.0 + E) ** 2 * steepness(k)) / (2.0 * E)
+    return np.arccos(cosine) / (2.0 * np.pi)
+
+
+def radius(load, natural, damping, k, particles):
+    """Spectral radius of evenly spaced slots under a mass of all particles; NaN without orbit."""
+    base = CoupledBase(E, GAMMA, load / particles, natural, damping)
+    try:
+        return spectral_radius(staggered(base, k, np.arange(0, k, k // particles)))
+    except ParameterError:
+        return np.nan
+
+
+def largest_stable(natural, damping, k, particles):
+    """Mass of all particles up to which the staggered orbit is stable, to a relative 1e-4."""
+    loads = np.geomspace(1e-4, LARGEST, 60)
+    found = (radius(load, natural, damping, k, particles) for load in loads)
+    first = next((i for i, one in enumerate(found) if not one <= 1.0), None)
+    if first is None:
+        return LARGEST
+    low, high = loads[max(first - 1, 0)], loads[first]
+    while high > 1.0001 * low:
+        middle = np.sqrt(low * high)
+        stable = radius(middle, natural, damping, k, particles) <= 1.0
+        low, high = (middle, high) if stable else (low, middle)
+    return low
+
+
+def resonances(_options):
+    """Where the staggered orbits lose their stability first, beside the rule of resonance."""
+    rows = []
+    cases = ((1, 1, 0.05), (2, 1, 0.05), (2, 2, 0.05), (2, 2, 0.02), (3, 3, 0.05))
+    for k, particles, damping in cases:
+        for n in range(3):
+            rule = (n + turn(k)) / k
+            near = rule + np.linspace(-0.04, 0.04, 17) / k
+            stable = [largest_stable(one, damping, k, particles) for one in near]
+            least = int(np.argmin(stable))
+            found = (f"{rule:.3f}", f"{near[least]:.3f}", f"{stable[least]:.4f}")
+            rows.append((k, particles, damping, *found))
+    head = ("k", "particles", "zeta", "f0/f by the rule", "f0/f found", "stable up to N mu")
+    return table(head, rows)
+
+
+def stability(options):
+    """Picture of where staggered orbits exist and attract."""
+    natural, load = np.geomspace(0.05, 4.0, 200), np.geomspace(1e-3, LARGEST, 80)
+    panels = []
+    for k, particles, damping in ((1, 1, 0.05), (2, 1, 0.05), (2, 2, 0.05), (2, 2, 0.5)):
+        values = np.array([[radius(m, f, damping, k, particles) for f in natural] for m in load])
+        tips = (np.arange(9) + turn(k)) / k
+        panels.append((k, particles, damping, values, tips[tips < natural[-1]]))
+    keep(pictures.stability(natural, load, panels), "ordering_stability", options)
+    return f"The picture has {natural.size} by {load.size} points."
+
+
+PATTERNS = {"two": [[0, 1], [1, 0]], "three": [[1, 0], [0, 1], [1, 0]]}
+
+
+def exact_gaps(k, mass_ratio, rank):
+    """Gaps of a pattern of two particles to first order and on the exact orbit, and its radius."""
+    times = bunch(k, E, GAMMA, mass_ratio, rank)
+    first = np.abs(np.diff(times, axis=1))[:, 0]
+    base = CoupledBase(E, GAMMA, mass_ratio, 0.37, 0.05)
+    landings = len(rank)
+    times = phase_of(k, mass_ratio) + k * np.arange(landings)[:, np.newaxis] + times
+    places = np.argsort(times.ravel())
+    particles = np.tile([0, 1], landings)[places]
+    cycle = find_cycle(base, k, times.ravel()[places], particles, k * landings)
+    return np.sort(first), np.sort(np.diff(cycle.time)[::2]), spectral_radius(cycle)
+
+
+def separations(_options):
+    """Gaps of two particles in one slot: first order, exact orbits, and orbits followed."""
+    rows, launches = [], np.geomspace(5e-4, 0.2, 24)
+    for k in (1, 2):
+        mass_ratios = np.array([1e-4, 1e-3, 1e-2])
+        seen = {}
+        for apart in launches:
+            launch = phase_of(k) + np.array([0.0, apart])
+            times = scene(launch, mass_ratios, 0.37, 0.05, k, 600.0 * k)["landing_time"].values
+            for mu, pair in zip(mass_ratios, times, strict=True):
+                landed = np.isfinite(pair).all(axis=0)
+                seen.setdefault(mu, []).append(np.abs(pair[1] - pair[0])[landed][-6:])
+        for mu, (name, rank) in itertools.product(mass_ratios, PATTERNS.items()):
+            first, exact, radius_of = exact_gaps(k, mu, rank)
+            repeated = np.sort(np.tile(exact, 6 // exact.size))
+            off = [np.abs(np.sort(gaps) - repeated).max() for gaps in seen[mu]]
+            hits = [one for one in off if one < 0.05 * exact[0]]
+            worst = f"{max(hits):.0e}" if hits else "not reached"
+            words = (", ".join(f"{g:.5f}" for g in gaps) for gaps in (first, exact))
+            share = f"{len(hits)} of {len(off)}"
+            rows.append((k, f"{mu:g}", name, *words, f"{radius_of:.3f}", worst, share))
+    head = (
+        "k",
+        "mu",
+        "pattern of",
+        "gaps, first order",
+        "gaps, exact orbit",
+        "spectral radius",
+        "followed: off by",
+        "launches",
+    )
+    return table(head, rows)
+
+
+def settle(launch, load, natural, particles=2):
+    """Outcome over a grid of mass and natural frequency, some realizations at a time."""
+    found = []
+    for start in range(0, load.size, PIECE):
+        piece = slice(start, start + PIECE)
+        landings = scene(launch, load[piece] / particles, natural[piece], 0.05, duration=250.0)
+        found.append(outcomes(landings))
+    return np.concatenate(found)
+
+
+def attractors(options):
+    """What two particles of mode 2 become, from different slots, one slot and anywhere."""
+    natural, load = np.geomspace(0.1, 3.0, 32), np.geomspace(1e-3, LARGEST, 20)
+    grid = [axis.ravel() for axis in np.meshgrid(natural, load)]
+    x = phase_of(2)
+    random = np.random.default_rng(1).uniform(0.0, 2.0, (3, 2))
+    starts = {
+        "launched into different slots": [(x + 0.02, x + 0.99)],
+        "launched into one slot": [(x, x + 0.02)],
+        "launched anywhere": list(np.sort(random, axis=1)),
+    }
+    maps, rows = {}, []
+    for words, launches in starts.items():
+        each = np.array([settle(launch, grid[1], grid[0]) for launch in launches])
+        counts = np.array([(each == kind).sum(axis=0) for kind in range(5)])
+        maps[words] = counts.argmax(axis=0).reshape(load.size, natural.size)
+        for low, high in itertools.pairwise(BANDS):
+            inside = (grid[1] >= low) & (grid[1] < high)
+            shares = counts[:, inside].sum(axis=1) / (inside.sum() * len(launches))
+            rows.append((words, f"{low:g} to {high:g}", *(percent(share) for share in shares)))
+    edge = np.array([[radius(m, f, 0.05, 2, 2) for f in natural] for m in load])
+    keep(pictures.attractors(natural, load, maps, edge), "ordering_attractors", options)
+    head = ("two particles", "N mu", *pictures.KINDS)
+    return table(head, rows)
+
+
+def phases(options):
+    """Picture of the phase of every landing against time, three particles in each of two slots."""
+    cases = ((0.0, 0.37), (0.012, 0.37), (0.03, 0.37), (0.03, 0.62))
+    slot = np.arange(6) % 2
+    launch = phase_of(2) + slot + 0.03 * (np.arange(6) - 2.5)
+    rows, times = [], []
+    for load, natural in cases:
+        one = scene(launch, [load / 6], natural, 0.05, duration=300.0)
+        times.append(one["landing_time"].values[0])
+        mode, _ = modes(one)
+        late = np.sort(times[-1][times[-1] > 298.0])
+        spread = np.ptp(late[(late % 2.0) < 1.0]) if (mode == 2).all() else np.nan
+        counts = (np.count_nonzero(mode == k) for k in (2, 1, 0, -1))
+        width = "" if np.isnan(spread) else f"{spread:.3f}"
+        rows.append((f"{load:g}", natural, *counts, width))
+    keep(pictures.phases(cases, times, slot), "ordering_phases", options)
+    head = ("N mu", "f0/f", "locked to 2", "to 1", "not locked", "dead", "width of a bunch")
+    return table(head, rows)
+
+
+SECTIONS = {
+    "separations": separations,
+    "stability": stability,
+    "resonances": resonances,
+    "attractors": attractors,
+    "phases": phases,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--only", choices=SECTIONS, help="one table")
+    parser.add_argument("--pictures", type=Path, default=IMAGES, help="where pictures go")
+    parser.add_argument("--write", action="store_true", help="write the tables into the page")
+    options = parser.parse_args()
+    for name in [options.only] if options.only else SECTIONS:
+        began = time.perf_counter()
+        text = SECTIONS[name](options)
+        text += f"\n\n{provenance(time.perf_counter() - began, None)}"
+        write_section(name, text, PAGE) if options.write else print(text, "\n", flush=True)
+
+
+if __name__ == "__main__":
+    main()
