@@ -22,8 +22,11 @@ if TYPE_CHECKING:
     from vibrosweep.api.simulation import simulate
     from vibrosweep.api.sweeps import run, sweep
     from vibrosweep.model import theory
+    from vibrosweep.model.observables import Landing, Observable
 
 __all__ = [
+    "Landing",
+    "Observable",
     "__version__",
     "basins",
     "bifurcation",
@@ -45,6 +48,7 @@ _HOMES: Final = {
     "errors": "vibrosweep.errors",
     "lab": "vibrosweep.lab",
     "theory": "vibrosweep.model.theory",
+    **dict.fromkeys(("Landing", "Observable"), "vibrosweep.model.observables"),
     **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),
     **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
     "simulate": "vibrosweep.api.simulation",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import xarray as xr
 from vibrosweep.api.asking import Asked, asked
 from vibrosweep.api.results import open_sweep
 from vibrosweep.errors import ExistingOutputError, ParameterError
+from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import require_whole, run_sweep, thread_count
 from vibrosweep.runs.finished import is_of, origin
 from vibrosweep.runs.inmemory import sweep_in_memory
@@ -25,6 +27,7 @@ def sweep(
     spec: Asked | None = None,
     /,
     *,
+    observables: Iterable[Observable] = (),
     threads: int | None = None,
     progress: bool | None = None,
     **keywords: Any,
@@ -39,6 +42,8 @@ def sweep(
     ----------
     spec
         Instead of keywords: a mapping of them, or the path of a sweep file.
+    observables
+        Functions of your own that see every landing.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     progress
@@ -102,7 +107,7 @@ def sweep(
     >>> found.rebound_height_max.dims, found.rebound_height_max.attrs["units"]
     (('realization',), 'm')
     """
-    checked = asked(spec, keywords)
+    checked = asked(spec, keywords).observing(observables)
     if checked.record is not None:
         raise ParameterError(
             "record: a sweep in memory keeps no landings; write it to a file with vibrosweep.run, "
@@ -116,6 +121,7 @@ def run(
     spec: Asked,
     output: str | os.PathLike[str],
     *,
+    observables: Iterable[Observable] = (),
     threads: int | None = None,
     chunk: int | None = None,
     force: bool = False,
@@ -131,6 +137,8 @@ def run(
     output
         Path of the result.  One that exists is opened if it is that of this very sweep, and
         otherwise kept, unless `force`.
+    observables
+        As of `sweep`.  An unfinished run is continued only with functions that do the same.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     chunk
@@ -162,7 +170,7 @@ def run(
     50
     """
     path = Path(output)
-    checked = asked(spec, {})
+    checked = asked(spec, {}).observing(observables)
     if chunk is not None:
         require_whole("chunk", chunk)
     try:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.coupled import measure_coupled
 from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.observing import observed
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow
 from vibrosweep.engine.workers import Workers
@@ -81,6 +82,9 @@ def measure(
         measured |= _separations(found.separations, frequency)
     if found.bounds is not None:
         measured |= _error_bounds(found.bounds, observation, parameters)
+    for one in measures.observables:
+        batch = (problem, launch)
+        measured[one.name] = observed(one, parameters, batch, observation, workers)
     return measured
 
 

@@ -33,8 +33,9 @@ def measure_all(
     usable = representable(parameters, _times(observation))
     if usable.all():
         return measure(parameters, observation, workers)
-    size, particles = usable.size, observation.particles
-    found = {v.name: _refused(v, size, particles) for v in observation.measures.variables}
+    sizes = {"realization": usable.size, "particle": observation.particles}
+    sizes |= {along: len(values) for along, values in observation.measures.own_dims.items()}
+    found = {v.name: _refused(v, sizes) for v in observation.measures.variables}
     if usable.any():
         kept = {name: values[usable] for name, values in parameters.items()}
         for name, values in measure(kept, observation, workers).items():
@@ -47,9 +48,9 @@ def _times(observation: Observation) -> tuple[Time, ...]:
     return (observation.duration, observation.measures.transient, *launch)
 
 
-def _refused(variable: Variable, realizations: int, particles: int) -> NDArray[Any]:
+def _refused(variable: Variable, sizes: Mapping[str, int]) -> NDArray[Any]:
     """Values of a variable for realizations that were not computed."""
-    shape = tuple({"realization": realizations, "particle": particles}[d] for d in variable.dims)
+    shape = tuple(sizes[d] for d in variable.dims)
     codes = [code for code, _ in variable.flags]
     if np.issubdtype(np.dtype(variable.dtype), np.floating):
         fill: float = np.nan

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
-from vibrosweep.kernels.advance import Options, advance
+from vibrosweep.kernels.advance import Options, advance, advance_observing
 from vibrosweep.kernels.bases import fitted
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
+from vibrosweep.kernels.observing import Observer, observing_scratch
 from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
 from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
 from vibrosweep.kernels.statistics import Statistics, combine, empty_statistics, scratch
@@ -133,11 +134,13 @@ def statistics(
     observation: Observation,
     workers: Workers,
     cycles: Cycles | None = None,
+    observer: Observer | None = None,
 ) -> Statistics:
     """Statistics of every trajectory, ordered by realization, then by particle.
 
     The result is in memory that the workers reuse for the next batch.  If `cycles` is given, it is
-    filled, and simulation of a trajectory stops where it recurs.
+    filled, and simulation of a trajectory stops where it recurs.  An `observer`, which sees every
+    landing, takes no cycles.
     """
     total = problem.kick.size * observation.particles
     each = workers.statistics(total)
@@ -149,17 +152,19 @@ def statistics(
         PERIODS_TO_RECUR,
         int(observation.measures.regimes),
         int(observation.skip),
+        observer,
     )
+    kernel = advance if observer is None else advance_observing
 
     def begin() -> Callable[[int, int], None]:
-        room = scratch()
+        room = scratch() if observer is None else observing_scratch()
         rests = None if cycles is None else empty_rests()
         lanes = 0
 
         def task(first: int, last: int) -> None:
             nonlocal lanes
             span = (first, last, lanes)
-            lanes = advance(span, batch, options, windowed, room, each, cycles, rests)
+            lanes = kernel(span, batch, options, windowed, room, each, cycles, rests)
 
         return task
 

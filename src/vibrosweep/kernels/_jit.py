@@ -40,6 +40,7 @@ __all__ = [
     "prefetch",
     "question",
     "sources_digest",
+    "uncached",
     "wide_vectors",
 ]
 
@@ -132,6 +133,11 @@ def kernel(function: F) -> F:
     with _caching_in(cache_directory):
         compiled._cache = KernelCache(function)  # as njit(cache=True) sets numba's own
     return compiled  # type: ignore[no-any-return]
+
+
+def uncached(function: F) -> F:
+    """Return the same entry point for arguments that no other process has, such as functions."""
+    return njit(**OPTIONS)(getattr(function, "py_func", function))  # type: ignore[no-any-return]
 
 
 _answers: dict[Any, dict[type, Any]] = {}

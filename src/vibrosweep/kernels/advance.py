@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit, kernel, wide_vectors
+from vibrosweep.kernels._jit import Floats, Integers, jit, kernel, uncached, wide_vectors
 from vibrosweep.kernels.bases import (
     Base,
     Constants,
@@ -50,6 +50,7 @@ from vibrosweep.kernels.lanes import (
     STRIDE,
     VECTOR,
 )
+from vibrosweep.kernels.observing import Observer, note, observe
 from vibrosweep.kernels.statistics import (
     OF_LANE,
     RUNNING,
@@ -60,9 +61,10 @@ from vibrosweep.kernels.statistics import (
     sum_up,
     write,
 )
+from vibrosweep.model.observables import Landing
 from vibrosweep.model.parameters import Dimensionless
 
-__all__ = ["LOOK_AFTER", "Options", "advance"]
+__all__ = ["LOOK_AFTER", "Options", "advance", "advance_observing"]
 
 LOOK_AFTER = 6  # impacts between two checks of which lanes are done
 
@@ -81,12 +83,15 @@ class Options(NamedTuple):
         1 to find every cycle, 0 to find only those that save work.
     jump
         1 to skip repetitions of cycles, 0 to simulate every impact nevertheless.
+    observer
+        What is called for every landing in the window, or None.  Without cycles only.
     """
 
     budget: int
     patience: float = 0.0
     all_cycles: int = 0
     jump: int = 1
+    observer: Observer | None = None
 
 
 class Watch(NamedTuple):
@@ -99,10 +104,18 @@ class Watch(NamedTuple):
 
 
 @jit
-def _step(s: Floats, lanes: int, base: Base, budget: float, window: int | None) -> None:
+def _step(
+    s: Floats,
+    lanes: int,
+    base: Base,
+    budget: float,
+    window: int | None,
+    observer: Observer | None,
+) -> None:
     """One pass of the first lanes; a lane past its end continues without being counted.
 
-    Without a window, None, what looks at its beginning is not compiled.
+    Without a window, None, what looks at its beginning is not compiled; nor is what notes
+    landings without an observer.
     """
     wide_vectors()
     prepare(base, s, lanes)
@@ -122,6 +135,8 @@ def _step(s: Floats, lanes: int, base: Base, budget: float, window: int | None) 
             # not counted after the end; a phase of 1/2 is never before an end with x behind it
             x_off = 0.5 if n > s[ROW.X_END + j] - x else x_off
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
+        if observer is not None:
+            note(s, j, Landing(x, time, v, u, not leaves), seen)
         flight = counted_now(fixed, s, j, time, u)
         ends = keep(fixed, s, j, time, landed, seen)
         count(s, j, flight, ends, leaves, seen)
@@ -289,9 +304,10 @@ def advance(
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for _ in range(LOOK_AFTER):
             if windowed:
-                _step(s, padded, base, budget, 1)
+                _step(s, padded, base, budget, 1, options.observer)
             else:
-                _step(s, padded, base, budget, None)
+                _step(s, padded, base, budget, None, options.observer)
+            observe(s, lanes, options.observer)
         _mark(s, padded, base, options.budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:
@@ -314,3 +330,7 @@ def advance(
         for q in range(done):
             write(s, places[q], base, windowed, out)
     return 0
+
+
+# Machine code for a function that exists in this process alone is not kept on disk.
+advance_observing = uncached(advance)

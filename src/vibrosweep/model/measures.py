@@ -9,13 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from vibrosweep.model.parameters import BASES
 from vibrosweep.model.status import Regime, Status
 from vibrosweep.model.times import Time
+
+if TYPE_CHECKING:
+    from vibrosweep.model.observables import Observable
 
 __all__ = [
     "ALWAYS",
@@ -501,7 +504,7 @@ def _key(default: Any, entry: Measure | Option) -> Any:
 class Measures:
     """What is measured: the keys of [measure] with their defaults, each with its entry.
 
-    What a measure requires is measured with it.
+    What a measure requires is measured with it.  Observables, which are functions, have no key.
     """
 
     transient: Time = _key(  # noqa: RUF009 - a time is never changed
@@ -537,6 +540,7 @@ class Measures:
             lambda number: 1 <= number <= 2**62,
         ),
     )
+    observables: tuple[Observable, ...] = ()
 
     def __post_init__(self) -> None:
         for key in MEASURES:
@@ -563,10 +567,23 @@ class Measures:
     def variables(self) -> tuple[Variable, ...]:
         """What is measured, in the order of a result."""
         asked = (measure for key, measure in MEASURES.items() if getattr(self, key))
-        return (*ALWAYS, *(variable for measure in asked for variable in measure.variables))
+        own = (one.variable for one in self.observables)
+        return (*ALWAYS, *(variable for measure in asked for variable in measure.variables), *own)
+
+    @property
+    def own_names(self) -> set[str]:
+        """Names that observables bring into a result."""
+        return {one.name for one in self.observables}.union(self.own_dims)
+
+    @property
+    def own_dims(self) -> dict[str, tuple[float, ...]]:
+        """Dimensions of observables, with their coordinates."""
+        return {one.along: one.values for one in self.observables if one.along}
 
 
-_ENTRIES: Final = {one.name: one.metadata["entry"] for one in fields(Measures)}
+_ENTRIES: Final = {
+    one.name: one.metadata["entry"] for one in fields(Measures) if "entry" in one.metadata
+}
 MEASURES: Final[Mapping[str, Measure]] = {
     key: entry for key, entry in _ENTRIES.items() if isinstance(entry, Measure)
 }
@@ -584,7 +601,7 @@ OPTIONS: Final[Mapping[str, Option]] = {
 KEYS: Final[Mapping[str, bool | float | None]] = {
     "transient": 0.0,
     TRANSIENT_PERIODS: None,
-    **vars(Measures()),
+    **{key: getattr(Measures(), key) for key in _ENTRIES},
 }
 
 # Every variable that a sweep may measure

@@ -36,6 +36,8 @@ Tick = Callable[[int], object]
 
 # The statistics of this many trajectories take 22 MB, and the fixed cost per batch is negligible.
 TRAJECTORIES_PER_BATCH: Final = 1 << 19
+# So many totals of an observable take 64 MB.
+TOTALS_PER_BATCH: Final = 1 << 23
 
 
 @dataclass(frozen=True)
@@ -174,7 +176,7 @@ def _design(job: Job) -> Design:
 
 def column_kinds(spec: SweepSpec, design: Design) -> dict[str, str]:
     """Kind of each column of a sweep, as `vibrosweep.store.parts.kinds` gives it."""
-    sizes = {"realization": 0, "particle": spec.particles}
+    sizes = {"realization": 0, **spec.sizes}
     columns = {name: np.empty(0) for name in varying(spec, design.sampled)}
     for variable in spec.measures.variables:
         columns[variable.name] = np.empty([sizes[d] for d in variable.dims], variable.dtype)
@@ -212,4 +214,5 @@ def _batch(spec: SweepSpec, design: Design, start: int, stop: int, workers: Work
 
 def batch_size(spec: SweepSpec) -> int:
     """Number of realizations in a batch, computed together."""
-    return max(1, TRAJECTORIES_PER_BATCH // spec.particles)
+    widest = max((one.width for one in spec.measures.observables), default=1)
+    return max(1, min(TRAJECTORIES_PER_BATCH, TOTALS_PER_BATCH // widest) // spec.particles)

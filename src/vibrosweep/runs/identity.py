@@ -80,6 +80,10 @@ def _entries(key: str, value: Any) -> Iterator[tuple[str, object]]:
         members = value._asdict()
     elif isinstance(value, Mapping):
         members = dict(value)
+    elif isinstance(value, tuple) and value and all(map(is_dataclass, value)):
+        members = {one.name: one for one in value}
+    elif callable(value):  # of an observable, whose `code` stands for it
+        return
     elif isinstance(value, str | int | float | tuple | None):
         yield key, value
         return

@@ -134,7 +134,7 @@ def _require_memory(spec: SweepSpec, design: Design, chunk: int) -> None:
 
 def bytes_per_realization(spec: SweepSpec, design: Design) -> int:
     """Bytes of a realization's results in memory and in parts."""
-    sizes = {"realization": 1, "particle": spec.particles}
+    sizes = {"realization": 1, **spec.sizes}
     measured = sum(
         np.dtype(v.dtype).itemsize * int(np.prod([sizes[d] for d in v.dims]))
         for v in spec.measures.variables

@@ -127,7 +127,7 @@ class Rows:
 
 def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: int) -> None:
     """Declare what the file will hold."""
-    file.dimensions({"realization": design.realizations, "particle": spec.particles})
+    file.dimensions({"realization": design.realizations, **spec.sizes})
     quantities = quantities_of(spec, design.take(0, 1), 1)
     varied = varying(spec, design.sampled)
     for name in quantities:
@@ -141,6 +141,8 @@ def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: in
     _declare_launches(file, spec.launch, spec.particles, frequency)
     for name in TIMES:
         _declare_quantity(file, name, quantities, varied)
+    for name, values in spec.measures.own_dims.items():
+        file.coordinate(name, (name,), {"long_name": name.replace("_", " ")}, np.array(values))
     for variable in spec.measures.variables:
         file.variable(variable)
     file.attributes(
@@ -159,6 +161,7 @@ def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: in
             "impact_budget": spec.measures.impact_budget,
             **({"tolerance": spec.measures.tolerance} if spec.measures.trust else {}),
             **periods_given(spec.duration, spec.measures.transient),
+            **{f"source_of_{one.name}": one.source for one in spec.measures.observables},
             "sweep_file": spec.text,
             IDENTITY: json.dumps(identity(spec)),
             **provenance(threads),

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from vibrosweep.errors import SpecError
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
 from vibrosweep.model.measures import Measures
+from vibrosweep.model.observables import Observable, observables_of
 from vibrosweep.model.times import Time
 from vibrosweep.spec import rules as rules
 from vibrosweep.spec.messages import Mistakes, in_python
@@ -93,9 +94,26 @@ class SweepSpec:
     record: RecordSpec | None
     windows: WindowsTable | None
 
+    def observing(self, observables: Iterable[Observable]) -> SweepSpec:
+        """Return the same sweep with observables.
+
+        Raises
+        ------
+        ParameterError
+            As of `vibrosweep.model.observables.observables_of`.
+        """
+        measures = replace(self.measures, observables=observables_of(observables))
+        return replace(self, measures=measures)
+
     def refusal(self, text: str) -> SpecError:
         """Return the error that says why an analysis cannot use this sweep."""
         return SpecError(in_python(text) if self.source is None else f"{self.source}: {text}")
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Lengths of the dimensions of a result, apart from that of realizations."""
+        own = {along: len(values) for along, values in self.measures.own_dims.items()}
+        return {"particle": self.particles, **own}
 
 
 def read_spec(path: str | os.PathLike[str]) -> SweepSpec:

@@ -243,7 +243,7 @@ def _judge_name(name: str, spec: SweepSpec, mistakes: _Mistakes) -> None:
             f"{', '.join(INPUTS)}; to keep it as a label rename it, to leave it out list the "
             f"others in sample.columns"
         )
-    elif name in RESERVED:
+    elif name in RESERVED.union(spec.measures.own_names):
         mistakes.add(f'column "{name}" has the name of something that a result holds{elsewhere}')
     elif not name.isidentifier():
         mistakes.add(

@@ -1,0 +1,59 @@
+"""Observables of a batch: each in a pass of its own, which follows every landing.
+
+Other measures therefore keep their bits, and their cycles that are counted instead of followed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.observing import Observer, compiled
+from vibrosweep.model.observables import Observable
+from vibrosweep.model.parameters import Dimensionless, Launches
+from vibrosweep.model.status import Status
+
+__all__ = ["observed"]
+
+Array = NDArray[np.float64]
+
+
+def observed(
+    observable: Observable,
+    parameters: Mapping[str, Array],
+    batch: tuple[Dimensionless, Launches],
+    observation: Observation,
+    workers: Workers,
+) -> Array:
+    """Values of an observable: NaN where a trajectory does not stay finite.
+
+    Parameters
+    ----------
+    observable
+        What to compute.
+    parameters
+        As of `vibrosweep.engine.measure.measure`.
+    batch
+        The same in dimensionless form, and its launches.
+    observation, workers
+        As there.
+
+    Returns
+    -------
+    numpy.ndarray
+        Of the dims of the observable's variable.
+    """
+    problem, launch = batch
+    size, particles = problem.kick.size, observation.particles
+    totals = np.full((size * particles, observable.width), float(observable.initial))
+    observer = Observer(compiled(observable), totals)
+    found = statistics(problem, launch, observation, workers, observer=observer)
+    totals[found.status == Status.NON_FINITE] = np.nan
+    values = observable.combined(totals.reshape(size, particles, observable.width))
+    scale = observable.scale(parameters["frequency"], parameters["gravity"])
+    return np.asarray(values * scale.reshape((size,) + (1,) * (values.ndim - 1)))

@@ -1,0 +1,268 @@
+"""An observable: a user's own function of every landing, declared as a measure is."""
+
+from __future__ import annotations
+
+import dis
+import hashlib
+import inspect
+import re
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.measures import RESERVED, Variable
+
+__all__ = ["Landing", "Observable", "observables_of"]
+
+Array = NDArray[np.float64]
+
+# How the totals of particles make those of a realization.
+COMBINED: Final = {"sum": np.add, "max": np.fmax, "min": np.fmin, "each": None}
+UNIT: Final = re.compile(r"(m|s)(-?\d+)?")
+
+
+class Landing(NamedTuple):
+    """A landing in the window, as an observable's function is given it.
+
+    Attributes
+    ----------
+    phase
+        Of the forcing, in turns: -1/2 to 1/2, 0 where the velocity of the base rises through zero.
+    flight_time
+        Of the flight that ends here, in forcing periods.
+    arrival, rebound
+        Speeds relative to the base before the impact, and with which the particle leaves it, in
+        units of g / (2 f), so that a flight with rebound 1 from a base at rest lasts one forcing
+        period.  After a rest, the rebound is the speed at its end.
+    rests
+        Whether the particle stays on the base.
+    """
+
+    phase: float
+    flight_time: float
+    arrival: float
+    rebound: float
+    rests: bool
+
+
+@dataclass(frozen=True)
+class Observable:
+    """A function of every landing, compiled into the kernel, and what it adds to a result.
+
+    Parameters
+    ----------
+    name
+        Of the variable in the result.
+    function
+        ``function(totals, landing)``, plain Python that numba compiles.  It is called for every
+        landing in the window, in the order of each particle's landings, with a `Landing` and with
+        the particle's own `totals`, a float64 array of one number for each of `values`, or of one
+        number; it changes `totals` and returns nothing.
+    meaning
+        In a few words.
+    units
+        Of the totals: ``"1"``, or a product of powers of m and s, as in ``"m s-1"``.  The function
+        computes in forcing periods (1 / f) and lengths of g / (2 f^2); totals are converted.
+    along, values
+        Name of a dimension of the variable, and its coordinate: increasing numbers, such as the
+        middles of the bins of a histogram.  None by default.
+    particles
+        How the totals of particles become one: ``"sum"``, ``"max"``, ``"min"``; or ``"each"`` to
+        keep them apart.
+    initial
+        What totals begin with; a particle without a landing in the window keeps it.
+
+    Raises
+    ------
+    ParameterError
+        One of them is not allowed, or the function depends on something that can change without
+        notice: anything outside it but numbers, texts, modules, and functions of the same kind.
+
+    Examples
+    --------
+    >>> import numpy as np, vibrosweep as vs
+    >>> def fastest(totals, landing):
+    ...     totals[0] = max(totals[0], landing.arrival)
+    >>> arrival = vs.Observable("arrival_max", fastest, "fastest arrival", "m s-1", particles="max")
+    >>> found = vs.sweep(amplitude=0.0, restitution=0.9, observables=[arrival])
+    >>> print(found.arrival_max.values, found.arrival_max.units)
+    [5.] m s-1
+    """
+
+    name: str
+    function: Callable[[Any, Any], None] = field(compare=False)
+    meaning: str
+    units: str = "1"
+    along: str = ""
+    values: tuple[float, ...] = ()
+    particles: str = "sum"
+    initial: float = 0.0
+    code: str = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        plain = getattr(self.function, "py_func", self.function)  # what numba has compiled
+        object.__setattr__(self, "function", plain)
+        object.__setattr__(self, "values", tuple(float(v) for v in self.values))
+        wrong = next(self._mistakes(), "")
+        if wrong:
+            raise ParameterError(f"observable {self.name!r}: {wrong}")
+        text = "\n".join(_parts(plain, f"observable {self.name!r}"))
+        digest = hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+        object.__setattr__(self, "code", digest)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let `code` be that of the function that a process has."""
+        given = (self.name, self.function, self.meaning, self.units, self.along, self.values)
+        return type(self), (*given, self.particles, self.initial)
+
+    def _mistakes(self) -> Iterator[str]:
+        for key, word in {"name": self.name, "along": self.along or "none"}.items():
+            if not isinstance(word, str) or not word.isidentifier():
+                yield f"{key} = {word!r} must be a word of letters, digits and _"
+            elif word in RESERVED or word in INPUTS:
+                yield f"{key} = {word!r} is a name that results use already; choose another"
+        if self.name == self.along:
+            yield f"along = {self.along!r} must be another word than the name"
+        if not isinstance(self.function, FunctionType):
+            yield f"function = {self.function!r} must be a Python function"
+        elif len(inspect.signature(self.function).parameters) != 2:
+            yield "function must take two arguments, as in function(totals, landing)"
+        if not isinstance(self.meaning, str) or not self.meaning.strip():
+            yield f"meaning = {self.meaning!r} must say in words what it is"
+        if self.units != "1" and not all(map(UNIT.fullmatch, self.units.split(" "))):
+            yield f"units = {self.units!r} must be '1' or powers of m and s, as 'm s-1'"
+        steps = np.diff(self.values)
+        if bool(self.along) != bool(self.values) or not np.all(steps > 0.0):
+            yield "along must be given with values, which are numbers that increase"
+        if not np.all(np.isfinite(self.values)):
+            yield "values must be finite"
+        if self.particles not in COMBINED:
+            yield f"particles = {self.particles!r} must be one of {', '.join(COMBINED)}"
+        if not isinstance(self.initial, int | float):
+            yield f"initial = {self.initial!r} must be a number"
+
+    @property
+    def source(self) -> str:
+        """Source text of the function; empty where Python does not have it."""
+        try:
+            return textwrap.dedent(inspect.getsource(self.function))
+        except (OSError, TypeError):
+            return ""
+
+    @property
+    def width(self) -> int:
+        """Number of totals of a particle."""
+        return max(1, len(self.values))
+
+    @property
+    def variable(self) -> Variable:
+        """What it adds to a result."""
+        dims = ("realization",)
+        dims += ("particle",) if self.particles == "each" else ()
+        dims += (self.along,) if self.along else ()
+        return Variable(self.name, dims, "float64", self.units, self.meaning)
+
+    def combined(self, totals: Array) -> Array:
+        """Combine totals of shape (realization, particle, total), in the order of particles."""
+        rule = COMBINED[self.particles]
+        if rule is not None:
+            whole = totals[:, 0].copy()
+            for k in range(1, totals.shape[1]):
+                rule(whole, totals[:, k], out=whole)
+            totals = whole
+        return totals if self.along else totals[..., 0]
+
+    def scale(self, frequency: Array, gravity: Array) -> Array:
+        """What one of the function's units is in `units`, for each realization."""
+        size = np.ones_like(frequency)
+        for unit, power in UNIT.findall(self.units):
+            one = 1.0 / frequency if unit == "s" else gravity / (2.0 * frequency * frequency)
+            size *= one ** int(power or 1)
+        return size
+
+
+def observables_of(given: Iterable[Observable]) -> tuple[Observable, ...]:
+    """Check observables that are asked for together.
+
+    Raises
+    ------
+    ParameterError
+        One is no `Observable`, or two have names or dimensions in common.
+    """
+    found = tuple(given)
+    for one in found:
+        if not isinstance(one, Observable):
+            raise ParameterError(f"observables: {one!r} must be a vibrosweep.Observable")
+    names = [one.name for one in found] + list({one.along for one in found if one.along})
+    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise ParameterError(f"observables: {', '.join(twice)} is the name of two things")
+    lengths = {(one.along, one.values) for one in found if one.along}
+    if len(lengths) > len({along for along, _ in lengths}):
+        raise ParameterError("observables: those along one dimension must have the same values")
+    return found
+
+
+def _parts(function: FunctionType, where: str) -> Iterator[str]:
+    """Everything that decides what a function computes: its code, and what it takes from outside.
+
+    Raises
+    ------
+    ParameterError
+        It takes something whose value could change without notice.
+    """
+    yield from _code(function.__code__)
+    outside = {
+        name: function.__globals__[name]
+        for name in sorted(_globals(function.__code__))
+        if name in function.__globals__
+    }
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    outside |= {name: cell.cell_contents for name, cell in cells}
+    outside |= {f"default {k}": value for k, value in enumerate(function.__defaults__ or ())}
+    for name, value in outside.items():
+        value = getattr(value, "py_func", value)
+        yield name
+        if isinstance(value, FunctionType):
+            if value is not function:
+                yield from _parts(value, where)
+        elif isinstance(value, ModuleType | type | BuiltinFunctionType | np.ufunc):
+            yield value.__name__
+        elif _is_constant(value):
+            yield repr(value)
+        else:
+            raise ParameterError(
+                f"{where}: its function uses {name}, a {type(value).__name__}, whose value could "
+                f"change without notice; use numbers, tuples of numbers, or functions instead"
+            )
+
+
+def _is_constant(value: object) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_constant, value))
+    return value is None or isinstance(value, bool | int | float | complex | str | np.number)
+
+
+def _code(code: CodeType) -> Iterator[str]:
+    """What is compiled, without names of files and numbers of lines."""
+    yield code.co_code.hex()
+    yield repr((code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars))
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _code(constant)
+        else:
+            yield repr(sorted(constant, key=repr) if isinstance(constant, frozenset) else constant)
+
+
+def _globals(code: CodeType) -> set[str]:
+    """Names that a function, and functions inside it, look up outside."""
+    found = {i.argval for i in dis.get_instructions(code) if i.opname == "LOAD_GLOBAL"}
+    inside: Sequence[CodeType] = [c for c in code.co_consts if isinstance(c, CodeType)]
+    return found.union(*map(_globals, inside))

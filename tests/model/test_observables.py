@@ -1,0 +1,145 @@
+"""Observables: what is refused, what identifies a function, units, and sums over particles."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.observables import Observable, observables_of
+
+BINS = 8
+CALLS = "def f(t, x): t[0] += g()"
+
+
+def count(totals, landing):
+    totals[0] += 1.0
+
+
+def spread(totals, landing):
+    totals[int((landing.phase + 0.5) * BINS) % BINS] += math.fabs(landing.arrival)
+
+
+def make(function=count, **changes):
+    given = {"name": "seen", "meaning": "landings"} | changes
+    return Observable(function=function, **given)
+
+
+def defined(text, **outside):
+    """A function of this text, as if its module had these globals."""
+    names = dict(outside)
+    exec(text, names)
+    return names["f"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"name": "impact_count"}, "name = 'impact_count' is a name that results use already"),
+        ({"name": "two words"}, "name = 'two words' must be a word"),
+        ({"along": "particle", "values": (1.0,)}, "along = 'particle' is a name that results use"),
+        ({"along": "seen", "values": (1.0,)}, "must be another word than the name"),
+        ({"function": len}, "must be a Python function"),
+        ({"function": lambda totals: None}, "must take two arguments"),
+        ({"meaning": " "}, "must say in words"),
+        ({"units": "kg"}, "units = 'kg' must be '1' or powers of m and s"),
+        ({"along": "bin"}, "along must be given with values"),
+        ({"values": (1.0,)}, "along must be given with values"),
+        ({"along": "bin", "values": (2.0, 1.0)}, "numbers that increase"),
+        ({"along": "bin", "values": (1.0, math.inf)}, "values must be finite"),
+        ({"particles": "mean"}, "particles = 'mean' must be one of sum, max, min, each"),
+        ({"initial": "0"}, "initial = '0' must be a number"),
+    ],
+)
+def test_mistakes_are_named(changes, words):
+    with pytest.raises(ParameterError, match=r"^observable .*: ") as raised:
+        make(**changes)
+    assert words in str(raised.value)
+
+
+def test_together_they_have_names_of_their_own():
+    one, other = make(), make(name="other", along="bin", values=(1.0, 2.0))
+    assert observables_of([one, other]) == (one, other)
+    with pytest.raises(ParameterError, match="seen is the name of two things"):
+        observables_of([one, make()])
+    with pytest.raises(ParameterError, match="bin is the name of two things"):
+        observables_of([other, make(name="bin")])
+    with pytest.raises(ParameterError, match="must have the same values"):
+        observables_of([other, make(along="bin", values=(1.0, 3.0))])
+    with pytest.raises(ParameterError, match=r"must be a vibrosweep\.Observable"):
+        observables_of([count])
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("def f(t, x): t[0] += K", "def f(t, x): t[0] -= K"),
+        ("def f(t, x): t[0] += 1.0", "def f(t, x): t[0] += 2.0"),
+        ("def f(t, x): t[0] += x.phase", "def f(t, x): t[0] += x.arrival"),
+        ("def f(t, x=1): pass", "def f(t, x=2): pass"),
+        (f"def g(): return 1.0\n{CALLS}", f"def g(): return 2.0\n{CALLS}"),
+        ("def f(t, x): t[:] = [i for i in t]", "def f(t, x): t[:] = [-i for i in t]"),
+    ],
+)
+def test_what_a_function_does_is_part_of_it(before, after):
+    texts = (before, f"# again\n\n{before}", after)
+    first, same, other = (make(defined(text, K=1.0)).code for text in texts)
+    assert first == same
+    assert first != other
+
+
+def test_values_from_outside_are_part_of_a_function():
+    text = "def f(t, x): t[0] += K"
+    codes = {make(defined(text, K=k)).code for k in (1, 1.0, 2.0, (1, 2), "a", math, np.float64(1))}
+    assert len(codes) == 7
+
+    def enclosed(k):
+        def f(totals, landing):
+            totals[0] += k
+
+        return f
+
+    assert make(enclosed(1.0)) == make(enclosed(1.0)) != make(enclosed(2.0))
+
+
+@pytest.mark.parametrize("value", [[1.0], np.ones(2), {"a": 1}, object(), (1.0, [2.0])])
+def test_what_could_change_without_notice_is_refused(value):
+    with pytest.raises(ParameterError, match=r"uses K, a .*, whose value could change"):
+        make(defined("def f(t, x): t[0] += K", K=value))
+
+
+def test_another_process_has_the_same():
+    one = make(spread, along="bin", values=range(BINS), units="m s-1")
+    again = pickle.loads(pickle.dumps(one))
+    assert (again, hash(again), again.code) == (one, hash(one), one.code)
+    assert again.function is spread
+    assert again.source.startswith("def spread(totals, landing):")
+    assert make(defined("def f(t, x): pass")).source == ""
+
+
+def test_units():
+    frequency, gravity = np.array([2.0, 10.0]), np.array([9.81, 1.6])
+    velocity = gravity / (2.0 * frequency)
+    for units, expected in {
+        "1": np.ones(2),
+        "s": 1.0 / frequency,
+        "m s-1": velocity,
+        "m2 s-2": velocity**2,
+        "m": velocity / frequency,
+        "m s-2": gravity / 2.0,
+    }.items():
+        np.testing.assert_allclose(make(units=units).scale(frequency, gravity), expected, 1e-15)
+
+
+def test_totals_of_particles_become_one():
+    totals = np.random.default_rng(1).normal(size=(3, 7, 1))
+    in_order = [sum(row[1:], row[0]) for row in totals[..., 0].tolist()]
+    np.testing.assert_array_equal(make().combined(totals), in_order)
+    np.testing.assert_array_equal(make(particles="max").combined(totals), totals.max((1, 2)))
+    np.testing.assert_array_equal(make(particles="min").combined(totals), totals.min((1, 2)))
+    np.testing.assert_array_equal(make(particles="each").combined(totals), totals[..., 0])
+    along = make(along="bin", values=range(4))
+    assert along.combined(np.ones((3, 7, 4))).tolist() == [[7.0] * 4] * 3
+    assert along.variable.dims == ("realization", "bin")
+    assert make(particles="each").variable.dims == ("realization", "particle")
