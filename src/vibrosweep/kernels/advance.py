@@ -111,11 +111,12 @@ def _step(
     budget: float,
     window: int | None,
     observer: Observer | None,
+    live: int,
 ) -> None:
     """One pass of the first lanes; a lane past its end continues without being counted.
 
-    Without a window, None, what looks at its beginning is not compiled; nor is what notes
-    landings without an observer.
+    Without a window, None, what looks at its beginning is not compiled; nor is what shows the
+    landings of the lanes that are live without an observer.
     """
     wide_vectors()
     prepare(base, s, lanes)
@@ -143,6 +144,8 @@ def _step(
         s[ROW.N + j] = n_off if landed else n_from
         s[ROW.X + j] = x_off if landed else x_from
         s[ROW.U + j] = u if landed else u_from
+    if observer is not None:
+        observe(s, live, observer)
 
 
 @jit
@@ -304,10 +307,9 @@ def advance(
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for _ in range(LOOK_AFTER):
             if windowed:
-                _step(s, padded, base, budget, 1, options.observer)
+                _step(s, padded, base, budget, 1, options.observer, lanes)
             else:
-                _step(s, padded, base, budget, None, options.observer)
-            observe(s, lanes, options.observer)
+                _step(s, padded, base, budget, None, options.observer, lanes)
         _mark(s, padded, base, options.budget, cycles)
         done = _find_done(s, lanes, places)
         if cycles is not None and rests is not None:

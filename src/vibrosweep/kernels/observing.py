@@ -57,19 +57,18 @@ def note(s: Floats, j: int, landing: Landing, seen: bool) -> None:
 
 
 @jit
-def observe(s: Floats, lanes: int, observer: Observer | None) -> None:
-    """Call the function for the lanes that have just landed; nothing without an observer."""
-    if observer is not None:
-        for j in range(lanes):
-            if s[NOTED.SEEN + j] > 0.0:
-                landing = Landing(
-                    s[NOTED.PHASE + j],
-                    s[NOTED.TIME + j],
-                    s[NOTED.ARRIVAL + j],
-                    s[NOTED.REBOUND + j],
-                    s[NOTED.RESTS + j] > 0.0,
-                )
-                observer.function(observer.totals[int(s[ROW.LANE + j])], landing)
+def observe(s: Floats, lanes: int, observer: Observer) -> None:
+    """Call the function for those of the first lanes that have just landed in the window."""
+    for j in range(lanes):
+        if s[NOTED.SEEN + j] > 0.0:
+            landing = Landing(
+                s[NOTED.PHASE + j],
+                s[NOTED.TIME + j],
+                s[NOTED.ARRIVAL + j],
+                s[NOTED.REBOUND + j],
+                s[NOTED.RESTS + j] > 0.0,
+            )
+            observer.function(observer.totals[int(s[ROW.LANE + j])], landing)
 
 
 _compiled: dict[str, Callable[[Any, Any], None]] = {}  # by the `code` of observables

@@ -605,9 +605,8 @@ KEYS: Final[Mapping[str, bool | float | None]] = {
 }
 
 # Every variable that a sweep may measure
-VARIABLES: Final[Mapping[str, Variable]] = {
-    v.name: v for v in Measures(**dict.fromkeys(MEASURES, True)).variables
-}
+_ALL: Final[dict[str, Any]] = dict.fromkeys(MEASURES, True)
+VARIABLES: Final[Mapping[str, Variable]] = {v.name: v for v in Measures(**_ALL).variables}
 # The key that has a variable measured, of those that are not always
 MEASURE_OF: Final[Mapping[str, str]] = {
     v.name: key for key, measure in MEASURES.items() for v in measure.variables

@@ -107,7 +107,7 @@ class Observable:
     code: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        plain = getattr(self.function, "py_func", self.function)  # what numba has compiled
+        plain: Any = getattr(self.function, "py_func", self.function)  # what numba has compiled
         object.__setattr__(self, "function", plain)
         object.__setattr__(self, "values", tuple(float(v) for v in self.values))
         wrong = next(self._mistakes(), "")
@@ -164,7 +164,7 @@ class Observable:
     @property
     def variable(self) -> Variable:
         """What it adds to a result."""
-        dims = ("realization",)
+        dims: tuple[str, ...] = ("realization",)
         dims += ("particle",) if self.particles == "each" else ()
         dims += (self.along,) if self.along else ()
         return Variable(self.name, dims, "float64", self.units, self.meaning)

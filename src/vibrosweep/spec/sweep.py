@@ -101,9 +101,15 @@ class SweepSpec:
         ------
         ParameterError
             As of `vibrosweep.model.observables.observables_of`.
+        SpecError
+            The base is one of finite mass, whose landings no observable sees.
         """
-        measures = replace(self.measures, observables=observables_of(observables))
-        return replace(self, measures=measures)
+        found = observables_of(observables)
+        if found and self.base == "sprung":
+            raise self.refusal(
+                'observables: see no landings on a base of finite mass; take base = "moving"'
+            )
+        return replace(self, measures=replace(self.measures, observables=found))
 
     def refusal(self, text: str) -> SpecError:
         """Return the error that says why an analysis cannot use this sweep."""

@@ -1,0 +1,117 @@
+"""Observables from Python: in memory, in files, in chunks, and after an interruption."""
+
+import math
+
+import cloudpickle
+import numpy as np
+import pytest
+
+import vibrosweep as vs
+from vibrosweep.errors import ExistingOutputError, ParameterError, RunError, SpecError, TableError
+from vibrosweep.proof.sampling import read_sample
+from vibrosweep.runs import chunks
+from vibrosweep.runs.retry import retry_failed
+from vibrosweep.spec.keywords import keyword_spec
+
+BINS = 8
+SWEEP = {
+    "restitution": (0.8, 0.98),
+    "amplitude": (0.2, 3.5),
+    "realizations": 40,
+    "particles": 3,
+    "seed": 4,
+}
+
+
+def count(totals, landing):
+    totals[int((landing.phase + 0.5) * BINS) % BINS] += 1.0
+
+
+def count_more(totals, landing):
+    totals[int((landing.phase + 0.5) * BINS) % BINS] += 2.0
+
+
+def phases(function=count, **changes):
+    given = {"along": "landing_phase", "values": (np.arange(BINS) + 0.5) / BINS - 0.5} | changes
+    return vs.Observable("landings_at_phase", function, "landings by phase", **given)
+
+
+@pytest.fixture(scope="module")
+def in_memory():
+    return vs.sweep(SWEEP, observables=[phases()])
+
+
+def test_a_histogram_of_phases(in_memory):
+    found = in_memory.landings_at_phase
+    assert found.dims == ("realization", "landing_phase")
+    assert found.attrs == {"long_name": "landings by phase", "units": "1"}
+    np.testing.assert_array_equal(found.landing_phase, phases().values)
+    np.testing.assert_array_equal(found.sum("landing_phase"), in_memory.impact_count)
+    assert in_memory.attrs["source_of_landings_at_phase"].startswith("def count(")
+
+
+def test_a_file_in_chunks_holds_the_same(in_memory, tmp_path, monkeypatch):
+    """Also where the run is interrupted and continued, with a function that does the same."""
+    path = tmp_path / "out.h5"
+    compute, done = chunks.compute_chunk, []
+
+    def interrupted(*arguments):
+        if len(done) == 2:
+            raise KeyboardInterrupt
+        done.append(compute(*arguments))
+        return done[-1]
+
+    monkeypatch.setattr(chunks, "compute_chunk", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        vs.run(SWEEP, path, chunk=10, observables=[phases()])
+    monkeypatch.setattr(chunks, "compute_chunk", compute)
+    with pytest.raises(RunError, match=r"landings_at_phase\.code: was"):
+        vs.run(SWEEP, path, observables=[phases(count_more)])
+    with vs.run(SWEEP, path, observables=[phases()]) as found:
+        assert found.landings_at_phase.identical(
+            in_memory.landings_at_phase.assign_coords(found.landings_at_phase.coords)
+        )
+    vs.run(SWEEP, path, observables=[phases()]).close()  # opened, for it is that of this sweep
+    for others in ([phases(count_more)], [phases(initial=1.0)], []):
+        with pytest.raises(ExistingOutputError, match="landings_at_phase"):
+            vs.run(SWEEP, path, observables=others)
+
+
+def test_what_knows_the_sweep_file_only_says_so(tmp_path):
+    path = tmp_path / "out.h5"
+    vs.run(SWEEP, path, observables=[phases()]).close()
+    with pytest.raises(RunError, match=r"landings_at_phase\.code: was .* is not given"):
+        retry_failed(keyword_spec(SWEEP), path, threads=1)
+
+
+def test_it_reaches_workers_of_a_cluster():
+    """Functions of a script or a notebook are sent by value, with the numbers that they use."""
+
+    def bins(number):
+        def function(totals, landing):
+            totals[int((landing.phase + 0.5) * number) % BINS] += math.fabs(1.0)
+
+        return function
+
+    spec = keyword_spec(SWEEP).observing([phases(bins(BINS))])
+    sent = cloudpickle.loads(cloudpickle.dumps(spec))
+    assert sent == spec
+    assert sent.measures.observables[0].code == spec.measures.observables[0].code
+    assert spec != keyword_spec(SWEEP).observing([phases(bins(BINS + 1))])
+
+
+def test_where_they_are_refused(tmp_path):
+    with pytest.raises(ParameterError, match="the name of two things"):
+        vs.sweep(SWEEP, observables=[phases(), phases()])
+    with pytest.raises(SpecError, match="observables: see no landings on a base of finite mass"):
+        vs.sweep(base="sprung", mass_ratio=0.1, mount_frequency=5.0, observables=[phases()])
+    table = tmp_path / "pairs.csv"
+    table.write_text("restitution,amplitude,landing_phase\n0.9,1.2,3\n", encoding="utf-8")
+    with pytest.raises(TableError, match="landing_phase"):
+        vs.sweep(design=str(table), observables=[phases()])
+
+
+def test_verification_names_what_it_cannot_compare(tmp_path):
+    path = tmp_path / "out.h5"
+    vs.run(SWEEP, path, observables=[phases()]).close()
+    assert "landings_at_phase" in read_sample(path, 2, 0)[0].others
