@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.coupled import measure_coupled
 from vibrosweep.engine.observation import Observation
-from vibrosweep.engine.observing import observed
+from vibrosweep.engine.observed import observed
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow
 from vibrosweep.engine.workers import Workers
