@@ -42,3 +42,13 @@ def test_sobol_indices():
     total = found.total_order.sel(output="rebound_height_max")
     assert total.sel(parameter="amplitude") > 0.2
     assert (found.first_order <= found.total_order + 0.1).all()
+
+
+def test_a_grid_in_the_units_of_a_shaker():
+    e, gamma = np.linspace(0.3, 0.95, 60), np.linspace(0.5, 5.0, 60)
+    asks = {"frequency": 17.0, "duration_periods": 200, "base": "moving"}
+    found = vs.sweep(restitution=e, base_acceleration=gamma, **asks)
+    mesh = found.flight_time_mean.plot()
+    assert mesh.get_array().shape == (60, 60)
+    assert found.flight_time_mean.dims == ("restitution", "base_acceleration")
+    mesh.figure.clear()

@@ -10,6 +10,7 @@ from vibrosweep.analysis.records import Array, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import DataError
 from vibrosweep.model import theory
+from vibrosweep.store.rows import flat
 
 __all__ = ["heights_against_restitution"]
 
@@ -50,6 +51,7 @@ def heights_against_restitution(
     from scipy.stats import spearmanr
 
     names = ("restitution", "frequency", "gravity", "rebound_height_max", "rebound_height_mean")
+    sweep = flat(sweep)
     refuse_recoil(sweep, "heights_against_restitution")
     require(sweep, "heights_against_restitution", *names)
     e = per_realization(sweep, "restitution")

@@ -13,6 +13,7 @@ from vibrosweep.analysis.records import Array, per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.measures import UNDETERMINED, VARIABLES
+from vibrosweep.store.rows import flat
 
 __all__ = [
     "QUANTILES",
@@ -55,6 +56,7 @@ def separation_distribution(
     ParameterError
         The measure is not one of the two.
     """
+    sweep = flat(sweep)
     _require_separations(sweep, "separation_distribution", measure)
     values = sweep[measure].values
     rank = np.sort(values[np.isfinite(values)])
@@ -104,6 +106,7 @@ def separation_against(
     DataError
         The sweep lacks a variable, or the parameter is the same in all realizations.
     """
+    sweep = flat(sweep)
     _require_separations(sweep, "separation_against", measure)
     require(sweep, "separation_against", parameter)
     values = per_realization(sweep, parameter)
@@ -151,6 +154,7 @@ def compare_separations(
     DataError
         A sweep lacks a variable.
     """
+    sweeps = [flat(sweep) for sweep in sweeps]
     for sweep in sweeps:
         _require_separations(sweep, "compare_separations", measure)
         if "particles" not in sweep.attrs:

@@ -13,6 +13,7 @@ from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.data import Array
 from vibrosweep.figures.paint import Points
 from vibrosweep.figures.window_curves import Forcing, draw_windows
+from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -54,6 +55,7 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
     DataError
         The dataset lacks a variable, or restitution or amplitude does not vary.
     """
+    sweep = flat(sweep)
     if variable is None:
         NEEDS.check("parameter_plane", sweep)
         variable = next(name for name in CHOICES if name in sweep.variables)

@@ -14,6 +14,7 @@ from vibrosweep.errors import OutputError
 from vibrosweep.figures import data, height_curves, plane, restitution, returns, separations, style
 from vibrosweep.figures.data import Needs
 from vibrosweep.store.disk import replacing
+from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,7 +63,7 @@ class FigureEntry:
 
     def lacking(self, dataset: xr.Dataset | None) -> str | None:
         """Say in a sentence why the figure cannot be drawn; None if it can."""
-        reason = _SOURCES[self.source] if dataset is None else self.needs.lacking(dataset)
+        reason = _SOURCES[self.source] if dataset is None else self.needs.lacking(flat(dataset))
         return None if reason is None else f"figure {self.name} needs {reason}"
 
 
@@ -77,6 +78,7 @@ def _height_time_all(record: xr.Dataset) -> Figure:
 def _separation_distribution(sweep: xr.Dataset) -> Figure:
     from vibrosweep.analysis.separations import separation_distribution  # loads xarray
 
+    sweep = flat(sweep)
     contact = float(data.quantity(sweep, "contact_time").min())
     name = f"{sweep.sizes['realization']} realizations"
     return separations.distributions([separation_distribution(sweep)], [name], contact)

@@ -14,6 +14,7 @@ from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.figures import data, style
 from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
+from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -65,6 +66,7 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     DataError
         The dataset lacks a variable, or the restitution does not vary.
     """
+    sweep = flat(sweep)
     NEEDS.check("height_against_restitution", sweep)
     unit, one_height = _height_unit(sweep)
     restitution = data.quantity(sweep, "restitution")

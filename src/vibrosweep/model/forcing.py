@@ -33,6 +33,7 @@ __all__ = [
     "invalid_law",
     "only_parameters",
     "refuse_large",
+    "sources",
 ]
 
 Array = NDArray[np.float64]
@@ -129,11 +130,23 @@ def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
     forcing
         The one that is given, varied or not.
     """
-    derived = [name for name in (AMPLITUDE, ACCELERATION) if name not in (forcing, *varied)]
-    follows = {name: _SOURCES[forcing] | _SOURCES[name] | {forcing} for name in derived}
-    if MASS_RATIO not in varied:
-        follows[MASS_RATIO] = frozenset(MASSES)
-    return (*varied, *(name for name in follows if not follows[name].isdisjoint(varied)))
+    derived = [n for n in (AMPLITUDE, ACCELERATION, MASS_RATIO) if n not in (forcing, *varied)]
+    return (*varied, *(name for name in derived if not sources(name, forcing).isdisjoint(varied)))
+
+
+def sources(name: str, forcing: str) -> frozenset[str]:
+    """Names of the inputs that one follows from, where it is not given itself.
+
+    Parameters
+    ----------
+    name
+        The amplitude, the acceleration of the base, or the ratio of masses.
+    forcing
+        The one that is given.
+    """
+    if name == MASS_RATIO:
+        return frozenset(MASSES)
+    return _SOURCES[forcing] | _SOURCES[name] | {forcing}
 
 
 def completed(given: Mapping[str, Array]) -> dict[str, Array]:

@@ -26,6 +26,7 @@ from vibrosweep.proof.setting import (
 from vibrosweep.runs.driver import record_observation
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
+from vibrosweep.store.rows import read_rows, row_count, row_dims
 
 __all__ = ["read_sample"]
 
@@ -59,9 +60,9 @@ def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None
 
 
 def _drawn(file: Any, size: int, seed: int) -> Sample:
-    total = file.dimensions["realization"].size
+    total = row_count(file)
     rows = np.arange(total)
-    chosen: Any = slice(None)
+    chosen: slice | NDArray[np.int64] = slice(None)
     if size < total:
         chosen = rows = np.sort(np.random.default_rng(seed).choice(total, size, replace=False))
     here = provenance(threads=1)
@@ -69,21 +70,24 @@ def _drawn(file: Any, size: int, seed: int) -> Sample:
     return Sample(
         total=total,
         rows=rows,
-        parameters={name: _parameter(file.variables[name], chosen, rows) for name in PARAMETERS},
+        parameters={name: _parameter(file, name, chosen, rows) for name in PARAMETERS},
         observation=_observation(file, file.attrs),
         own=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
-        stored={name: file.variables[name][chosen] for name in names},
-        coordinates=_coordinates(file, SWEEP_COORDINATES, chosen),
+        stored={name: read_rows(file, name, chosen) for name in names},
+        coordinates=_coordinates(file, chosen),
         others=_others(file, (*VARIABLES, *SWEEP_COORDINATES)),
     )
 
 
-def _coordinates(file: Any, names: tuple[str, ...], chosen: Any) -> dict[str, NDArray[Any]]:
-    """Coordinates that a file or group holds, sampled ones at the rows that are chosen."""
+def _coordinates(file: Any, chosen: slice | NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+    """Coordinates that a file holds, those of realizations at the rows that are chosen."""
+    dims = row_dims(file)
     return {
-        name: variable[chosen if "realization" in variable.dimensions else ...]
+        name: variable[...]
+        if set(variable.dimensions).isdisjoint(dims)
+        else read_rows(file, name, chosen)
         for name, variable in file.variables.items()
-        if name in names
+        if name in SWEEP_COORDINATES
     }
 
 
@@ -91,10 +95,14 @@ def _others(file: Any, known: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in file.variables if name not in known)
 
 
-def _parameter(variable: Any, chosen: Any, rows: NDArray[np.int64]) -> Array:
+def _parameter(
+    file: Any, name: str, chosen: slice | NDArray[np.int64], rows: NDArray[np.int64]
+) -> Array:
     """Values of a parameter at the rows, sampled or fixed."""
-    values = variable[chosen] if variable.dimensions else np.full(rows.size, variable[()])
-    return np.asarray(values, dtype=np.float64)
+    variable = file.variables[name]
+    if not variable.dimensions:
+        return np.full(rows.size, variable[()], np.float64)
+    return np.asarray(read_rows(file, name, chosen), np.float64)
 
 
 def _record(file: Any, sample: Sample) -> Sample:
@@ -108,11 +116,11 @@ def _record(file: Any, sample: Sample) -> Sample:
     return Sample(
         total=1,
         rows=rows,
-        parameters={name: _parameter(group.variables[name], ..., rows) for name in PARAMETERS},
+        parameters={name: np.atleast_1d(group.variables[name][...]) for name in PARAMETERS},
         observation=observation,
         own=sample.own,
         stored={name: group.variables[name][...] for name in RECORD},
-        coordinates=_coordinates(group, RECORD_COORDINATES, ...),
+        coordinates={n: v[...] for n, v in group.variables.items() if n in RECORD_COORDINATES},
         others=_others(group, (*RECORD, *RECORD_COORDINATES)),
     )
 

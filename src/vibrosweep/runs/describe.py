@@ -18,6 +18,7 @@ from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.store.kinds import SWEEP, Kind, kind_of, load_dataset
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.reading import no_result, reading
+from vibrosweep.store.rows import read_rows, row_count
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import State, state_of
 
@@ -126,8 +127,8 @@ def summary_of(file: Any) -> Summary:
     """Summarise an open result file."""
     summary = Summary()
     names = [name for name in OF_REALIZATIONS if name in file.variables]
-    for rows in _rows(file.dimensions["realization"].size):
-        summary.add({name: file.variables[name][rows] for name in names})
+    for rows in _rows(row_count(file)):
+        summary.add({name: read_rows(file, name, rows) for name in names})
     return summary
 
 
@@ -139,15 +140,16 @@ def _unsettled(file: Any) -> Iterator[str]:
     sampled = [name for name in held if name not in FORCINGS or name == forcing]
     lines: list[str] = []
     total = 0
-    for rows in _rows(file.dimensions["realization"].size):
-        codes = {name: file.variables[name][rows] for name in names}
+    for rows in _rows(row_count(file)):
+        codes = {name: read_rows(file, name, rows) for name in names}
         places = np.flatnonzero(unsettled(codes))
         total += places.size
         for place in places[: LISTED - len(lines)].tolist():
             status = Status(int(codes["status"][place]))
             # the rest was counted from the cycle, but these measures need every landing
             meaning = status.meaning if status else "separations or error bounds undetermined"
-            values = (f"{name} {file.variables[name][rows.start + place]:g}" for name in sampled)
+            at = slice(rows.start + place, rows.start + place + 1)
+            values = (f"{name} {read_rows(file, name, at)[0]:g}" for name in sampled)
             lines.append(f"  {rows.start + place:<10}{', '.join((meaning, *values))}")
     if total:
         yield f"realizations that did not complete: {total}; vibrosweep run --retry-failed"

@@ -58,7 +58,8 @@ def sweep_in_memory(spec: SweepSpec, *, threads: int, advance: Advance = silent)
         while done < total:
             for columns in compute_rows(spec, design, done, min(done + piece, total), workers):
                 for name, values in columns.items():
-                    found.write(name, done, values)
+                    if found.awaits(name):
+                        found.write(name, done, values)
             done = min(done + piece, total)
             advance(done, total)
     return found.dataset()

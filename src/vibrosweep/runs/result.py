@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -14,19 +14,20 @@ from vibrosweep.engine.landings import launch_times, record_landings
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
-from vibrosweep.model.forcing import INPUTS, completed, forcing_of, only_parameters
+from vibrosweep.model.forcing import INPUTS, completed, forcing_of, only_parameters, sources
 from vibrosweep.model.measures import OPTIONS, RECORD
 from vibrosweep.model.parameters import Parameter
 from vibrosweep.model.times import Periods, Time, in_seconds
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import notes, silent_defaults
 from vibrosweep.spec.design import Design
-from vibrosweep.spec.sweep import RecordSpec, SweepSpec
+from vibrosweep.spec.sweep import Axis, RecordSpec, SweepSpec
 from vibrosweep.store.dataset import Group
 from vibrosweep.store.kinds import KIND, SWEEP
 from vibrosweep.store.memory import InMemory
 from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
+from vibrosweep.store.rows import REALIZATION
 
 __all__ = [
     "DURATION",
@@ -120,27 +121,37 @@ class Rows:
         for name in self._kinds:
             pieces = [piece[name] for piece in self._pieces]
             values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
-            self._file.write(name, self._written, values)
+            if self._file.awaits(name):  # axes of a grid are written when they are declared
+                self._file.write(name, self._written, values)
         self._written += self._waiting
         self._pieces, self._waiting = [], 0
 
 
 def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: int) -> None:
-    """Declare what the file will hold."""
-    file.dimensions({"realization": design.realizations, **spec.sizes})
+    """Declare what the file will hold: of a grid, its axes are the dimensions."""
+    axes = {n: np.array(s.values) for n, s in spec.sampled.items() if isinstance(s, Axis)}
+    sizes = {name: values.size for name, values in axes.items()}
+    sizes = sizes or {REALIZATION: design.realizations}
+    file.dimensions({**sizes, **spec.sizes}, tuple(sizes))
     quantities = quantities_of(spec, design.take(0, 1), 1)
     varied = varying(spec, design.sampled)
+
+    def declare_quantity(name: str) -> None:
+        if name in varied:
+            dims, values = _along(name, spec, axes)
+            file.coordinate(name, dims, _attributes(name), values)
+        else:
+            file.coordinate(name, (), _attributes(name), quantities[name][0])
+
     for name in quantities:
         if name in INPUTS:
-            _declare_quantity(file, name, quantities, varied)
+            declare_quantity(name)
     for name, label in design.labels.items():
-        file.coordinate(
-            name, ("realization",), label.attributes, label.values[: design.realizations]
-        )
+        file.coordinate(name, (REALIZATION,), label.attributes, label.values[: design.realizations])
     frequency = None if "frequency" in varied else float(quantities["frequency"][0])
     _declare_launches(file, spec.launch, spec.particles, frequency)
     for name in TIMES:
-        _declare_quantity(file, name, quantities, varied)
+        declare_quantity(name)
     for name, values in spec.measures.own_dims.items():
         file.coordinate(name, (name,), {"long_name": name.replace("_", " ")}, np.array(values))
     for variable in spec.measures.variables:
@@ -175,14 +186,30 @@ def periods_given(duration: Time, transient: Time = 0.0) -> dict[str, float]:
     return {f"{n}_periods": t.number for n, t in given.items() if isinstance(t, Periods)}
 
 
-def _declare_quantity(
-    file: Group | InMemory, name: str, quantities: Mapping[str, Array], varied: Collection[str]
-) -> None:
-    attributes = TIMES[name] if name in TIMES else coordinate_attributes(INPUTS[name])
-    if name in varied:
-        file.coordinate(name, ("realization",), attributes)
-    else:
-        file.coordinate(name, (), attributes, quantities[name][0])
+def _attributes(name: str) -> Mapping[str, str]:
+    return TIMES[name] if name in TIMES else coordinate_attributes(INPUTS[name])
+
+
+def _along(
+    name: str, spec: SweepSpec, axes: Mapping[str, Array]
+) -> tuple[tuple[str, ...], Array | None]:
+    """Dimensions of what differs between realizations; its values where those are not all.
+
+    On a grid a quantity lies along the axes that it follows from.
+    """
+    if not axes:
+        return (REALIZATION,), None
+    if name in axes:
+        return (name,), axes[name]
+    follows = {"frequency"} if name in TIMES else sources(name, given_forcing(spec, axes))
+    dims = tuple(axis for axis in axes if axis in follows)
+    if len(dims) == len(axes):
+        return dims, None
+    mesh = np.meshgrid(*(axes[dim] for dim in dims), indexing="ij")
+    first = {axis: np.full(mesh[0].size, values[0]) for axis, values in axes.items()}
+    own = {dim: values.ravel() for dim, values in zip(dims, mesh, strict=True)}
+    found = quantities_of(spec, first | own, mesh[0].size)[name]
+    return dims, found.reshape(mesh[0].shape)
 
 
 def _declare_launches(
@@ -218,9 +245,9 @@ def write_record(file: Group, record: RecordSpec, budget: int, workers: Workers)
     quantities = recorded_quantities(record)
     for name in quantities:
         if name in INPUTS:
-            _declare_quantity(file, name, quantities, ())
+            file.coordinate(name, (), _attributes(name), quantities[name][0])
     _declare_launches(file, record.launch, record.particles, record.parameters["frequency"])
-    _declare_quantity(file, "duration", quantities, ())
+    file.coordinate("duration", (), DURATION, quantities["duration"][0])
     for name, variable in RECORD.items():
         file.variable(variable)
         file.write(name, 0, found[name])

@@ -30,6 +30,7 @@ from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.reading import reading
+from vibrosweep.store.rows import read_rows
 from vibrosweep.store.rundir import abandon, empty, holding
 
 __all__ = ["retry_failed"]
@@ -120,7 +121,7 @@ def _rows(spec: SweepSpec, output: Path) -> tuple[int, ...]:
         before = json.loads(file.attrs[IDENTITY])
         budget = int(before[BUDGET])
         names = [name for name in SETTLING if name in file.variables]
-        failed = unsettled({name: file.variables[name][...] for name in names})
+        failed = unsettled({name: read_rows(file, name, slice(None)) for name in names})
     now = identity(spec)
     changes = differences({**before, BUDGET: ""}, {**now, BUDGET: ""})
     if changes:
@@ -171,7 +172,7 @@ def _blocks(
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         for start in range(0, design.realizations, size):
             rows = slice(start, min(start + size, design.realizations))
-            yield start, {name: file.variables[name][rows] for name in names}
+            yield start, {name: read_rows(file, name, rows) for name in names}
 
 
 class _Stream:

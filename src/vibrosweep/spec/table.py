@@ -22,6 +22,7 @@ from vibrosweep.model.mount import mount_mistakes
 from vibrosweep.spec.messages import likely_parameter
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.units import KNOWN_UNITS, factor
+from vibrosweep.store.rows import flat
 from vibrosweep.store.trial import require_readable
 
 __all__ = ["Label", "Table", "read_table"]
@@ -175,10 +176,10 @@ def _read_netcdf(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
         with xr.open_dataset(
             path, engine="h5netcdf", decode_times=False, phony_dims="access"
         ) as dataset:
-            dataset.load()
+            whole = flat(dataset).load()
     except Exception as error:  # the libraries' exceptions for damaged files have no common base
         raise TableError(f"{path}: is not a readable netCDF-4 file: {error}") from error
-    found = {str(name): variable for name, variable in dataset.variables.items()}
+    found = {str(name): variable for name, variable in whole.variables.items()}
     shared = next((v.dims for name, v in found.items() if name in INPUTS), None)
     return {
         name: Label(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from vibrosweep.errors import RunError
 from vibrosweep.model.measures import Variable
 from vibrosweep.store.disk import Disk, replacing, undisturbed
+from vibrosweep.store.rows import REALIZATION, along, boxes
 from vibrosweep.store.seal import append_seal
 
 __all__ = ["Group", "creating"]
@@ -30,19 +32,21 @@ CHUNK_VALUES: Final = 1 << 13
 
 @dataclass
 class Group:
-    """A group of a file being written; data are appended along the first dimension."""
+    """A group of a file being written; data are appended along its rows, the realizations."""
 
     _disk: Disk
     _group: Any
     _prefix: str = ""
     _sizes: dict[str, int] = field(default_factory=dict)
+    _axes: tuple[str, ...] = (REALIZATION,)
     _auxiliary: list[str] = field(default_factory=list)
     _missing: dict[str, int] = field(default_factory=dict)
     _groups: list[Group] = field(default_factory=list)
 
     @undisturbed()
-    def dimensions(self, sizes: Mapping[str, int]) -> None:
-        """Declare dimensions by name and length."""
+    def dimensions(self, sizes: Mapping[str, int], axes: tuple[str, ...] = (REALIZATION,)) -> None:
+        """Declare dimensions by name and length, and along which of them realizations lie."""
+        self._axes = axes
         self._group.dimensions.update(zip(self._named(sizes), sizes.values(), strict=True))
         self._sizes.update(sizes)
 
@@ -54,7 +58,7 @@ class Group:
         attributes: Mapping[str, Any],
         values: NDArray[Any] | None = None,
     ) -> None:
-        """Declare an auxiliary coordinate of all variables declared after it.
+        """Declare a coordinate of all variables declared after it.
 
         Parameters
         ----------
@@ -69,30 +73,43 @@ class Group:
         if values is not None:
             variable[...] = values
         else:
-            self._missing[name] = self._sizes[dims[0]]
-        self._auxiliary.append(name)
+            self._missing[name] = math.prod(self._sizes[d] for d in dims)
+        if dims != (name,):  # that of its own dimension belongs to all variables anyway
+            self._auxiliary.append(name)
 
     @undisturbed()
     def variable(self, variable: Variable) -> None:
         """Declare a variable of the registry."""
-        shape = tuple(self._sizes[d] for d in variable.dims)
+        dims = along(variable.dims, self._axes)
+        shape = tuple(self._sizes[d] for d in dims)
         options: dict[str, Any] = {}
         if np.issubdtype(np.dtype(variable.dtype), np.integer) and all(shape):
             options = dict(COMPRESSION, chunks=_chunks(shape))
         created = self._group.create_variable(
-            variable.name, self._named(variable.dims), dtype=variable.dtype, **options
+            variable.name, self._named(dims), dtype=variable.dtype, **options
         )
         created.attrs.update(variable.attributes)
-        self._missing[variable.name] = shape[0]
+        self._missing[variable.name] = math.prod(shape[: len(self._axes)])
         if self._auxiliary:
             created.attrs["coordinates"] = " ".join(self._auxiliary)
 
     @undisturbed()
     def write(self, name: str, start: int, values: NDArray[Any]) -> None:
-        """Write a piece that begins at index `start` of the first dimension."""
-        self._group.variables[name][start : start + values.shape[0]] = values
+        """Write a piece that begins at realization `start`."""
+        variable, done = self._group.variables[name], 0
+        sizes = [self._sizes[d] for d in self._axes]
+        for box in boxes(sizes, start, start + values.shape[0]):
+            shape = [side.stop - side.start for side in box]
+            size = math.prod(shape)
+            piece = values[done : done + size]
+            variable[box] = piece.reshape(*shape, *values.shape[1:])
+            done += size
         self._missing[name] -= values.shape[0]
         self._disk.check()
+
+    def awaits(self, name: str) -> bool:
+        """Whether values of a variable are still to be written."""
+        return self._missing.get(name, 0) > 0
 
     @undisturbed()
     def attributes(self, values: Mapping[str, Any]) -> None:
@@ -136,9 +153,11 @@ class Group:
 
 
 def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Chunks of whole rows with about `CHUNK_VALUES` values."""
-    rows = max(1, CHUNK_VALUES // int(np.prod(shape[1:])))
-    return (min(rows, shape[0]), *shape[1:])
+    """Chunks of about `CHUNK_VALUES` values that follow each other in memory."""
+    sides: list[int] = []
+    for size in reversed(shape):
+        sides.insert(0, min(size, max(1, CHUNK_VALUES // math.prod(sides))))
+    return tuple(sides)
 
 
 @contextmanager

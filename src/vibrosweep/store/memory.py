@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.model.measures import Variable
+from vibrosweep.store.rows import REALIZATION, along
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,12 +23,15 @@ class InMemory:
     """The counterpart of `vibrosweep.store.dataset.Group`, with the same methods."""
 
     _sizes: dict[str, int] = field(default_factory=dict)
+    _axes: tuple[str, ...] = (REALIZATION,)
     _coordinates: dict[str, Any] = field(default_factory=dict)
     _variables: dict[str, Any] = field(default_factory=dict)
     _attributes: dict[str, Any] = field(default_factory=dict)
+    _awaited: set[str] = field(default_factory=set)
 
-    def dimensions(self, sizes: Mapping[str, int]) -> None:
-        """Declare dimensions by name and length."""
+    def dimensions(self, sizes: Mapping[str, int], axes: tuple[str, ...] = (REALIZATION,)) -> None:
+        """Declare dimensions by name and length, and along which of them realizations lie."""
+        self._axes = axes
         self._sizes.update(sizes)
 
     def coordinate(
@@ -38,18 +42,27 @@ class InMemory:
         values: NDArray[Any] | None = None,
     ) -> None:
         """Declare a coordinate, whose values are written later where they are not given."""
-        room = np.empty(self._shape(dims)) if values is None else values
-        self._coordinates[name] = (dims, room, dict(attributes))
+        if values is None:
+            values = np.empty(self._shape(dims))
+            self._awaited.add(name)
+        self._coordinates[name] = (dims, values, dict(attributes))
 
     def variable(self, variable: Variable) -> None:
         """Declare a variable of the registry."""
-        room = np.empty(self._shape(variable.dims), variable.dtype)
-        self._variables[variable.name] = (variable.dims, room, variable.attributes)
+        dims = along(variable.dims, self._axes)
+        room = np.empty(self._shape(dims), variable.dtype)
+        self._variables[variable.name] = (dims, room, variable.attributes)
+        self._awaited.add(variable.name)
 
     def write(self, name: str, start: int, values: NDArray[Any]) -> None:
-        """Write a piece that begins at index `start` of the first dimension."""
+        """Write a piece that begins at realization `start`."""
         _, room, _ = self._coordinates.get(name) or self._variables[name]
-        room[start : start + values.shape[0]] = values
+        rows = room.reshape(-1, *values.shape[1:])  # a view
+        rows[start : start + values.shape[0]] = values
+
+    def awaits(self, name: str) -> bool:
+        """Whether values of a variable are to be written."""
+        return name in self._awaited
 
     def attributes(self, values: Mapping[str, Any]) -> None:
         """Set attributes."""

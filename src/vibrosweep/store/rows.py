@@ -1,0 +1,109 @@
+"""Realizations of a result: along one dimension, or along the axes of a grid.
+
+A grid of parameters is stored with its axes as dimensions.  What works realization by realization
+reads any result through the functions of this module: the realizations of a grid are numbered with
+its last axis varying fastest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.model.forcing import INPUTS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["REALIZATION", "along", "boxes", "flat", "read_rows", "row_count", "row_dims"]
+
+REALIZATION: Final = "realization"
+
+Box = tuple[slice, ...]
+
+
+def along(dims: tuple[str, ...], axes: tuple[str, ...]) -> tuple[str, ...]:
+    """Dimensions in a result of what the registry has along realizations."""
+    return tuple(d for dim in dims for d in (axes if dim == REALIZATION else (dim,)))
+
+
+def flat(sweep: xr.Dataset) -> xr.Dataset:
+    """Return the result of a sweep with its realizations along one dim ``realization``.
+
+    Parameters
+    ----------
+    sweep
+        Any result of a sweep; that of a grid is stacked, its axes become coordinates.
+    """
+    of_each = ([d for d in v.dims if d in INPUTS] for v in sweep.variables.values())
+    longest = max(of_each, key=len, default=[])
+    axes = list(dict.fromkeys([*longest, *(d for d in sweep.sizes if d in INPUTS)]))
+    if not axes:
+        return sweep
+    return sweep.stack({REALIZATION: axes}, create_index=False).transpose(REALIZATION, ...)
+
+
+def row_dims(file: Any) -> tuple[str, ...]:
+    """Dimensions of an open result file along which its realizations lie."""
+    single = REALIZATION in file.dimensions
+    return (REALIZATION,) if single else tuple(file.variables["status"].dimensions)
+
+
+def row_count(file: Any) -> int:
+    """Return the number of realizations in an open result file."""
+    return math.prod(file.dimensions[dim].size for dim in row_dims(file))
+
+
+def read_rows(file: Any, name: str, rows: slice | NDArray[np.int64]) -> NDArray[Any]:
+    """Read a variable of an open result file at some realizations.
+
+    Parameters
+    ----------
+    file
+        Open with h5netcdf.
+    name
+        A variable or a coordinate that lies along realizations, or along some axes of their grid.
+    rows
+        A range of realizations without a step, or growing indices.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (realization, ...).
+    """
+    variable, dims = file.variables[name], row_dims(file)
+    if len(dims) == 1:
+        return np.asarray(variable[rows])
+    sizes = [file.dimensions[dim].size for dim in dims]
+    if isinstance(rows, slice) and variable.dimensions[: len(dims)] == dims:
+        start, stop, _ = rows.indices(math.prod(sizes))
+        rest = variable.shape[len(dims) :]
+        pieces = [np.empty((0, *rest), variable.dtype)]
+        pieces += [variable[box].reshape(-1, *rest) for box in boxes(sizes, start, stop)]
+        return np.concatenate(pieces)
+    index = np.arange(math.prod(sizes))[rows] if isinstance(rows, slice) else rows
+    places = dict(zip(dims, np.unravel_index(index, sizes), strict=True))
+    own = [places[dim] for dim in variable.dimensions if dim in places]
+    if len(own) == len(dims):
+        return np.stack([variable[place] for place in zip(*own, strict=True)])
+    return np.asarray(variable[...][tuple(own)])
+
+
+def boxes(sizes: list[int], start: int, stop: int) -> Iterator[Box]:
+    """Cut the elements start, ..., stop - 1 of an array into boxes, both in the order of memory."""
+    inner = math.prod(sizes[1:])
+    while start < stop:
+        row, within = divmod(start, inner)
+        whole = (stop - start) // inner
+        if within or not whole:  # a part of one row
+            end = min((row + 1) * inner, stop)
+            for box in boxes(sizes[1:], within, end - row * inner):
+                yield (slice(row, row + 1), *box)
+        else:
+            end = start + whole * inner
+            yield (slice(row, row + whole), *(slice(0, size) for size in sizes[1:]))
+        start = end
