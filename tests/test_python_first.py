@@ -49,6 +49,17 @@ def test_a_grid_in_the_units_of_a_shaker():
     asks = {"frequency": 17.0, "duration_periods": 200, "base": "moving"}
     found = vs.sweep(restitution=e, base_acceleration=gamma, **asks)
     mesh = found.flight_time_mean.plot()
+    assert mesh.axes.get_title() == ""
     assert mesh.get_array().shape == (60, 60)
     assert found.flight_time_mean.dims == ("restitution", "base_acceleration")
     mesh.figure.clear()
+
+
+def test_a_table_of_own_pairs():
+    e, a = np.random.default_rng(1).uniform([[0.5], [0.3]], [[0.95], [3.0]], (2, 50))
+    pairs = pd.DataFrame({"restitution": e, "amplitude": a, "ball": ["steel", "glass"] * 25})
+    found = vs.sweep(design=pairs, particles=2)
+    heights = found.rebound_height_max.groupby("ball").mean()
+    assert sorted(heights["ball"].values) == ["glass", "steel"]
+    assert found.restitution.values.tolist() == e.tolist()
+    assert found["ball"].values.tolist() == pairs["ball"].tolist()

@@ -366,7 +366,7 @@ def test_windows_hold_the_base_acceleration_and_how_times_were_given():
     )
     assert found["duration"].item() == 25.0
     assert found["transient"].item() == 5.0
-    assert "base_velocity" not in found.coords  # the scan takes its place
+    assert "base_velocity" not in found.variables  # the scan takes its place
     given = {"base": "high-bounce", "forcing": "amplitude"}
     given |= {"duration_periods": 50.0, "transient_periods": 10.0}
     assert given.items() <= found.attrs.items()

@@ -73,7 +73,11 @@ def test_a_result_says_how_it_was_given_and_what_follows(result):
         )
         assert found.attrs["forcing"] == way
         assert found.attrs["base"] == "high-bounce"
-        assert {n for n in FORCINGS if n in found.coords} == {"amplitude", "base_acceleration", way}
+        assert {n for n in FORCINGS if n in found.variables} == {
+            "amplitude",
+            "base_acceleration",
+            way,
+        }
         velocity = a / (1.0 + e)
         assert np.allclose(gamma, 2.0 * np.pi * f * velocity / g, rtol=1e-14)
         expected = {"amplitude": a, "base_velocity": velocity, "base_acceleration": gamma}

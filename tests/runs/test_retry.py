@@ -131,7 +131,6 @@ def test_what_is_not_the_same_sweep(sweep, output, tmp_path):
     with pytest.raises(RunError, match="raise it with impact_budget="):
         retry_failed(sweep(8), output, threads=1)
     with xr.load_dataset(output) as result:
-        del result.attrs["identity"]
         result.to_netcdf(tmp_path / "foreign.h5", engine="h5netcdf")
     with pytest.raises(DataError, match="is not a result"):
         retry_failed(sweep(32), tmp_path / "foreign.h5", threads=1)

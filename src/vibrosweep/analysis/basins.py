@@ -96,10 +96,9 @@ def basins(
         ),
         "slot": (PLANE, slots(orbits).reshape(shape), VARIABLES["slot"].attributes),
         **_attractors(scene, orbits, speed, first, count / labels.size),
+        **scene.shared(("launch_velocity",)),
     }
-    return xr.Dataset(
-        data, _coordinates(scene, times, speeds), scene.attributes("Basins of attraction")
-    )
+    return xr.Dataset(data, _coordinates(times, speeds), scene.attributes("Basins of attraction"))
 
 
 def basins_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
@@ -180,10 +179,9 @@ def _attractors(
     return {name: ("attractor", *value) for name, value in values.items()}
 
 
-def _coordinates(scene: Scene, times: Array, speeds: Array) -> dict[str, Any]:
+def _coordinates(times: Array, speeds: Array) -> dict[str, Any]:
     words = coordinate_attributes(PARAMETERS["launch_velocity"])
     return {
         "launch_time": ("launch_time", times, {"units": "s", "long_name": "time of launch"}),
         "launch_velocity": ("launch_velocity", speeds, words),
-        **scene.coordinates(("launch_velocity",)),
     }

@@ -241,11 +241,10 @@ def _dataset(
             scene.quantities(amplitude=amplitude)["base_acceleration"],
             coordinate_attributes(FORCINGS["base_acceleration"]),
         ),
-        **scene.coordinates(("amplitude",)),
     }
     title = scene.attributes("Bifurcation diagram along the amplitude, up and down")
     return xr.Dataset(
-        {name: ((*dims, "sample"), values, attributes), **data},
+        {name: ((*dims, "sample"), values, attributes), **data, **scene.shared(("amplitude",))},
         coordinates,
         {**title, "forcing": "amplitude", "observable": name},
     )

@@ -200,8 +200,8 @@ class Scene:
             **periods_given(self.end, self.begin),
         }
 
-    def coordinates(self, varied: Collection[str]) -> dict[str, Any]:
-        """Scalar coordinates: what is not varied and follows from nothing that is, and times."""
+    def shared(self, varied: Collection[str]) -> dict[str, Any]:
+        """Variables without dimensions: times, and what is not varied nor follows from that."""
         found = self.quantities()
         given = forcing_of([name for name in varied if name in FORCINGS] or self._own())
         differ = {*differing(varied, given), *(FORCINGS.keys() - {*KEPT, given})}

@@ -329,8 +329,8 @@ def _dataset(
             every["base_acceleration"].reshape(e.size, a.size),
             coordinate_attributes(FORCINGS["base_acceleration"]),
         ),
-        **scene.coordinates(("restitution", forcing)),
     }
+    data |= scene.shared(("restitution", forcing))
     meanings = "; ".join(f"{c.name}: {c.sentence}" for c in conditions if c.sentence)
     attributes = scene.attributes("Intervals of the forcing in which conditions hold")
     return xr.Dataset(data, coordinates, {**attributes, "forcing": forcing, "meaning": meanings})

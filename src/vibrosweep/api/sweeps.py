@@ -71,12 +71,14 @@ def sweep(
             the base, or both masses (kg); natural frequency (Hz) and damping ratio of its mount.
         design, realizations, seed
             ``"uniform"``, ``"latin"`` or ``"sobol"`` for ranges, with the number of realizations
-            and a seed; ``"grid"`` for axes; or the path of a table (.csv, .nc).
+            and a seed; ``"grid"`` for axes; or a table of realizations, as pandas.DataFrame,
+            xarray.Dataset, dict of columns, or path (.csv, .nc): its columns are physical
+            parameters, and others, which the result keeps as coordinates.
         columns
             Columns of the table to use, all by default.
         transient, transient_periods
             Beginning of the window that measures cover, in s or in forcing periods.
-        separation, per_particle, regimes, lyapunov, trust
+        separation, per_particle, regimes, lyapunov, trust, ordering
             What is measured beside landings, heights and flight times: True or False.
         tolerance, impact_budget
             Error in s up to which `trust` trusts a landing; impacts after which a particle is
@@ -87,8 +89,9 @@ def sweep(
     Returns
     -------
     xarray.Dataset
-        Dim ``realization`` (and ``particle`` for what is measured of each): measured variables with
-        units and meanings as attributes, parameters as coordinates.
+        Measured variables with units and meanings as attributes, and parameters as coordinates.
+        The dims are the axes of a grid, for other designs ``realization``; and ``particle`` for
+        what is measured of each.
 
     Raises
     ------
@@ -174,7 +177,7 @@ def run(
     if chunk is not None:
         require_whole("chunk", chunk)
     try:
-        check_output(path, force=force or replaces(path), inputs=(checked.source, checked.table))
+        check_output(path, force=force or replaces(path), inputs=checked.inputs)
     except ExistingOutputError as error:
         if is_of(checked, path):
             return open_sweep(path)

@@ -101,7 +101,7 @@ def _check(options: argparse.Namespace, spec: SweepSpec, output: Path) -> None:
         )
     replace = options.force or options.retry_failed
     try:
-        check_output(output, force=replace or replaces(output), inputs=(spec.source, spec.table))
+        check_output(output, force=replace or replaces(output), inputs=spec.inputs)
     except ExistingOutputError as error:
         from vibrosweep.runs.finished import origin
 

@@ -21,12 +21,14 @@ from vibrosweep.lab.comparison import (
 )
 from vibrosweep.lab.estimate import estimate, fit_phase
 from vibrosweep.lab.impacts import fit_tracks, impacts_of
-from vibrosweep.lab.prediction import draw, predict
+from vibrosweep.lab.prediction import DRAWS, draw, predict
 from vibrosweep.lab.twin import Comparison, camera_shares
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.runs.driver import thread_count
 
-__all__ = ["compare"]
+__all__ = ["compare", "compare_tracks"]
 
+KNOWN: Final = ("restitution", "amplitude", "frequency", "phase", "gravity", "contact_time")
 SHARES: Final = ("frames", "pixels", "parameters")
 
 
@@ -40,6 +42,70 @@ class _One(NamedTuple):
     share: dict[str, dict[str, dict[str, float]]]
     parameters: dict[str, float]
     warning: str
+
+
+def compare_tracks(
+    recordings: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    method: str = "fit",
+    base: float | None = None,
+    exposure: float = 0.0,
+    rebound: str = "rest",
+    draws: int = DRAWS,
+    seed: int = 0,
+    threads: int | None = None,
+    **known: float,
+) -> xr.Dataset:
+    """Compare recordings with prediction, case by case; a case is a number of particles.
+
+    Parameters
+    ----------
+    recordings
+        Tracks, as `read_tracks` returns them, of one recording or of several.
+    method, base, exposure
+        As in `find_impacts`.
+    rebound
+        Law of rebound, ``"rest"`` or ``"reflect"``.
+    draws
+        Parameter sets drawn within the errors of an estimate.
+    seed
+        Of the random numbers.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    **known
+        Parameters that are known: restitution (1), amplitude (m s-1), frequency (Hz), phase (rad),
+        gravity (m s-2), contact_time (s).  The first four are estimated where they are not given.
+
+    Returns
+    -------
+    xarray.Dataset
+        As of `compare`: dims (case, quantity, reading), errors in per cent and what explains them.
+
+    Raises
+    ------
+    TrackError
+        A recording cannot be measured.
+    ParameterError
+        A parameter is not known by that name or outside its range, or is not determined.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.lab.experiment import Experiment, perform_trials
+    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
+    >>> found = vs.lab.compare_tracks(film[0].tracks, restitution=0.9, frequency=20.0, draws=4)
+    >>> found.error.dims
+    ('case', 'quantity', 'reading')
+    """
+    for name, value in known.items():
+        if name not in KNOWN:
+            raise ParameterError(f"{name}: is not a parameter; known are {', '.join(KNOWN)}")
+        if not PARAMETERS[name].accepts(value):
+            raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
+    several = [recordings] if isinstance(recordings, xr.Dataset) else recordings
+    how = Comparison(known, method, base, exposure, draws, rebound, seed)
+    with Workers(thread_count(threads)) as workers:
+        return compare(several, how, workers)
 
 
 def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers) -> xr.Dataset:

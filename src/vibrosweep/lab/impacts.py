@@ -96,6 +96,14 @@ def find_impacts(
     ------
     TrackError
         Nothing bounces, nothing falls with gravity, or the base is not below the tracks.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.lab.experiment import Experiment, perform_trials
+    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
+    >>> vs.lab.find_impacts(film[0].tracks).landing_time.dims
+    ('particle', 'impact')
     """
     if method not in METHODS:
         raise TrackError(f"method = {method!r}: must be one of {', '.join(METHODS)}")

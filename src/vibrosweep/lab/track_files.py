@@ -67,6 +67,17 @@ def read_tracks(
     ------
     TrackError
         A file cannot be read, or holds no tracks.
+
+    Examples
+    --------
+    >>> import tempfile, numpy as np, pandas as pd, vibrosweep as vs
+    >>> time = np.arange(60) / 100.0
+    >>> height = 0.05 - 4.9 * (time % 0.2 - 0.1) ** 2
+    >>> table = pd.DataFrame({"time": time, "particle": "ball", "height": height})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     table.to_csv(f"{folder}/track.csv", index=False)
+    ...     vs.lab.read_tracks(f"{folder}/track.csv").height.dims
+    ('time', 'particle')
     """
     import pandas as pd
 

@@ -52,7 +52,7 @@ def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         sample = _drawn(file, size, seed)
         record = _record(file, sample) if "record" in file.groups else None
-        setting = asked(path, file.attrs, sample.rows)
+        setting = asked(path, file, sample.rows)
     _require_sound(path, sample, VARIABLES)
     if record is not None:
         _require_sound(path, record, RECORD)

@@ -18,7 +18,7 @@ from vibrosweep.engine.landings import launch_times
 from vibrosweep.errors import SpecError, TableError
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.parameters import STAGGERED
-from vibrosweep.runs.result import IDENTITY, recorded_quantities
+from vibrosweep.runs.result import identity_in, recorded_quantities
 from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
 
@@ -50,21 +50,21 @@ class Setting:
     unknown: Mapping[str, str]
 
 
-def asked(path: Path, attributes: Mapping[str, Any], rows: NDArray[np.int64]) -> Setting:
+def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Setting:
     """Return the coordinates that the sweep file stored in a dataset specifies.
 
     Parameters
     ----------
     path
         The dataset; a table with a relative path is looked for beside it.
-    attributes
-        Of the dataset.
+    file
+        The dataset, open.
     rows
         Indices of realizations, growing.
     """
     names = [*SWEEP_COORDINATES, *(f"record/{name}" for name in RECORD_COORDINATES)]
     try:
-        spec = parse_spec(str(attributes["sweep_file"]), path)
+        spec = parse_spec(str(file.attrs["sweep_file"]), path)
     except (KeyError, SpecError):
         reason = "the dataset holds no sweep file that this version reads"
         return Setting({}, {}, dict.fromkeys(names, reason))
@@ -75,7 +75,7 @@ def asked(path: Path, attributes: Mapping[str, Any], rows: NDArray[np.int64]) ->
         frequency = own.parameters["frequency"]
         known["launch_time"] = launch_times(own.launch, own.particles, frequency)
         shared = {f"record/{name}": value for name, value in known.items()}
-    drawn, reason = _drawn(spec, attributes, rows)
+    drawn, reason = _drawn(spec, identity_in(file), rows)
     found, varied = quantities_of(spec, drawn, rows.size), varying(spec, drawn)
     shared |= {name: values[0] for name, values in found.items() if name not in varied}
     if spec.launch != STAGGERED or "frequency" in shared:
@@ -88,10 +88,10 @@ def asked(path: Path, attributes: Mapping[str, Any], rows: NDArray[np.int64]) ->
 
 
 def _drawn(
-    spec: SweepSpec, attributes: Mapping[str, Any], rows: NDArray[np.int64]
+    spec: SweepSpec, identity: str, rows: NDArray[np.int64]
 ) -> tuple[dict[str, NDArray[np.float64]], str]:
     """Sampled parameters of the rows; NaN, and the reason, where they cannot be known."""
-    design = _design(spec, attributes)
+    design = _design(spec, identity)
     if isinstance(design, str):
         # a table decides which parameters are sampled
         every = inputs_of(spec.given, spec.base)
@@ -104,14 +104,13 @@ def _drawn(
     return {name: np.full(rows.size, np.nan) for name in names}, reason
 
 
-def _design(spec: SweepSpec, attributes: Mapping[str, Any]) -> Design | str:
+def _design(spec: SweepSpec, identity: str) -> Design | str:
     """Open the design again, or return the reason why it cannot be compared."""
-    identity = str(attributes.get(IDENTITY, "{}"))
     if spec.design in DRAWN_BY_SCIPY:
-        drawn = json.loads(identity).get("scipy", version("scipy"))
+        drawn = json.loads(identity or "{}").get("scipy", version("scipy"))
         if drawn != version("scipy"):
             return f"drawn by scipy {drawn}, this is {version('scipy')}"
-    if spec.table is not None:
+    if isinstance(spec.table, Path):
         if not spec.table.is_file():
             return f"there is no table {spec.table}"
         contents = spec.table.read_bytes()

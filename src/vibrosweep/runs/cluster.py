@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from vibrosweep.errors import RunError, VibrosweepError
@@ -165,7 +166,7 @@ def on_dask(client: Client, absence: float = ABSENCE) -> Runner:
     """
 
     def run(job: Job, chunks: Sequence[int], tick: Tick) -> Mapping[int, str]:
-        if job.spec.table is not None:  # workers have other working directories
+        if isinstance(job.spec.table, Path):  # workers have other working directories
             job = replace(job, spec=replace(job.spec, table=job.spec.table.resolve()))
         waiting = _Chunks(client, job, list(reversed(chunks)), absence)
         try:

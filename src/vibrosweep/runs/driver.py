@@ -20,7 +20,7 @@ from vibrosweep.runs.kept import KeptRun, continued
 from vibrosweep.runs.notes import notes
 from vibrosweep.runs.plan import Plan, bytes_per_realization, make_plan
 from vibrosweep.runs.progress import Advance, silent
-from vibrosweep.runs.result import Rows, declare, write_record
+from vibrosweep.runs.result import Rows, declare, sign, write_record
 from vibrosweep.runs.summary import Summary
 from vibrosweep.spec.design import Design, open_design
 from vibrosweep.spec.sweep import SweepSpec
@@ -154,6 +154,7 @@ def _consolidated(run: KeptRun) -> Summary:
         creating(run.output, run.directory, force=force) as file,
     ):
         declare(file, spec, run.design, run.threads)
+        sign(file, spec)
         rows = Rows(file, run.job.manifest.columns, batch_size(spec))
         for columns in run.columns(summary):
             rows.add(columns)
@@ -196,6 +197,7 @@ def _run_at_once(
     summary = Summary(notes=notes(spec, design))
     with creating(output, directory, force=force) as file:
         declare(file, spec, design, workers.threads)
+        sign(file, spec)
         rows = Rows(file, column_kinds(spec, design), batch_size(spec))
         try:
             for columns in compute_rows(spec, design, 0, design.realizations, workers):

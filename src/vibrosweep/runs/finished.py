@@ -9,7 +9,7 @@ import h5netcdf
 
 from vibrosweep.errors import DataError
 from vibrosweep.runs.identity import differences, identity
-from vibrosweep.runs.result import IDENTITY
+from vibrosweep.runs.result import identity_in
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.reading import reading
@@ -39,7 +39,7 @@ def _changes(spec: SweepSpec, path: Path) -> list[str] | str | None:
     try:
         with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
             kind, text = kind_of(path, file.attrs), file.attrs.get("sweep_file")
-            before = json.loads(file.attrs[IDENTITY]) if kind is SWEEP else {}
+            before = json.loads(identity_in(file)) if kind is SWEEP else {}
     except DataError:
         return None
     if kind is SWEEP:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import tempfile
 import time
@@ -19,7 +20,7 @@ from vibrosweep.runs.chunks import batch_size
 from vibrosweep.runs.pilot import memory_per_realization
 from vibrosweep.runs.plan import Plan, bytes_per_realization
 from vibrosweep.runs.result import Rows, declare, recorded, write_record
-from vibrosweep.spec.sweep import RecordSpec, SweepSpec
+from vibrosweep.spec.sweep import Axis, RecordSpec, SweepSpec
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import target_of
 from vibrosweep.store.parts import kinds
@@ -131,18 +132,18 @@ def _written(spec: SweepSpec, plan: Plan, threads: int) -> tuple[float, float]:
     """Bytes of the file without its record, and seconds to write it, from two small files."""
     design = plan.design
     most = max(2, min(SAMPLE_ROWS, SAMPLE_BYTES // bytes_per_realization(spec, design)))
-    rows = min(design.realizations, most)
-    size, seconds = _sample_file(spec, plan, rows, threads)
+    rows, size, seconds = _sample_file(spec, plan, min(design.realizations, most), threads)
     if rows == design.realizations:
         return size, seconds
-    smaller, sooner = _sample_file(spec, plan, rows // 2, threads)
-    more = (design.realizations - rows) / (rows - rows // 2)
+    fewer, smaller, sooner = _sample_file(spec, plan, rows // 2, threads)
+    more = (design.realizations - rows) / (rows - fewer)
     return size + more * (size - smaller), seconds + more * max(seconds - sooner, 0.0)
 
 
-def _sample_file(spec: SweepSpec, plan: Plan, rows: int, threads: int) -> tuple[int, float]:
-    """Write a result file with this many rows, drawn from the computed sample."""
+def _sample_file(spec: SweepSpec, plan: Plan, most: int, threads: int) -> tuple[int, int, float]:
+    """Write a result file with rows drawn from the computed sample; rows, bytes and seconds."""
     columns = plan.cost.columns
+    spec, rows = _shortened(spec, most)
     drawn = np.random.default_rng(0).integers(columns["status"].size, size=rows)
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "sample.h5"
@@ -152,7 +153,20 @@ def _sample_file(spec: SweepSpec, plan: Plan, rows: int, threads: int) -> tuple[
             writer = Rows(file, kinds(columns), batch_size(spec))
             writer.add({name: values[drawn] for name, values in columns.items()})
             writer.flush()
-        return path.stat().st_size, time.perf_counter() - began
+        return rows, path.stat().st_size, time.perf_counter() - began
+
+
+def _shortened(spec: SweepSpec, most: int) -> tuple[SweepSpec, int]:
+    """Cut the axes of a grid so that it has no more rows; the number of rows."""
+    axes = {name: s.values for name, s in spec.sampled.items() if isinstance(s, Axis)}
+    if not axes:
+        return spec, most
+    room = most
+    for name in reversed(axes):
+        axes[name] = axes[name][: max(1, room)]
+        room //= len(axes[name])
+    sampled = {name: Axis(values) for name, values in axes.items()}
+    return replace(spec, sampled=sampled), math.prod(map(len, axes.values()))
 
 
 def _record_file(

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from vibrosweep.errors import TableError
+from vibrosweep.spec.columns import GivenTable
 from vibrosweep.spec.schema import SampleTable, SceneTable
 from vibrosweep.spec.sweep import SweepSpec
 
@@ -110,7 +111,9 @@ def _short(value: object) -> str:
     return f"{text[:60]}... (digest {hashlib.blake2b(text.encode(), digest_size=8).hexdigest()})"
 
 
-def _digest(table: Path) -> str:
+def _digest(table: Path | GivenTable) -> str:
+    if isinstance(table, GivenTable):
+        return f"digest {table.digest}"
     try:
         return f"digest {hashlib.blake2b(table.read_bytes(), digest_size=8).hexdigest()}"
     except OSError as error:

@@ -31,15 +31,16 @@ from vibrosweep.store.rows import REALIZATION
 
 __all__ = [
     "DURATION",
-    "IDENTITY",
     "LAUNCH_TIME",
     "TRANSIENT",
     "Rows",
     "coordinate_attributes",
     "declare",
+    "identity_in",
     "periods_given",
     "recorded",
     "recorded_quantities",
+    "sign",
     "write_record",
 ]
 
@@ -48,7 +49,7 @@ Columns = Mapping[str, NDArray[Any]]
 
 LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
 DURATION: Final = {"units": "s", "long_name": "end of the observation"}
-# Attribute that says what the numbers depend on.
+# Group and attribute that say what the numbers depend on.
 IDENTITY: Final = "identity"
 TRANSIENT: Final = {
     "units": OPTIONS["transient"].units,
@@ -135,27 +136,20 @@ def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: in
     file.dimensions({**sizes, **spec.sizes}, tuple(sizes))
     quantities = quantities_of(spec, design.take(0, 1), 1)
     varied = varying(spec, design.sampled)
-
-    def declare_quantity(name: str) -> None:
-        if name in varied:
-            dims, values = _along(name, spec, axes)
-            file.coordinate(name, dims, _attributes(name), values)
-        else:
-            file.coordinate(name, (), _attributes(name), quantities[name][0])
-
-    for name in quantities:
-        if name in INPUTS:
-            declare_quantity(name)
+    for name in varied:
+        dims, values = _along(name, spec, axes)
+        file.coordinate(name, dims, _attributes(name), values)
     for name, label in design.labels.items():
         file.coordinate(name, (REALIZATION,), label.attributes, label.values[: design.realizations])
     frequency = None if "frequency" in varied else float(quantities["frequency"][0])
     _declare_launches(file, spec.launch, spec.particles, frequency)
-    for name in TIMES:
-        declare_quantity(name)
-    for name, values in spec.measures.own_dims.items():
-        file.coordinate(name, (name,), {"long_name": name.replace("_", " ")}, np.array(values))
+    for name, places in spec.measures.own_dims.items():
+        file.coordinate(name, (name,), {"long_name": name.replace("_", " ")}, np.array(places))
     for variable in spec.measures.variables:
         file.variable(variable)
+    for name in quantities:
+        if name not in varied:
+            file.fixed(name, _attributes(name), quantities[name][0])
     file.attributes(
         {
             "title": spec.title,
@@ -174,10 +168,23 @@ def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: in
             **periods_given(spec.duration, spec.measures.transient),
             **{f"source_of_{one.name}": one.source for one in spec.measures.observables},
             "sweep_file": spec.text,
-            IDENTITY: json.dumps(identity(spec)),
             **provenance(threads),
         }
     )
+
+
+def sign(file: Group, spec: SweepSpec) -> None:
+    """Write what the numbers depend on, into a group of its own: the text is long."""
+    file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
+
+
+def identity_in(file: Any) -> str:
+    """JSON text of what the numbers of an open result file depend on; empty where it is not told.
+
+    Earlier versions wrote it as an attribute of the whole file.
+    """
+    group = file.groups.get(IDENTITY)
+    return str((file if group is None else group).attrs.get(IDENTITY, ""))
 
 
 def periods_given(duration: Time, transient: Time = 0.0) -> dict[str, float]:

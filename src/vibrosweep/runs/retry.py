@@ -22,7 +22,7 @@ from vibrosweep.runs.kept import KeptRun, continued
 from vibrosweep.runs.notes import notes
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.runs.progress import Advance, silent
-from vibrosweep.runs.result import IDENTITY, Rows, declare, write_record
+from vibrosweep.runs.result import Rows, declare, identity_in, sign, write_record
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.spec.design import Design, open_design
 from vibrosweep.spec.sweep import SweepSpec
@@ -118,7 +118,7 @@ def retry_failed(
 def _rows(spec: SweepSpec, output: Path) -> tuple[int, ...]:
     """Indices of the realizations to retry, in a result of this sweep."""
     with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
-        before = json.loads(file.attrs[IDENTITY])
+        before = json.loads(identity_in(file))
         budget = int(before[BUDGET])
         names = [name for name in SETTLING if name in file.variables]
         failed = unsettled({name: read_rows(file, name, slice(None)) for name in names})
@@ -149,6 +149,7 @@ def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Summary:
     summary = Summary(notes=notes(spec, run.design))
     with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
         declare(file, spec, run.design, run.threads)
+        sign(file, spec)
         block = batch_size(spec)
         writer, fresh = Rows(file, run.job.manifest.columns, block), _Stream(run.columns(summary))
         for start, columns in _blocks(run.output, spec, run.design, block):

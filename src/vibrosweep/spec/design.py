@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import TableError
+from vibrosweep.spec.columns import Label
 from vibrosweep.spec.sweep import Axis, Range, SweepSpec
-from vibrosweep.spec.table import Label, read_table
+from vibrosweep.spec.table import read_table
 
 __all__ = ["MAX_LATIN_VALUES", "Design", "chosen", "open_design"]
 

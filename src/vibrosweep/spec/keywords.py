@@ -14,6 +14,7 @@ import numpy as np
 
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.parameters import refuse_masked
+from vibrosweep.spec.columns import GivenTable
 from vibrosweep.spec.messages import Mistakes, likely_parameter, nearest, toml
 from vibrosweep.spec.schema import DRAWN, MAX_STEPS, SECTIONS
 from vibrosweep.spec.sweep import SweepSpec, checked
@@ -100,7 +101,7 @@ def _choose_design(given: Mapping[str, Any], data: dict[str, Any], mistakes: Mis
         mistakes.add_broken(axes[0], text, given[axes[0]])
     elif axes and design is None:
         data["sample"]["design"] = "grid"
-    elif axes and design in DRAWN:
+    elif axes and isinstance(design, str) and design in DRAWN:
         text = f'is an axis of a grid, but design = "{design}" draws: give a tuple [low, high]'
         mistakes.add_broken(axes[0], text, given[axes[0]])
     elif ranges and design == "grid":
@@ -110,7 +111,7 @@ def _choose_design(given: Mapping[str, Any], data: dict[str, Any], mistakes: Mis
 
 def _title(given: Mapping[str, Any]) -> str:
     varied = [name for name, value in given.items() if name in INPUTS and _kind(value) is not None]
-    return f"Sweep over {' and '.join(varied)}" if varied else "A sweep"
+    return f"Sweep over {', '.join(varied)}" if varied else "A sweep"
 
 
 def _note_unknown(name: str, value: object, homes: tuple[str, ...], mistakes: Mistakes) -> None:
@@ -125,6 +126,8 @@ def _note_unknown(name: str, value: object, homes: tuple[str, ...], mistakes: Mi
 
 def _plain(name: str, value: Any) -> Any:
     """Value as a TOML file would give it: numbers, texts, lists and dicts of Python."""
+    if name == "design" and not isinstance(value, str):
+        return GivenTable.of(value)
     refuse_masked(name, value)
     if isinstance(value, Mapping):
         return {str(key): _plain(str(key), member) for key, member in value.items()}

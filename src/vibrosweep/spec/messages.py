@@ -16,6 +16,7 @@ from vibrosweep.errors import SpecError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.mount import OF_MOUNT, SPRUNG
 from vibrosweep.model.parameters import BASES
+from vibrosweep.spec.columns import GivenTable
 
 __all__ = [
     "ABSENT",
@@ -162,6 +163,8 @@ def toml(value: object, most: int | None = None) -> str:
         return f"[{', '.join(toml(v, most) for v in value[:most])}]"
     if isinstance(value, Mapping):
         return f"{{ {', '.join(f'{k} = {toml(v, most)}' for k, v in value.items())} }}"
+    if isinstance(value, GivenTable):
+        return json.dumps(str(value))
     if isinstance(value, int) and value.bit_length() > 1000:
         return "a huge number"  # Python refuses to print integers of many thousand digits
     return str(value)

@@ -109,7 +109,8 @@ class Setting(NamedTuple):
 
 def kind(sample: SampleTable) -> str:
     """Return the kind of design; a path means ``"table"``."""
-    return sample.design if sample.design in (*DRAWN, "grid") else "table"
+    known = isinstance(sample.design, str) and sample.design in (*DRAWN, "grid")
+    return str(sample.design) if known else "table"
 
 
 def setting(name: str, table: SceneTable, shared: Setting, mistakes: Mistakes) -> Setting:
@@ -218,7 +219,7 @@ def sampled(sample: SampleTable, mistakes: Mistakes) -> dict[str, Range | Axis]:
         elif kind(sample) == "grid":
             found[name] = _axis(key, value, mistakes)
         else:
-            found[name] = _range(key, value, sample.design, mistakes)
+            found[name] = _range(key, value, kind(sample), mistakes)
     return found
 
 

@@ -18,6 +18,7 @@ from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import KEYS, OPTIONS, Measures, Option
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED, Parameter
 from vibrosweep.model.times import Periods, Time
+from vibrosweep.spec.columns import GivenTable
 from vibrosweep.spec.messages import Mistakes, likely_parameter, nearest, quoted, shown
 from vibrosweep.spec.windows import WindowsTable, condition_names, tolerance
 
@@ -74,7 +75,7 @@ class SampleTable:
     """[sample].  None: not given."""
 
     parameters: Mapping[str, Spread] = field(default_factory=dict)
-    design: str = "uniform"
+    design: str | GivenTable = "uniform"
     realizations: int | None = None
     seed: int = 0
     columns: tuple[str, ...] | None = None
@@ -243,7 +244,9 @@ def _spread(parameter: Parameter, value: object) -> Spread:
     return _within(parameter, value)
 
 
-def _design(value: object) -> str:
+def _design(value: object) -> str | GivenTable:
+    if isinstance(value, GivenTable):
+        return value
     known = (*DRAWN, "grid")
     guess = None
     if isinstance(value, str):

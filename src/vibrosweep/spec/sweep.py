@@ -16,6 +16,7 @@ from vibrosweep.model.measures import Measures
 from vibrosweep.model.observables import Observable, observables_of
 from vibrosweep.model.times import Time
 from vibrosweep.spec import rules as rules
+from vibrosweep.spec.columns import GivenTable
 from vibrosweep.spec.messages import Mistakes, in_python
 from vibrosweep.spec.rules import Axis, Range, RecordSpec, Setting
 from vibrosweep.spec.schema import SpecFile, read_tables
@@ -59,7 +60,7 @@ class SweepSpec:
     design
         ``"uniform"``, ``"latin"``, ``"sobol"``, ``"grid"`` or ``"table"``.
     table
-        Path of the table, None for other designs.
+        The table, or its path; None for other designs.
     columns
         The columns of the table to use, parameters first and then labels; None for all.
     realizations
@@ -86,7 +87,7 @@ class SweepSpec:
     rebound: str
     base: str
     design: str
-    table: Path | None
+    table: Path | GivenTable | None
     columns: tuple[str, ...] | None
     realizations: int | None
     seed: int
@@ -110,6 +111,11 @@ class SweepSpec:
                 'observables: see no landings on a base of finite mass; take base = "moving"'
             )
         return replace(self, measures=replace(self.measures, observables=found))
+
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """Files that the sweep is read from."""
+        return tuple(path for path in (self.source, self.table) if isinstance(path, Path))
 
     def refusal(self, text: str) -> SpecError:
         """Return the error that says why an analysis cannot use this sweep."""
@@ -247,7 +253,7 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
         given=frozenset(numbers),
         sampled=sampled,
         design=design,
-        table=(source or Path()).parent / sample.design if design == "table" else None,
+        table=_table(sample.design, source) if design == "table" else None,
         columns=columns,
         realizations=rules.realizations(sample, sampled, mistakes),
         seed=sample.seed,
@@ -256,6 +262,10 @@ def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistake
         windows=file.windows,
         **shared._asdict(),
     )
+
+
+def _table(design: str | GivenTable, source: Path | None) -> Path | GivenTable:
+    return design if isinstance(design, GivenTable) else (source or Path()).parent / design
 
 
 def _check_extremes(spec: SweepSpec, mistakes: Mistakes) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,30 +19,19 @@ from vibrosweep.errors import TableError
 from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.measures import RESERVED
 from vibrosweep.model.mount import mount_mistakes
-from vibrosweep.spec.messages import likely_parameter
+from vibrosweep.spec.columns import GivenTable, Label, columns_of
+from vibrosweep.spec.messages import in_python, likely_parameter
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.units import KNOWN_UNITS, factor
-from vibrosweep.store.rows import flat
 from vibrosweep.store.trial import require_readable
 
-__all__ = ["Label", "Table", "read_table"]
+__all__ = ["Table", "read_table"]
 
 Array = NDArray[np.float64]
 # Required columns: without them a sweep would silently run at the defaults.
 _EXPECTED: Final = ("restitution", "amplitude")
-# Attributes of a label that go into the result.
-_KEPT: Final = ("units", "long_name", "comment")
 # Largest number of mistakes that are listed.
 _LISTED: Final = 20
-
-
-@dataclass(frozen=True)
-class Label:
-    """A column that is not a parameter, shape (realization,): numbers, or strings as objects."""
-
-    values: NDArray[Any]
-    attributes: Mapping[str, str] = field(default_factory=dict)
-    dims: tuple[str, ...] = ("realization",)
 
 
 @dataclass(frozen=True)
@@ -65,24 +54,25 @@ class Table:
 class _Mistakes:
     """Mistakes in a table: the first ones in words, and the number of all."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, spec: SweepSpec) -> None:
+        self.table = spec.table
+        self.by_keywords = spec.source is None
         self.lines: list[str] = []
         self.total = 0
 
     def add(self, text: str) -> None:
         self.total += 1
         if self.total <= _LISTED:
-            self.lines.append(text)
+            self.lines.append(in_python(text) if self.by_keywords else text)
 
     def raise_any(self) -> None:
         if self.total == 1:
-            raise TableError(f"{self.path}: {self.lines[0]}")
+            raise TableError(f"{self.table}: {self.lines[0]}")
         if self.total:
             more = self.total - len(self.lines)
             lines = [*self.lines, *([f"... and {more} more"] if more else [])]
             raise TableError(
-                f"{self.path}: {self.total} mistakes" + "".join(f"\n  {line}" for line in lines)
+                f"{self.table}: {self.total} mistakes" + "".join(f"\n  {line}" for line in lines)
             )
 
 
@@ -97,14 +87,18 @@ def read_table(spec: SweepSpec) -> Table:
         or that of a result, or contradicts the sweep file; all mistakes are listed.
     """
     path = spec.table
+    mistakes = _Mistakes(spec)
     if path is None:
         raise ValueError(f"design {spec.design!r} has no table")
-    if not path.is_file():
+    if isinstance(path, GivenTable):
+        columns = dict(path.columns)
+    elif not path.is_file():
         reason = "is not a file" if path.exists() else "there is no such table"
         raise TableError(f"{path}: {reason}; check sample.design in {_sweep(spec)}")
-    mistakes = _Mistakes(path)
-    read = _read_netcdf if path.suffix.lower() == ".nc" else _read_csv
-    columns = read(path, mistakes)
+    elif path.suffix.lower() == ".nc":
+        columns = _read_netcdf(path)
+    else:
+        columns = _read_csv(path, mistakes)
     chosen = _chosen(columns, spec, mistakes)
     if chosen and not columns[chosen[0]].values.size:
         mistakes.add("has no rows; give one for each realization")
@@ -127,7 +121,7 @@ def _read_csv(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = csv.reader(file)
             names = [name.strip() for name in next(lines, [])]
-            _judge_header(names, mistakes)
+            _judge_header(path, names, mistakes)
             rows = list(_rows(lines, len(names), mistakes))
     except UnicodeDecodeError as error:
         raise TableError(f"{path}: is not UTF-8 text; save it as UTF-8") from error
@@ -139,13 +133,13 @@ def _read_csv(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
     return {name: Label(cells[:, k]) for k, name in enumerate(names)}
 
 
-def _judge_header(names: list[str], mistakes: _Mistakes) -> None:
+def _judge_header(path: Path, names: list[str], mistakes: _Mistakes) -> None:
     if not names:
-        raise TableError(f"{mistakes.path}: is empty; begin with a line of column names")
+        raise TableError(f"{path}: is empty; begin with a line of column names")
     for mark, word in ((";", "semicolons"), ("\t", "tabulators")):
         if len(names) == 1 and mark in names[0]:
             raise TableError(
-                f"{mistakes.path}: its columns are separated by {word}; separate them by commas, "
+                f"{path}: its columns are separated by {word}; separate them by commas, "
                 f"and write decimals with a point"
             )
     for name in dict.fromkeys(names):
@@ -166,7 +160,7 @@ def _rows(lines: Any, width: int, mistakes: _Mistakes) -> Iterator[list[str | No
             yield [cell.strip() for cell in row]
 
 
-def _read_netcdf(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
+def _read_netcdf(path: Path) -> dict[str, Label]:
     """Return all parameters, and what else has their dimension."""
     import xarray as xr
 
@@ -176,21 +170,10 @@ def _read_netcdf(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
         with xr.open_dataset(
             path, engine="h5netcdf", decode_times=False, phony_dims="access"
         ) as dataset:
-            whole = flat(dataset).load()
+            whole = dataset.load()
     except Exception as error:  # the libraries' exceptions for damaged files have no common base
         raise TableError(f"{path}: is not a readable netCDF-4 file: {error}") from error
-    found = {str(name): variable for name, variable in whole.variables.items()}
-    shared = next((v.dims for name, v in found.items() if name in INPUTS), None)
-    return {
-        name: Label(
-            variable.to_numpy(),
-            {key: str(variable.attrs[key]) for key in _KEPT if key in variable.attrs},
-            tuple(map(str, variable.dims)),
-        )
-        for name, variable in found.items()
-        # a running number of the realizations is no column
-        if name in INPUTS or (variable.dims == shared and name != "realization")
-    }
+    return columns_of(whole)
 
 
 def _chosen(columns: Mapping[str, Label], spec: SweepSpec, mistakes: _Mistakes) -> list[str]:
@@ -228,7 +211,7 @@ def _chosen(columns: Mapping[str, Label], spec: SweepSpec, mistakes: _Mistakes) 
         mistakes.add(f"{what} {text}{remedy}")
     for name in chosen:
         _judge_name(name, spec, mistakes)
-    _judge_shapes({name: columns[name] for name in chosen if name in INPUTS}, mistakes)
+    _judge_shapes({name: columns[name] for name in chosen}, mistakes)
     return chosen
 
 
@@ -262,6 +245,9 @@ def _judge_shapes(columns: Mapping[str, Label], mistakes: _Mistakes) -> None:
                 f'column "{name}" has the dimensions ({", ".join(column.dims)}); all columns must '
                 f"have the same single one"
             )
+    lengths = {name: column.values.size for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        mistakes.add(f"its columns differ in length, {lengths}; give a value for each realization")
 
 
 def _lacking(name: str, found: Iterable[str], reason: str) -> str:

@@ -78,6 +78,16 @@ class Group:
             self._auxiliary.append(name)
 
     @undisturbed()
+    def fixed(self, name: str, attributes: Mapping[str, Any], value: float) -> None:
+        """Write what all realizations share as a variable without dimensions.
+
+        It is no coordinate: xarray writes all coordinates of one value above a plot.
+        """
+        variable = self._group.create_variable(name, (), dtype="float64")
+        variable.attrs.update(attributes)
+        variable[...] = value
+
+    @undisturbed()
     def variable(self, variable: Variable) -> None:
         """Declare a variable of the registry."""
         dims = along(variable.dims, self._axes)

@@ -47,6 +47,10 @@ class InMemory:
             self._awaited.add(name)
         self._coordinates[name] = (dims, values, dict(attributes))
 
+    def fixed(self, name: str, attributes: Mapping[str, Any], value: float) -> None:
+        """Take what all realizations share as a variable without dimensions."""
+        self._variables[name] = ((), value, dict(attributes))
+
     def variable(self, variable: Variable) -> None:
         """Declare a variable of the registry."""
         dims = along(variable.dims, self._axes)
