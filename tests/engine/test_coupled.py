@@ -179,3 +179,17 @@ def test_a_realization_without_budget_or_finite_numbers_gets_a_status():
     mount = {n: [v] * 2 for n, v in MOUNT.items()}
     given = {"restitution": [0.9, 0.9], "amplitude": [1.2, 1e25]} | mount
     assert measured(scene, **given)["status"].tolist() == [1, 2]
+
+
+def test_a_mount_too_stiff_to_be_followed_is_given_up():
+    """Steps along the ride of a particle resolve its free motion, of 1e-13 periods here."""
+    found = vs.simulate(
+        base="sprung",
+        mass_ratio=1e-3,
+        mount_frequency=1e9,
+        mount_damping=1e3,
+        restitution=0.0,
+        launch_time=LAUNCHES,
+        duration=3.0,
+    )
+    assert np.all(found.status != 0)

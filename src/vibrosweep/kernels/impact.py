@@ -99,7 +99,8 @@ def base_of(base: str, rebound: str) -> Base:
     """
     if base not in BASE_OF:
         raise ParameterError(
-            f'base = "{base}": is not computed yet; take one of {", ".join(BASE_OF)}'
+            f'base = "{base}": couples particles, which cannot be followed one by one; take '
+            f"one of {', '.join(BASE_OF)}"
         )
     return BASE_OF[base](LAW_OF[rebound])
 

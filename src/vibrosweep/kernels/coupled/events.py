@@ -55,6 +55,8 @@ def next_event(of: System, fixed: Mount, launch_speed: float, until: float) -> E
         who, time = earliest(of)
         if load.riders > 0 and lift(of, load, turned, min(time, until)):
             return _drop(of, fixed, load, turned)
+        if of.now[NOW.LIFT] <= min(time, until):
+            continue
         if who < 0 and of.now[NOW.LIFT] == np.inf:
             return Event(EVENT.FINISHED, -1, np.inf, 0.0, False)
         if time > until:

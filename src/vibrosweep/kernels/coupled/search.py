@@ -38,6 +38,8 @@ __all__ = ["ROUNDING", "crossings", "earliest", "is_next", "lift", "look"]
 NEAR = 2.0**-50  # relative error that ends Newton's iteration
 ROUNDING = 2.0**-40  # of speeds and clearances: a decision by less may be one of rounding
 
+STEPS = 50  # towards a lift-off between two looks at the particles
+
 
 @jit
 def _ahead(f: float, f1: float, k: float) -> float:
@@ -128,10 +130,15 @@ def _landing(of: System, load: Load, turned: Turned, limit: Bounds, j: int) -> f
 
 @jit
 def lift(of: System, load: Load, turned: Turned, until: float) -> bool:
-    """Move the time before which the riders do not leave; return whether they leave then."""
+    """Move the time before which the riders do not leave; return whether they leave then.
+
+    In some steps: where that time is not after `until`, nothing is known yet.
+    """
     now = of.now
-    while now[NOW.LIFT] <= until:
+    for _ in range(STEPS):
         t = now[NOW.LIFT]
+        if t > until:
+            break
         motion = motion_after(of, load, turned, t)
         limit = bounds(load, motion.d, motion.v)
         if limit.pull <= 2.0:
