@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from vibrosweep.kernels.sine import LAG_ERROR, SINE_ERROR, sin_and_lag, sin_turns
+from vibrosweep.kernels.sine import (
+    LAG_ERROR,
+    SINE_ERROR,
+    rough_lag_and_versine,
+    sin_and_lag,
+    sin_turns,
+)
 from vibrosweep.proof.reference.ball import sine
 
 QUARTERS = np.array([0.0, 0.125, 0.25, 0.375, 0.5])
@@ -103,3 +109,14 @@ def test_what_a_sine_lags_behind_its_angle():
             )
             exact = 2 * arb.pi() * arb(time) - exact
             assert float(abs(lag / exact - 1).abs_upper()) <= LAG_ERROR
+
+
+def test_rough_terms_are_as_good_as_they_say():
+    with ctx.workprec(128):
+        for turns in np.linspace(1e-6, 0.5, 2000).tolist():
+            lag, versine = rough_lag_and_versine(turns)
+            exact = 2 * arb.pi() * arb(turns) - (2 * arb(turns)).sin_pi()
+            assert float(abs(lag / exact - 1).abs_upper()) <= 1.3e-5
+            exact = 2 * arb(turns).sin_pi() ** 2
+            assert float(abs(versine / exact - 1).abs_upper()) <= 5.3e-5
+            assert rough_lag_and_versine(-turns) == (-lag, versine)

@@ -49,9 +49,9 @@ class LaneRows(NamedTuple):
     SURE: int  # whether it has only one root
     NEXT: int  # the time that is tried next, negative where a flight begins
     REACHED: int  # the time that is tried, and there
-    TURNED: int  # sin(2 pi s), 2 pi s - sin(2 pi s), and sin(pi s)
+    TURNED: int  # sin(2 pi s), 2 pi s - sin(2 pi s), and 1 - cos(2 pi s)
     LAG: int
-    HALF: int
+    VERSINE: int
     CLEAR: int  # the clearance above the base
     CLEAR_SLOPE: int
     SINE_THEN: int

@@ -37,8 +37,7 @@ from vibrosweep.kernels._jit import fma, jit
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.sine import (
     cos_turns,
-    rough_sine_and_lag,
-    rough_sine_near,
+    rough_lag_and_versine,
     sin_and_lag,
     sin_near,
     sin_turns,
@@ -56,7 +55,9 @@ __all__ = [
 ]
 
 TWO_PI = 2.0 * math.pi
-SLOW = 0.15  # periods; the first try for a particle that is neither chattering nor fast
+# speeds: a faster particle is tried first as over a base at rest, no other beyond the second
+FAST = 0.6
+SLOW = 0.15
 # A step of the iteration ends it where the terms of its series fall so fast that what is left out
 # is below half an ulp of the step, and of the flight.
 LAST = 2.0**-12
@@ -115,10 +116,9 @@ def absolute(begin: Start) -> float:
 
 
 @jit
-def clearance(begin: Start, s: float, turned: float, lag: float, half: float) -> Clearance:
-    """Clearance after s periods, given sin(2 pi s), 2 pi s - sin(2 pi s) and sin(pi s)."""
+def clearance(begin: Start, s: float, turned: float, lag: float, c: float) -> Clearance:
+    """Clearance after s periods, given sin(2 pi s), 2 pi s - sin(2 pi s) and 1 - cos(2 pi s)."""
     sine, cosine = begin.sine, begin.cosine
-    c = 2.0 * half * half
     slowed = fma(sine, c, -cosine * turned)  # the base, since the lift-off
     sunk = (0.25 / math.pi) * begin.alpha * fma(sine, lag, -cosine * c)
     return Clearance(
@@ -131,40 +131,41 @@ def clearance(begin: Start, s: float, turned: float, lag: float, half: float) ->
 
 @jit
 def turn(s: float) -> tuple[float, float, float]:
-    """What `clearance` needs of s periods: sin(2 pi s), 2 pi s - sin(2 pi s) and sin(pi s)."""
+    """What `clearance` needs of s: sin(2 pi s), 2 pi s - sin(2 pi s) and 1 - cos(2 pi s)."""
     part = s - np.rint(s)
     turned, lag = sin_and_lag(s, part)
-    return turned, lag, sin_near(0.5 * part)
+    half = sin_near(0.5 * part)
+    return turned, lag, 2.0 * half * half
 
 
 @jit
 def first_try(begin: Start, arcs: int | None) -> tuple[bool, float]:
     """Whether the flight has one root for sure, and the time to be tried first.
 
-    One step of Halley's method with a rough sine comes near it.  Without arcs, None, what only
+    One step of Halley's method with rough terms comes near it.  Without arcs, None, what only
     flights with Gamma > 1 need is not compiled.
     """
     alpha, x_lift, x, y, _, cosine = begin
     gamma, u = math.pi * alpha, absolute(begin)
     pull = fma(gamma, cosine, 1.0)
     parabola = y / pull if pull > 0.0 else np.inf
-    w = math.pi * u
-    fast = (u > 0.0) & (w * w >= gamma * (gamma + 2.0 * (1.0 + cosine)))
-    sure = fast | (gamma <= 1.0)
-    bound = u if u > SLOW else SLOW
+    sure, most = True, u if u > SLOW else SLOW
     to_fall = x_lift - x
-    most = bound
     if arcs is not None:
-        most = bound if sure else to_fall
+        w = math.pi * u
+        fast = (u > 0.0) & (w * w >= gamma * (gamma + 2.0 * (1.0 + cosine)))
+        sure = fast | (gamma <= 1.0)
+        most = most if sure else to_fall
     s = parabola if parabola < most else most
-    s = u if fast else s
-    part = s - np.rint(s)
-    turned, lag = rough_sine_and_lag(s, part)
-    rough = clearance(begin, s, turned, lag, rough_sine_near(0.5 * part))
+    s = u if (u > FAST) & sure else s
+    whole = np.rint(s)
+    part = s - whole
+    lag, c = rough_lag_and_versine(part)
+    rough = clearance(begin, s, fma(TWO_PI, part, -lag), fma(TWO_PI, whole, lag), c)
     f, f1, f2 = rough.f, rough.f1, fma(-gamma, rough.cosine, -1.0)
     step = -f * f1 / fma(f1, f1, -0.5 * f * f2)
-    near = (f1 < 0.0) & (abs(step) < 0.5 * s) & (abs(step) < 0.25)
-    s = s + step if near else s
+    far = 0.5 * s if s < 0.5 else 0.25
+    s = s + step if (f1 < 0.0) & (abs(step) < far) else s
     if arcs is not None:
         to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
         s = s if sure | (s < to_fall) else to_fall
@@ -188,9 +189,7 @@ def _ends(x: float, x_lift: float) -> tuple[bool, float, float]:
 
 
 @jit
-def _across(
-    begin: Start, s: float, clear: Clearance, newton: float, series: float, good: bool
-) -> float:
+def _across(begin: Start, s: float, clear: Clearance, newton: float, step: float) -> float:
     """Time to be tried next after s, of a flight that may have several roots.
 
     The clearance at s is positive, and so it is before s.
@@ -200,13 +199,13 @@ def _across(
     at = begin.x + (s - np.rint(s))
     at -= np.rint(at)
     presses, to_fall, to_press = _ends(at, begin.x_lift)
-    into = (series if good else newton) if nears else s
+    into = step if nears else s
     into = into if into < to_fall else to_fall
     # the slope stays negative for so long, as the third derivative is at most 2 pi Gamma
-    beyond = 1.01 * (series if series > newton else newton)
+    beyond = 1.01 * (step if step > newton else newton)
     bend = f2 if f2 > 0.0 else 0.0
     falls = f1 + beyond * (bend + math.pi * math.pi * begin.alpha * beyond) < 0.0
-    convex = series if good & falls else newton
+    convex = step if falls else newton
     convex = convex if nears & (convex < to_press) else to_press
     tried = s + (into if presses else convex)
     # once the particle is above every height of the base, it is so until the time `until`
@@ -231,29 +230,26 @@ def try_landing(
     f3, f4 = (TWO_PI * gamma) * sine, (TWO_PI * TWO_PI * gamma) * cosine
     inverse = 1.0 / f1
     newton = -f * inverse
-    squared = newton * newton
-    q = 0.5 * f2 * inverse * newton
-    q3 = (1.0 / 6.0) * f3 * inverse * squared
-    q4 = (1.0 / 24.0) * f4 * inverse * squared * newton
-    second = fma(2.0 * q, q, -q3)
-    series = newton * (1.0 - q + second - fma(5.0 * q, fma(q, q, -q3), q4))
+    once = newton * inverse
+    twice = once * newton
+    q, q3, q4 = 0.5 * once * f2, (1.0 / 6.0) * twice * f3, (1.0 / 24.0) * twice * newton * f4
+    third = fma(q, q, -q3)
+    series = 1.0 - q + (fma(q, q, third) - fma(5.0 * q, third, q4))  # in steps of Newton's
     nears, above = f1 < 0.0, f > 0.0
     small = (abs(q) <= LAST) & (abs(q3) <= LAST * LAST) & (abs(q4) <= LAST * LAST * LAST)
     last = nears & (small | (abs(newton) <= ULP * s))
-    good = abs(series - newton) <= 0.5 * abs(newton)
-    step = series if good else newton
-    forth = step if step < 0.5 else 0.5
-    forth = forth if nears else (s if s < 0.25 else 0.25)
-    back = step if -step < s else -0.75 * s
-    tried = s + (forth if above else back)
+    series = series if series > 0.5 else 0.5
+    step = newton * (series if series < 1.5 else 1.5)
+    back = step if step > -0.75 * s else -0.75 * s
+    forth = back if back < s else s
+    tried = s + (forth if nears else (s if s < 0.25 else 0.25))
     # the fifth and sixth derivatives are -(2 pi)^2 times the third and fourth; the last step may
     # be long where only gravity bends the flight
-    turned = (TWO_PI * TWO_PI) * series * series
+    turned = (TWO_PI * TWO_PI) * step * step
     third, fourth = f3 * fma(turned, -1.0 / 24.0, 0.5), f4 * fma(turned, -1.0 / 120.0, 1.0 / 6.0)
-    arrival = -2.0 * (f1 + series * (f2 + series * (third + series * fourth)))
-    tried = s + series if last else tried
+    arrival = -2.0 * fma(step, fma(step, fma(step, fourth, third), f2), f1)
     if arcs is not None:
-        across = _across(begin, s, clear, newton, series, good)
+        across = _across(begin, s, clear, newton, step)
         tried = across if above & (not sure) & (not last) else tried
         swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s
         noise = NOISE * s * (begin.alpha * swept + 0.5 * (abs(begin.y) + s))

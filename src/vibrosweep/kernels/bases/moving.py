@@ -144,7 +144,7 @@ def _turn(base: Moving, s: Floats, lanes: int) -> None:
     """Compute how far the base turns until the time that is to be tried."""
     wide_vectors()
     for j in range(lanes):
-        s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.HALF + j] = turn(s[ROW.REACHED + j])
+        s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j] = turn(s[ROW.REACHED + j])
 
 
 @jit
@@ -153,8 +153,8 @@ def _look(base: Moving, s: Floats, lanes: int) -> None:
     wide_vectors()
     for j in range(lanes):
         begin = _begun(bases.take(base, s, j), s, j)
-        turned, lag, half = s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.HALF + j]
-        clear = clearance(begin, s[ROW.REACHED + j], turned, lag, half)
+        turned, lag, c = s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j]
+        clear = clearance(begin, s[ROW.REACHED + j], turned, lag, c)
         s[ROW.CLEAR + j] = clear.f
         s[ROW.CLEAR_SLOPE + j] = clear.f1
         s[ROW.SINE_THEN + j] = clear.sine
