@@ -1,0 +1,121 @@
+"""Neighbours of the joint state of all particles and a base of finite mass, to first order.
+
+A deviation has the rows height of each particle, velocity of each, height and velocity of the base.
+Between impacts it follows the linear flow.  At an impact it is changed by the saltation matrix
+(Aizerman & Gantmakher 1958): the impact comes earlier by (dy - dY) / c, c the speed of approach.
+Particles that ride have the deviation of the base; where all leave it together, accelerations are
+continuous and nothing is added.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Floats, Integers, jit
+from vibrosweep.kernels.bases.sprung import Load, Mount, free_motion, loaded, recoil
+from vibrosweep.kernels.coupled.events import next_event
+from vibrosweep.kernels.coupled.state import (
+    EVENT,
+    MODE,
+    Event,
+    System,
+    base_height,
+    base_speed,
+    here,
+    riders,
+)
+
+__all__ = ["follow_event", "propagate"]
+
+
+@jit
+def _ride(mode: Integers, deviations: Floats) -> None:
+    """Give the riders the deviation of the base."""
+    particles = mode.size
+    for j in range(particles):
+        if mode[j] == MODE.RIDING:
+            deviations[j, :] = deviations[2 * particles, :]
+            deviations[particles + j, :] = deviations[2 * particles + 1, :]
+
+
+@jit
+def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
+    """Let deviations follow the flow for the time t; `mode` is that of the particles meanwhile."""
+    particles = mode.size
+    rise, gain = free_motion(load, 1.0, 0.0, t)
+    rise_v, gain_v = free_motion(load, 0.0, 1.0, t)
+    for column in range(deviations.shape[1]):
+        one = deviations[:, column]
+        for j in range(particles):
+            one[j] += t * one[particles + j]
+        y, v = one[2 * particles], one[2 * particles + 1]
+        one[2 * particles] = y * (1.0 + rise) + v * (t + rise_v)
+        one[2 * particles + 1] = y * gain + v * (1.0 + gain_v)
+    _ride(mode, deviations)
+
+
+@jit
+def _pull(of: System, fixed: Mount, count: int, speed: float) -> float:
+    """Acceleration of the base now, at this velocity and with so many riders."""
+    bare, load = loaded(fixed, 0), loaded(fixed, riders(of))
+    height = base_height(of, load)
+    forced = here(of, bare).pull + 2.0 * bare.drag * base_speed(of, bare)
+    forced += bare.stiffness * base_height(of, bare)
+    free = forced - 2.0 * bare.drag * speed - bare.stiffness * height
+    return (free - 2.0 * count * fixed.mu) / (1.0 + count * fixed.mu)
+
+
+@jit
+def _impact(of: System, fixed: Mount, event: Event, rode: Integers, deviations: Floats) -> None:
+    """Change deviations by an impact that has happened; `rode`: the modes before it."""
+    particles, j, c = of.mode.size, event.who, event.speed
+    count = int(np.count_nonzero(rode == MODE.RIDING))
+    load = loaded(fixed, riders(of))
+    pulls, sticks = here(of, load).pull, event.kind == EVENT.STICK
+    taking = 0 if event.dropped else count
+    share = recoil(fixed, taking, 1.0, sticks)  # of the speed of approach, lost by the base
+    gain = 1.0 - share if sticks else 1.0 + fixed.e - share  # the same, gained by the particle
+    kick = share * c
+    after = base_speed(of, load)
+    was = after + kick  # the base, before the impact; the particle had c less
+    pulled = _pull(of, fixed, count, was)
+    for column in range(deviations.shape[1]):
+        one = deviations[:, column]
+        dy, dv = one[j], one[particles + j]
+        base_y, base_v = one[2 * particles], one[2 * particles + 1]
+        early = (dy - base_y) / c if c > 0.0 else 0.0
+        y = base_y + was * early  # both are there at the moment of the impact
+        v, w = dv - 2.0 * early, base_v + pulled * early
+        approach = w - v
+        for i in range(particles):
+            if event.dropped and rode[i] == MODE.RIDING:  # it goes on as the base did
+                one[particles + i] = w + 2.0 * early
+        leaves = after if sticks else after + fixed.e * c
+        one[j] = y - leaves * early
+        one[particles + j] = v + gain * approach + 2.0 * early
+        one[2 * particles] = y - after * early
+        one[2 * particles + 1] = w - share * approach - pulls * early
+
+
+@jit
+def follow_event(
+    of: System, fixed: Mount, launch_speed: float, until: float, deviations: Floats
+) -> Event:
+    """Let the next event happen, and deviations follow; see `next_event`.
+
+    Without an event, neither state nor deviations change.
+    """
+    rode = of.mode.copy()
+    load = loaded(fixed, riders(of))
+    event = next_event(of, fixed, launch_speed, until)
+    if event.kind <= EVENT.LOST:
+        return event
+    propagate(load, event.time, rode, deviations)
+    particles = of.mode.size
+    if event.kind == EVENT.LAUNCH:
+        deviations[event.who, :] = deviations[2 * particles, :]
+        deviations[particles + event.who, :] = 0.0
+    elif event.kind != EVENT.LIFT:
+        _impact(of, fixed, event, rode, deviations)
+    _ride(of.mode, deviations)
+    return event
