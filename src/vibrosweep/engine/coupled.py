@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.bases.sprung import mount
 from vibrosweep.kernels.coupled.follow import (
     Coupled,
@@ -19,16 +21,29 @@ from vibrosweep.kernels.coupled.follow import (
     empty_whole,
     follow,
 )
+from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, settle_jointly
+from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
 from vibrosweep.kernels.coupled.tally import Each, empty_each, room
 from vibrosweep.kernels.coupled.written import Scale, Track, empty_track, trace
 from vibrosweep.kernels.record import Record, Units, empty_record
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.parameters import dimensionless, launches, mounts
+from vibrosweep.model.status import Regime
+from vibrosweep.model.times import Periods
 
-__all__ = ["BaseTrack", "base_track", "count_coupled", "measure_coupled", "record_coupled"]
+__all__ = [
+    "BaseTrack",
+    "Neighbours",
+    "base_track",
+    "carry_on",
+    "count_coupled",
+    "measure_coupled",
+    "record_coupled",
+]
 
 Array = NDArray[np.float64]
 Measured = dict[str, NDArray[Any]]
+LANDINGS_OF_AN_EXPONENT = 64  # fewer tell nothing of how neighbours separate
 LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly
 
 
@@ -55,6 +70,8 @@ def measure_coupled(
         per_particle |= {"at_rest": each.at_rest.astype(np.int8), "status": each.status}
         found |= {f"particle_{n}": v.reshape(-1, particles) for n, v in per_particle.items()}
     found |= _separations(whole, sums, frequency) | _order(whole, frequency)
+    if observation.measures.joint:
+        found |= _joint(parameters, observation, workers)
     asked = {variable.name for variable in observation.measures.variables}
     return {name: values for name, values in found.items() if name in asked}
 
@@ -76,10 +93,14 @@ def _followed(
         follow(first, last, batch, observation.budget, own, (each, sums), whole, written)
         rooms.append(own)
 
-    periods = float(np.max(batch.problem.end_count)) - float(np.min(batch.launches.whole)) + 1.0
-    per_task = LANDINGS_PER_TASK / (particles * max(periods, 1.0))
-    workers.each(task, size, max(1, int(per_task)))
+    workers.each(task, size, _per_task(batch, particles))
     return each, sums, whole
+
+
+def _per_task(batch: Coupled, particles: int) -> int:
+    """Return how many realizations a thread takes at a time."""
+    periods = float(np.max(batch.problem.end_count)) - float(np.min(batch.launches.whole)) + 1.0
+    return max(1, int(LANDINGS_PER_TASK / (particles * max(periods, 1.0))))
 
 
 def _batch(parameters: Mapping[str, Array], observation: Observation) -> Coupled:
@@ -127,6 +148,111 @@ def _order(whole: Whole, frequency: Array) -> Measured:
         "order_changes": whole.changes,
         "undecided_count": whole.undecided,
     }
+
+
+def _joint(parameters: Mapping[str, Array], observation: Observation, workers: Workers) -> Measured:
+    """What the joint states settle on."""
+    batch, particles = _batch(parameters, observation), observation.particles
+    size, problem = parameters["frequency"].size, batch.problem
+    out = empty_joint(size)
+    budget = min(observation.budget * particles, 2**62)
+
+    def task(first: int, last: int) -> None:
+        work = system(particles), system(particles)
+        settle_jointly(first, last, batch, budget, work, out)
+
+    workers.each(task, size, _per_task(batch, particles))
+    periods = (problem.end_count - problem.begin_count) + (problem.end_phase - problem.begin_phase)
+    # per forcing period; the error from the scatter of the blocks, of equal length
+    blocks = out.growth * (BLOCKS / periods[:, np.newaxis])
+    with np.errstate(invalid="ignore"):
+        exponent = blocks.sum(axis=1) / BLOCKS
+        error = blocks.std(axis=1, ddof=1) / math.sqrt(BLOCKS)
+        spreads = (exponent > 3.0 * error) & (out.landings >= LANDINGS_OF_AN_EXPONENT)
+    recurs = out.impacts > 0
+    regime = np.select(
+        [out.at_rest == 1, recurs & (out.rests > 0), recurs, spreads],
+        [Regime.AT_REST, Regime.RESTING, Regime.LOCKED, Regime.APERIODIC],
+        Regime.UNSETTLED,
+    )
+    return {
+        "joint_regime": regime.astype(np.int8),
+        "joint_cycle_impacts": out.impacts,
+        "joint_cycle_periods": out.periods,
+        "joint_cycle_rests": out.rests,
+        "joint_recurrent_from": out.since / parameters["frequency"],
+        "joint_exponent": exponent,
+        "joint_exponent_error": error,
+    }
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """A state of all particles and their base, carried on, and what its neighbours have become.
+
+    Attributes
+    ----------
+    height, speed
+        Of each particle above the base and relative to it, in g / (2 f^2) and g / (2 f).
+    phase
+        Of the forcing, in turns.
+    deviation
+        Of the base from its forced oscillation: height and velocity.
+    matrix
+        Derivative by the state at first, whose entries are heights and velocities of the particles,
+        height and velocity of the base; shape (2 * particle + 2,) twice.
+    landings
+        On the way.
+    """
+
+    height: Array
+    speed: Array
+    phase: float
+    deviation: tuple[float, float]
+    matrix: Array
+    landings: int
+
+
+def carry_on(
+    parameters: Mapping[str, Array], begin: Neighbours, periods: float, realization: int = 0
+) -> Neighbours:
+    """Carry a state in which all particles fly on for some forcing periods: the Floquet map.
+
+    Parameters
+    ----------
+    parameters
+        As of `measure_coupled`.
+    begin
+        The state; its matrix is multiplied from the left.
+    periods
+        How long.
+    realization
+        Whose parameters are taken.
+
+    Raises
+    ------
+    ParameterError
+        A landing could not be found.
+    """
+    problem = dimensionless(parameters, Periods(periods))
+    fixed = mount(problem, mounts(parameters), realization)
+    of, matrix = system(begin.height.size), np.array(begin.matrix, order="F")
+    of.mode[:] = MODE.FLYING
+    of.particle[PARTICLE.HEIGHT], of.particle[PARTICLE.SPEED] = begin.height, begin.speed
+    of.particle[PARTICLE.SCALE] = np.abs(begin.speed)
+    of.now[NOW.X] = begin.phase
+    of.now[NOW.D], of.now[NOW.V] = begin.deviation
+    landings = carry(of, fixed, periods, matrix)
+    if landings < 0:
+        raise ParameterError("the next landing could not be found: the parameters are too extreme")
+    return Neighbours(
+        of.particle[PARTICLE.HEIGHT].copy(),
+        of.particle[PARTICLE.SPEED].copy(),
+        float(of.now[NOW.X]),
+        (float(of.now[NOW.D]), float(of.now[NOW.V])),
+        matrix,
+        landings,
+    )
 
 
 @dataclass(frozen=True)

@@ -461,6 +461,67 @@ _ORDERING: Final = Measure(
     coupled=True,
 )
 
+_JOINT: Final = Measure(
+    "what the joint state of all particles and their base settles on, over a base of finite mass",
+    "as much as the landings themselves",
+    (
+        _code(
+            "joint_regime",
+            _R,
+            "regime of the joint state",
+            (*_UNDECIDED, *((int(r), r.meaning) for r in Regime)),
+            "that of a particle, with the state of all in its place; see regime",
+            judged="joint_regime",
+        ),
+        _count(
+            "joint_cycle_impacts",
+            _R,
+            "impacts of all particles in a cycle of the joint state",
+            _WITHOUT,
+            judged="joint_cycle",
+        ),
+        _count(
+            "joint_cycle_periods",
+            _R,
+            "forcing periods in a cycle of the joint state",
+            _WITHOUT,
+            judged="joint_cycle",
+        ),
+        _count(
+            "joint_cycle_rests",
+            _R,
+            "rests in a cycle of the joint state",
+            _WITHOUT,
+            judged="joint_cycle",
+        ),
+        _real(
+            "joint_recurrent_from",
+            _R,
+            "s",
+            "time at which the joint state had entered its cycle at the latest",
+            "NaN where no recurrence was found",
+            judged="joint_recurrent_from",
+        ),
+        _real(
+            "joint_exponent",
+            _R,
+            "1",
+            "largest Lyapunov exponent of the joint state per forcing period",
+            "mean over the window; NaN where a sixteenth of it sees no event",
+            judged="joint_exponent",
+        ),
+        _real(
+            "joint_exponent_error",
+            _R,
+            "1",
+            "standard error of the largest Lyapunov exponent of the joint state",
+            "from the means over sixteenths of the window",
+            judged="joint_exponent",
+        ),
+    ),
+    coupled=True,
+)
+
 _TRUST: Final = Measure(
     "bounds of the errors of landings",
     "40 ns over 12 periods, 30 ns over 1000",
@@ -522,6 +583,7 @@ class Measures:
     lyapunov: bool = _key(False, _LYAPUNOV)
     trust: bool = _key(False, _TRUST)
     ordering: bool = _key(False, _ORDERING)
+    joint: bool = _key(False, _JOINT)
     tolerance: float = _key(
         1e-9,
         Option(

@@ -23,17 +23,16 @@ from vibrosweep.kernels.coupled.state import (
     begin,
     motion_after,
     riders,
-    system,
 )
 from vibrosweep.kernels.coupled.tangent import follow_event, propagate
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
-__all__ = ["BLOCKS", "Joint", "carry", "empty_joint", "settle_jointly"]
+__all__ = ["BLOCKS", "JointOrbit", "carry", "empty_joint", "settle_jointly"]
 
 BLOCKS: Final = 16  # of equal time, from whose means the error of the exponent follows
 
 
-class Joint(NamedTuple):
+class JointOrbit(NamedTuple):
     """What joint states settle on; each array of shape (realization,) but for `growth`.
 
     Attributes
@@ -61,11 +60,13 @@ class Joint(NamedTuple):
     at_rest: Integers
 
 
-def empty_joint(realizations: int) -> Joint:
+def empty_joint(realizations: int) -> JointOrbit:
     """Allocate the orbits of a batch, none known."""
     impacts, periods, rests, landings, at_rest = (np.zeros(realizations, np.int64) for _ in "12345")
     growth = np.full((realizations, BLOCKS), np.nan)
-    return Joint(impacts, periods, rests, np.full(realizations, np.nan), landings, growth, at_rest)
+    return JointOrbit(
+        impacts, periods, rests, np.full(realizations, np.nan), landings, growth, at_rest
+    )
 
 
 @jit
@@ -84,6 +85,7 @@ def _same(a: System, b: System) -> bool:
 
 @jit
 def _keep(of: System, kept: System) -> None:
+    """Copy a state."""
     kept.particle[:, :] = of.particle
     kept.now[:] = of.now
     kept.mode[:] = of.mode
@@ -101,15 +103,14 @@ def _shrink(deviations: Floats) -> float:
 
 @jit
 def _one(
-    fixed: Mount, batch: Coupled, i: int, budget: int, work: tuple[System, System], out: Joint
+    fixed: Mount, batch: Coupled, i: int, budget: int, work: tuple[System, System], out: JointOrbit
 ) -> None:
-    """Follow realization i to the end of its window, or to a recurrence of its state."""
+    """Follow realization i to the end of its window."""
     of, kept = work
     problem = batch.problem
     begin(of, problem, batch.launches, i)
     start = (problem.begin_count[i] - problem.end_count[i]) + problem.begin_phase[i]
     length = problem.end_phase[i] - start
-    first = of.now[NOW.N]
     deviations = np.full((2 * of.mode.size + 2, 1), 1.0)
     growth, landed, rests, mark, seen_at, rested = 0.0, 0, 0, 1, 0, 0
     _keep(of, kept)
@@ -121,32 +122,37 @@ def _one(
         if event.kind <= EVENT.LOST:
             break
         growth = _shrink(deviations)
-        place = int(math.floor(BLOCKS * (of.now[NOW.N] + of.now[NOW.X] - start) / length))
+        place = math.floor(BLOCKS * (of.now[NOW.N] + of.now[NOW.X] - start) / length)
         if 0 <= place < BLOCKS:
-            out.growth[i, place] = growth + (
-                0.0 if np.isnan(out.growth[i, place]) else out.growth[i, place]
-            )
+            before = out.growth[i, place]
+            out.growth[i, place] = growth if np.isnan(before) else before + growth
+        if not np.isfinite(growth):
+            break
         if event.kind != EVENT.BOUNCE and event.kind != EVENT.STICK:
             continue
         landed += 1
         rests += 1 if event.kind == EVENT.STICK else 0
         out.landings[i] += 1 if place >= 0 else 0
-        if _same(of, kept):
+        if out.impacts[i] == 0 and _same(of, kept):
             out.impacts[i], out.rests[i] = landed - seen_at, rests - rested
             out.periods[i] = int(of.now[NOW.N] - kept.now[NOW.N])
             out.since[i] = (
                 kept.now[NOW.N] + problem.end_count[i] + (kept.now[NOW.X] - problem.phase[i])
             )
-            break
         if landed == mark:
             _keep(of, kept)
             mark, seen_at, rested = 2 * mark, landed, rests
-    if first > 0.0:  # launched after the end
-        out.landings[i] = 0
 
 
 @kernel
-def settle_jointly(first: int, last: int, batch: Coupled, budget: int, out: Joint) -> None:
+def settle_jointly(
+    first: int,
+    last: int,
+    batch: Coupled,
+    budget: int,
+    work: tuple[System, System],
+    out: JointOrbit,
+) -> None:
     """Find what realizations first ... last - 1 settle on until the end of their windows.
 
     Parameters
@@ -156,11 +162,11 @@ def settle_jointly(first: int, last: int, batch: Coupled, budget: int, out: Join
     batch : vibrosweep.kernels.coupled.follow.Coupled
     budget
         Largest number of landings of all particles of a realization.
-    out : Joint
+    work
+        Two states, not shared between threads.
+    out : JointOrbit
         Only the slots of these realizations are written.
     """
-    particles = batch.launches.whole.shape[1]
-    work = system(particles), system(particles)
     for i in range(first, last):
         fixed = mount(batch.problem, batch.mounts, i)
         if np.isfinite(fixed.alpha):

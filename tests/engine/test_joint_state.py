@@ -1,0 +1,131 @@
+"""The joint state on a base of finite mass: its Floquet map, exponents and recurrence."""
+
+import numpy as np
+import pytest
+
+from vibrosweep.engine.coupled import Neighbours, carry_on, measure_coupled
+from vibrosweep.engine.landings import all_parameters
+from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.workers import Workers
+from vibrosweep.model.coupled_cycles import CoupledBase, monodromy, spectral_radius, staggered
+from vibrosweep.model.forcing import completed, only_parameters
+from vibrosweep.model.measures import Measures
+from vibrosweep.model.parameters import PARAMETERS
+
+
+def parameters_of(base):
+    """Parameters of one realization at 1 Hz."""
+    given = {name: np.array([PARAMETERS[name].default]) for name in PARAMETERS}
+    del given["amplitude"]
+    given["restitution"] = np.array([base.restitution])
+    given["base_acceleration"] = np.array([base.acceleration])
+    given |= {
+        "mass_ratio": np.array([base.mass_ratio]),
+        "mount_frequency": np.array([base.natural]),
+        "mount_damping": np.array([base.damping]),
+    }
+    return only_parameters(completed(given))
+
+
+def after_first_impact(cycle):
+    """State of a cycle in closed form, just after its first impact."""
+    base, time, particles = cycle.base, cycle.time, np.unique(cycle.particle).size
+    d, v = cycle.deviation[0]
+    v -= base.mass_ratio * base.exchange * cycle.approach[0]
+    drive, speed, _ = base.drive(time[0])
+    height, relative = np.empty(particles), np.empty(particles)
+    for i in range(particles):
+        own = np.flatnonzero(cycle.particle == i)
+        last = own[0] if own[0] == 0 else own[-1]
+        passed = time[0] - (time[last] - (0 if last == 0 else cycle.periods))
+        left = base.drive(time[last])[0] + cycle.deviation[last][0]
+        height[i] = left + cycle.speed[last] * passed - passed**2 - (drive + d)
+        relative[i] = cycle.speed[last] - 2.0 * passed - (speed + v)
+    phase = float(time[0] - np.rint(time[0]))
+    identity = np.eye(2 * particles + 2)
+    return Neighbours(height, relative, phase, (float(d), float(v)), identity, 0)
+
+
+@pytest.mark.parametrize(
+    ("natural", "printed"), [(0.21, 0.948), (0.37, 0.947), (0.77, 0.953), (1.60, 1.070)]
+)
+def test_floquet_map_of_staggered_particles(natural, printed):
+    base = CoupledBase(0.9, 0.6, 0.01, natural, 0.05)
+    cycle = staggered(base, 2, [0, 1])
+    begin = after_first_impact(cycle)
+    end = carry_on(parameters_of(base), begin, cycle.periods)
+    assert end.landings == 2
+    assert end.height == pytest.approx(begin.height, abs=1e-12)
+    assert end.speed == pytest.approx(begin.speed, abs=1e-12)
+    assert end.deviation == pytest.approx(begin.deviation, abs=1e-12)
+    radius = max(abs(np.linalg.eigvals(end.matrix)))
+    assert radius == pytest.approx(spectral_radius(cycle) ** cycle.periods, abs=1e-10)
+    assert radius ** (1.0 / cycle.periods) == pytest.approx(printed, abs=5e-4)
+    assert np.linalg.det(end.matrix) == pytest.approx(np.linalg.det(monodromy(cycle)), rel=1e-9)
+
+
+def test_matrix_is_the_derivative_and_volume_contracts_as_theory_says():
+    base = CoupledBase(0.7, 1.3, 0.05, 0.6, 0.1)
+    parameters = parameters_of(base)
+    begin = Neighbours(
+        np.array([0.1, 0.35, 0.6]),
+        np.array([0.5, -0.4, 0.2]),
+        0.1,
+        (0.01, -0.03),
+        np.eye(8),
+        0,
+    )
+    periods, step = 1.6, 1e-6
+    end = carry_on(parameters, begin, periods)
+    assert end.landings >= 4
+    # absolute coordinates: heights and velocities of particles shift with those of the base
+    change = np.eye(8)
+    change[0:3, 6] = change[3:6, 7] = -1.0
+    relative = change @ end.matrix @ np.linalg.inv(change)
+    for column in range(8):
+        sides = []
+        for sign in (1.0, -1.0):
+            z = np.concatenate([begin.height, begin.speed, begin.deviation])
+            z[column] += sign * step
+            one = carry_on(
+                parameters,
+                Neighbours(z[:3], z[3:6], begin.phase, (z[6], z[7]), np.eye(8), 0),
+                periods,
+            )
+            assert one.landings == end.landings
+            sides.append(np.concatenate([one.height, one.speed, one.deviation]))
+        slope = (sides[0] - sides[1]) / (2.0 * step)
+        np.testing.assert_allclose(relative[:, column], slope, rtol=1e-6, atol=1e-6)
+    zeta, w0 = base.damping, 2.0 * np.pi * base.natural
+    expected = base.restitution ** (2 * end.landings) * np.exp(-2.0 * zeta * w0 * periods)
+    # one impact changes the volume by e^2 times the speeds of approach before and after over
+    # each other, which closes over an orbit; here both ends are in flight, so that it is exact
+    assert np.linalg.det(end.matrix) == pytest.approx(expected, rel=1e-10)
+
+
+def settled(measures, duration, **given):
+    parameters = all_parameters({name: np.array([v]) for name, v in given.items()})
+    launch = (0.0, 0.45)
+    with Workers(1) as workers:
+        found = measure_coupled(
+            parameters,
+            Observation(2, launch, duration, "rest", measures, base="sprung"),
+            workers,
+        )
+    return {name: values[0] for name, values in found.items()}
+
+
+def test_a_locked_joint_state_recurs_and_its_neighbours_approach():
+    found = settled(
+        Measures(joint=True, transient=100.0),
+        1500.0,
+        restitution=0.7,
+        amplitude=2.2,
+        mass_ratio=0.01,
+        mount_frequency=0.37,
+        mount_damping=0.05,
+    )
+    assert found["joint_exponent"] + 3.0 * found["joint_exponent_error"] < 0.0
+    if found["joint_cycle_impacts"] > 0:
+        assert found["joint_regime"] in (1, 2)
+        assert found["joint_recurrent_from"] < 1500.0
