@@ -26,8 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--max-landings",
         metavar="N",
         type=positive,
-        default=250_000,
-        help="leave out realizations with more; default: 250000, some ten seconds",
+        help="leave out realizations with more; default: some ten seconds, 250000, or 1000 over a "
+        "sprung base",
     )
 
 

@@ -455,7 +455,7 @@ _ORDERING: Final = Measure(
             "decisions that rounding may have made",
             "between bouncing and sticking, or landing and passing, where the difference is below "
             "1e-12 of the speed of lift-off",
-            judged="undecided_count",
+            judged="recomputed",
         ),
     ),
     coupled=True,

@@ -17,7 +17,8 @@ from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.measures import MEASURE_OF
+from vibrosweep.model.measures import MEASURE_OF, VARIABLES
+from vibrosweep.model.mount import SPRUNG
 from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.tolerances import EPS, Bounds
@@ -27,6 +28,7 @@ __all__ = [
     "Errors",
     "change_of_bound",
     "landing_errors",
+    "measure_again",
     "measure_bounds",
     "measure_orbits",
     "untrusted",
@@ -39,8 +41,9 @@ BOUNDS: Final = tuple(f"{field}_error" for field in Bounds._fields)
 
 
 def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
-    """Bounds of all rows and their landings of any time, computed anew."""
-    everything = _all_landings(sample.observation).measuring(trust=True)
+    """Bounds of all rows and their landings of any time, computed anew; no bounds if coupled."""
+    bounded = sample.observation.base != SPRUNG
+    everything = _all_landings(sample.observation).measuring(trust=bounded)
     return measure_all(sample.parameters, everything, workers)
 
 
@@ -48,6 +51,15 @@ def measure_orbits(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
     """What orbits of all rows settle on, with its errors, computed anew."""
     found = measure_all(sample.parameters, sample.observation.measuring(lyapunov=True), workers)
     return {name: values for name, values in found.items() if name in MEASURE_OF}
+
+
+def measure_again(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
+    """What no proof is held against and all rows hold, computed anew."""
+    names = {name for name in sample.stored if VARIABLES[name].judged == "recomputed"}
+    keys = {MEASURE_OF[name] for name in names if name in MEASURE_OF}
+    asked = sample.observation.measuring(**dict.fromkeys(keys, True))
+    found = measure_all(sample.parameters, asked, workers)
+    return {name: values for name, values in found.items() if name in names}
 
 
 def _all_landings(observation: Observation) -> Observation:

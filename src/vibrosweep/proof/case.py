@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibrosweep.proof.bounds import Errors
+from vibrosweep.proof.coupled import Estimate, with_order
 from vibrosweep.proof.cycle import largest_exponent
 from vibrosweep.proof.measured import Measured, measures
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
@@ -73,6 +74,8 @@ class Case:
         Proved errors of the kernel's landings of each particle, where the file bounds them.
     tolerance
         Error of a landing time in s up to which it is trusted.
+    estimate
+        Of the errors of its landings, where its particles are coupled and it is proved.
     """
 
     stored: Mapping[str, Any]
@@ -82,16 +85,30 @@ class Case:
     trajectories: Sequence[Trajectory]
     errors: Sequence[Errors]
     tolerance: float
+    estimate: Estimate | None = None
 
     @cached_property
     def measures(self) -> Measured:
         """Proved measures."""
-        return measures(self.realization, self.trajectories)
+        found = measures(self.realization, self.trajectories)
+        if self.realization.coupled:
+            return with_order(found, self.realization, self.trajectories)
+        return found
 
     @cached_property
     def claims(self) -> Mapping[str, float | None]:
         """Largest errors of the measures that the dataset admits."""
+        if self.estimate is not None:
+            return self.estimate.claims(self.realization, self.measures)
         return claims(self.bounds, self.realization, self.measures)
+
+    @property
+    def deviation(self) -> tuple[float, float] | None:
+        """Largest error in s of the kernel's landings, and its estimate, where that is one."""
+        if self.estimate is None or not self.errors:
+            return None
+        largest = max(float(np.max(e.landing_time, initial=0.0)) for e in self.errors)
+        return largest, self.estimate.time
 
     @cached_property
     def orbits(self) -> Sequence[Orbit]:

@@ -127,6 +127,15 @@ def _uncertain(case: Case, name: str) -> Judgements:
             yield Judgement(name, particle, abs(stored - again), 0.0, None, complaint)
 
 
+def _recomputed(case: Case, name: str) -> Judgements:
+    """Judge what has no proof by what the same version finds now."""
+    if name in case.again:
+        stored, again = float(case.stored[name]), float(case.again[name])
+        same = stored == again or (math.isnan(stored) and math.isnan(again))
+        complaint = "" if same else f"is {stored!r}, but {again!r} is found now"
+        yield Judgement(name, None, 0.0 if same else abs(stored - again), 0.0, None, complaint)
+
+
 def _recurrent_from(case: Case, name: str) -> Judgements:
     for particle, (orbit, cycle) in enumerate(zip(case.orbits, case.cycles, strict=True)):
         time = None if cycle is None else orbit.times[cycle.since]
@@ -301,6 +310,7 @@ JUDGES: Final[dict[str, Judge]] = {
     "regime_count": _followed(_number_in),
     "uncertain": Judge(_uncertain, _uncertain),
     "uncertain_count": _followed(_uncertain_cycles),
+    "recomputed": Judge(_recomputed, _recomputed),
     "cycle": Judge(_cycle),
     "recurrent_from": Judge(_recurrent_from),
     "exponent": Judge(_largest),

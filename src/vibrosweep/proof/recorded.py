@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, repeat
 from typing import Any, Final
@@ -11,7 +11,6 @@ from vibrosweep.model.measures import RECORD
 from vibrosweep.proof.judgement import Judgement, judge
 from vibrosweep.proof.reference.ball import Impact, Trajectory
 from vibrosweep.proof.sample import Sample
-from vibrosweep.proof.tolerances import Bounds, record_claims
 
 __all__ = ["RECORDED", "judge_record"]
 
@@ -20,10 +19,12 @@ RECORDED: Final = {f"record/{name}": variable for name, variable in RECORD.items
 
 
 def judge_record(
-    record: Sample, bounds: Bounds, trajectories: Sequence[Trajectory]
+    record: Sample,
+    claims: Callable[[float], Mapping[str, float]],
+    trajectories: Sequence[Trajectory],
 ) -> list[Judgement]:
-    """Judge every number of a record."""
-    realization, judged = record.realization(0), []
+    """Judge every number of a record; `claims` are those of a number of some size, by variable."""
+    judged = []
     for particle, trajectory in enumerate(trajectories):
         stored = {name: values[0, particle].tolist() for name, values in record.stored.items()}
         counts = {"impact_count": len(trajectory.impacts), "status": int(trajectory.status)}
@@ -34,7 +35,7 @@ def judge_record(
         for n, impact in zip(range(len(stored["rested"])), impacts, strict=False):
             for name, proved in _landing(impact).items():
                 number = float(stored[name][n])
-                claim = record_claims(bounds, realization, number)[name]
+                claim = claims(number)[name]
                 found = judge(f"record/{name}", particle, number, proved, claim)
                 if found.complaint:
                     found = replace(found, complaint=f"of landing {n + 1} {found.complaint}")

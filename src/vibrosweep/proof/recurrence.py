@@ -24,7 +24,7 @@ from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.reference.decisions import nearest_integer
 from vibrosweep.proof.reference.motion import PeriodMap
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.tolerances import EPS, Bounds, record_claims
+from vibrosweep.proof.tolerances import EPS, Bounds
 
 __all__ = ["SAID", "Cycle", "Orbit", "State", "numbered"]
 
@@ -94,9 +94,9 @@ class Orbit:
         self.flights = [f for f in (trajectory.launch, *(i.flight for i in left)) if f is not None]
         self.speeds = [flight.speed for flight in self.flights]
         end = float(realization.duration)
-        self.time_error = record_claims(bounds, realization, end)["liftoff_time"]
+        self.time_error = bounds.record_claims(realization, end)["liftoff_time"]
         self._time_error = bounds.landing_time * p["frequency"] + 4.0 * EPS
-        time = record_claims(bounds, realization, 0.0)["liftoff_time"] * p["frequency"]
+        time = bounds.record_claims(realization, 0.0)["liftoff_time"] * p["frequency"]
         # of the difference of two states of the kernel, in periods
         self._error = 2.0 * max(time, bounds.speed_error(realization)) + 8.0 * EPS
 

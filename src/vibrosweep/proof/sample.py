@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.engine.observation import Observation
+from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.proof.reference.bases import REFERENCE_OF, Reference
 
@@ -26,7 +27,8 @@ class Realization:
     Attributes
     ----------
     parameters
-        Every parameter of `vibrosweep.model.parameters.PARAMETERS`.
+        Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of
+        `vibrosweep.model.parameters.MOUNT` where the base is sprung.
     launch_times
         Exact, s; a staggered particle j is launched at j / (particles frequency).
     transient, duration
@@ -51,8 +53,13 @@ class Realization:
     base: str
 
     @property
+    def coupled(self) -> bool:
+        """Whether the base couples the particles."""
+        return self.base == SPRUNG
+
+    @property
     def reference(self) -> Reference:
-        """What the reference knows of the base."""
+        """What the reference knows of a base over which particles are independent."""
         return REFERENCE_OF[self.base]
 
 
@@ -67,7 +74,7 @@ class Sample:
     rows
         Indices of those drawn, in increasing order.
     parameters
-        Every parameter of `vibrosweep.model.parameters.PARAMETERS`, each of shape (row,).
+        As of a `Realization`, each of shape (row,).
     observation
         What was launched, watched and measured.
     own

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
-from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, STAGGERED
+from vibrosweep.model.mount import SPRUNG
+from vibrosweep.model.parameters import BASES, LAWS, MOUNT, PARAMETERS, STAGGERED
 from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.setting import (
@@ -67,11 +68,12 @@ def _drawn(file: Any, size: int, seed: int) -> Sample:
         chosen = rows = np.sort(np.random.default_rng(seed).choice(total, size, replace=False))
     here = provenance(threads=1)
     names = [n for n in VARIABLES if n in file.variables]
+    observation = _observation(file, file.attrs)
     return Sample(
         total=total,
         rows=rows,
-        parameters={name: _parameter(file, name, chosen, rows) for name in PARAMETERS},
-        observation=_observation(file, file.attrs),
+        parameters={n: _parameter(file, n, chosen, rows) for n in _taken(observation.base)},
+        observation=observation,
         own=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: read_rows(file, name, chosen) for name in names},
         coordinates=_coordinates(file, chosen),
@@ -105,6 +107,11 @@ def _parameter(
     return np.asarray(read_rows(file, name, chosen), np.float64)
 
 
+def _taken(base: str) -> tuple[str, ...]:
+    """Names of what the engine takes of a base."""
+    return (*PARAMETERS, *(MOUNT if base == SPRUNG else ()))
+
+
 def _record(file: Any, sample: Sample) -> Sample:
     """Return the recorded realization, of which every landing counts."""
     group, rows = file.groups["record"], np.zeros(1, np.int64)
@@ -116,7 +123,9 @@ def _record(file: Any, sample: Sample) -> Sample:
     return Sample(
         total=1,
         rows=rows,
-        parameters={name: np.atleast_1d(group.variables[name][...]) for name in PARAMETERS},
+        parameters={
+            name: np.atleast_1d(group.variables[name][...]) for name in _taken(observation.base)
+        },
         observation=observation,
         own=sample.own,
         stored={name: group.variables[name][...] for name in RECORD},
@@ -153,8 +162,8 @@ def _time(file: Any, attributes: Mapping[str, Any], name: str) -> Time:
 
 def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable]) -> None:
     """Raise for data that no sweep can have written and that no kernel should be given."""
-    observation = sample.observation
-    bad = [n for n, v in sample.parameters.items() if not np.all(PARAMETERS[n].accepts(v))]
+    observation, known = sample.observation, {**PARAMETERS, **MOUNT}
+    bad = [n for n, v in sample.parameters.items() if not np.all(known[n].accepts(v))]
     times = () if isinstance(observation.launch, str) else observation.launch
     if math.isnan(amount(observation.measures.transient)) or not all(
         math.isfinite(time) for time in (amount(observation.duration), *times)

@@ -32,7 +32,7 @@ from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import EPS, Proved, Uncertainty, statistics_claims
 
-__all__ = ["EPS", "Bounds", "claims", "record_claims"]
+__all__ = ["EPS", "Bounds", "claims", "reaches"]
 
 
 # for what the derivatives of a flight leave out
@@ -71,6 +71,18 @@ class Bounds(NamedTuple):
         own = 2.0 * math.pi * p["frequency"] * self.height_error(realization)
         return (self.rebound_velocity + own) * 2.0 * p["frequency"] / p["gravity"]
 
+    def record_claims(self, realization: Realization, number: float) -> Mapping[str, float]:
+        """Largest error of a recorded number of that size, by the variable that it belongs to."""
+        size = abs(number) if math.isfinite(number) else 0.0
+        period = 1.0 / realization.parameters["frequency"]
+        landing = self.landing_time + 4.0 * EPS * (size + 2.0 * period)
+        return {
+            "landing_time": landing,
+            "liftoff_time": landing + _lift_off_error(realization),
+            "rebound_velocity": self.rebound_velocity + 4.0 * EPS * size,
+            "rested": 0.0,
+        }
+
     def duration_error(self, realization: Realization, flight: Flight) -> float:
         """Bound of the error of the duration of a flight, in s."""
         speed, period = self.speed_error(realization), 1.0 / realization.parameters["frequency"]
@@ -88,7 +100,7 @@ def claims(
     dt, period = bounds.landing_time, 1.0 / realization.parameters["frequency"]
     exact: dict[str, float | None] = {"at_rest_count": 0.0, "status": 0.0}
     exact |= {"particle_at_rest": 0.0, "particle_status": 0.0}
-    undecided = _reaches(measured.overlap, _stay_error(dt, realization))
+    undecided = reaches(measured.overlap, _stay_error(dt, realization))
     exact |= dict.fromkeys(("base_shared", "collision_free"), None if undecided else 0.0)
     error = Uncertainty(
         velocity=bounds.rebound_velocity,
@@ -100,7 +112,7 @@ def claims(
     windowed = statistics_claims(
         error, realization, measured.flights, measured.fastest, measured.longest
     ) | _separations(dt, measured, period)
-    if _reaches(measured.edge, dt + 4.0 * EPS * period):
+    if reaches(measured.edge, dt + 4.0 * EPS * period):
         windowed = dict.fromkeys(windowed)
     # only a late window over staggered launches compares anything that is rounded
     if realization.windowed and abs(measured.launch_depth) < realization.launch_rounding:
@@ -125,24 +137,12 @@ def _stay_error(dt: float, realization: Realization) -> float:
     return 3.0 * dt + _lift_off_error(realization) + 8.0 * EPS / realization.parameters["frequency"]
 
 
-def record_claims(bounds: Bounds, realization: Realization, number: float) -> Mapping[str, float]:
-    """Largest error of a recorded number of that size, by the variable that it belongs to."""
-    size = abs(number) if math.isfinite(number) else 0.0
-    landing = bounds.landing_time + 4.0 * EPS * (size + 2.0 / realization.parameters["frequency"])
-    return {
-        "landing_time": landing,
-        "liftoff_time": landing + _lift_off_error(realization),
-        "rebound_velocity": bounds.rebound_velocity + 4.0 * EPS * size,
-        "rested": 0.0,
-    }
-
-
 def _lift_off_error(realization: Realization) -> float:
     """Error of a lift-off after a rest, s."""
     p = realization.parameters
     return realization.reference.liftoff_error(p) / p["frequency"]
 
 
-def _reaches(distance: Proved, error: float) -> bool:
+def reaches(distance: Proved, error: float) -> bool:
     """Whether zero lies within the error of an exact distance (None: there is nothing near)."""
     return distance is not None and not bool(abs(distance) > error)

@@ -12,6 +12,7 @@ import numpy as np
 
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import VARIABLES
+from vibrosweep.proof.coupled import CHANGE, FACTOR
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.recorded import RECORDED
 
@@ -41,12 +42,16 @@ class State(Enum):
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome for one realization, or (None) for the record of every landing."""
+    """Outcome for one realization, or (None) for the record of every landing.
+
+    `deviation`: largest error of the landings that this version finds, and its estimate, s.
+    """
 
     realization: int | None
     state: State
     landings: int = 0
     judgements: Sequence[Judgement] = ()
+    deviation: tuple[float, float] | None = None
 
     @property
     def place(self) -> str:
@@ -132,6 +137,8 @@ class Report:
         Of each realization drawn, then of the record where there is one.
     claimed
         Whether the dataset holds error bounds; else they were computed again.
+    coupled
+        Whether the base couples the particles: then errors are estimated.
     coordinates
         Comparisons of what all realizations share with the sweep file.
     names
@@ -145,6 +152,7 @@ class Report:
     seed: int
     outcomes: Sequence[Outcome]
     claimed: bool
+    coupled: bool
     coordinates: Sequence[Judgement]
     names: Sequence[str]
     unknown: Mapping[str, str]
@@ -205,7 +213,9 @@ class Report:
             f"{self.path}: {drawn} of {self.total} realizations, drawn with seed {self.seed}; "
             f"{self.count(State.COMPARED)} proved, {landings} landings"
         )
-        if not self.claimed:
+        if self.coupled:
+            yield from self._estimates()
+        elif not self.claimed:
             yield "the dataset holds no error bounds: they were computed again"
         for state in State:
             if state is not State.COMPARED and self.count(state):
@@ -227,6 +237,21 @@ class Report:
         for name, reason in left_out.items():
             yield f"not compared: {name}: {reason}"
         yield from self._verdict()
+
+    def _estimates(self) -> Iterator[str]:
+        """Say what is claimed where no bound is proved, and how near the kernel comes to it."""
+        yield (
+            "no bound of errors is proved for coupled particles: claims are estimates, "
+            f"{FACTOR:g} times what changes of the parameters by {CHANGE:.2g} of themselves do"
+        )
+        found = [o.deviation for o in self.outcomes if o.deviation is not None]
+        if found:
+            largest = max(error for error, _ in found)
+            share = max(error / estimate for error, estimate in found if estimate > 0.0)
+            yield (
+                f"largest error of a landing, computed again: {largest:.3g} s; at most "
+                f"{share:.2g} of its estimate"
+            )
 
     def _verdict(self) -> Iterator[str]:
         complaints = list(self.complaints())

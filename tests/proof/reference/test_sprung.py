@@ -176,7 +176,7 @@ def test_locked_orbit_without_damping(mass_ratio, k, nu):
         deviation = -recoil / 2 / (w0 * half.sin()) * half.cos()
         mount = Mount(gamma / arb.pi(), w0, arb(0), mu)
         bodies = Bodies(mount, e, arb(1e-4), arb(k))
-        system = System(bodies, [Launch(x, (0,))], deviation, -recoil / 2)
+        system = System(bodies, [Launch(x, (0,))], x + 9 * k, deviation, -recoil / 2)
         while system.landings < 6:
             assert system.advance()
         for n, event in enumerate(system.events):
@@ -235,6 +235,17 @@ def test_what_is_undecided_is_named():
     resonant = {"mount_frequency": 1.5, "mass_ratio": 1.25, "mount_damping": 0.0}
     with pytest.raises(UndecidableError, match="the loaded base is driven at its resonance"):
         run((0.0,), 3.0, restitution=0.0, **resonant)
+
+
+def test_at_rest_for_good_is_known_at_the_end():
+    """The free oscillation must have decayed so far that it can no longer lift the particle."""
+    slow = {"restitution": 0.0, "amplitude": 1.0, "mount_frequency": 0.5, "mass_ratio": 0.5}
+    rests = [
+        run((0.0,), duration, mount_damping=damping, launch_velocity=9.0, **slow).particles[0]
+        for duration, damping in ((3.0, 0.02), (12.0, 0.02), (12.0, 0.0))
+    ]
+    assert [own.at_rest for own in rests] == [False, True, False]
+    assert all(own.impacts[-1].rested and own.impacts[-1].flight is None for own in rests)
 
 
 def test_budget_of_landings():

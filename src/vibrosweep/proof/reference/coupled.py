@@ -3,7 +3,8 @@
 Parameters are taken as the exact doubles that they are, as in `vibrosweep.proof.reference.ball`;
 `vibrosweep.proof.reference.sprung` states what happens at each event.  A landing at t' counts if
 and only if t' <= duration; the motion is followed further until all that fly then have landed.  A
-particle that rides the base at the end has no lift-off.
+particle that rides the base at the end has no lift-off; it is at rest for good if all particles do,
+and the forced oscillation with the envelope of the free one can then no longer throw them off.
 """
 
 from __future__ import annotations
@@ -130,6 +131,7 @@ def coupled(
     max_landings: int = 10_000,
     digits: int = 20,
     max_bits: int = 1 << 14,
+    bits: int = 0,
 ) -> Coupled:
     """Every landing of all particles, with proved error bounds.
 
@@ -147,6 +149,8 @@ def coupled(
         of the contact time where that is larger; and of a turn for a phase.
     max_bits
         Largest precision tried.
+    bits
+        Precision tried first, where that asked for by `digits` is less.
 
     Raises
     ------
@@ -162,7 +166,7 @@ def coupled(
         if number < 1:
             raise ParameterError(f"{name} = {number!r}: must be at least 1")
     problem = _Problem(values, launched, _exact("duration", duration), max_landings, digits)
-    bits = GUARD_BITS * (2 + problem.bits // GUARD_BITS)
+    bits = max(bits, GUARD_BITS * (2 + problem.bits // GUARD_BITS))
     while True:
         try:
             return _attempt(problem, bits)
@@ -243,9 +247,14 @@ def _attempt(problem: _Problem, bits: int) -> Coupled:
     """Return the motion at one precision, or raise `UncertainError`."""
     with ctx.workprec(bits):
         bodies, end = bodies_of(problem.parameters), problem.turns(problem.duration)
-        system, counted = System(bodies, problem.launches), 0
+        system, counted = System(bodies, problem.launches, end), 0
         own = [_Course() for _ in problem.launch_times]
-        while moves := system.advance():
+        stay = False
+        while True:
+            if counted == len(system.events):  # the end is still to come
+                stay = system.riders_stay(end)
+            if not system.advance():
+                break
             for event in system.events[sum(len(one.events) for one in own) :]:
                 what = f"the {event.kind} of particle {event.particle} is after the end"
                 after = certain_above(event.turns, end, what, event.number)
@@ -258,6 +267,6 @@ def _attempt(problem: _Problem, bits: int) -> Coupled:
                 )
             if counted < len(system.events) and all(one.over for one in own):
                 break
-        good = not moves or (bodies.mount.mass_ratio.is_zero() and system.riders_stay)
-        particles = tuple(one.trajectory(problem, good, bits) for one in own)
+        alone = bodies.mount.mass_ratio.is_zero() or all(one.rides for one in own)
+        particles = tuple(one.trajectory(problem, stay and alone, bits) for one in own)
         return Coupled(particles, tuple(system.events[:counted]), bits)

@@ -44,13 +44,14 @@ from vibrosweep.proof.reference.mount import Above, Arc, Pressure, contact_free
 __all__ = ["System"]
 
 ZERO: Final = arb(0)
-# Periods for which a lift-off is looked for at a time, and in all.
+# Periods for which a lift-off is looked for at a time.
 STRETCH: Final = arb(16)
-LONGEST_REST: Final = arb(4096)
 
 
 class System:
     """The base, of a state at the first launch, and its particles; at one precision.
+
+    Where all particles ride the base, their lift-off is looked for up to the phase `end`.
 
     The state is that of an exact instant next to the last event, as if the motion after the event
     had begun before: the event's own uncertain time then widens no ball that it does not concern.
@@ -67,10 +68,11 @@ class System:
         self,
         bodies: Bodies,
         launches: Sequence[Launch],
+        end: arb,
         deviation: arb = ZERO,
         rate: arb = ZERO,
     ) -> None:
-        self._bodies, self._waiting = bodies, list(launches)
+        self._bodies, self._waiting, self._end = bodies, list(launches), end
         self._flying: list[Flying] = []
         self._leaving: list[Flying] = []
         self._riders: list[int] = []
@@ -85,10 +87,9 @@ class System:
         state = (self._deviation, self._rate), len(self._riders), self._late
         return Arc(self._bodies.mount, self._instant, *state, self.landings + 1)
 
-    @property
-    def riders_stay(self) -> bool:
-        """Whether those who ride never leave, if nothing lands on the base."""
-        return Pressure(self._arc).lasts(self._late.lower())
+    def riders_stay(self, turns: arb) -> bool:
+        """Whether those who ride can no longer leave at that phase, if nothing lands until then."""
+        return Pressure(self._arc).lasts(turns - self._instant)
 
     def advance(self) -> bool:
         """Carry out the next event; False if there is none.
@@ -122,7 +123,8 @@ class System:
             start = self._late.lower() if flying.clear is None else flying.clear
             found += self._root(above, start, latest_start(found), flying)
         if self._riders:
-            found += self._liftoff(latest_start(found))
+            last = latest_start(found) if found else (self._end - self._instant).upper()
+            found += self._liftoff(last)
         # a few bits have told most of them apart
         least, number = latest_start(found), self.landings + 1
         found = [one if one.s > least else one.narrowed() for one in found]
@@ -153,8 +155,6 @@ class System:
             found = self._root(pressure, start, stretch, Riders(tuple(self._riders)))
             if found:
                 return found
-            if start > LONGEST_REST:
-                raise UncertainError("whether the riders ever leave", self.landings + 1)
             start = stretch
         return []
 

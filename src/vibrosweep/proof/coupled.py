@@ -1,0 +1,242 @@
+"""Realizations on a base of finite mass: their proof, and estimates of what rounding does to them.
+
+No bound of the errors of coupled particles is proved.  Instead the reference follows a realization
+twice: as it is, and with its parameters changed by `CHANGE` of themselves, some up and some down,
+which is several times what a rounding does.  The largest change of any landing or lift-off, of any
+velocity and of any height, times `FACTOR`, is the estimate of the largest error in doubles.  Where
+a decision changes with the parameters nothing is claimed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from itertools import cycle, pairwise
+from typing import Final, NamedTuple
+
+from vibrosweep.proof.measured import Measured
+from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx, exact
+from vibrosweep.proof.reference.ball import Trajectory
+from vibrosweep.proof.reference.coupled import Coupled, coupled
+from vibrosweep.proof.sample import Realization
+from vibrosweep.proof.statistics import EPS, Landing, Proved, landings_of
+from vibrosweep.proof.tolerances import reaches
+
+__all__ = ["CHANGE", "FACTOR", "MAX_COUPLED", "Estimate", "prove", "with_order"]
+
+# Landings of a realization: some ten seconds, and more where few particles make all of them.
+MAX_COUPLED: Final = 1000
+MAX_BITS: Final = 1 << 13
+CHANGE: Final = 2.0**-50
+FACTOR: Final = 64.0
+SIGNS: Final = (1.0, -1.0, 1.0, 1.0, -1.0)  # no pattern that could cancel
+# Order parameters by what they multiply the forcing frequency with.
+HARMONICS: Final = {
+    "order_1": Fraction(1),
+    "order_2": Fraction(2),
+    "order_3": Fraction(3),
+    "order_half": Fraction(1, 2),
+    "order_third": Fraction(1, 3),
+}
+MOST_GAPS: Final = 4096
+
+
+class Estimate(NamedTuple):
+    """Estimates of the largest errors of a realization in doubles.
+
+    Attributes
+    ----------
+    time
+        Of landings and lift-offs, s.
+    velocity
+        Of rebound velocities, m s-1.
+    height
+        Of the highest points of flights, m.
+    """
+
+    time: float
+    velocity: float
+    height: float
+
+    def record_claims(self, realization: Realization, number: float) -> Mapping[str, float]:
+        """Largest error of a recorded number of that size, by the variable that it belongs to."""
+        rounding = 4.0 * EPS * (abs(number) if math.isfinite(number) else 0.0)
+        period = 1.0 / realization.parameters["frequency"]
+        time = self.time + rounding + 8.0 * EPS * period
+        velocity = self.velocity + rounding
+        return {
+            "landing_time": time,
+            "liftoff_time": time,
+            "rebound_velocity": velocity,
+            "rested": 0.0,
+        }
+
+    def claims(self, realization: Realization, measured: Measured) -> dict[str, float | None]:
+        """Largest error of each variable, in its own unit; None: not claimed."""
+        frequency = realization.parameters["frequency"]
+        rounding = (measured.longest + len(realization.launch_times) + 10) * EPS
+        claimed: dict[str, float | None] = {}
+        for name, proved in measured.values.items():
+            plain, size = name.removeprefix("particle_"), rounding * _size(proved)
+            claimed[name] = 0.0
+            if plain.startswith(("rebound_height", "flight_height")):
+                claimed[name] = self.height + size
+            elif plain.startswith(("flight_time", "dt_min", "gap_")):
+                claimed[name] = 2.0 * self.time + 4.0 * EPS / frequency + size
+            elif plain in HARMONICS:
+                turned = 2.0 * math.pi * float(HARMONICS[plain]) * self.time * frequency
+                claimed[name] = turned + rounding
+        if reaches(measured.overlap, 3.0 * self.time):
+            claimed |= dict.fromkeys(("base_shared", "collision_free"))
+        gap = measured.values["dt_min"]
+        if isinstance(gap, arb) and gap > 0 and reaches(gap, 2.0 * self.time):
+            claimed["order_changes"] = None
+        if realization.windowed and abs(measured.launch_depth) < realization.launch_rounding:
+            claimed["flight_height_max"] = None
+        return claimed
+
+
+def _size(proved: Proved | list[Proved]) -> float:
+    """Largest absolute value."""
+    each = proved if isinstance(proved, list) else [proved]
+    return max((abs(float(one)) for one in each if one is not None), default=0.0)
+
+
+def prove(
+    realization: Realization, max_landings: int
+) -> tuple[Sequence[Trajectory], Estimate | None]:
+    """Proved trajectories of a realization, and estimates of their errors in doubles.
+
+    None instead of these where rounding may change a decision.
+
+    Raises
+    ------
+    UndecidableError
+        The reference cannot decide.
+    """
+    proved = _followed(realization, realization.parameters, max_landings, 0)
+    changed = {
+        name: value if name == "frequency" else value * (1.0 + sign * CHANGE)
+        for (name, value), sign in zip(realization.parameters.items(), cycle(SIGNS), strict=False)
+    }
+    changed["restitution"] = min(changed["restitution"], 1.0)
+    try:
+        other = _followed(realization, changed, 2 * max_landings, proved.precision_bits)
+    except UndecidableError:
+        return proved.particles, None
+    pairs = list(zip(proved.particles, other.particles, strict=True))
+    if any(_decisions(a) != _decisions(b) for a, b in pairs):
+        return proved.particles, None
+    with ctx.workprec(proved.precision_bits):
+        changes = [change for a, b in pairs for change in _changes(a, b)]
+        estimate = Estimate(*(FACTOR * max(column) for column in zip(*changes, strict=True)))
+        edges = [exact(realization.duration)]
+        if realization.windowed:
+            edges.append(exact(realization.transient))
+        near = any(
+            abs(time - edge) < estimate.time
+            for one in proved.particles
+            for time in _ends(one)
+            for edge in edges
+        )
+    return proved.particles, None if near else estimate
+
+
+def _followed(
+    realization: Realization, parameters: Mapping[str, float], max_landings: int, bits: int
+) -> Coupled:
+    return coupled(
+        parameters,
+        realization.launch_times,
+        realization.duration,
+        max_landings=max_landings,
+        max_bits=MAX_BITS,
+        bits=bits,
+    )
+
+
+def _decisions(trajectory: Trajectory) -> tuple[bool, list[tuple[bool, bool]]]:
+    """What was decided about a particle."""
+    each = [(impact.rested, impact.liftoff_time is None) for impact in trajectory.impacts]
+    return trajectory.at_rest, each
+
+
+def _changes(a: Trajectory, b: Trajectory) -> Iterator[tuple[float, float, float]]:
+    """Changes of times, velocities and heights."""
+    yield 0.0, 0.0, _apart(a.launch.height, b.launch.height)
+    for one, other in zip(a.impacts, b.impacts, strict=True):
+        yield (
+            max(
+                _apart(one.landing_time, other.landing_time),
+                _apart(one.liftoff_time, other.liftoff_time),
+            ),
+            _apart(one.rebound_velocity, other.rebound_velocity),
+            0.0
+            if one.flight is None or other.flight is None
+            else _apart(one.flight.height, other.flight.height),
+        )
+
+
+def _apart(a: arb | None, b: arb | None) -> float:
+    """Distance of two numbers; none where there are none."""
+    return 0.0 if a is None or b is None else float((a - b).abs_upper())
+
+
+def _ends(trajectory: Trajectory) -> Iterator[arb]:
+    """Times of all landings, one after the end of the observation among them."""
+    for impact in trajectory.impacts:
+        yield impact.landing_time
+    if trajectory.impacts and (last := trajectory.impacts[-1]).flight is not None:
+        yield last.liftoff_time + last.flight.duration
+
+
+def with_order(
+    measured: Measured, realization: Realization, trajectories: Sequence[Trajectory]
+) -> Measured:
+    """Add the order of the landings to the measures of a realization."""
+    with ctx.workprec(max(t.precision_bits for t in trajectories)):
+        ordered = _ordering(realization, trajectories)
+    return replace(measured, values=measured.values | ordered)
+
+
+def _ordering(
+    realization: Realization, trajectories: Sequence[Trajectory]
+) -> dict[str, Proved | list[Proved]]:
+    """Order of the landings, by its definition."""
+    period = 1 / arb(realization.parameters["frequency"])
+    landings = landings_of(realization, trajectories)
+    begin = exact(realization.transient) if realization.windowed else arb.neg_inf()
+    late = begin.max(exact(realization.duration) - period)
+    gaps = [
+        b.time - a.time
+        for a, b in pairwise(landings)
+        if a.particle != b.particle and b.time >= late
+    ]
+    gaps = sorted(gaps, key=arb.mid) if len(gaps) <= MOST_GAPS else []
+    half = len(gaps) // 2
+    found: dict[str, Proved | list[Proved]] = {
+        "gap_median": (gaps[~half] + gaps[half]) / 2 if gaps else None,
+        "gap_min": gaps[0] if gaps else None,
+        "order_changes": _out_of_turn(landings, begin),
+    }
+    last = [t.impacts[-1] for t in trajectories if t.impacts]
+    for name, harmonic in HARMONICS.items():
+        half_turns = [2 * exact(harmonic) * (impact.count + impact.phase) for impact in last]
+        even = sum((turn.cos_pi() for turn in half_turns), arb(0))
+        odd = sum((turn.sin_pi() for turn in half_turns), arb(0))
+        square = (even * even + odd * odd).max(arb(0))
+        found[name] = square.sqrt() / len(last) if last else None
+    return found
+
+
+def _out_of_turn(landings: Sequence[Landing], begin: arb) -> int:
+    """Landings from `begin` on of a particle other than that which landed longest ago."""
+    turn: dict[int, int] = {}
+    found = 0
+    for number, landing in enumerate(landings):
+        own = turn.get(landing.particle)
+        found += own is not None and own > min(turn.values()) and bool(landing.time >= begin)
+        turn[landing.particle] = number
+    return found

@@ -1,0 +1,90 @@
+"""Results over a base of finite mass: a sound one passes, a changed one does not."""
+
+import shutil
+
+import h5py
+import pytest
+
+from vibrosweep.cli import main
+from vibrosweep.model.measures import RECORD
+from vibrosweep.proof.verification import State
+from vibrosweep.proof.verify import verify
+
+SPRUNG = """
+title = "Coupled particles"
+[scene]
+base = "sprung"
+particles = 3
+launch = [0.0, 0.2, 0.2]
+duration = 2.5
+contact_time = 5e-3
+mount_damping = 0.05
+[sample]
+realizations = 2
+seed = 4
+restitution = [0.3, 0.6]
+amplitude = [2.0, 3.0]
+mass_ratio = [0.0, 0.2]
+mount_frequency = [0.3, 2.0]
+[measure]
+transient = 0.5
+separation = true
+per_particle = true
+[record]
+restitution = 0.6
+amplitude = 2.2
+mass_ratio = 0.05
+mount_frequency = 0.37
+duration = 1.5
+"""
+
+
+@pytest.fixture(scope="module")
+def sprung(computed):
+    return computed(SPRUNG)
+
+
+def test_sound_dataset(sprung):
+    report = verify(sprung)
+    assert report.passed
+    assert report.count(State.COMPARED) == 2
+    assert not report.not_compared()
+    found = report.variables()
+    assert {f"record/{name}" for name in RECORD} < set(found)
+    assert not any(variable.undecided for variable in found.values())
+    deviations = [o.deviation for o in report.outcomes if o.realization is not None]
+    assert all(0.0 <= error < estimate for error, estimate in deviations)
+    lines = list(report.lines())
+    assert lines[1].startswith("no bound of errors is proved for coupled particles")
+    assert lines[2].startswith("largest error of a landing, computed again")
+    assert lines[-1].startswith("passed")
+
+
+CHANGES = {
+    "impact_count": 1,
+    "particle_rest_count": 1,
+    "rebound_height_mean": 1e-3,
+    "dt_min": 1e-3,
+    "order_1": -1e-3,
+    "gap_median": 1e-3,
+    "order_changes": 1,
+    "undecided_count": 1,
+}
+
+
+def test_changed_numbers_are_found(sprung, tmp_path):
+    copy = tmp_path / "changed.h5"
+    shutil.copy(sprung, copy)
+    with h5py.File(copy, "r+") as file:
+        for name, change in CHANGES.items():
+            values = file[name][...]
+            values[0] += change
+            file[name][...] = values
+    complaints = list(verify(copy).complaints())
+    for name in CHANGES:
+        assert any(c.startswith("realization 0") and f": {name} is" in c for c in complaints), name
+
+
+def test_command_leaves_out_what_is_too_long(sprung, capsys):
+    assert main(["verify", str(sprung), "--max-landings", "2"]) == 0
+    assert "2 left out: too many landings" in capsys.readouterr().out
