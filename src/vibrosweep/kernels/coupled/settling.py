@@ -13,6 +13,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
 from vibrosweep.kernels.bases.sprung import Mount, bounds, loaded, mount
+from vibrosweep.kernels.coupled.deviations import follow_event, propagate
 from vibrosweep.kernels.coupled.follow import Coupled
 from vibrosweep.kernels.coupled.state import (
     EVENT,
@@ -24,7 +25,6 @@ from vibrosweep.kernels.coupled.state import (
     motion_after,
     riders,
 )
-from vibrosweep.kernels.coupled.tangent import follow_event, propagate
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
 __all__ = ["BLOCKS", "JointOrbit", "carry", "empty_joint", "settle_jointly"]
