@@ -193,3 +193,20 @@ def test_a_mount_too_stiff_to_be_followed_is_given_up():
         duration=3.0,
     )
     assert np.all(found.status != 0)
+
+
+def test_no_landing_after_the_end_is_counted():
+    # a landing 0.002 s after the end, found from a time before it
+    found = vs.simulate(
+        base="sprung",
+        restitution=0.8471255169228993,
+        amplitude=2.8406517595636323,
+        phase=-0.17214200890901177,
+        contact_time=0.01,
+        mass_ratio=0.3868652278147594,
+        mount_frequency=0.28496882145491936,
+        mount_damping=1.0604476434834353,
+        launch_time=[j / 10 for j in range(10)],
+        duration=3.0,
+    )
+    assert float(found.landing_time.max()) <= 3.0

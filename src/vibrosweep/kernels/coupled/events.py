@@ -63,7 +63,7 @@ def next_event(of: System, fixed: Mount, launch_speed: float, until: float) -> E
             return Event(EVENT.NONE, -1, until, 0.0, False)
         if of.mode[who] == MODE.WAITING:
             return _launch(of, fixed, load, turned, who, launch_speed)
-        if look(of, load, turned, limit, who) and is_next(of, who):
+        if look(of, load, turned, limit, who) and is_next(of, who, until):
             return _land(of, fixed, load, turned, who)
     return Event(EVENT.LOST, who, time, 0.0, False)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
-from vibrosweep.kernels.bases.sprung import Mount, loaded, mount
+from vibrosweep.kernels.bases.sprung import Mount, bounds, loaded, mount
 from vibrosweep.kernels.coupled.events import next_event
 from vibrosweep.kernels.coupled.neighbours import (
     GAPS,
@@ -18,7 +18,7 @@ from vibrosweep.kernels.coupled.neighbours import (
     note,
     order_of,
 )
-from vibrosweep.kernels.coupled.state import EVENT, NOW, Event, begin, riders
+from vibrosweep.kernels.coupled.state import EVENT, NOW, Event, begin, motion_after, riders
 from vibrosweep.kernels.coupled.tally import (
     Each,
     Room,
@@ -36,6 +36,7 @@ from vibrosweep.kernels.coupled.written import (
     write_lift_off,
 )
 from vibrosweep.kernels.record import Record, Units
+from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
 from vibrosweep.model.status import Status
 
@@ -207,10 +208,17 @@ def _judge(first: int, particles: int, status: int, each: Each) -> None:
 
 
 @jit
-def _resting(work: Room, fixed: Mount, first: int, each: Each) -> None:
-    """Note which particles rest for good: all of them, or any where none moves the base."""
-    count = riders(work.of)
-    for_good = work.of.now[NOW.LIFT] == np.inf and (count == work.rides.size or fixed.mu == 0.0)
+def _resting(work: Room, fixed: Mount, first: int, left: float, each: Each) -> None:
+    """Note which particles rest for good at the end, which is `left` periods from now.
+
+    All of them, or any where none moves the base, once the energy of the free oscillation is too
+    small for the base ever to fall faster than gravity.
+    """
+    of, count = work.of, riders(work.of)
+    load, x = loaded(fixed, count), of.now[NOW.X]
+    motion = motion_after(of, load, (sin_turns(x), cos_turns(x)), left)
+    stays = bounds(load, motion.d, motion.v).pull <= 2.0
+    for_good = stays and (count == work.rides.size or fixed.mu == 0.0)
     for j in range(work.rides.size):
         each.at_rest[first + j] = 1 if for_good and work.rides[j] == 1 else 0
 
@@ -264,6 +272,8 @@ def follow(
                 order = _shared(order) if together else order
                 if event.kind == EVENT.LOST:
                     status = BUDGET_EXCEEDED
+                elif not past:
+                    _resting(work, fixed, place, max(until, 0.0), each)
                 if event.kind == EVENT.NONE and np.sum(work.flies) > 0:
                     past = True
                     continue
@@ -295,6 +305,5 @@ def follow(
             events += 1
             late += 1 if past else 0
         _conclude(work, memory, order, i, whole)
-        _resting(work, fixed, place, each)
         _judge(place, particles, status, each)
         add_up(i, particles, each, sums)

@@ -155,7 +155,7 @@ def lift(of: System, load: Load, turned: Turned, until: float) -> bool:
 
 
 @jit
-def is_next(of: System, who: int) -> bool:
-    """Whether particle `who`, whose landing is known, lands before anything else happens."""
+def is_next(of: System, who: int, until: float) -> bool:
+    """Whether particle `who`, whose landing is known, lands by then and before all else happens."""
     first, time = earliest(of)
-    return first == who and not time > of.now[NOW.LIFT]
+    return first == who and time <= until and not time > of.now[NOW.LIFT]
