@@ -101,7 +101,7 @@ def test_the_docstring_names_every_keyword():
 
 def test_every_public_name_is_found_and_documented():
     assert dir(vs) == sorted(vs.__all__)
-    for name in set(vs.__all__) - {"__version__", "errors", "lab", "theory"}:
+    for name in filter(lambda name: inspect.isfunction(getattr(vs, name)), vs.__all__):
         documented = inspect.getdoc(getattr(vs, name))
         for section in ("Parameters", "Returns", "Raises", "Examples"):
             assert f"{section}\n-----" in documented, (name, section)
