@@ -252,7 +252,10 @@ def write_record(file: Group, record: RecordSpec, budget: int, workers: Workers)
     quantities = recorded_quantities(record)
     for name in quantities:
         if name in INPUTS:
-            file.coordinate(name, (), _attributes(name), quantities[name][0])
+            # a number of this name would be read as the axis of the sweep
+            dims = ("realization",) if file.has_outer(name) else ()
+            values = quantities[name] if dims else quantities[name][0]
+            file.coordinate(name, dims, _attributes(name), values)
     _declare_launches(file, record.launch, record.particles, record.parameters["frequency"])
     file.coordinate("duration", (), DURATION, quantities["duration"][0])
     for name, variable in RECORD.items():

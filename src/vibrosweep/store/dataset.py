@@ -50,6 +50,10 @@ class Group:
         self._group.dimensions.update(zip(self._named(sizes), sizes.values(), strict=True))
         self._sizes.update(sizes)
 
+    def has_outer(self, name: str) -> bool:
+        """Whether the file that this group is in has a dimension of that name."""
+        return name in self._group.parent.dimensions
+
     @undisturbed()
     def coordinate(
         self,
