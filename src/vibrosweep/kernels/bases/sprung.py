@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import jit
+from vibrosweep.kernels._jit import jit, kernel
 from vibrosweep.kernels.sine import sin_and_lag, sin_near
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
@@ -141,7 +141,7 @@ def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
     )
 
 
-@jit
+@kernel
 def loaded(of: Mount, riders: int) -> Load:
     """Return the base under the load of so many particles."""
     mass = 1.0 + riders * of.mu
@@ -161,7 +161,7 @@ def loaded(of: Mount, riders: int) -> Load:
     return Load(riders, stiffness, drag, p, q, level, keeps)
 
 
-@jit
+@kernel
 def bounds(load: Load, d: float, v: float) -> Bounds:
     """Bound the motion from the deviation d with velocity v on: its energy never grows."""
     forced = math.hypot(load.p, load.q)
@@ -193,7 +193,7 @@ def _series(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
     return rise, gain / s
 
 
-@jit
+@kernel
 def free_motion(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
     """Return D(s) - d - v s and D'(s) - v of the free oscillation with D = d and D' = v at first.
 
@@ -220,7 +220,7 @@ def free_motion(load: Load, d: float, v: float, s: float) -> tuple[float, float]
     return then - d - v * s, speed - v
 
 
-@jit
+@kernel
 def move(load: Load, sine: float, cosine: float, d: float, v: float, s: float) -> Motion:
     """Return the motion of the base s periods after a phase of this sine and cosine."""
     part = s - np.rint(s)

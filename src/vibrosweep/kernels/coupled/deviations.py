@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit
+from vibrosweep.kernels._jit import Floats, Integers, kernel
 from vibrosweep.kernels.bases.sprung import Load, Mount, free_motion, loaded, recoil
 from vibrosweep.kernels.coupled.events import next_event
 from vibrosweep.kernels.coupled.state import (
@@ -28,7 +28,7 @@ from vibrosweep.kernels.coupled.state import (
 __all__ = ["follow_event", "propagate"]
 
 
-@jit
+@kernel
 def _ride(mode: Integers, deviations: Floats) -> None:
     """Give the riders the deviation of the base."""
     particles = mode.size
@@ -38,7 +38,7 @@ def _ride(mode: Integers, deviations: Floats) -> None:
             deviations[particles + j, :] = deviations[2 * particles + 1, :]
 
 
-@jit
+@kernel
 def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
     """Let deviations follow the flow for the time t; `mode` is that of the particles meanwhile."""
     particles = mode.size
@@ -54,7 +54,7 @@ def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
     _ride(mode, deviations)
 
 
-@jit
+@kernel
 def _pull(of: System, fixed: Mount, count: int, speed: float) -> float:
     """Acceleration of the base now, at this velocity and with so many riders."""
     bare, load = loaded(fixed, 0), loaded(fixed, riders(of))
@@ -65,7 +65,7 @@ def _pull(of: System, fixed: Mount, count: int, speed: float) -> float:
     return (free - 2.0 * count * fixed.mu) / (1.0 + count * fixed.mu)
 
 
-@jit
+@kernel
 def _impact(of: System, fixed: Mount, event: Event, rode: Integers, deviations: Floats) -> None:
     """Change deviations by an impact that has happened; `rode`: the modes before it."""
     particles, j, c = of.mode.size, event.who, event.speed
@@ -97,7 +97,7 @@ def _impact(of: System, fixed: Mount, event: Event, rode: Integers, deviations: 
         one[2 * particles + 1] = w - share * approach - pulls * early
 
 
-@jit
+@kernel
 def follow_event(
     of: System, fixed: Mount, launch_speed: float, until: float, deviations: Floats
 ) -> Event:

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from vibrosweep.kernels._jit import jit, kernel
+from vibrosweep.kernels._jit import kernel
 from vibrosweep.kernels.bases.sprung import Load, Mount, bounds, loaded, recoil
 from vibrosweep.kernels.coupled.search import ROUNDING, crossings, earliest, is_next, lift, look
 from vibrosweep.kernels.coupled.state import (
@@ -68,7 +68,7 @@ def next_event(of: System, fixed: Mount, launch_speed: float, until: float) -> E
     return Event(EVENT.LOST, who, time, 0.0, False)
 
 
-@jit
+@kernel
 def _leave(of: System, load: Load, j: int, w: float, wait: float) -> None:
     """Let particle j leave the base with the relative speed w; it does not land before `wait`."""
     particle, now = of.particle, of.now
@@ -81,7 +81,7 @@ def _leave(of: System, load: Load, j: int, w: float, wait: float) -> None:
     particle[PARTICLE.SAFE, j] = max(wait, falls) if rises <= wait else wait
 
 
-@jit
+@kernel
 def _wait(of: System, load: Load, w: float) -> float:
     """Return a time within which a particle that leaves now with speed w >= 0 does not land."""
     limit = bounds(load, of.now[NOW.D], of.now[NOW.V])
@@ -90,7 +90,7 @@ def _wait(of: System, load: Load, w: float) -> float:
     return max(2.0 * w / (2.0 + limit.pull), 3.0 * falls / limit.jerk if falls > 0.0 else 0.0)
 
 
-@jit
+@kernel
 def _expect(of: System, load: Load, same: bool) -> None:
     """Mend what is known of times to come after the base was pushed down, or its load changed."""
     particle, now = of.particle, of.now
@@ -111,7 +111,7 @@ def _expect(of: System, load: Load, same: bool) -> None:
             particle[PARTICLE.SAFE, j] = kept if same else above
 
 
-@jit
+@kernel
 def _drop(of: System, fixed: Mount, load: Load, turned: Turned) -> Event:
     """Let all riders leave the base, which begins to fall faster than gravity."""
     t = of.now[NOW.LIFT]
@@ -127,7 +127,7 @@ def _drop(of: System, fixed: Mount, load: Load, turned: Turned) -> Event:
     return Event(EVENT.LIFT, -1, t, 0.0, False)
 
 
-@jit
+@kernel
 def _launch(
     of: System, fixed: Mount, load: Load, turned: Turned, who: int, launch_speed: float
 ) -> Event:
@@ -142,7 +142,7 @@ def _launch(
     return Event(EVENT.LAUNCH, who, t, 0.0, False)
 
 
-@jit
+@kernel
 def _land(of: System, fixed: Mount, load: Load, turned: Turned, who: int) -> Event:
     """Let a particle land, and bounce or stick."""
     particle = of.particle

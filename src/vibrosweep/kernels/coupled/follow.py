@@ -118,7 +118,7 @@ def _windows(problem: Dimensionless, i: int, now: Floats, past: bool) -> tuple[b
     return not past and early <= 0.0, not past and early <= 0.0 and left <= 1.0
 
 
-@jit
+@kernel
 def _leave(work: Room, fixed: Mount, first: int, past: bool, each: Each) -> None:
     """Count the flights of the riders, which leave now."""
     load = loaded(fixed, 0)
@@ -127,7 +127,7 @@ def _leave(work: Room, fixed: Mount, first: int, past: bool, each: Each) -> None
             count_flight(work, load, first + j, j, past, each)
 
 
-@jit
+@kernel
 def _count(
     work: Room, fixed: Mount, event: Event, windows: tuple[bool, bool], first: int, each: Each
 ) -> None:
@@ -144,7 +144,7 @@ def _count(
         count_flight(work, load, t, j, False, each)
 
 
-@jit
+@kernel
 def _launched(work: Room, fixed: Mount, j: int, t: int, seen: bool, each: Each) -> None:
     """Count a launch."""
     work.lifted[0, j], work.lifted[1, j] = work.of.now[NOW.N], work.of.now[NOW.X]
@@ -153,7 +153,7 @@ def _launched(work: Room, fixed: Mount, j: int, t: int, seen: bool, each: Each) 
         each.launch_height[t] = apex(work.of, load, j)
 
 
-@jit
+@kernel
 def _write(
     work: Room, fixed: Mount, event: Event, scale: Scale, place: tuple[int, int], out: Written
 ) -> None:
@@ -169,7 +169,7 @@ def _write(
                 write_lift_off(work, load, scale, first + j, j, out.record)
 
 
-@jit
+@kernel
 def _conclude(work: Room, memory: Landings, order: Order, i: int, out: Whole) -> None:
     """Write what a realization has one number of."""
     out.gap[i] = order.gap if order.gap < np.inf else np.nan
@@ -182,6 +182,15 @@ def _conclude(work: Room, memory: Landings, order: Order, i: int, out: Whole) ->
         out.gap_median[i] = 0.5 * (gaps[(order.gaps - 1) // 2] + gaps[order.gaps // 2])
     for h in range(out.order.shape[1]):
         out.order[i, h] = order_of(memory, HARMONICS[h])
+
+
+@kernel
+def _number(flags: Integers) -> int:
+    """Return how many flags are 1."""
+    number = 0
+    for flag in flags:
+        number += flag
+    return number
 
 
 @jit
@@ -207,7 +216,7 @@ def _judge(first: int, particles: int, status: int, each: Each) -> None:
     each.status[first : first + particles] = status
 
 
-@jit
+@kernel
 def _resting(work: Room, fixed: Mount, first: int, left: float, each: Each) -> None:
     """Note which particles rest for good at the end, which is `left` periods from now.
 
@@ -267,14 +276,14 @@ def follow(
         while status == COMPLETED:
             until = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
             event = next_event(of, fixed, problem.launch_flight[i], np.inf if past else until)
-            together = np.sum(work.rides) > 1
+            together = _number(work.rides) > 1
             if event.kind <= EVENT.LOST:
                 order = _shared(order) if together else order
                 if event.kind == EVENT.LOST:
                     status = BUDGET_EXCEEDED
                 elif not past:
                     _resting(work, fixed, place, max(until, 0.0), each)
-                if event.kind == EVENT.NONE and np.sum(work.flies) > 0:
+                if event.kind == EVENT.NONE and _number(work.flies) > 0:
                     past = True
                     continue
                 break
@@ -290,7 +299,7 @@ def follow(
                     order = _shared(order) if together and windows[0] else order
                     memory, order = note(of, work.rides, memory, order, event.who, windows, fixed.r)
                     _count(work, fixed, event, windows, place, each)
-                elif np.sum(work.flies) == 0:
+                elif _number(work.flies) == 0:
                     break
                 elif late >= AFTER_THE_END:
                     status = BUDGET_EXCEEDED

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit
+from vibrosweep.kernels._jit import Floats, Integers, kernel
 from vibrosweep.kernels.coupled.state import NOW, System
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
@@ -84,7 +84,7 @@ def landings(particles: int) -> Landings:
     return Landings(last, turn, total, numbered, np.zeros(INDICES, np.int64), np.zeros(GAPS))
 
 
-@jit
+@kernel
 def clear(room: Landings) -> Order:
     """Forget all landings."""
     room.turn[:] = 0
@@ -93,7 +93,7 @@ def clear(room: Landings) -> Order:
     return Order(np.inf, np.inf, 0, -1, 0, False, 0, 0)
 
 
-@jit
+@kernel
 def _numbered(of: System, room: Landings, who: int, seen: bool) -> tuple[Landings, float]:
     """Compare with the last landing of the same number; return the separation.
 
@@ -112,7 +112,7 @@ def _numbered(of: System, room: Landings, who: int, seen: bool) -> tuple[Landing
     return room, gap
 
 
-@jit
+@kernel
 def _with_room(of: System, room: Landings, most: int) -> Landings:
     """Return memory for all numbers that another particle may still reach."""
     least = most
@@ -128,11 +128,12 @@ def _with_room(of: System, room: Landings, most: int) -> Landings:
         k = room.number[old]
         if k > 0:
             number[k % size] = k
-            numbered[:, k % size] = room.numbered[:, old]
+            for row in range(2):  # slices take the compiler long
+                numbered[row, k % size] = room.numbered[row, old]
     return Landings(room.last, room.turn, room.total, numbered, number, room.gaps)
 
 
-@jit
+@kernel
 def note(
     of: System,
     rides: Integers,
@@ -173,7 +174,7 @@ def note(
     return room, Order(gap, same, shared, who, order.number + 1, seen, changes, gaps)
 
 
-@jit
+@kernel
 def order_of(room: Landings, harmonic: float) -> float:
     """Return the mean of exp(2 pi i h t) over the last landings, as an absolute value.
 

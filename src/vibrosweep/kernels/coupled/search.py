@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from vibrosweep.kernels._jit import fma, jit
+from vibrosweep.kernels._jit import fma, jit, kernel
 from vibrosweep.kernels.bases.sprung import Bounds, Load, Motion, bounds
 from vibrosweep.kernels.coupled.state import (
     MODE,
@@ -78,7 +78,7 @@ def crossings(left: float, u: float) -> tuple[float, float]:
     return 0.5 * u - math.sqrt(spare), 0.5 * u + math.sqrt(spare)
 
 
-@jit
+@kernel
 def earliest(of: System) -> tuple[int, float]:
     """Return the particle that may be the next to land or to be launched, and its time."""
     who, time = -1, np.inf
@@ -89,7 +89,7 @@ def earliest(of: System) -> tuple[int, float]:
     return who, time
 
 
-@jit
+@kernel
 def look(of: System, load: Load, turned: Turned, limit: Bounds, j: int) -> bool:
     """Move the time before which particle j does not land; return whether it lands then."""
     t = of.particle[PARTICLE.SAFE, j]
@@ -112,7 +112,7 @@ def look(of: System, load: Load, turned: Turned, limit: Bounds, j: int) -> bool:
     return not ahead > t
 
 
-@jit
+@kernel
 def _landing(of: System, load: Load, turned: Turned, limit: Bounds, j: int) -> float:
     """Return when particle j lands, where that is the only time within reach."""
     t, last = of.particle[PARTICLE.SAFE, j], np.inf
@@ -128,7 +128,7 @@ def _landing(of: System, load: Load, turned: Turned, limit: Bounds, j: int) -> f
     return float(t)
 
 
-@jit
+@kernel
 def lift(of: System, load: Load, turned: Turned, until: float) -> bool:
     """Move the time before which the riders do not leave; return whether they leave then.
 

@@ -101,7 +101,7 @@ def _shrink(deviations: Floats) -> float:
     return math.log(length)
 
 
-@jit
+@kernel
 def _one(
     fixed: Mount, batch: Coupled, i: int, budget: int, work: tuple[System, System], out: JointOrbit
 ) -> None:

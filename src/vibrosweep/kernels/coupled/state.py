@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, fma, jit
+from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
 from vibrosweep.kernels.bases.sprung import Load, Motion, Mount, loaded, move
 from vibrosweep.kernels.impact import land, launch
 from vibrosweep.kernels.sine import cos_turns, sin_turns
@@ -140,7 +140,7 @@ def system(particles: int) -> System:
     )
 
 
-@jit
+@kernel
 def begin(of: System, problem: Dimensionless, launches: Launches, i: int) -> None:
     """Put realization i before its first launch; counts of periods are relative to the end."""
     particle, now, mode = of
@@ -168,17 +168,20 @@ def _between(particle: Floats, j: int, first: int) -> float:
 @jit
 def riders(of: System) -> int:
     """Return how many particles ride the base."""
-    return int(np.count_nonzero(of.mode == MODE.RIDING))
+    number = 0
+    for mode in of.mode:
+        number += 1 if mode == MODE.RIDING else 0
+    return number
 
 
-@jit
+@kernel
 def base_height(of: System, load: Load) -> float:
     """Return the height of the base."""
     x = of.now[NOW.X]
     return float(load.p * cos_turns(x) + load.q * sin_turns(x) + load.level + of.now[NOW.D])
 
 
-@jit
+@kernel
 def base_speed(of: System, load: Load) -> float:
     """Return the velocity of the base."""
     x = of.now[NOW.X]
@@ -190,20 +193,20 @@ def base_speed(of: System, load: Load) -> float:
 Turned = tuple[float, float]
 
 
-@jit
+@kernel
 def motion_after(of: System, load: Load, turned: Turned, t: float) -> Motion:
     """Return the motion of the base after the time t from now."""
     return move(load, turned[0], turned[1], of.now[NOW.D], of.now[NOW.V], t)
 
 
-@jit
+@kernel
 def here(of: System, load: Load) -> Motion:
     """Return the motion of the base now."""
     x = of.now[NOW.X]
     return motion_after(of, load, (sin_turns(x), cos_turns(x)), 0.0)
 
 
-@jit
+@kernel
 def let_pass(of: System, load: Load, turned: Turned, t: float) -> Motion:
     """Let the time t pass, in which nothing happens; return what the base has done."""
     particle, now, mode = of
@@ -231,7 +234,7 @@ def since_now(of: System, j: int) -> float:
     return float(whole + (of.particle[PARTICLE.X, j] - of.now[NOW.X]))
 
 
-@jit
+@kernel
 def push(of: System, kick: float) -> None:
     """Take the speed `kick` from the base."""
     of.now[NOW.V] -= kick
@@ -240,7 +243,7 @@ def push(of: System, kick: float) -> None:
             of.particle[PARTICLE.SPEED, j] += kick
 
 
-@jit
+@kernel
 def under(of: System, fixed: Mount, load: Load, count: int) -> Load:
     """Change the load: the same height and velocity of the base are another deviation."""
     height, speed = base_height(of, load), base_speed(of, load)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
 from vibrosweep.kernels.bases.sprung import Load
 from vibrosweep.kernels.coupled.neighbours import Landings, landings
 from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, base_height, base_speed, system
@@ -93,7 +93,7 @@ def empty_each(particles: int) -> Each:
     return Each(landed, rests, flights, time, height, highest, launch_height, at_rest, status)
 
 
-@jit
+@kernel
 def forget(work: Room) -> None:
     """Begin with no landings."""
     work.counts[:] = 0
@@ -108,7 +108,7 @@ def apex(of: System, load: Load, j: int) -> float:
     return base_height(of, load) + (0.25 * u * u if u > 0.0 else 0.0)
 
 
-@jit
+@kernel
 def count_flight(work: Room, load: Load, t: int, j: int, past: bool, each: Each) -> None:
     """Count the flight on which particle j, in place t, sets out now."""
     work.lifted[0, j], work.lifted[1, j] = work.of.now[NOW.N], work.of.now[NOW.X]
@@ -121,7 +121,7 @@ def count_flight(work: Room, load: Load, t: int, j: int, past: bool, each: Each)
     work.flies[j] = 1
 
 
-@jit
+@kernel
 def end_flight(work: Room, t: int, j: int, each: Each) -> None:
     """Count the time of the flight of particle j, in place t, that ends now."""
     if work.flies[j] == 1:
@@ -130,7 +130,7 @@ def end_flight(work: Room, t: int, j: int, each: Each) -> None:
         work.flies[j] = 0
 
 
-@jit
+@kernel
 def add_up(i: int, particles: int, each: Each, out: Each) -> None:
     """Add up the particles of realization i, always in the same order."""
     for t in range(i * particles, (i + 1) * particles):

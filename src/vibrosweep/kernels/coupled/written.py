@@ -74,7 +74,7 @@ def _time(of: System, scale: Scale) -> float:
     return float(turns / scale.frequency)
 
 
-@jit
+@kernel
 def write_landing(work: Room, load: Load, scale: Scale, t: int, event: Event, out: Record) -> None:
     """Write the last landing of a particle, in place t."""
     j, k = event.who, work.landings.total[event.who] - 1
@@ -85,7 +85,7 @@ def write_landing(work: Room, load: Load, scale: Scale, t: int, event: Event, ou
             write_lift_off(work, load, scale, t, j, out)
 
 
-@jit
+@kernel
 def write_lift_off(work: Room, load: Load, scale: Scale, t: int, j: int, out: Record) -> None:
     """Write the lift-off of particle j, in place t, after its last landing."""
     k = work.landings.total[j] - 1
@@ -95,7 +95,7 @@ def write_lift_off(work: Room, load: Load, scale: Scale, t: int, j: int, out: Re
         out.rebound_velocity[t, k] = speed * scale.velocity
 
 
-@jit
+@kernel
 def write_base(of: System, load: Load, scale: Scale, i: int, event: int, out: Track) -> None:
     """Write the motion of the base after an event of realization i."""
     if event < out.time.shape[1]:
