@@ -28,7 +28,7 @@ restitution = 0.5
 [windows]
 conditions = ["periodic"]
 """
-SWITCHES = "\n".join(f"{name} = true" for name in MEASURES)
+SWITCHES = "\n".join(f"{name} = true" for name, one in MEASURES.items() if not one.coupled)
 TABLE = 'title = "x"\n[sample]\ndesign = "table.csv"\ncolumns = ["restitution", "amplitude"]\n'
 SPECS = {
     "drawn": FULL.format(design='"sobol"\nrealizations = 8', launch="", switches=SWITCHES),

@@ -50,7 +50,7 @@ def test_every_sweep_of_the_repository_is_sound(path):
 
 def test_all_sweeps_are_there():
     names = "basins bifurcation bifurcation_reflect laboratory million paper plane population"
-    names += " inelastic moving shaker"
+    names += " inelastic moving ordering shaker"
     names += (
         " return_map sensitivity separations single_ball twenty_balls windows windows_hysteresis"
     )
