@@ -34,7 +34,7 @@ from fractions import Fraction
 from typing import Final
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS
+from vibrosweep.model.parameters import LAWS, PARAMETERS
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
 from vibrosweep.proof.reference.bases import REFERENCE_OF
 from vibrosweep.proof.reference.decisions import UncertainError, nearest_integer
@@ -110,8 +110,8 @@ def trajectory(
         "launch_velocity": launch_velocity,
         "contact_time": contact_time,
     }
-    if base not in BASES:
-        raise ParameterError(f"base = {base!r}: must be one of {', '.join(BASES)}")
+    if base not in REFERENCE_OF:  # of single particles
+        raise ParameterError(f"base = {base!r}: must be one of {', '.join(REFERENCE_OF)}")
     if base != "high-bounce" and rebound != "rest":
         raise ParameterError(f"rebound = {rebound!r}: must be rest where the base is {base}")
     problem = _checked(values, launch_time, duration, rebound, max_impacts, digits)
