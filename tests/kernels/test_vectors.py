@@ -56,7 +56,8 @@ from vibrosweep.kernels._jit import OPTIONS
 from vibrosweep.kernels.advance import _step
 from vibrosweep.kernels.impact import base_of
 base = typeof(base_of("BASE", "rest"))
-signature = (types.float64[::1], types.int64, base, types.float64, types.none, types.none, types.int64)
+none = types.none
+signature = (types.float64[::1], types.int64, base, types.float64, none, none, types.int64)
 # without references there is nothing for numba to remove before loops become vector code
 step = njit(signature, _nrt=False, **OPTIONS)(_step.__wrapped__)
 """
