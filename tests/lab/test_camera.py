@@ -4,15 +4,29 @@ import numpy as np
 import pytest
 
 from vibrosweep.lab.camera import Camera, Motion, film
+from vibrosweep.lab.surfaces import LEVEL, oscillating
 
 G = 9.81
+
+
+SCENE = {"restitution": 0.9, "amplitude": 0.06, "frequency": 20.0, "phase": 0.3}
 
 
 @pytest.fixture
 def motion():
     start = np.array([0.0, 0.1, 0.35])  # the particle rests between the second and the third
     velocity = np.array([0.1 * G / 2.0, 0.15 * G / 2.0, 0.2 * G / 2.0])
-    return Motion(start, start + 2.0 * velocity / G, velocity, G)
+    return Motion(start, start + 2.0 * velocity / G, velocity, np.zeros(3), G, LEVEL)
+
+
+@pytest.fixture
+def on_a_moving_base():
+    """A flight, a stay, and a flight that does not end."""
+    surface, start, end = oscillating(SCENE), np.array([0.0, 0.35]), np.array([0.2, np.inf])
+    rise = surface.height(start)
+    fallen = surface.height(end[:1])[0] - rise[0]
+    velocity = np.array([fallen / 0.2 + 0.1 * G, 0.7])
+    return Motion(start, end, velocity, rise, G, surface)
 
 
 def test_heights_are_parabolas_and_zero_while_resting(motion):
@@ -22,7 +36,22 @@ def test_heights_are_parabolas_and_zero_while_resting(motion):
     np.testing.assert_allclose(motion.height(time), expected, atol=1e-15)
 
 
-def test_the_mean_over_an_exposure_is_that_of_a_fine_sum(motion):
+def test_a_moving_base_carries_what_rests_on_it(on_a_moving_base):
+    time = np.array([-0.01, 0.1, 0.25, 0.3, 0.4])
+    size = 0.06 / (1.9 * 2.0 * np.pi * 20.0)
+    base = -size * np.cos(2.0 * np.pi * 20.0 * time + 0.3)
+    found = on_a_moving_base.height(time)
+    np.testing.assert_allclose(found[[0, 2, 3]], base[[0, 2, 3]], atol=1e-15)
+    assert found[1] == pytest.approx(on_a_moving_base.apex[0], abs=1e-5)
+    # without a jump at the landing
+    np.testing.assert_allclose(
+        *on_a_moving_base.height(np.array([0.2 - 1e-9, 0.2 + 1e-9])), atol=1e-8
+    )
+
+
+@pytest.mark.parametrize("which", ["motion", "on_a_moving_base"])
+def test_the_mean_over_an_exposure_is_that_of_a_fine_sum(which, request):
+    motion = request.getfixturevalue(which)
     time, exposure, parts = np.linspace(0.02, 0.5, 49), 0.02, 20_000
     inside = (np.arange(parts) + 0.5) / parts - 0.5
     fine = motion.height((time[:, np.newaxis] + exposure * inside).ravel()).reshape(49, -1)

@@ -1,5 +1,6 @@
 """Files of virtual experiments: what they give, and every mistake at once."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -75,4 +76,37 @@ def test_launches_must_fit_the_particles(read):
 @pytest.mark.parametrize("text", ["scene = 1\n", "title = 3\n", "[scene\n"])
 def test_what_is_no_experiment(read, text):
     with pytest.raises(SpecError):
+        read(text)
+
+
+def test_a_scene_names_its_base_and_any_of_the_forcings(read):
+    (one,) = read('[scene]\nbase = "moving"\nbase_acceleration = 1.5\n').experiments
+    assert one.base == "moving"
+    velocity = one.scene["amplitude"] / (1.0 + one.scene["restitution"])
+    assert 2.0 * math.pi * one.scene["frequency"] * velocity == pytest.approx(1.5 * 9.81)
+    text = '[scene]\nbase = "sprung"\nmass_ratio = 0.01\nmount_frequency = 7.0\n'
+    (one,) = read(text).experiments
+    assert one.scene == {
+        **LABORATORY,
+        "mass_ratio": 0.01,
+        "mount_frequency": 7.0,
+        "mount_damping": 0.05,
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[scene]\nbase = "sprung"\n', "scene.mount_frequency"),
+        ("[scene]\nmass_ratio = 0.1\n", "is of a base of finite mass"),
+        ("[scene]\namplitude = 1.0\nbase_velocity = 1.0\n", "amplitude is given too"),
+        ('[scene]\nbase = "soft"\n', 'must be "high-bounce", "moving" or "sprung"'),
+        (
+            '[scene]\nbase = "moving"\n[variation]\nfrequency_jitter = 0.01\n',
+            "variation.frequency_jitter: cannot be computed",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_base(read, text, message):
+    with pytest.raises(SpecError, match=message):
         read(text)

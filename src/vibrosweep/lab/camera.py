@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels.record import Record
+from vibrosweep.lab.surfaces import Surface
 
-__all__ = ["Camera", "Motion", "film", "heights"]
+__all__ = ["Camera", "Launch", "Motion", "film", "heights"]
 
 Array = NDArray[np.float64]
 
@@ -45,55 +47,84 @@ class Camera:
     scale_error: float = 0.0
 
 
+class Launch(NamedTuple):
+    """When (s) and how fast (m s-1) a particle first leaves the base."""
+
+    time: float
+    velocity: float
+
+
 @dataclass(frozen=True)
 class Motion:
-    """Flights of one particle, in their order.
+    """Flights of one particle, in their order; between them it is on the base.
 
     Attributes
     ----------
     start, end
-        Lift-off and landing in s; a flight in progress also ends at its landing.
-    velocity
-        Speed at lift-off, m s-1.
+        Lift-off and landing in s; infinite where a flight ends after the record.
+    velocity, rise
+        Velocity (m s-1) and height (m) at lift-off.
     gravity
         m s-2.
+    surface
+        Of the base.
     """
 
     start: Array
     end: Array
     velocity: Array
+    rise: Array
     gravity: float
+    surface: Surface
 
     @classmethod
     def of(
-        cls, record: Record, particle: int, launch: float, launch_velocity: float, gravity: float
+        cls, record: Record, particle: int, launch: Launch, gravity: float, surface: Surface
     ) -> Motion:
         """Take the flights of one particle out of a record of landings."""
-        flies = np.isfinite(record.liftoff_time[particle])
-        start = np.append(launch, record.liftoff_time[particle][flies])
-        velocity = np.append(launch_velocity, record.rebound_velocity[particle][flies])
-        return cls(start, start + 2.0 * velocity / gravity, velocity, gravity)
+        landing, liftoff = record.landing_time[particle], record.liftoff_time[particle]
+        flies = np.isfinite(liftoff)
+        start = np.append(launch.time, liftoff[flies])
+        velocity = np.append(launch.velocity, record.rebound_velocity[particle][flies])
+        end = np.append(landing, np.inf)[: start.size]
+        end = np.where(np.isnan(end), np.inf, end)
+        return cls(start, end, velocity, surface.height(start), gravity, surface)
 
-    def _flight(self, time: Array) -> tuple[NDArray[np.intp], Array]:
-        """Last flight begun by then (the first before any), and time since its start."""
+    @property
+    def apex(self) -> Array:
+        """Height of the apex of each flight above the mean level of the base, m."""
+        return self.rise + self.velocity**2 / (2.0 * self.gravity)
+
+    def _flight(self, time: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
+        """Last flight begun by then (the first before any), time since, and whether it is over."""
         flight = np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)
-        since = np.clip(time - self.start[flight], 0.0, (self.end - self.start)[flight])
-        return flight, since
+        since = time - self.start[flight]
+        return flight, since, (since < 0.0) | (time > self.end[flight])
 
     def height(self, time: Array) -> Array:
         """Height in m at instants in s."""
-        flight, since = self._flight(time)
-        return since * (self.velocity[flight] - 0.5 * self.gravity * since)
+        flight, since, down = self._flight(time)
+        flying = self.rise[flight] + since * (self.velocity[flight] - 0.5 * self.gravity * since)
+        return np.where(down, self.surface.height(time), flying)
 
     def mean_height(self, time: Array, exposure: float) -> Array:
         """Mean height in m over exposures of that length in s, centred at the instants."""
-        whole = 2.0 * self.velocity**3 / (3.0 * self.gravity**2)
-        before = np.concatenate([[0.0], np.cumsum(whole)])
+
+        def risen(flight: NDArray[np.intp], since: Array) -> Array:
+            speed = self.velocity[flight] / 2.0 - self.gravity * since / 6.0
+            return since * (self.rise[flight] + since * speed)
+
+        begun = self.surface.area(self.start)
+        end = np.where(np.isfinite(self.end), self.end, self.start)
+        flown = risen(np.arange(end.size), end - self.start)
+        # how much each flight adds to the area below the base
+        over = np.append(0.0, np.cumsum(flown - (self.surface.area(end) - begun)))
 
         def area(instant: Array) -> Array:
-            flight, since = self._flight(instant)
-            part = since**2 * (self.velocity[flight] / 2.0 - self.gravity * since / 6.0)
-            return before[flight] + part
+            flight, since, down = self._flight(instant)
+            resting = self.surface.area(instant) + np.where(since < 0.0, 0.0, over[flight + 1])
+            flying = over[flight] + begun[flight] + risen(flight, since)
+            return np.where(down, resting, flying)
 
         return (area(time + exposure / 2.0) - area(time - exposure / 2.0)) / exposure
 

@@ -7,20 +7,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.engine.landings import all_parameters, launch_times
+from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.coupled import base_track
+from vibrosweep.engine.landings import all_parameters, launch_times, record_landings
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
-from vibrosweep.lab.camera import Camera, Motion, film, heights
+from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
+from vibrosweep.lab.surfaces import LEVEL, Surface, oscillating, recoiling
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import phase_walk, wandering_record
-from vibrosweep.model.parameters import BASES, PARAMETERS, dimensionless, launches
+from vibrosweep.model.forcing import invalid_law
+from vibrosweep.model.measures import Measures
+from vibrosweep.model.mount import SPRUNG, require_mount
+from vibrosweep.model.parameters import BASES, MOUNT, PARAMETERS, dimensionless, launches
 
 __all__ = [
     "LABORATORY",
@@ -61,12 +69,20 @@ class Variation:
     restitution_spread
         Standard deviation of the restitution among the particles; they stay the same in all
         repeats.
+    restitution_exponent
+        p, where the restitution falls with the speed v of impact as (2 f v / g)^-p; 1/4 where
+        spheres yield (Johnson 1985, Contact Mechanics, section 11.5).
+    level_spread
+        Standard deviation in m of the height, among the particles, of the base below them: a
+        base or a view that is tilted.
     """
 
     frequency_jitter: float = 0.0
     frequency_setting: float = 0.0
     amplitude_setting: float = 0.0
     restitution_spread: float = 0.0
+    restitution_exponent: float = 0.0
+    level_spread: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -76,7 +92,8 @@ class Experiment:
     Attributes
     ----------
     scene
-        Every parameter of `scene.PARAMETERS`.
+        Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and of
+        `vibrosweep.model.parameters.MOUNT` where the base is sprung.
     particles
         Number of particles.
     launch
@@ -91,6 +108,13 @@ class Experiment:
         Of the random numbers.
     rebound
         ``"rest"`` or ``"reflect"``.
+    base
+        One of `vibrosweep.model.parameters.BASES`.
+
+    Raises
+    ------
+    ParameterError
+        An imperfection cannot be computed over this base.
     """
 
     scene: Mapping[str, float] = field(default_factory=lambda: dict(LABORATORY))
@@ -103,6 +127,20 @@ class Experiment:
     variation: Variation = field(default_factory=Variation)
     seed: int = 0
     rebound: str = "rest"
+    base: str = BASES[0]
+
+    def __post_init__(self) -> None:
+        wrong = invalid_law(self.base, self.rebound)
+        if wrong:
+            raise ParameterError(wrong)
+        require_mount(self.base, [name for name in MOUNT if name in self.scene])
+        cannot = ["frequency_jitter"] if self.base != BASES[0] else []
+        cannot += ["restitution_spread", "restitution_exponent"] if self.base == SPRUNG else []
+        for name in cannot:
+            if getattr(self.variation, name):
+                raise ParameterError(
+                    f'variation.{name}: cannot be computed with base = "{self.base}"; leave it out'
+                )
 
 
 class Trial(NamedTuple):
@@ -114,8 +152,8 @@ class Trial(NamedTuple):
         As a camera and its tracking give them.
     record
         The true landings, arrays of shape (particle, impact).
-    restitution
-        Of each particle.
+    restitution, level
+        Of each particle; the height in m of the base below it.
     frequency, amplitude
         Hz and m s-1, as they were in this repeat.
     """
@@ -123,8 +161,16 @@ class Trial(NamedTuple):
     tracks: xr.Dataset
     record: Record
     restitution: Array
+    level: Array
     frequency: float
     amplitude: float
+
+
+class _Beads(NamedTuple):
+    """Restitution of each particle, and height in m of the base below it."""
+
+    restitution: Array
+    level: Array
 
 
 def perform_trials(experiment: Experiment) -> list[Trial]:
@@ -140,81 +186,90 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
     list of Trial
         For each repeat the tracks that the camera saw, and the landings and parameters behind them.
     """
-    beads, *repeats = np.random.SeedSequence(experiment.seed).spawn(experiment.repeats + 1)
-    variation = experiment.variation
-    drawn = np.random.default_rng(beads).standard_normal(experiment.particles)
-    restitution = experiment.scene["restitution"] + variation.restitution_spread * drawn
-    return [
-        _trial(experiment, np.clip(restitution, 0.0, 1.0), seed, f"trial {k + 1}")
-        for k, seed in enumerate(repeats)
-    ]
+    same, *repeats = np.random.SeedSequence(experiment.seed).spawn(experiment.repeats + 1)
+    variation, rng = experiment.variation, np.random.default_rng(same)
+    drawn = rng.standard_normal((2, experiment.particles))
+    restitution = experiment.scene["restitution"] + variation.restitution_spread * drawn[0]
+    beads = _Beads(np.clip(restitution, 0.0, 1.0), variation.level_spread * drawn[1])
+    return [_trial(experiment, beads, seed, f"trial {k + 1}") for k, seed in enumerate(repeats)]
 
 
 def ideal_record(experiment: Experiment) -> Record:
     """Landings as predicted: without any variation."""
-    scene = experiment.scene
-    return _landings(
-        experiment,
-        np.full(experiment.particles, scene["restitution"]),
-        scene["frequency"],
-        scene["amplitude"],
-        np.zeros(2),
-    )
+    every = np.full(experiment.particles, experiment.scene["restitution"])
+    return _landings(replace(experiment, variation=Variation()), every, np.zeros(2))[0]
 
 
 def predicted_means(experiment: Experiment, record: Record) -> dict[str, Array]:
-    """Mean height (m) and period (s) of each particle's flights that a recording holds whole."""
+    """Mean height (m) and period (s) of each particle's flights that a recording holds whole.
+
+    Not over a base that recoils.
+    """
     begin, end = experiment.transient, experiment.transient + experiment.duration
-    gravity = experiment.scene["gravity"]
+    surface = LEVEL if experiment.base == BASES[0] else oscillating(experiment.scene)
     height, periods = np.full((2, experiment.particles), np.nan)
-    for p in range(experiment.particles):
-        motion = _motion(experiment, record, p, experiment.scene["frequency"])
-        speed = motion.velocity[(motion.start >= begin) & (motion.end <= end)]
-        if speed.size:
-            height[p] = np.mean(speed**2) / (2.0 * gravity)
-            periods[p] = 2.0 * np.mean(speed) / gravity
+    for p, motion in enumerate(_motions(experiment, record, surface)):
+        whole = (motion.start >= begin) & (motion.end <= end)
+        if whole.any():
+            height[p] = np.mean(motion.apex[whole])
+            periods[p] = np.mean((motion.end - motion.start)[whole])
     return {"height": height, "period": periods}
 
 
-def _landings(
-    experiment: Experiment, restitution: Array, frequency: float, amplitude: float, walk: Array
-) -> Record:
+def _landings(experiment: Experiment, restitution: Array, walk: Array) -> tuple[Record, Surface]:
+    """Landings of particles of these restitutions, and the base that they land on."""
+    scene, base = experiment.scene, experiment.base
     end = experiment.transient + experiment.duration
-    given = {name: np.full(restitution.size, value) for name, value in experiment.scene.items()}
-    given |= {
-        "restitution": restitution,
-        "frequency": np.full(restitution.size, frequency),
-        "amplitude": np.full(restitution.size, amplitude),
-    }
+    launch = experiment.launch
+    if base == SPRUNG:
+        alone = all_parameters({name: np.array([value]) for name, value in scene.items()})
+        observation = record_observation(
+            experiment.particles, launch, end, experiment.rebound, Measures.impact_budget, base
+        )
+        with Workers(1) as workers:
+            found = record_landings(alone, observation, workers)
+            track = base_track(alone, observation, workers)
+        record = Record._make(found[name][0] for name in Record._fields)
+        return record, recoiling(track, scene["frequency"], end)
+    given = {name: np.full(restitution.size, scene[name]) for name in PARAMETERS}
+    given["restitution"] = restitution
+    if base != BASES[0]:  # one base for all: its velocity is A / (1 + e) whatever they are
+        given["amplitude"] *= (1.0 + restitution) / (1.0 + scene["restitution"])
     parameters = all_parameters(given)
-    launch = launches(experiment.launch, experiment.particles, parameters["frequency"][:1])
-    batch = Batch(base_of(BASES[0], experiment.rebound), dimensionless(parameters, end), launch)
-    return wandering_record(batch, walk, frequency, experiment.scene["gravity"])
+    begin = launches(launch, experiment.particles, parameters["frequency"][:1])
+    batch = Batch(base_of(base, experiment.rebound), dimensionless(parameters, end), begin)
+    softening = experiment.variation.restitution_exponent
+    record = wandering_record(batch, walk, scene["frequency"], scene["gravity"], softening)
+    return record, LEVEL if base == BASES[0] else oscillating(scene)
 
 
-def _motion(experiment: Experiment, record: Record, particle: int, frequency: float) -> Motion:
-    start = launch_times(experiment.launch, experiment.particles, frequency)[particle]
+def _motions(experiment: Experiment, record: Record, surface: Surface) -> list[Motion]:
     scene = experiment.scene
-    return Motion.of(record, particle, start, scene["launch_velocity"], scene["gravity"])
+    start = launch_times(experiment.launch, experiment.particles, scene["frequency"])
+    return [
+        Motion.of(record, p, Launch(time, scene["launch_velocity"]), scene["gravity"], surface)
+        for p, time in enumerate(start)
+    ]
 
 
-def _trial(
-    experiment: Experiment, restitution: Array, seed: np.random.SeedSequence, name: str
-) -> Trial:
+def _trial(experiment: Experiment, beads: _Beads, seed: np.random.SeedSequence, name: str) -> Trial:
     setting, walking, filming = (np.random.default_rng(s) for s in seed.spawn(3))
-    scene, variation, camera = experiment.scene, experiment.variation, experiment.camera
+    variation, camera = experiment.variation, experiment.camera
     off = setting.standard_normal(2)
-    frequency = scene["frequency"] * (1.0 + variation.frequency_setting * off[0])
-    amplitude = scene["amplitude"] * (1.0 + variation.amplitude_setting * off[1])
+    scene = dict(experiment.scene)
+    scene["frequency"] *= 1.0 + variation.frequency_setting * off[0]
+    scene["amplitude"] *= 1.0 + variation.amplitude_setting * off[1]
+    experiment = replace(experiment, scene=scene)
     end = experiment.transient + experiment.duration
-    periods = math.ceil(end * frequency) + 3
+    periods = math.ceil(end * scene["frequency"]) + 3
     walk = phase_walk(walking, variation.frequency_jitter, periods)
-    record = _landings(experiment, restitution, frequency, amplitude, walk)
+    record, surface = _landings(experiment, beads.restitution, walk)
     frames = np.arange(round(experiment.duration * camera.frame_rate))
     time = experiment.transient + frames / camera.frame_rate
-    motions = [_motion(experiment, record, p, frequency) for p in range(experiment.particles)]
-    seen = film(heights(motions, time, camera.exposure), camera, filming)
+    motions = _motions(experiment, record, surface)
+    seen = film(heights(motions, time, camera.exposure) + beads.level, camera, filming)
     kept = np.isfinite(seen).any(axis=1)
+    tracks = make_tracks(time[kept], seen[kept], source=name)
     return Trial(
-        make_tracks(time[kept], seen[kept], source=name), record, restitution, frequency, amplitude
+        tracks, record, beads.restitution, beads.level, scene["frequency"], scene["amplitude"]
     )

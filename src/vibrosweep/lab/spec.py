@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from vibrosweep.errors import SpecError
+import numpy as np
+
+from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
-from vibrosweep.model.parameters import LAWS, PARAMETERS, STAGGERED
+from vibrosweep.model.forcing import (
+    FORCINGS,
+    INPUTS,
+    completed,
+    inputs_of,
+    only_parameters,
+)
+from vibrosweep.model.mount import mount_mistakes
+from vibrosweep.model.parameters import BASES, LAWS, STAGGERED
 from vibrosweep.spec.messages import Mistakes, nearest, quoted
 from vibrosweep.spec.schema import is_plain
 from vibrosweep.spec.sweep import read_text
@@ -52,24 +62,43 @@ def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
         mistakes.add(name, f"is not known; known here: title, {', '.join(_KEYS)}", value)
     mistakes.raise_any()
     scene = tables["scene"]
-    physical = {name: scene.pop(name, LABORATORY[name]) for name in PARAMETERS}
+    physical = _physical(scene, mistakes)
     numbers = scene.pop("particles", (5,))
     launch = scene.get("launch", STAGGERED)
     if not isinstance(launch, str) and any(number != len(launch) for number in numbers):
         mistakes.add("scene.launch", f"must list a time for each of {list(numbers)} particles")
     mistakes.raise_any()
-    experiments = tuple(
-        Experiment(
-            scene=physical,
-            particles=number,
-            camera=Camera(**tables["camera"]),
-            variation=Variation(**tables["variation"]),
-            **scene,
-            **tables["trials"],
+    try:
+        experiments = tuple(
+            Experiment(
+                scene=physical,
+                particles=number,
+                camera=Camera(**tables["camera"]),
+                variation=Variation(**tables["variation"]),
+                **scene,
+                **tables["trials"],
+            )
+            for number in numbers
         )
-        for number in numbers
-    )
+    except ParameterError as error:
+        raise SpecError(f"{source}: {error}") from error
     return ExperimentSpec(title, experiments)
+
+
+def _physical(scene: dict[str, Any], mistakes: Mistakes) -> dict[str, float]:
+    """Take the physical parameters out of the table of a scene, by default the laboratory's."""
+    given = {name: scene.pop(name) for name in INPUTS if name in scene}
+    base = scene.get("base", BASES[0])
+    for name, text in mount_mistakes(base, given).items():
+        mistakes.add(f"scene.{name}", text)
+    forcings = [name for name in FORCINGS if name in given]
+    if len(forcings) > 1:
+        mistakes.add(f"scene.{forcings[1]}", f"{forcings[0]} is given too; keep one of them")
+    mistakes.raise_any()
+    names = inputs_of(given or ["amplitude"], base)
+    known = {**{n: p.default for n, p in INPUTS.items()}, **LABORATORY, **given}
+    values = completed({name: np.array([known[name]]) for name in names})
+    return {name: float(value[0]) for name, value in only_parameters(values).items()}
 
 
 def _table(name: str, data: object, mistakes: Mistakes) -> dict[str, Any]:
@@ -108,9 +137,9 @@ def _number(low: float, high: float, units: str, above: bool = False) -> Check:
 def _parameter(name: str) -> Check:
     def check(value: object) -> float:
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        if number and PARAMETERS[name].accepts(value):  # type: ignore[arg-type]
+        if number and INPUTS[name].accepts(value):  # type: ignore[arg-type]
             return float(value)  # type: ignore[arg-type]
-        raise ValueError(f"must be a number, {PARAMETERS[name].allowed}")
+        raise ValueError(f"must be a number, {INPUTS[name].allowed}")
 
     return check
 
@@ -147,18 +176,22 @@ def _launch(value: object) -> str | tuple[float, ...]:
     raise ValueError(f'must be "{STAGGERED}" or a list of launch times in s')
 
 
-def _rebound(value: object) -> str:
-    if isinstance(value, str) and value in LAWS:
-        return value
-    raise ValueError(f"must be {quoted(LAWS)}")
+def _one_of(names: Sequence[str]) -> Check:
+    def check(value: object) -> str:
+        if isinstance(value, str) and value in names:
+            return value
+        raise ValueError(f"must be {quoted(names)}")
+
+    return check
 
 
 _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
     "scene": {
-        **{name: _parameter(name) for name in PARAMETERS},
+        **{name: _parameter(name) for name in INPUTS},
+        "base": _one_of(BASES),
         "particles": _particles,
         "launch": _launch,
-        "rebound": _rebound,
+        "rebound": _one_of(LAWS),
     },
     "camera": {
         "frame_rate": _number(0.0, 1e6, "Hz", above=True),
@@ -170,12 +203,14 @@ _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
         "scale_error": _number(-0.5, 0.5, ""),
     },
     "variation": {
-        name: _number(0.0, high, "")
-        for name, high in (
-            ("frequency_jitter", 0.1),
-            ("frequency_setting", 0.2),
-            ("amplitude_setting", 0.2),
-            ("restitution_spread", 0.2),
+        name: _number(0.0, high, units)
+        for name, high, units in (
+            ("frequency_jitter", 0.1, ""),
+            ("frequency_setting", 0.2, ""),
+            ("amplitude_setting", 0.2, ""),
+            ("restitution_spread", 0.2, ""),
+            ("restitution_exponent", 0.5, ""),
+            ("level_spread", 1.0, "m"),
         )
     },
     "trials": {

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.lab.camera import Camera, Motion, film, heights
+from vibrosweep.kernels.record import Record
+from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
 from vibrosweep.lab.comparison import QUANTITIES, comparable, errors
 from vibrosweep.lab.impacts import fit_tracks, impacts_of
 from vibrosweep.lab.prediction import DRAWS
+from vibrosweep.lab.surfaces import LEVEL
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
 from vibrosweep.model.parameters import BASES, PARAMETERS, Launches, dimensionless
@@ -88,10 +90,10 @@ def camera_shares(
     begin, end = time[0], time[-1]
     predicted = {q: np.full(len(motions), np.nan) for q in QUANTITIES}
     for p, motion in enumerate(motions):
-        inside = motion.velocity[(motion.start >= begin) & (motion.end <= end)]
-        if inside.size:
-            predicted["height"][p] = np.mean(inside**2) / (2.0 * how.gravity)
-            predicted["period"][p] = 2.0 * np.mean(inside) / how.gravity
+        whole = (motion.start >= begin) & (motion.end <= end)
+        if whole.any():
+            predicted["height"][p] = np.mean(motion.apex[whole])
+            predicted["period"][p] = np.mean((motion.end - motion.start)[whole])
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
     sharp = Camera(rate, pixel=noise, noise=0.0, whole_pixels=False)
     rough = Camera(rate, pixel=noise, noise=1.0, whole_pixels=False)
@@ -122,10 +124,15 @@ def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list
     at_once = np.zeros((1, each.size))
     batch = Batch(base_of(BASES[0], rebound), problem, Launches(at_once, at_once))
     record = wandering_record(batch, np.zeros(2), scene["frequency"], scene["gravity"])
-    motions = [Motion.of(record, p, 0.0, speed[p], scene["gravity"]) for p in range(len(flight))]
     return [
-        Motion(m.start + t, m.end + t, m.velocity, m.gravity)
-        for m, t in zip(motions, start, strict=True)
+        Motion.of(
+            Record(record.landing_time + t, record.liftoff_time + t, *record[2:]),
+            p,
+            Launch(t, speed[p]),
+            scene["gravity"],
+            LEVEL,
+        )
+        for p, t in enumerate(start)
     ]
 
 

@@ -1,9 +1,10 @@
 """Particles on a base whose period is not quite steady: the map with a phase that drifts.
 
 The lengths of the forcing periods vary independently, so that the phase of the forcing performs a
-random walk, the same for all particles of a repeat.  Within a period the phase grows
-evenly.  The impact itself is that of `vibrosweep.kernels.impact`; without wander this is the record
-of the engine to the last bit.
+random walk, the same for all particles of a repeat.  Within a period the phase grows evenly.  A
+base that moves must not wander: its flights are those of a steady oscillation.  The impact itself
+is that of `vibrosweep.kernels.impact`; without imperfections this is the record of the engine to
+the last bit.
 """
 
 from __future__ import annotations
@@ -13,14 +14,16 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit, kernel
-from vibrosweep.kernels.bases import constants, fly, lift_off, rebound
-from vibrosweep.kernels.impact import Batch, land, launch
+from vibrosweep.kernels.bases import constants, fly, lift_off, rebound, speed
+from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
 from vibrosweep.kernels.record import Record, empty_record
 
 __all__ = ["phase_walk", "wandering_record"]
 
 # Each step shrinks the error by the relative change of a period, which is far below 1.
 INVERSIONS: Final = 30
+# Speed, as a flight in forcing periods, below which the restitution does not rise further.
+SLOWEST: Final = 1e-6
 
 
 def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
@@ -71,13 +74,15 @@ def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
 
 
 @kernel
-def _fill(batch: Batch, walk: Floats, frequency: float, velocity_unit: float, out: Record) -> bool:
+def _fill(
+    batch: Batch, walk: Floats, softening: float, frequency: float, unit: float, out: Record
+) -> bool:
     """Write the landings of particle p with the parameters of realization p; tell if all fit."""
     base, problem, launches = batch
     for p in range(launches.whole.shape[1]):
         fixed = constants(base, problem, p)
         n, x = launch(launches, p, p, problem.phase[p])
-        u = problem.launch_flight[p]
+        u = launch_speed(fixed, problem, p, x)
         ended = False
         for k in range(out.rested.shape[1]):
             flight, v = fly(fixed, x, u)
@@ -89,6 +94,9 @@ def _fill(batch: Batch, walk: Floats, frequency: float, velocity_unit: float, ou
             out.landing_time[p, k] = (n + (x - problem.phase[p])) / frequency
             turns, phase = _phase(n, x, walk)
             w = rebound(fixed, phase, v)
+            # both bases rebound with e v and what their motion adds
+            e = min(fixed.e * max(v, SLOWEST) ** -softening, 1.0)
+            w += (e - fixed.e) * v
             turns, phase, u, leaves = lift_off(fixed, turns, phase, w)
             out.rested[p, k] = 0 if leaves else 1
             if turns == np.inf:
@@ -97,13 +105,15 @@ def _fill(batch: Batch, walk: Floats, frequency: float, velocity_unit: float, ou
             if not leaves:
                 n, x = _instant(turns, phase, walk)
             out.liftoff_time[p, k] = (n + (x - problem.phase[p])) / frequency
-            out.rebound_velocity[p, k] = u * velocity_unit
+            out.rebound_velocity[p, k] = speed(fixed, x, u) * unit
         if not ended:
             return False
     return True
 
 
-def wandering_record(batch: Batch, walk: Floats, frequency: float, gravity: float) -> Record:
+def wandering_record(
+    batch: Batch, walk: Floats, frequency: float, gravity: float, softening: float = 0.0
+) -> Record:
     """Every landing of particles that may differ in restitution, on one wandering forcing.
 
     Parameters
@@ -114,6 +124,8 @@ def wandering_record(batch: Batch, walk: Floats, frequency: float, gravity: floa
         Result of `phase_walk`; beyond its ends the phase goes on as in the last period.
     frequency, gravity
         Hz and m s-2.
+    softening
+        p, where the restitution at an impact with relative speed v is e (2 f v / g)^-p, at most 1.
 
     Returns
     -------
@@ -123,7 +135,7 @@ def wandering_record(batch: Batch, walk: Floats, frequency: float, gravity: floa
     capacity = 1024
     while True:
         out = empty_record(batch.launches.whole.shape[1], capacity)
-        if _fill(batch, walk, frequency, gravity / (2.0 * frequency), out):
+        if _fill(batch, walk, softening, frequency, gravity / (2.0 * frequency), out):
             used = int(np.isfinite(out.landing_time).sum(axis=1).max(initial=1))
             return Record._make(np.ascontiguousarray(values[:, :used]) for values in out)
         capacity *= 2

@@ -1,0 +1,71 @@
+"""Heights of the bases of virtual experiments: at rest, oscillating, or recoiling on a mount."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from vibrosweep.engine.coupled import BaseTrack
+
+__all__ = ["LEVEL", "Surface", "oscillating", "recoiling"]
+
+Array = NDArray[np.float64]
+
+STEPS_PER_PERIOD: Final = 1000
+
+
+class Surface(NamedTuple):
+    """Height of a base in m, and its integral over time in m s, as functions of time in s."""
+
+    height: Callable[[Array], Array]
+    area: Callable[[Array], Array]
+
+
+LEVEL: Final = Surface(np.zeros_like, np.zeros_like)
+
+
+def oscillating(scene: Mapping[str, float]) -> Surface:
+    """The base of `base = "moving"`: y = -B cos(2 pi f t + phi) with 2 pi f B = A / (1 + e).
+
+    Parameters
+    ----------
+    scene
+        Every parameter of `vibrosweep.model.parameters.PARAMETERS`.
+    """
+    omega, phase = 2.0 * math.pi * scene["frequency"], scene["phase"]
+    size = scene["amplitude"] / ((1.0 + scene["restitution"]) * omega)
+    return Surface(
+        lambda t: np.asarray(-size * np.cos(omega * t + phase)),
+        lambda t: np.asarray(-size / omega * np.sin(omega * t + phase)),
+    )
+
+
+def recoiling(track: BaseTrack, frequency: float, end: float) -> Surface:
+    """The base of `base = "sprung"`, exact at a thousand instants of each forcing period.
+
+    Parameters
+    ----------
+    track
+        Its motion, of one realization.
+    frequency
+        Of the forcing, Hz.
+    end
+        Time in s up to which the surface is needed; it begins with the first launch, before which
+        the base is taken to stay where it is then.
+    """
+    begin = float(track.track.time[0, 0])
+    time = begin + np.arange(int((end - begin) * frequency * STEPS_PER_PERIOD) + 2) / (
+        frequency * STEPS_PER_PERIOD
+    )
+    spline = CubicHermiteSpline(time, *track.at(time))
+    whole = spline.antiderivative()
+    first = float(spline(begin))
+    return Surface(
+        lambda t: np.asarray(spline(np.maximum(t, begin))),
+        lambda t: np.asarray(whole(np.maximum(t, begin)) + first * np.minimum(t - begin, 0.0)),
+    )
