@@ -2,8 +2,10 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 
 import vibrosweep as vs
+from vibrosweep.model.forcing import INPUTS
 
 
 def test_a_random_sweep():
@@ -63,3 +65,20 @@ def test_a_table_of_own_pairs():
     assert sorted(heights["ball"].values) == ["glass", "steel"]
     assert found.restitution.values.tolist() == e.tolist()
     assert found["ball"].values.tolist() == pairs["ball"].tolist()
+
+
+def test_plots_of_a_record_are_headed_by_what_was_chosen(tmp_path):
+    alone = vs.simulate(launch_time=[0.0, 0.125])
+    vs.run({"record": {"launch": [0.0, 0.125]}}, tmp_path / "out.h5").close()
+    with vs.open_record(tmp_path / "out.h5") as kept:
+        for found in (alone, kept):
+            (line,) = found.rebound_velocity.isel(realization=0, particle=1).plot()
+            assert line.axes.get_title() == "launch_time = 0.125 [s]"
+            line.figure.clear()
+            assert found.amplitude.dims == found.duration.dims == ()
+
+
+@pytest.mark.parametrize("parameter", [*INPUTS.values()], ids=lambda parameter: parameter.name)
+def test_labels_of_axes_fit_into_one_line(parameter):
+    """Where xarray breaks a label, below the axis matplotlib cuts it."""
+    assert len(f"{parameter.long_name} [{parameter.units}]") <= 30

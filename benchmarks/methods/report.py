@@ -19,38 +19,35 @@ INTRODUCTION = """\
 # Work and precision
 
 How long each method takes per impact, and how far its landing times are from the true ones: one
-run of `python benchmarks/work_precision.py -o docs`. [All numbers](work_precision.csv) are in a
-table.
+run of `python benchmarks/work_precision.py -o docs`. [All numbers](work_precision.csv).
 
 ![Run time per impact against largest landing-time error](images/work_precision.png)
 
-**Error**: the largest distance of any landing from the true one, over several trajectories of the
-scene. The truth is the package's reference in ball arithmetic, which proves every landing of the
-same doubles to better than {radius:.0e} s; on the long scene it proves that the orbit stays within
-that distance of the locked orbit known in closed form. **Run time**: wall time of a batch over its
-impacts; the fastest of repeated runs, without compilation. A method that takes longer gets fewer
-trajectories.
+**Error**: the largest distance of any landing from the true one, over several trajectories. The
+truth is proved in ball arithmetic, to {radius:.0e} s; on the long scene it is the closed form of
+the locked orbit. **Run time**: wall time of a batch over its impacts, the fastest of repeated runs,
+without compilation; slow methods get fewer trajectories.
 
 Run on {when} on {cpu} with {threads} threads; the load of the machine was {load[0]:.1f} before and
 {load[1]:.1f} at the end of {minutes:.0f} minutes. {source}, Python {python}, {versions}.{missing}
 
 ## Methods
 
-- **kernel** ({threads} threads, and 1): the streaming kernel, which keeps statistics. Its landing
-  times are those of the recording kernel, after a check that both follow the same orbits.
-- **kernel, every landing** ({threads} threads): as `vibrosweep.simulate` does it, in two passes.
-- **kernel, state**: the error of count and phase as the kernel carries them, before they are
-  rounded to one double of time.
-- **naive map** ({threads} threads): the same map as a scalar numba loop, with a running double for
-  the time and the library's sine; same statistics.
-- **RK4** ({threads} threads): the study's scheme, `vibrosweep.study.rk4`, compiled by numba.
-- **SciPy** (1 thread): `solve_ivp`, RK45, one call per flight, landing as a terminal event.
-- **heyoka.py** (1 thread): a Taylor integrator compiled by LLVM, landing as a terminal event, the
-  rebound as a Python callback. Flights start 1e-300 m above the base, because from exactly 0 an
-  event within one step is missed; the automatic cooldown is 0, because it swallows short flights;
-  an event that is still missed is sought again with half the step.
-- **diffrax** (1 thread): Tsit5, landing as an event with Newton's method, a scan over impacts
-  under `jit` and `vmap`.
+| method | threads | |
+|---|---|---|
+| **kernel** | {threads} and 1 | the streaming kernel, which keeps statistics; \
+its landings are those of the recording kernel, \
+after a check that both follow the same orbits |
+| **kernel, every landing** | {threads} | as `vibrosweep.simulate` does it, in two passes |
+| **kernel, state** | {threads} | count and phase as carried, \
+before they become one double |
+| **naive map** | {threads} | a scalar numba loop with a running time and the library's sine |
+| **RK4** | {threads} | the study's scheme, `vibrosweep.study.rk4`, compiled by numba |
+| **SciPy** | 1 | `solve_ivp`, RK45, one call per flight, landing as a terminal event |
+| **heyoka.py** | 1 | Taylor series compiled by LLVM, landing as a terminal event. \
+Flights start 1e-300 m above the base, and the cooldown is 0, as events near the start are \
+missed otherwise; one still missed is sought with half the step |
+| **diffrax** | 1 | Tsit5, landing as an event with Newton's method, `jit` and `vmap` |
 
 SciPy and diffrax start the clock of each flight at its lift-off, which favours them.
 """
@@ -59,17 +56,14 @@ READING = """\
 ## What limits each method
 
 - A flight of the map is a parabola, which SciPy, heyoka and diffrax integrate exactly at any
-  tolerance: what is left is rounding, most of it in the running time. Their tolerance is not a
-  measure of their quality here.
-- The kernel's landing times on the long scene are as accurate as a double that holds 1e6 s (its
-  spacing is 1.2e-10 s). The gain of the reduced phase is in the state: in separations, and in
-  every later landing.
-- In the resting scene RK4 needs a step well below the contact time of 1e-4 s, or it follows
-  another orbit.
+  tolerance: what is left is rounding, most of it in the running time.
+- On the long scene the kernel's landing times are as accurate as a double that holds 1e6 s (spacing
+  1.2e-10 s); the reduced phase gains in separations, and in every later landing.
+- In the resting scene RK4 follows another orbit unless its step is well below the contact time of
+  1e-4 s.
 - In the chaotic scene any error grows by orders of magnitude within a few impacts. At their finest
-  settings all methods agree with the truth to {agree:.2g} s.
-- The kernel is at its best on long trajectories. On the chaotic scene, with {short} impacts each,
-  filling and emptying its lanes costs more than the impacts do.
+  settings all methods agree with the truth to {agree:.2g} s. With {short} impacts each, filling and
+  emptying the kernel's lanes costs more than the impacts do.
 - Left out for their run time: on the long scene RK4 below 1e-4 s, SciPy past its first 10 000
   landings, and all but the finest tolerance of SciPy, heyoka and diffrax.
 """
@@ -80,23 +74,20 @@ MOVING = """\
 
 ![The same on the moving base](images/work_precision_moving.png)
 
-All methods integrate height and velocity relative to the base, so that none loses digits where a
-chattering particle hardly leaves it. A flight is no longer integrated exactly, and tolerances
-matter: SciPy takes DOP853 and diffrax Dopri8, their methods of highest order. **scalar loop**
-({threads} threads) is the kernel's search as a scalar numba loop with the library's sine. After a
-rest SciPy, heyoka and diffrax begin 1e-5 rad of phase later, because no event can be found where
-neither speed nor acceleration is left.
+All methods integrate height and velocity relative to the base. Flights are no longer integrated
+exactly, and tolerances matter: SciPy takes DOP853 and diffrax Dopri8, their methods of highest
+order. **scalar loop** ({threads} threads) is the kernel's search as a scalar numba loop with the
+library's sine. After a rest SciPy, heyoka and diffrax begin 1e-5 rad of phase later, because no
+event can be found where neither speed nor acceleration is left.
 
 Each method against the kernel on as many threads, at its finest setting; the last column is its
-error at its coarsest setting.
+error at its coarsest setting. One that is off by a large part of a period has lost the orbit, or
+missed an event because the particle dips through the base and comes out within one step. The
+kernel's search cannot miss a landing ([accuracy](accuracy.md)).
 
 | scene | method | setting | threads | time over kernel's | error (s) | kernel's | coarsest |
 |---|---|---|---|---|---|---|---|
 {rows}
-
-Where a coarse setting is off by a large part of a period it has lost the orbit, or missed an
-event, since the particle dips through the base and comes out within one step. The kernel's search
-cannot miss a landing ([accuracy](accuracy.md)).
 """
 
 
@@ -175,7 +166,6 @@ def _ratios(points: list[Point]) -> str:
     (kept,) = _of(points, "locked", compiled.KERNEL_RECORD)
     rk4 = _of(points, "locked", compiled.RK4)
     coarse, fine = rk4[0], rk4[-1]
-    slower = fine.ns_per_impact / kernel.ns_per_impact
     off = fine.error / kernel.error
     cheap = coarse.ns_per_impact / kernel.ns_per_impact
     period = coarse.step * cheap
@@ -183,21 +173,17 @@ def _ratios(points: list[Point]) -> str:
     return f"""\
 ## Kernel against RK4 on the locked scene
 
-All from this run, {kernel.threads} threads each.
+{kernel.threads} threads each.
 
 | | step | ns per impact | largest error (s) | time over kernel's | error over kernel's |
 |---|---|---|---|---|---|
 {rows}
 
-- **At equal error.** With its finest step RK4 takes {slower:.2g} times the kernel's time per
-  impact and still errs {off:.2g} times as much. At first order it would need steps of
-  {fine.step / off:.1g} s: a time of 200 s cannot be resolved by such steps in double precision.
-- **At equal time.** With its coarsest step RK4 still takes {cheap:.3g} times the kernel's time,
-  and errs {coarse.error / kernel.error:.2g} times as much. In the kernel's time it could make one
-  step of {period:.2g} s per impact, longer than the flight.
-- Against the kernel that records every landing the two ratios of time are
-  {fine.ns_per_impact / kept.ns_per_impact:.2g} and
-  {coarse.ns_per_impact / kept.ns_per_impact:.2g}.
+At the kernel's error RK4, of first order, would need steps of {fine.step / off:.1g} s, too short
+for times of 200 s in double precision. In the kernel's time it could make one step of
+{period:.2g} s per impact, longer than the flight. Against the kernel that records every landing,
+the ratios of time are {coarse.ns_per_impact / kept.ns_per_impact:.2g} to \
+{fine.ns_per_impact / kept.ns_per_impact:.2g}.
 """
 
 
@@ -241,9 +227,8 @@ def _order(points: list[Point]) -> str:
 ## Order of RK4 in its step
 
 Observed on the locked scene: **{fitted:.2f}** over all steps; {between} from each step to the next
-finer one. The scheme is exact on a parabola, but looks for the landing only at the end of a step:
-contact is seen late by up to one step h, with the speed too large by up to g h, and both enter the
-next rebound. No higher-order integrator between the impacts would change that.
+finer one. The scheme is exact on a parabola, but sees contact late by up to one step h, with the
+speed too large by up to g h, as would any integrator of higher order.
 """
 
 
@@ -256,8 +241,6 @@ def _long(points: list[Point]) -> str:
     return f"""\
 ## A locked orbit over 10^6 impacts
 
-The frequency is 1 Hz, so an error in seconds is one in turns of the phase.
-
 | | largest phase error (turns) |
 |---|---|
 | kernel, phase as it is carried | {state.error:.2e} |
@@ -265,8 +248,7 @@ The frequency is 1 Hz, so an error in seconds is one in turns of the phase.
 | naive map, running double t | {naive.error:.2e} |
 
 Rounding phase and flight time once per impact can by itself force an error of up to {forced:.1e}
-turns on this orbit; the kernel's exceeds that by {max(0.0, state.error - forced):.1g} turns. The
-naive form's is {naive.error / state.error:.2g} times the kernel's.
+turns on this orbit; the kernel's exceeds that by {max(0.0, state.error - forced):.1g} turns.
 """
 
 

@@ -313,7 +313,7 @@ MISTAKES = {
     ),
     "forcing out of range": (
         "[scene]\nbase_acceleration = -1",
-        ["scene.base_acceleration = -1", "peak acceleration", "at least 0 and at most 1e+30"],
+        ["scene.base_acceleration = -1", "peak base acceleration", "at least 0 and at most 1e+30"],
     ),
     "amplitude too large": (
         "[scene]\nbase_acceleration = 1e29\nfrequency = 0.001",

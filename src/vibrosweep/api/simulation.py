@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -28,7 +27,7 @@ from vibrosweep.model.mount import OF_MOUNT, require_mount
 from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, refuse_masked
 from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, unit_of
 from vibrosweep.runs.driver import require_whole, thread_count
-from vibrosweep.runs.result import LAUNCH_TIME, TIMES, coordinate_attributes, periods_given
+from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, periods_given
 
 __all__ = ["simulate"]
 
@@ -96,6 +95,8 @@ def simulate(
         Dims (realization, particle, impact): ``landing_time`` and ``liftoff_time`` (s),
         ``rebound_velocity`` (m s-1), ``rested``; dims (realization, particle): ``impact_count``,
         ``status``.  NaN past the last landing, and for the lift-off of a particle at rest for good.
+        Parameters that differ between realizations are coordinates, the others variables without
+        dims.
 
     Raises
     ------
@@ -161,7 +162,10 @@ def simulate(
     varied = differing([n for n, v in values.items() if v.ndim and several], forcing)
     if isinstance(end, Periods) and "frequency" in varied:
         varied = (*varied, "duration")
-    return dataset.assign_coords(_coordinates(quantities, np.atleast_1d(launch), varied))
+    fixed = {n: ((), v[0], attributes_of(n)) for n, v in quantities.items() if n not in varied}
+    along = {n: ("realization", v, attributes_of(n)) for n, v in quantities.items() if n in varied}
+    launches = {"launch_time": ("particle", np.atleast_1d(launch), LAUNCH_TIME)}
+    return dataset.assign(fixed).assign_coords(along | launches)
 
 
 def _end(duration: float | None, duration_periods: float | None) -> Time:
@@ -211,19 +215,3 @@ def _broadcast(values: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
         ) from error
     # copies: a read-only array would compile the kernels once more
     return {name: np.array(np.broadcast_to(v, shape)) for name, v in values.items()}
-
-
-def _coordinates(
-    quantities: Mapping[str, NDArray[np.float64]],
-    launch: NDArray[np.float64],
-    varied: Collection[str],
-) -> dict[str, Any]:
-    coordinates: dict[str, Any] = {
-        name: (
-            ("realization",) if name in varied else (),
-            v if name in varied else v[0],
-            TIMES[name] if name in TIMES else coordinate_attributes(INPUTS[name]),
-        )
-        for name, v in quantities.items()
-    }
-    return coordinates | {"launch_time": (("particle",), launch, LAUNCH_TIME)}

@@ -64,5 +64,4 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
 
 
 def _short(output: str) -> str:
-    words = {"dt_min": "smallest separation"}
-    return words.get(output, VARIABLES[output].long_name if output in VARIABLES else output)
+    return VARIABLES[output].long_name if output in VARIABLES else output

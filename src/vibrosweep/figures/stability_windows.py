@@ -85,7 +85,7 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
     name = _scanned(windows)
     scanned = FORCINGS[name]
-    words = textwrap.fill(scanned.long_name.partition(",")[0], data.LABEL_WIDTH)
+    words = textwrap.fill(scanned.long_name, data.LABEL_WIDTH)
     units = data.format_units(scanned.units)
     axes.set_ylabel(f"{words} ${data.SYMBOLS[name]}${units}")
     modes = [int(name[len("locked(") : -1]) for name in names] if is_locked else MODES

@@ -46,21 +46,9 @@ FORCINGS: Final[Mapping[str, Parameter]] = {
     for p in (
         PARAMETERS[AMPLITUDE],
         # so that the amplitude is at most LARGEST; for the other two that depends on f and g
-        Parameter(
-            "base_velocity", "V0", "m s-1", "peak velocity of the base", math.nan, 0.0, LARGEST / 2
-        ),
-        Parameter(
-            "base_displacement", "B", "m", "peak displacement of the base", math.nan, 0.0, LARGEST
-        ),
-        Parameter(
-            ACCELERATION,
-            "Gamma",
-            "1",
-            "peak acceleration of the base in units of gravity",
-            math.nan,
-            0.0,
-            LARGEST,
-        ),
+        Parameter("base_velocity", "V0", "m s-1", "peak base velocity", math.nan, 0.0, LARGEST / 2),
+        Parameter("base_displacement", "B", "m", "peak base displacement", math.nan, 0.0, LARGEST),
+        Parameter(ACCELERATION, "Gamma", "1", "peak base acceleration (g)", math.nan, 0.0, LARGEST),
     )
 }
 

@@ -15,6 +15,9 @@ from vibrosweep.model.measures import ALWAYS, KEYS, MEASURES, OPTIONS, RECORD, V
 
 __all__ = ["TABLES", "insert"]
 
+LONG: Final = 60  # characters of a comment that is not repeated
+_ALL: Final = (*ALWAYS, *(v for measure in MEASURES.values() for v in measure.variables))
+
 
 def _keys() -> Iterator[str]:
     """Give the keys of [measure] with their defaults."""
@@ -45,9 +48,17 @@ def _rows(asked: str, variables: Iterable[Variable]) -> Iterator[str]:
     yield f"| **{asked}** | | | |"
     for variable in variables:
         codes = ", ".join(f"{value} `{meaning}`" for value, meaning in variable.flags)
-        meaning = "; ".join(filter(None, (variable.long_name, variable.comment, codes)))
+        meaning = "; ".join(filter(None, (variable.long_name, _comment(variable), codes)))
         unit = "code" if codes else variable.units
         yield f"| `{variable.name}` | {variable.dims[-1]} | {unit} | {meaning} |"
+
+
+def _comment(variable: Variable) -> str:
+    """Give what the long name leaves open; what stands elsewhere too, as a reference."""
+    comment = variable.comment
+    holders = [v for v in _ALL if len(comment) > LONG and comment in v.comment]
+    home = max(holders, key=lambda v: len(v.comment), default=variable)
+    return comment if home is variable else f"see `{home.name}`"
 
 
 # By the names in the markers around them

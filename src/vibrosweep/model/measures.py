@@ -216,8 +216,9 @@ _SEPARATION: Final = Measure(
             "dt_min",
             _R,
             "s",
-            "smallest separation between landings of different particles",
-            "NaN where no two particles land, or the impact budget does not reach the end",
+            "smallest separation",
+            "between landings of different particles; NaN where no two particles land, or the "
+            "impact budget does not reach the end",
         ),
         _code(
             "dt_min_resolved",
@@ -341,8 +342,8 @@ _LYAPUNOV: Final = Measure(
             "lyapunov_max",
             _R,
             "1",
-            "largest Lyapunov exponent per impact of any particle",
-            "of the particles with landings in the window",
+            "largest Lyapunov exponent",
+            "per impact; of all particles with landings in the window",
             judged="exponent_max",
         ),
         _count(
@@ -358,9 +359,9 @@ _LYAPUNOV: Final = Measure(
             "lyapunov_largest",
             _RP,
             "1",
-            "largest Lyapunov exponent per impact",
-            "from the multipliers of the cycle, else the mean over the landings in the window; "
-            "-inf where the orbit rests; NaN without landings in the window",
+            "largest Lyapunov exponent",
+            "per impact; from the multipliers of the cycle, else the mean over the landings in the "
+            "window; -inf where the orbit rests; NaN without landings in the window",
             judged="exponent",
         ),
         _real(

@@ -81,22 +81,12 @@ PARAMETERS: Final[Mapping[str, Parameter]] = {
     p.name: p
     for p in (
         Parameter("restitution", "e", "1", "coefficient of restitution", 0.90, 0.0, 1.0),
-        Parameter(
-            "amplitude", "A", "m s-1", "amplitude of the kick, a velocity", 1.20, 0.0, LARGEST
-        ),
+        Parameter("amplitude", "A", "m s-1", "amplitude of the kick", 1.20, 0.0, LARGEST),
         Parameter("frequency", "f", "Hz", "forcing frequency", 1.0, SMALLEST, 1e9),
-        Parameter("phase", "phi", "rad", "phase of the forcing at t = 0", 0.0, -1e9, 1e9),
-        Parameter("gravity", "g", "m s-2", "gravitational acceleration", 9.81, SMALLEST, LARGEST),
+        Parameter("phase", "phi", "rad", "forcing phase at t = 0", 0.0, -1e9, 1e9),
+        Parameter("gravity", "g", "m s-2", "free-fall acceleration", 9.81, SMALLEST, LARGEST),
         Parameter("launch_velocity", "v0", "m s-1", "speed at launch", 5.0, 0.0, LARGEST),
-        Parameter(
-            "contact_time",
-            "tau_c",
-            "s",
-            "shortest time between two impacts of a particle",
-            1e-4,
-            SMALLEST,
-            LARGEST,
-        ),
+        Parameter("contact_time", "tau_c", "s", "contact time", 1e-4, SMALLEST, LARGEST),
     )
 }
 
@@ -104,23 +94,9 @@ PARAMETERS: Final[Mapping[str, Parameter]] = {
 MOUNT: Final[Mapping[str, Parameter]] = {
     p.name: p
     for p in (
+        Parameter("mass_ratio", "mu", "1", "particle mass / base mass", math.nan, 0.0, 1e3),
         Parameter(
-            "mass_ratio",
-            "mu",
-            "1",
-            "mass of one particle in units of the mass of the base",
-            math.nan,
-            0.0,
-            1e3,
-        ),
-        Parameter(
-            "mount_frequency",
-            "f0",
-            "Hz",
-            "natural frequency of the base on its mount, without particles",
-            math.nan,
-            SMALLEST,
-            1e9,
+            "mount_frequency", "f0", "Hz", "mount natural frequency", math.nan, SMALLEST, 1e9
         ),
         Parameter("mount_damping", "zeta", "1", "damping ratio of the mount", 0.05, 0.0, 1e3),
     )

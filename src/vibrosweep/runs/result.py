@@ -34,6 +34,7 @@ __all__ = [
     "LAUNCH_TIME",
     "TRANSIENT",
     "Rows",
+    "attributes_of",
     "coordinate_attributes",
     "declare",
     "identity_in",
@@ -138,7 +139,7 @@ def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: in
     varied = varying(spec, design.sampled)
     for name in varied:
         dims, values = _along(name, spec, axes)
-        file.coordinate(name, dims, _attributes(name), values)
+        file.coordinate(name, dims, attributes_of(name), values)
     for name, label in design.labels.items():
         file.coordinate(name, (REALIZATION,), label.attributes, label.values[: design.realizations])
     frequency = None if "frequency" in varied else float(quantities["frequency"][0])
@@ -149,7 +150,7 @@ def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: in
         file.variable(variable)
     for name in quantities:
         if name not in varied:
-            file.fixed(name, _attributes(name), quantities[name][0])
+            file.fixed(name, attributes_of(name), quantities[name][0])
     file.attributes(
         {
             "title": spec.title,
@@ -193,7 +194,8 @@ def periods_given(duration: Time, transient: Time = 0.0) -> dict[str, float]:
     return {f"{n}_periods": t.number for n, t in given.items() if isinstance(t, Periods)}
 
 
-def _attributes(name: str) -> Mapping[str, str]:
+def attributes_of(name: str) -> Mapping[str, str]:
+    """CF attributes of a physical parameter, or of a time of the observation."""
     return TIMES[name] if name in TIMES else coordinate_attributes(INPUTS[name])
 
 
@@ -252,12 +254,12 @@ def write_record(file: Group, record: RecordSpec, budget: int, workers: Workers)
     quantities = recorded_quantities(record)
     for name in quantities:
         if name in INPUTS:
-            # a number of this name would be read as the axis of the sweep
-            dims = ("realization",) if file.has_outer(name) else ()
-            values = quantities[name] if dims else quantities[name][0]
-            file.coordinate(name, dims, _attributes(name), values)
+            if file.has_outer(name):  # a number of this name would be read as the axis of the sweep
+                file.coordinate(name, ("realization",), attributes_of(name), quantities[name])
+            else:
+                file.fixed(name, attributes_of(name), quantities[name][0])
     _declare_launches(file, record.launch, record.particles, record.parameters["frequency"])
-    file.coordinate("duration", (), DURATION, quantities["duration"][0])
+    file.fixed("duration", DURATION, quantities["duration"][0])
     for name, variable in RECORD.items():
         file.variable(variable)
         file.write(name, 0, found[name])
