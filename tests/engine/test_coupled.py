@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
+from vibrosweep.engine import coupled
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.coupled import base_track, measure_coupled
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.coupled.neighbours import clear, landings, note
+from vibrosweep.kernels.coupled.state import NOW, system
+from vibrosweep.kernels.coupled.tally import room
 from vibrosweep.model.measures import Measures
 
 LAUNCHES = (0.0, 0.125, 0.3, 0.55)
@@ -179,6 +183,49 @@ def test_a_realization_without_budget_or_finite_numbers_gets_a_status():
     mount = {n: [v] * 2 for n, v in MOUNT.items()}
     given = {"restitution": [0.9, 0.9], "amplitude": [1.2, 1e25]} | mount
     assert measured(scene, **given)["status"].tolist() == [1, 2]
+
+
+def test_a_budget_of_just_the_landings_in_the_window_is_enough():
+    """Flights that end after the window are followed to their landing, which is not counted."""
+    scene = {"restitution": [0.9], "amplitude": [1.2]} | {n: [v] for n, v in MOUNT.items()}
+    landed = vs.simulate(base="sprung", launch_time=(0.0, 0.4), duration=8.0, **scene)
+    sixth, seventh = landed.landing_time.values[0, 0, 5:7]
+    asked = Measures(per_particle=True, impact_budget=6)
+    for end, status in ((0.5 * (sixth + seventh), 0), (seventh + 1e-3, 1)):
+        watched = Observation(2, (0.0, 0.4), end, "rest", asked, base="sprung")
+        found = measured(watched, **scene)
+        assert found["particle_impact_count"].max() == 6
+        assert found["status"] == status
+
+
+def test_results_do_not_depend_on_how_many_impact_numbers_are_remembered_at_first(monkeypatch):
+    given = {"restitution": np.array([0.3, 0.9]), "amplitude": np.array([3.0, 0.8])}
+    given |= {name: np.full(2, value) for name, value in MOUNT.items()}
+    asked = Measures(separation=True, per_particle=True, ordering=True)
+    scene = Observation(3, (0.0, 2.0, 3.5), 8.0, "rest", asked, base="sprung")
+    found = measured(scene, **given)
+    asked_for = []
+
+    def small(particles):
+        asked_for.append(particles)
+        return room(particles)._replace(landings=landings(particles, 1))
+
+    monkeypatch.setattr(coupled, "room", small)
+    again = measured(scene, **given)
+    assert asked_for
+    for name, values in found.items():
+        assert values.tobytes() == again[name].tobytes(), name
+
+
+def test_a_separation_of_equal_numbers_once_unknown_stays_unknown():
+    of, memory = system(2), landings(2, 1)
+    order = clear(memory)
+    for time, who in ((0.1, 0), (0.2, 0), (0.3, 1), (0.4, 1)):
+        # the first landing of particle 1 meets a memory in which that of particle 0 is lost
+        of.now[NOW.X] = time
+        order = note(of, 0, memory, order, who, (True, False), 1e-4)
+    assert memory.numbered[1, 0] == 0.4
+    assert np.isnan(order.same)
 
 
 def test_a_mount_too_stiff_to_be_followed_is_given_up():

@@ -21,9 +21,9 @@ from vibrosweep.kernels.coupled.follow import (
     empty_whole,
     follow,
 )
-from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, settle_jointly
+from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
-from vibrosweep.kernels.coupled.tally import Each, empty_each, room
+from vibrosweep.kernels.coupled.tally import Each, empty_each, room, roomier
 from vibrosweep.kernels.coupled.written import Scale, Track, empty_track, trace
 from vibrosweep.kernels.record import Record, Units, empty_record
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
@@ -55,7 +55,7 @@ def measure_coupled(
     Parameters and result are those of `vibrosweep.engine.measure.measure`; the parameters of the
     mount are among them.
     """
-    each, sums, whole = _followed(parameters, observation, workers, None)
+    each, sums, whole, _ = _followed(parameters, observation, workers, 0)
     frequency, particles = parameters["frequency"], observation.particles
     unit = parameters["gravity"] / (2.0 * frequency**2)
     found = _physical(sums, frequency, unit)
@@ -80,21 +80,32 @@ def _followed(
     parameters: Mapping[str, Array],
     observation: Observation,
     workers: Workers,
-    written: Written | None,
-) -> tuple[Each, Each, Whole]:
-    """Statistics of particles and of realizations, and what realizations have one number of."""
+    capacity: int,
+) -> tuple[Each, Each, Whole, Written]:
+    """Statistics of particles and of realizations, and what realizations have one number of.
+
+    And at most `capacity` landings of each particle, with the motion of the base; 0 for none.
+    """
     particles, size = observation.particles, parameters["frequency"].size
     batch = _batch(parameters, observation)
     each, sums, whole = empty_each(size * particles), empty_each(size), empty_whole(size)
     rooms = [room(particles) for _ in range(min(size, workers.threads))]
+    # a launch of each particle; each landing is followed by no more than one lift-off of riders
+    track = empty_track(size, particles * (1 + 2 * capacity) if capacity > 0 else 0)
+    units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
+    written = Written(empty_record(size * particles, capacity), track, units)
 
     def task(first: int, last: int) -> None:
-        own = rooms.pop()
-        follow(first, last, batch, observation.budget, own, (each, sums), whole, written)
+        own, budget = rooms.pop(), observation.budget
+        while True:
+            first = follow(first, last, batch, budget, own, (each, sums), whole, written)
+            if first == last:
+                break
+            own = roomier(own)
         rooms.append(own)
 
     workers.each(task, size, _per_task(batch, particles))
-    return each, sums, whole
+    return each, sums, whole, written
 
 
 def _per_task(batch: Coupled, particles: int) -> int:
@@ -158,8 +169,7 @@ def _joint(parameters: Mapping[str, Array], observation: Observation, workers: W
     budget = min(observation.budget * particles, 2**62)
 
     def task(first: int, last: int) -> None:
-        work = system(particles), system(particles)
-        settle_jointly(first, last, batch, budget, work, out)
+        settle_jointly(first, last, batch, budget, notes(particles), out)
 
     workers.each(task, size, _per_task(batch, particles))
     periods = (problem.end_count - problem.begin_count) + (problem.end_phase - problem.begin_phase)
@@ -242,7 +252,7 @@ def carry_on(
     of.particle[PARTICLE.SCALE] = np.abs(begin.speed)
     of.now[NOW.X] = begin.phase
     of.now[NOW.D], of.now[NOW.V] = begin.deviation
-    landings = carry(of, fixed, periods, matrix)
+    landings = carry(of, fixed, periods, np.zeros_like(of.mode), matrix)
     if landings < 0:
         raise ParameterError("the next landing could not be found: the parameters are too extreme")
     return Neighbours(
@@ -295,14 +305,14 @@ def count_coupled(
     parameters: Mapping[str, Array], observation: Observation, workers: Workers
 ) -> Each:
     """Statistics of every particle, ordered by realization; arguments as of `measure_coupled`."""
-    return _followed(parameters, observation, workers, None)[0]
+    return _followed(parameters, observation, workers, 0)[0]
 
 
 def record_coupled(
     parameters: Mapping[str, Array], observation: Observation, workers: Workers, capacity: int
 ) -> Record:
     """Every landing until the end of the observation, at most `capacity` of each particle."""
-    return _written(parameters, observation, workers, capacity).record
+    return _followed(parameters, observation, workers, capacity)[3].record
 
 
 def base_track(
@@ -310,18 +320,5 @@ def base_track(
 ) -> BaseTrack:
     """Motion of the bases while particles land on them; arguments as of `measure_coupled`."""
     capacity = int(count_coupled(parameters, observation, workers).landings.max())
-    written = _written(parameters, observation, workers, capacity)
+    written = _followed(parameters, observation, workers, max(capacity, 1))[3]
     return BaseTrack(dict(parameters), _batch(parameters, observation), written.track)
-
-
-def _written(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers, capacity: int
-) -> Written:
-    size, particles = parameters["frequency"].size, observation.particles
-    # a launch of each particle; each landing is followed by no more than one lift-off of riders
-    events = particles * (1 + 2 * capacity)
-    velocity = parameters["gravity"] / (2.0 * parameters["frequency"])
-    record = empty_record(size * particles, capacity)
-    written = Written(record, empty_track(size, events), Units(parameters["frequency"], velocity))
-    _followed(parameters, observation, workers, written)
-    return written

@@ -37,10 +37,12 @@ __all__ = [
     "fma",
     "jit",
     "kernel",
+    "part",
     "prefetch",
     "question",
     "sources_digest",
     "uncached",
+    "uncounted",
     "wide_vectors",
 ]
 
@@ -53,7 +55,10 @@ Flags = NDArray[np.int8]
 # Nobody calls compiled code through a C pointer.
 OPTIONS = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 # Nor does Python call a piece of a kernel: what it would need to do so is a quarter of all code.
-OF_A_PIECE = OPTIONS | {"no_cpython_wrapper": True, "forceinline": True}
+OF_A_PART = OPTIONS | {"no_cpython_wrapper": True}
+OF_A_PIECE = OF_A_PART | {"forceinline": True}
+# Pieces inherit this from the kernel that they are compiled for.
+UNCOUNTED = OPTIONS | {"_nrt": False}
 
 
 def sources_digest() -> str:
@@ -107,6 +112,18 @@ def jit(function: F) -> F:
 
     Where Python calls it, it is compiled for that alone.
     """
+    return _piece(function, OF_A_PIECE)
+
+
+def part(function: F) -> F:
+    """Compile a piece of a kernel as `jit` does, but leave it to the compiler where to inline it.
+
+    Large pieces that are called from several places are compiled sooner so.
+    """
+    return _piece(function, OF_A_PART)
+
+
+def _piece(function: F, options: dict[str, Any]) -> F:
     if numba.config.DISABLE_JIT:
         return function
 
@@ -118,7 +135,7 @@ def jit(function: F) -> F:
     def piece(*arguments: Any) -> Any:
         return alone()(*arguments)
 
-    @overload(piece, jit_options=OF_A_PIECE, strict=False)
+    @overload(piece, jit_options=options, strict=False)
     def inlined(*arguments: Any) -> Any:
         return function
 
@@ -127,7 +144,20 @@ def jit(function: F) -> F:
 
 def kernel(function: F) -> F:
     """Compile an entry point; its machine code is kept on disk, one set for each set of sources."""
-    compiled = njit(**OPTIONS)(function)
+    return _cached(function, OPTIONS)
+
+
+def uncounted(function: F) -> F:
+    """Compile an entry point that neither allocates memory nor returns arrays.
+
+    So no references to arrays need be counted.  Numba does that with an atomic operation wherever
+    an array is taken out of a tuple, which can cost more than the arithmetic.
+    """
+    return _cached(function, UNCOUNTED)
+
+
+def _cached(function: F, options: dict[str, Any]) -> F:
+    compiled = njit(**options)(function)
     if cache_directory is None:
         return compiled  # type: ignore[no-any-return]
     with _caching_in(cache_directory):

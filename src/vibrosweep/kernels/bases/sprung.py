@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import jit, kernel
-from vibrosweep.kernels.sine import sin_and_lag, sin_near
+from vibrosweep.kernels._jit import fma, jit, part
+from vibrosweep.kernels.bases.landing_search import turn
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
 __all__ = [
@@ -36,8 +36,9 @@ __all__ = [
 
 TWO_PI = 2.0 * math.pi
 LARGEST_GAMMA = 1e9  # as over the base of infinite mass
-SERIES = 1.0  # radians of the free oscillation up to which its power series is summed
+SERIES = 1.0  # up to which the power series of overdamped motion is summed, in times of its rates
 TERMS = 40
+TAYLOR = tuple(1.0 / math.factorial(k) for k in range(16))  # of the exponential up to 1/2
 
 
 class Mount(NamedTuple):
@@ -75,6 +76,13 @@ class Load(NamedTuple):
         Height about which it oscillates.
     keeps
         Time for which a push down holds the base down: half a free oscillation.
+    swing
+        Radians of the free oscillation per period; 0 where it is overdamped.
+    reach
+        Amplitude of the forced oscillation.
+    own, grip
+        Bounds: a free motion with the energy of the velocity v reaches the height v / own and the
+        acceleration grip v.
     """
 
     riders: int
@@ -84,6 +92,10 @@ class Load(NamedTuple):
     q: float
     level: float
     keeps: float
+    swing: float
+    reach: float
+    own: float
+    grip: float
 
 
 class Motion(NamedTuple):
@@ -141,7 +153,7 @@ def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
     )
 
 
-@kernel
+@part
 def loaded(of: Mount, riders: int) -> Load:
     """Return the base under the load of so many particles."""
     mass = 1.0 + riders * of.mu
@@ -155,32 +167,50 @@ def loaded(of: Mount, riders: int) -> Load:
         norm = full * full + damping * damping
         q = -p * damping * (full - bare) / norm
         p = p * (bare * full + damping * damping) / norm
-    turns = stiffness - drag * drag
-    keeps = math.pi / math.sqrt(turns) if turns > 0.0 else np.inf
+    swing = math.sqrt(max(stiffness - drag * drag, 0.0))
+    keeps = math.pi / swing if swing > 0.0 else np.inf
     level = -2.0 * (mass - 1.0) / (of.w * of.w) if mass > 1.0 else 0.0
-    return Load(riders, stiffness, drag, p, q, level, keeps)
+    reach, own = math.hypot(p, q), math.sqrt(stiffness)
+    grip = math.sqrt(4.0 * drag * drag + stiffness)
+    return Load(riders, stiffness, drag, p, q, level, keeps, swing, reach, own, grip)
 
 
-@kernel
+@jit
 def bounds(load: Load, d: float, v: float) -> Bounds:
     """Bound the motion from the deviation d with velocity v on: its energy never grows."""
-    forced = math.hypot(load.p, load.q)
     speed = math.sqrt(v * v + load.stiffness * d * d)
     twice = 2.0 * load.drag
-    pull = math.sqrt(twice * twice + load.stiffness)
-    jerk = twice * pull + load.stiffness
-    snap = twice * jerk + load.stiffness * pull
+    jerk = twice * load.grip + load.stiffness
+    snap = twice * jerk + load.stiffness * load.grip
     return Bounds(
-        load.level + forced + (speed / math.sqrt(load.stiffness) if speed > 0.0 else 0.0),
-        TWO_PI**2 * forced + pull * speed,
-        TWO_PI**3 * forced + jerk * speed,
-        TWO_PI**4 * forced + snap * speed,
+        load.level + load.reach + (speed / load.own if speed > 0.0 else 0.0),
+        TWO_PI**2 * load.reach + load.grip * speed,
+        TWO_PI**3 * load.reach + jerk * speed,
+        TWO_PI**4 * load.reach + snap * speed,
     )
 
 
 @jit
+def _decayed(z: float) -> tuple[float, float, float]:
+    """Return exp(-z), 1 - exp(-z) and 1 - (1 + z) exp(-z) for z >= 0, each to some roundings."""
+    if z > 0.5:
+        left = math.exp(-z)
+        return left, 1.0 - left, 1.0 - left - z * left
+    z2 = z * z
+    even, odd = fma(z2, TAYLOR[14], TAYLOR[12]), fma(z2, TAYLOR[15], TAYLOR[13])
+    even, odd = fma(z2, even, TAYLOR[10]), fma(z2, odd, TAYLOR[11])
+    even, odd = fma(z2, even, TAYLOR[8]), fma(z2, odd, TAYLOR[9])
+    even, odd = fma(z2, even, TAYLOR[6]), fma(z2, odd, TAYLOR[7])
+    even, odd = fma(z2, even, TAYLOR[4]), fma(z2, odd, TAYLOR[5])
+    even, odd = fma(z2, even, TAYLOR[2]), fma(z2, odd, TAYLOR[3])
+    bend = z2 * fma(-z, odd, even)  # exp(-z) - 1 + z
+    lost = z - bend
+    return 1.0 - lost, lost, fma(-bend, 1.0 + z, z2)
+
+
+@jit
 def _series(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
-    """Sum the power series of the free oscillation from its second degree on."""
+    """Sum the power series of the free motion from its second degree on."""
     slowed, turned = 2.0 * load.drag * s, load.stiffness * s * s
     before, term = d, v * s
     rise = gain = 0.0
@@ -193,40 +223,49 @@ def _series(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
     return rise, gain / s
 
 
-@kernel
-def free_motion(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
-    """Return D(s) - d - v s and D'(s) - v of the free oscillation with D = d and D' = v at first.
-
-    Neither is a difference of nearly equal numbers while the oscillation has hardly begun.
-    """
-    if s == 0.0 or (d == 0.0 and v == 0.0):
-        return 0.0, 0.0
-    if s * (2.0 * load.drag + math.sqrt(load.stiffness)) <= SERIES:
+@part
+def _overdamped(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
+    """Return what `free_motion` does, of a mount that does not swing."""
+    if s * (2.0 * load.drag + load.own) <= SERIES:
         return _series(load, d, v, s)
-    turns = load.stiffness - load.drag * load.drag
-    if turns > 0.0:
-        rate = math.sqrt(turns)
-        decay = math.exp(-load.drag * s)
-        even, odd = decay * math.cos(rate * s), decay * math.sin(rate * s) / rate
-    else:
-        rate = math.sqrt(-turns)
-        slow, fast = -load.stiffness / (load.drag + rate), -(load.drag + rate)
-        even = 0.5 * (math.exp(slow * s) + math.exp(fast * s))
-        odd = s * math.exp(slow * s)
-        if rate > 0.0:
-            odd = -math.exp(slow * s) * math.expm1((fast - slow) * s) / (2.0 * rate)
+    rate = math.sqrt(load.drag * load.drag - load.stiffness)
+    slow, fast = -load.stiffness / (load.drag + rate), -(load.drag + rate)
+    even = 0.5 * (math.exp(slow * s) + math.exp(fast * s))
+    odd = s * math.exp(slow * s)
+    if rate > 0.0:
+        odd = -math.exp(slow * s) * math.expm1((fast - slow) * s) / (2.0 * rate)
     then = d * (even + load.drag * odd) + v * odd
     speed = v * (even - load.drag * odd) - load.stiffness * d * odd
     return then - d - v * s, speed - v
 
 
-@kernel
+@jit
+def free_motion(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
+    """Return D(s) - d - v s and D'(s) - v of the free oscillation with D = d and D' = v at first.
+
+    Neither is a difference of nearly equal numbers while the oscillation has hardly begun: with
+    A = exp(-b s), the swing through q s and L = s - sin(q s) / q they are
+
+        -d (1 - (1 + b s) A + A (1 - cos + b L)) - v ((1 - A) s + A L)
+        -v (1 - A + A (1 - cos + b sin / q)) - d K A sin / q.
+    """
+    if s == 0.0 or (d == 0.0 and v == 0.0):
+        return 0.0, 0.0
+    if load.swing == 0.0:
+        return _overdamped(load, d, v, s)
+    turns = load.swing / TWO_PI * s
+    sine, lag, c = turn(turns)
+    sine, lag = sine / load.swing, lag / load.swing
+    left, lost, bent = _decayed(load.drag * s)
+    rise = -d * fma(left, fma(load.drag, lag, c), bent) - v * fma(left, lag, lost * s)
+    gain = -v * fma(left, fma(load.drag, sine, c), lost) - d * (load.stiffness * left * sine)
+    return rise, gain
+
+
+@jit
 def move(load: Load, sine: float, cosine: float, d: float, v: float, s: float) -> Motion:
     """Return the motion of the base s periods after a phase of this sine and cosine."""
-    part = s - np.rint(s)
-    turned, lag = sin_and_lag(s, part)
-    half = sin_near(0.5 * part)
-    c = 2.0 * half * half  # 1 - cos(2 pi s)
+    turned, lag, c = turn(s)
     height = load.p * cosine + load.q * sine
     slope = load.q * cosine - load.p * sine
     rise, gain = free_motion(load, d, v, s)

@@ -9,36 +9,35 @@ continuous and nothing is added.
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from vibrosweep.kernels._jit import Floats, Integers, kernel
+from vibrosweep.kernels._jit import Floats, Integers, jit, part
 from vibrosweep.kernels.bases.sprung import Load, Mount, free_motion, loaded, recoil
 from vibrosweep.kernels.coupled.events import next_event
 from vibrosweep.kernels.coupled.state import (
     EVENT,
     MODE,
+    NOW,
     Event,
     System,
-    base_height,
-    base_speed,
-    here,
-    riders,
+    acceleration,
 )
 
 __all__ = ["follow_event", "propagate"]
 
 
-@kernel
+@part
 def _ride(mode: Integers, deviations: Floats) -> None:
     """Give the riders the deviation of the base."""
     particles = mode.size
     for j in range(particles):
         if mode[j] == MODE.RIDING:
-            deviations[j, :] = deviations[2 * particles, :]
-            deviations[particles + j, :] = deviations[2 * particles + 1, :]
+            for column in range(deviations.shape[1]):
+                deviations[j, column] = deviations[2 * particles, column]
+                deviations[particles + j, column] = deviations[2 * particles + 1, column]
 
 
-@kernel
+@part
 def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
     """Let deviations follow the flow for the time t; `mode` is that of the particles meanwhile."""
     particles = mode.size
@@ -54,29 +53,37 @@ def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
     _ride(mode, deviations)
 
 
-@kernel
+@jit
 def _pull(of: System, fixed: Mount, count: int, speed: float) -> float:
     """Acceleration of the base now, at this velocity and with so many riders."""
-    bare, load = loaded(fixed, 0), loaded(fixed, riders(of))
-    height = base_height(of, load)
-    forced = here(of, bare).pull + 2.0 * bare.drag * base_speed(of, bare)
-    forced += bare.stiffness * base_height(of, bare)
-    free = forced - 2.0 * bare.drag * speed - bare.stiffness * height
-    return (free - 2.0 * count * fixed.mu) / (1.0 + count * fixed.mu)
+    bare, now = loaded(fixed, 0), of.now
+    turning = 2.0 * math.pi
+    driven = (bare.stiffness - turning**2) * now[NOW.COSINE]
+    driven -= 2.0 * bare.drag * turning * now[NOW.SINE]
+    free = bare.p * driven - 2.0 * bare.drag * speed - bare.stiffness * now[NOW.HEIGHT]
+    return float((free - 2.0 * count * fixed.mu) / (1.0 + count * fixed.mu))
 
 
-@kernel
-def _impact(of: System, fixed: Mount, event: Event, rode: Integers, deviations: Floats) -> None:
-    """Change deviations by an impact that has happened; `rode`: the modes before it."""
+@part
+def _impact(
+    of: System,
+    fixed: Mount,
+    loads: tuple[Load, Load],
+    event: Event,
+    rode: Integers,
+    deviations: Floats,
+) -> None:
+    """Change deviations by an impact that has happened.
+
+    `loads`, `rode`: the base before and after it, and the modes before it.
+    """
     particles, j, c = of.mode.size, event.who, event.speed
-    count = int(np.count_nonzero(rode == MODE.RIDING))
-    load = loaded(fixed, riders(of))
-    pulls, sticks = here(of, load).pull, event.kind == EVENT.STICK
+    count, after = loads[0].riders, of.now[NOW.SPEED]
+    (pulls, _), sticks = acceleration(of, loads[1]), event.kind == EVENT.STICK
     taking = 0 if event.dropped else count
     share = recoil(fixed, taking, 1.0, sticks)  # of the speed of approach, lost by the base
     gain = 1.0 - share if sticks else 1.0 + fixed.e - share  # the same, gained by the particle
     kick = share * c
-    after = base_speed(of, load)
     was = after + kick  # the base, before the impact; the particle had c less
     pulled = _pull(of, fixed, count, was)
     for column in range(deviations.shape[1]):
@@ -97,25 +104,33 @@ def _impact(of: System, fixed: Mount, event: Event, rode: Integers, deviations: 
         one[2 * particles + 1] = w - share * approach - pulls * early
 
 
-@kernel
+@part
 def follow_event(
-    of: System, fixed: Mount, launch_speed: float, until: float, deviations: Floats
-) -> Event:
+    of: System,
+    fixed: Mount,
+    load: Load,
+    launch_speed: float,
+    until: float,
+    rode: Integers,
+    deviations: Floats,
+) -> tuple[Event, Load]:
     """Let the next event happen, and deviations follow; see `next_event`.
 
-    Without an event, neither state nor deviations change.
+    Without an event, neither state nor deviations change.  `rode` is overwritten with the modes
+    before it.
     """
-    rode = of.mode.copy()
-    load = loaded(fixed, riders(of))
-    event = next_event(of, fixed, launch_speed, until)
-    if event.kind <= EVENT.LOST:
-        return event
-    propagate(load, event.time, rode, deviations)
     particles = of.mode.size
+    for j in range(particles):
+        rode[j] = of.mode[j]
+    event, after = next_event(of, fixed, load, launch_speed, until)
+    if event.kind <= EVENT.LOST:
+        return event, after
+    propagate(load, event.time, rode, deviations)
     if event.kind == EVENT.LAUNCH:
-        deviations[event.who, :] = deviations[2 * particles, :]
-        deviations[particles + event.who, :] = 0.0
+        for column in range(deviations.shape[1]):
+            deviations[event.who, column] = deviations[2 * particles, column]
+            deviations[particles + event.who, column] = 0.0
     elif event.kind != EVENT.LIFT:
-        _impact(of, fixed, event, rode, deviations)
+        _impact(of, fixed, (load, after), event, rode, deviations)
     _ride(of.mode, deviations)
-    return event
+    return event, after

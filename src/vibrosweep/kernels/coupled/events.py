@@ -13,9 +13,17 @@ import math
 
 import numpy as np
 
-from vibrosweep.kernels._jit import kernel
-from vibrosweep.kernels.bases.sprung import Load, Mount, bounds, loaded, recoil
-from vibrosweep.kernels.coupled.search import ROUNDING, crossings, earliest, is_next, lift, look
+from vibrosweep.kernels._jit import jit, part
+from vibrosweep.kernels.bases.sprung import Load, Mount, bounds, recoil
+from vibrosweep.kernels.coupled.search import (
+    ROUNDING,
+    First,
+    crossings,
+    earliest,
+    is_first,
+    lift,
+    look,
+)
 from vibrosweep.kernels.coupled.state import (
     EVENT,
     MODE,
@@ -23,16 +31,10 @@ from vibrosweep.kernels.coupled.state import (
     PARTICLE,
     Event,
     System,
-    Turned,
-    base_height,
-    base_speed,
-    here,
+    acceleration,
     let_pass,
-    push,
-    riders,
     under,
 )
-from vibrosweep.kernels.sine import cos_turns, sin_turns
 
 __all__ = ["next_event"]
 
@@ -40,114 +42,138 @@ TRIES = 20000  # looks at particles after which the next event is given up
 SLACK = 1.25  # of the height that bounds the base, so that it is seldom exceeded
 
 
-@kernel
-def next_event(of: System, fixed: Mount, launch_speed: float, until: float) -> Event:
+@part
+def next_event(
+    of: System, fixed: Mount, load: Load, launch_speed: float, until: float
+) -> tuple[Event, Load]:
     """Go on to the next event within the time `until` from now, and let it happen.
 
-    Without one, nothing is changed but what is known of the times to come.
+    Without one, nothing is changed but what is known of the times to come.  Returns the event and
+    the load of the base after it.
     """
-    load = loaded(fixed, riders(of))
-    x = of.now[NOW.X]
-    turned = sin_turns(x), cos_turns(x)
     limit = bounds(load, of.now[NOW.D], of.now[NOW.V])
-    who, time = -1, np.inf
+    first = earliest(of)
     for _ in range(TRIES):
-        who, time = earliest(of)
-        if load.riders > 0 and lift(of, load, turned, min(time, until)):
-            return _drop(of, fixed, load, turned)
-        if of.now[NOW.LIFT] <= min(time, until):
+        time = min(first.time, until)
+        if load.riders > 0 and lift(of, load, time):
+            return _drop(of, fixed, load)
+        if of.now[NOW.LIFT] <= time:
             continue
-        if who < 0 and of.now[NOW.LIFT] == np.inf:
-            return Event(EVENT.FINISHED, -1, np.inf, 0.0, False)
-        if time > until:
-            return Event(EVENT.NONE, -1, until, 0.0, False)
-        if of.mode[who] == MODE.WAITING:
-            return _launch(of, fixed, load, turned, who, launch_speed)
-        if look(of, load, turned, limit, who) and is_next(of, who, until):
-            return _land(of, fixed, load, turned, who)
-    return Event(EVENT.LOST, who, time, 0.0, False)
+        if first.who < 0 and of.now[NOW.LIFT] == np.inf:
+            return Event(EVENT.FINISHED, -1, np.inf, 0.0, False), load
+        if first.time > until:
+            return Event(EVENT.NONE, -1, until, 0.0, False), load
+        if of.mode[first.who] == MODE.WAITING:
+            return _launch(of, load, first.who, launch_speed)
+        lands = look(of, load, limit, first.who)
+        if not is_first(of, first):
+            first = earliest(of)
+            continue
+        time = of.particle[PARTICLE.SAFE, first.who]
+        if lands and time <= until and not time > of.now[NOW.LIFT]:
+            return _land(of, fixed, load, first.who)
+        first = First(first.who, time, first.other, first.then)
+    return Event(EVENT.LOST, first.who, first.time, 0.0, False), load
 
 
-@kernel
-def _leave(of: System, load: Load, j: int, w: float, wait: float) -> None:
+@part
+def _leave(of: System, j: int, w: float, wait: float) -> None:
     """Let particle j leave the base with the relative speed w; it does not land before `wait`."""
     particle, now = of.particle, of.now
     of.mode[j] = MODE.FLYING
     particle[PARTICLE.HEIGHT, j] = 0.0
     particle[PARTICLE.SPEED, j] = particle[PARTICLE.SCALE, j] = w
     particle[PARTICLE.N, j], particle[PARTICLE.X, j] = now[NOW.N], now[NOW.X]
-    rises, falls = crossings(now[NOW.HIGHEST] - base_height(of, load), base_speed(of, load) + w)
+    rises, falls = crossings(now[NOW.HIGHEST] - now[NOW.HEIGHT], now[NOW.SPEED] + w)
     particle[PARTICLE.ABOVE, j] = falls
     particle[PARTICLE.SAFE, j] = max(wait, falls) if rises <= wait else wait
 
 
-@kernel
+@jit
 def _wait(of: System, load: Load, w: float) -> float:
     """Return a time within which a particle that leaves now with speed w >= 0 does not land."""
     limit = bounds(load, of.now[NOW.D], of.now[NOW.V])
-    falls = -2.0 - here(of, load).pull  # how much faster than gravity the base falls
+    pull, _ = acceleration(of, load)
+    falls = -2.0 - pull  # how much faster than gravity the base falls
     # F >= w s - (2 + pull) s^2 / 2, and F >= falls s^2 / 2 - jerk s^3 / 6
     return max(2.0 * w / (2.0 + limit.pull), 3.0 * falls / limit.jerk if falls > 0.0 else 0.0)
 
 
-@kernel
-def _expect(of: System, load: Load, same: bool) -> None:
-    """Mend what is known of times to come after the base was pushed down, or its load changed."""
+@part
+def _expect(of: System, load: Load, kick: float, same: bool) -> None:
+    """Mend the speeds and times to come of particles after the base has lost the speed `kick`.
+
+    `same`: its load has not changed.
+    """
     particle, now = of.particle, of.now
     height = bounds(load, now[NOW.D], now[NOW.V]).height
-    y, v = base_height(of, load), base_speed(of, load)
-    higher = height > now[NOW.HIGHEST]
-    if higher:
-        now[NOW.HIGHEST] = height + (SLACK - 1.0) * abs(height)
+    y, v = now[NOW.HEIGHT], now[NOW.SPEED]
     now[NOW.LIFT] = 0.0 if load.riders > 0 else np.inf
-    for j in range(of.mode.size):
-        if of.mode[j] == MODE.FLYING:
+    if height > now[NOW.HIGHEST]:
+        now[NOW.HIGHEST] = height + (SLACK - 1.0) * abs(height)
+        for j in range(of.mode.size):
             left = now[NOW.HIGHEST] - (y + particle[PARTICLE.HEIGHT, j])
-            if higher:
-                _, falls = crossings(left, v + particle[PARTICLE.SPEED, j])
-                particle[PARTICLE.ABOVE, j] = falls
-            above = max(particle[PARTICLE.ABOVE, j], 0.0) if left < 0.0 else 0.0
-            kept = min(particle[PARTICLE.SAFE, j], max(above, load.keeps))
-            particle[PARTICLE.SAFE, j] = kept if same else above
+            _, falls = crossings(left, v + particle[PARTICLE.SPEED, j] + kick)
+            particle[PARTICLE.ABOVE, j] = falls
+    highest, keeps = now[NOW.HIGHEST], load.keeps if same else 0.0
+    for j in range(of.mode.size):
+        particle[PARTICLE.SPEED, j] += kick
+        far = y + particle[PARTICLE.HEIGHT, j] > highest
+        above = max(particle[PARTICLE.ABOVE, j], 0.0) if far else 0.0
+        safe = particle[PARTICLE.SAFE, j]
+        kept = min(safe, max(above, keeps)) if same else above
+        particle[PARTICLE.SAFE, j] = kept if of.mode[j] == MODE.FLYING else safe
 
 
-@kernel
-def _drop(of: System, fixed: Mount, load: Load, turned: Turned) -> Event:
+@jit
+def _push(of: System, kick: float) -> None:
+    """Take the speed `kick` from the base."""
+    of.now[NOW.V] -= kick
+    of.now[NOW.SPEED] -= kick
+
+
+@part
+def _drop(of: System, fixed: Mount, load: Load) -> tuple[Event, Load]:
     """Let all riders leave the base, which begins to fall faster than gravity."""
     t = of.now[NOW.LIFT]
-    let_pass(of, load, turned, t)
-    bare = under(of, fixed, load, 0)
-    _expect(of, bare, False)
+    let_pass(of, load, t)
+    bare = under(of, fixed, 0)
+    _expect(of, bare, 0.0, False)
     limit = bounds(bare, of.now[NOW.D], of.now[NOW.V])
     # F'' = 0 now, F''' = -jerk: F >= -jerk s^3 / 6 - snap s^4 / 24
-    wait = max(-4.0 * here(of, bare).jerk / limit.snap, 0.0)
+    _, jerk = acceleration(of, bare)
+    _release(of, 0.0, max(-4.0 * jerk / limit.snap, 0.0))
+    return Event(EVENT.LIFT, -1, t, 0.0, False), bare
+
+
+@part
+def _release(of: System, w: float, wait: float) -> None:
+    """Let all riders leave the base with the relative speed w; none lands before `wait`."""
     for j in range(of.mode.size):
         if of.mode[j] == MODE.RIDING:
-            _leave(of, bare, j, 0.0, wait)
-    return Event(EVENT.LIFT, -1, t, 0.0, False)
+            _leave(of, j, w, wait)
 
 
-@kernel
-def _launch(
-    of: System, fixed: Mount, load: Load, turned: Turned, who: int, launch_speed: float
-) -> Event:
+@part
+def _launch(of: System, load: Load, who: int, launch_speed: float) -> tuple[Event, Load]:
     """Launch a particle from the base; one that is slower than the base lands at once."""
-    t = max(of.particle[PARTICLE.SAFE, who], 0.0)
-    let_pass(of, load, turned, t)
-    height = bounds(load, of.now[NOW.D], of.now[NOW.V]).height
-    if height > of.now[NOW.HIGHEST]:  # nobody has been launched before
-        of.now[NOW.HIGHEST] = height + (SLACK - 1.0) * abs(height)
-    w = launch_speed - base_speed(of, load)
-    _leave(of, load, who, w, _wait(of, load, w) if w >= 0.0 else 0.0)
-    return Event(EVENT.LAUNCH, who, t, 0.0, False)
+    now, t = of.now, max(of.particle[PARTICLE.SAFE, who], 0.0)
+    let_pass(of, load, t)
+    now[NOW.WAITING] -= 1.0
+    height = bounds(load, now[NOW.D], now[NOW.V]).height
+    if height > now[NOW.HIGHEST]:  # nobody has been launched before
+        now[NOW.HIGHEST] = height + (SLACK - 1.0) * abs(height)
+    w = launch_speed - now[NOW.SPEED]
+    _leave(of, who, w, _wait(of, load, w) if w >= 0.0 else 0.0)
+    return Event(EVENT.LAUNCH, who, t, 0.0, False), load
 
 
-@kernel
-def _land(of: System, fixed: Mount, load: Load, turned: Turned, who: int) -> Event:
+@part
+def _land(of: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Load]:
     """Let a particle land, and bounce or stick."""
     particle = of.particle
     t = max(particle[PARTICLE.SAFE, who], 0.0)
-    motion = let_pass(of, load, turned, t)
+    motion = let_pass(of, load, t)
     c = max(-particle[PARTICLE.SPEED, who], 0.0)
     w = fixed.e * c
     scale = max(particle[PARTICLE.SCALE, who], fixed.r)
@@ -157,18 +183,19 @@ def _land(of: System, fixed: Mount, load: Load, turned: Turned, who: int) -> Eve
     presses = motion.pull + 2.0 + 2.0 * load.drag * kick > 0.0  # at the common velocity
     if w <= fixed.r and presses:
         of.mode[who] = MODE.RIDING
-        push(of, kick)
-        _expect(of, under(of, fixed, load, load.riders + 1), False)
-        return Event(EVENT.STICK, who, t, c, False)
+        particle[PARTICLE.SAFE, who] = np.inf
+        _push(of, kick)
+        after = under(of, fixed, load.riders + 1)
+        _expect(of, after, kick, False)
+        return Event(EVENT.STICK, who, t, c, False), after
     alone = recoil(fixed, 0, c, False)
     # nothing pulls riders down with the base; less than the threshold of rest leaves them on it
     dropped = load.riders > 0 and alone > fixed.r
-    push(of, alone if dropped else recoil(fixed, load.riders, c, False))
-    after = under(of, fixed, load, 0) if dropped else load
-    _expect(of, after, not dropped)
-    _leave(of, after, who, w, _wait(of, after, w))
+    kick = alone if dropped else recoil(fixed, load.riders, c, False)
+    _push(of, kick)
+    after = under(of, fixed, 0) if dropped else load
+    _expect(of, after, kick, not dropped)
+    _leave(of, who, w, _wait(of, after, w))
     if dropped:
-        for j in range(of.mode.size):
-            if of.mode[j] == MODE.RIDING:
-                _leave(of, after, j, alone, _wait(of, after, alone))
-    return Event(EVENT.BOUNCE, who, t, c, dropped)
+        _release(of, alone, _wait(of, after, alone))
+    return Event(EVENT.BOUNCE, who, t, c, dropped), after

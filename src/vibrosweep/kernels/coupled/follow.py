@@ -6,19 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
-from vibrosweep.kernels.bases.sprung import Mount, bounds, loaded, mount
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, part, uncounted
+from vibrosweep.kernels.bases.sprung import Load, bounds, mount
 from vibrosweep.kernels.coupled.events import next_event
 from vibrosweep.kernels.coupled.neighbours import (
-    GAPS,
     HARMONICS,
     Landings,
     Order,
     clear,
+    gap_median,
+    lacks_room,
     note,
     order_of,
 )
-from vibrosweep.kernels.coupled.state import EVENT, NOW, Event, begin, motion_after, riders
+from vibrosweep.kernels.coupled.state import EVENT, NOW, Event, begin, motion_after
 from vibrosweep.kernels.coupled.tally import (
     Each,
     Room,
@@ -36,7 +37,6 @@ from vibrosweep.kernels.coupled.written import (
     write_lift_off,
 )
 from vibrosweep.kernels.record import Record, Units
-from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
 from vibrosweep.model.status import Status
 
@@ -101,7 +101,14 @@ def empty_whole(realizations: int) -> Whole:
 
 
 class Written(NamedTuple):
-    """Arrays of every landing and of the base; None for none of them."""
+    """Where every landing and the motion of the base are written; what exceeds it is cut off.
+
+    Attributes
+    ----------
+    record : vibrosweep.kernels.record.Record
+    track : vibrosweep.kernels.coupled.written.Track
+    units : vibrosweep.kernels.record.Units
+    """
 
     record: Record
     track: Track
@@ -118,20 +125,17 @@ def _windows(problem: Dimensionless, i: int, now: Floats, past: bool) -> tuple[b
     return not past and early <= 0.0, not past and early <= 0.0 and left <= 1.0
 
 
-@kernel
-def _leave(work: Room, fixed: Mount, first: int, past: bool, each: Each) -> None:
+@part
+def _leave(work: Room, first: int, past: bool, each: Each) -> None:
     """Count the flights of the riders, which leave now."""
-    load = loaded(fixed, 0)
     for j in range(work.rides.size):
         if work.rides[j] == 1:
-            count_flight(work, load, first + j, j, past, each)
+            count_flight(work, first + j, j, past, each)
 
 
-@kernel
-def _count(
-    work: Room, fixed: Mount, event: Event, windows: tuple[bool, bool], first: int, each: Each
-) -> None:
-    """Count a landing, and the flights that it ends and begins; it has been noted."""
+@part
+def _count(work: Room, event: Event, windows: tuple[bool, bool], first: int, each: Each) -> None:
+    """Count a landing, and the flight that begins with it; it has been noted."""
     j = event.who
     t = first + j
     sticks = event.kind == EVENT.STICK
@@ -140,57 +144,52 @@ def _count(
         each.rests[t] += 1 if sticks else 0
     work.counts[j] = 1 if windows[0] else 0
     if not sticks:
-        load = loaded(fixed, riders(work.of))
-        count_flight(work, load, t, j, False, each)
+        count_flight(work, t, j, False, each)
 
 
-@kernel
-def _launched(work: Room, fixed: Mount, j: int, t: int, seen: bool, each: Each) -> None:
+@jit
+def _launched(work: Room, j: int, t: int, seen: bool, each: Each) -> None:
     """Count a launch."""
     work.lifted[0, j], work.lifted[1, j] = work.of.now[NOW.N], work.of.now[NOW.X]
     if seen:
-        load = loaded(fixed, riders(work.of))
-        each.launch_height[t] = apex(work.of, load, j)
+        each.launch_height[t] = apex(work.of, j)
 
 
-@kernel
+@part
 def _write(
-    work: Room, fixed: Mount, event: Event, scale: Scale, place: tuple[int, int], out: Written
+    work: Room, load: Load, event: Event, scale: Scale, place: tuple[int, int], out: Written
 ) -> None:
     """Write an event; `place`: the realization, and how many events came before."""
     i, number = place
-    load, first = loaded(fixed, riders(work.of)), i * work.rides.size
+    first = i * work.rides.size
     write_base(work.of, load, scale, i, number, out.track)
     if event.kind == EVENT.BOUNCE or event.kind == EVENT.STICK:
-        write_landing(work, load, scale, first + event.who, event, out.record)
+        write_landing(work, scale, first + event.who, event, out.record)
     if event.kind == EVENT.LIFT or event.dropped:
         for j in range(work.rides.size):
             if work.rides[j] == 1:
-                write_lift_off(work, load, scale, first + j, j, out.record)
+                write_lift_off(work, scale, first + j, j, out.record)
 
 
-@kernel
+@part
 def _conclude(work: Room, memory: Landings, order: Order, i: int, out: Whole) -> None:
     """Write what a realization has one number of."""
     out.gap[i] = order.gap if order.gap < np.inf else np.nan
     out.same[i] = order.same if order.same < np.inf else np.nan
     out.shared[i], out.changes[i] = order.shared, order.changes
     out.undecided[i] = int(work.of.now[NOW.UNDECIDED])
-    if 0 < order.gaps <= GAPS:
-        gaps = np.sort(memory.gaps[: order.gaps])
-        out.gap_least[i] = gaps[0]
-        out.gap_median[i] = 0.5 * (gaps[(order.gaps - 1) // 2] + gaps[order.gaps // 2])
+    out.gap_median[i], out.gap_least[i] = gap_median(memory, order)
     for h in range(out.order.shape[1]):
         out.order[i, h] = order_of(memory, HARMONICS[h])
 
 
-@kernel
-def _number(flags: Integers) -> int:
-    """Return how many flags are 1."""
+@jit
+def _flies(work: Room) -> bool:
+    """Whether a flight that counts has not ended."""
     number = 0
-    for flag in flags:
+    for flag in work.flies:
         number += flag
-    return number
+    return number > 0
 
 
 @jit
@@ -213,26 +212,25 @@ def _judge(first: int, particles: int, status: int, each: Each) -> None:
         total = each.flight_sum[t] + each.height_sum[t]
         if each.landings[t] > 0 and not np.isfinite(total):
             status = NON_FINITE
-    each.status[first : first + particles] = status
+    for t in range(first, first + particles):
+        each.status[t] = status
 
 
-@kernel
-def _resting(work: Room, fixed: Mount, first: int, left: float, each: Each) -> None:
+@part
+def _resting(work: Room, load: Load, weighs: bool, first: int, left: float, each: Each) -> None:
     """Note which particles rest for good at the end, which is `left` periods from now.
 
     All of them, or any where none moves the base, once the energy of the free oscillation is too
     small for the base ever to fall faster than gravity.
     """
-    of, count = work.of, riders(work.of)
-    load, x = loaded(fixed, count), of.now[NOW.X]
-    motion = motion_after(of, load, (sin_turns(x), cos_turns(x)), left)
+    motion = motion_after(work.of, load, left)
     stays = bounds(load, motion.d, motion.v).pull <= 2.0
-    for_good = stays and (count == work.rides.size or fixed.mu == 0.0)
+    for_good = stays and (load.riders == work.rides.size or not weighs)
     for j in range(work.rides.size):
         each.at_rest[first + j] = 1 if for_good and work.rides[j] == 1 else 0
 
 
-@kernel
+@uncounted
 def follow(
     first: int,
     last: int,
@@ -241,8 +239,8 @@ def follow(
     work: Room,
     statistics: tuple[Each, Each],
     whole: Whole,
-    written: Written | None,
-) -> None:
+    written: Written,
+) -> int:
     """Follow realizations first ... last - 1 to the end of their windows.
 
     Parameters
@@ -259,7 +257,11 @@ def follow(
     whole : Whole
         Only the slots of these realizations are written.
     written : Written
-        Of every landing; None where statistics are enough.  What exceeds its capacity is cut off.
+
+    Returns
+    -------
+    int
+        `last`, or the realization that is to be begun again with a roomier `work`.
     """
     problem, mounts, launches = batch
     each, sums = statistics
@@ -267,48 +269,51 @@ def follow(
     particles = of.mode.size
     for i in range(first, last):
         fixed, place = mount(problem, mounts, i), i * particles
-        begin(of, problem, launches, i)
-        forget(work)
+        load = begin(of, fixed, problem, launches, i)
+        forget(work, place, each)
         order = clear(memory)
         past, events, late, status = False, 0, 0, COMPLETED
         if not np.isfinite(fixed.alpha):
             status = NON_FINITE
         while status == COMPLETED:
             until = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
-            event = next_event(of, fixed, problem.launch_flight[i], np.inf if past else until)
-            together = _number(work.rides) > 1
+            riders, horizon = load.riders, np.inf if past else until
+            event, load = next_event(of, fixed, load, problem.launch_flight[i], horizon)
             if event.kind <= EVENT.LOST:
-                order = _shared(order) if together else order
+                if riders > 1 and not past:
+                    order = _shared(order)
                 if event.kind == EVENT.LOST:
                     status = BUDGET_EXCEEDED
                 elif not past:
-                    _resting(work, fixed, place, max(until, 0.0), each)
-                if event.kind == EVENT.NONE and _number(work.flies) > 0:
+                    _resting(work, load, fixed.mu > 0.0, place, max(until, 0.0), each)
+                if event.kind == EVENT.NONE and _flies(work):
                     past = True
                     continue
                 break
             windows = _windows(problem, i, of.now, past)
             if event.kind == EVENT.LAUNCH:
-                _launched(work, fixed, event.who, place + event.who, windows[0], each)
+                _launched(work, event.who, place + event.who, windows[0], each)
             elif event.kind != EVENT.LIFT:
-                if memory.total[event.who] >= budget:
+                if not past and memory.total[event.who] >= budget:
                     status = BUDGET_EXCEEDED
                     break
+                if not past and lacks_room(memory, event.who):
+                    return i
                 end_flight(work, place + event.who, event.who, each)
                 if not past:
-                    order = _shared(order) if together and windows[0] else order
-                    memory, order = note(of, work.rides, memory, order, event.who, windows, fixed.r)
-                    _count(work, fixed, event, windows, place, each)
-                elif _number(work.flies) == 0:
+                    order = note(of, riders, memory, order, event.who, windows, fixed.r)
+                    _count(work, event, windows, place, each)
+                elif not _flies(work):
                     break
                 elif late >= AFTER_THE_END:
                     status = BUDGET_EXCEEDED
             if event.kind == EVENT.LIFT or event.dropped:
-                _leave(work, fixed, place, past, each)
-            if written is not None and not past:
-                _write(work, fixed, event, _scale(problem, written.units, i), (i, events), written)
+                _leave(work, place, past, each)
+            if written.track.time.shape[1] > 0 and not past:
+                _write(work, load, event, _scale(problem, written.units, i), (i, events), written)
             if event.kind == EVENT.LIFT or event.dropped:
-                work.rides[:] = 0
+                for j in range(particles):
+                    work.rides[j] = 0
             if event.kind == EVENT.STICK:
                 work.rides[event.who] = 1
             events += 1
@@ -316,3 +321,4 @@ def follow(
         _conclude(work, memory, order, i, whole)
         _judge(place, particles, status, each)
         add_up(i, particles, each, sums)
+    return last

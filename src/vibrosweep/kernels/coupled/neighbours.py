@@ -9,11 +9,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, kernel
+from vibrosweep.kernels._jit import Floats, Integers, jit, part
 from vibrosweep.kernels.coupled.state import NOW, System
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
-__all__ = ["HARMONICS", "Landings", "Order", "clear", "landings", "note", "order_of"]
+__all__ = [
+    "HARMONICS",
+    "Landings",
+    "Order",
+    "clear",
+    "gap_median",
+    "lacks_room",
+    "landings",
+    "note",
+    "order_of",
+]
 
 GAPS = 4096  # of the last period; with more they are left undetermined
 INDICES = 256  # impact numbers remembered at first
@@ -77,85 +87,73 @@ class Order(NamedTuple):
     gaps: int
 
 
-def landings(particles: int) -> Landings:
-    """Allocate what is remembered of landings."""
-    last, numbered = np.zeros((2, particles)), np.zeros((2, INDICES))
+def landings(particles: int, indices: int = INDICES) -> Landings:
+    """Allocate what is remembered of landings, of so many impact numbers."""
+    last, numbered = np.zeros((2, particles)), np.zeros((2, indices))
     turn, total = np.zeros(particles, np.int64), np.zeros(particles, np.int64)
-    return Landings(last, turn, total, numbered, np.zeros(INDICES, np.int64), np.zeros(GAPS))
+    return Landings(last, turn, total, numbered, np.zeros(indices, np.int64), np.zeros(GAPS))
 
 
-@kernel
+@jit
 def clear(room: Landings) -> Order:
     """Forget all landings."""
-    room.turn[:] = 0
-    room.total[:] = 0
-    room.number[:] = 0
+    for j in range(room.turn.size):
+        room.turn[j] = room.total[j] = 0
+    for place in range(room.number.size):
+        room.number[place] = 0
     return Order(np.inf, np.inf, 0, -1, 0, False, 0, 0)
 
 
-@kernel
-def _numbered(of: System, room: Landings, who: int, seen: bool) -> tuple[Landings, float]:
+@jit
+def lacks_room(room: Landings, who: int) -> bool:
+    """Whether the next landing of particle `who` would displace one that is still compared with.
+
+    With `MOST_INDICES` it may.
+    """
+    size, mine, least = room.number.size, room.total[who] + 1, room.total[who]
+    if size >= MOST_INDICES or room.number[mine % size] in (0, mine):
+        return False
+    for total in room.total:
+        least = min(least, total)
+    return bool(mine - least >= size)
+
+
+@jit
+def _numbered(of: System, room: Landings, who: int, seen: bool) -> float:
     """Compare with the last landing of the same number; return the separation.
 
     Infinity without one, NaN where it is no longer remembered.
     """
     mine = room.total[who]
-    if room.number[mine % room.number.size] not in (0, mine):
-        room = _with_room(of, room, mine)
     place, gap = mine % room.number.size, np.inf
     if room.number[place] == mine and seen:
         gap = (of.now[NOW.N] - room.numbered[0, place]) + (of.now[NOW.X] - room.numbered[1, place])
     elif room.number[place] > mine:
-        return room, np.nan
+        return np.nan
     room.numbered[0, place], room.numbered[1, place] = of.now[NOW.N], of.now[NOW.X]
     room.number[place] = mine if seen else 0
-    return room, gap
+    return gap
 
 
-@kernel
-def _with_room(of: System, room: Landings, most: int) -> Landings:
-    """Return memory for all numbers that another particle may still reach."""
-    least = most
-    for j in range(of.mode.size):
-        least = min(least, room.total[j])
-    size = room.number.size
-    while size <= most - least and size < MOST_INDICES:
-        size *= 2
-    if size == room.number.size:
-        return room
-    numbered, number = np.zeros((2, size)), np.zeros(size, np.int64)
-    for old in range(room.number.size):
-        k = room.number[old]
-        if k > 0:
-            number[k % size] = k
-            for row in range(2):  # slices take the compiler long
-                numbered[row, k % size] = room.numbered[row, old]
-    return Landings(room.last, room.turn, room.total, numbered, number, room.gaps)
-
-
-@kernel
+@part
 def note(
     of: System,
-    rides: Integers,
+    riders: int,
     room: Landings,
     order: Order,
     who: int,
     windows: tuple[bool, bool],
     r: float,
-) -> tuple[Landings, Order]:
+) -> Order:
     """Note a landing of particle `who`, now.
 
-    `rides`: 1 for each particle that rests.  `windows`: whether now is in the window, and in its
-    last period.
+    `riders`: how many rested before.  `windows`: whether now is in the window, and in its last
+    period.
     """
     seen, late = windows
     n, x = of.now[NOW.N], of.now[NOW.X]
-    gap, shared, gaps, longest = order.gap, order.shared, order.gaps, who
-    for j in range(rides.size):
-        if 0 < room.turn[j] < room.turn[longest]:
-            longest = j
-        if j != who and seen and rides[j] == 1:
-            shared = 1
+    gap, gaps, own = order.gap, order.gaps, room.turn[who]
+    shared = 1 if seen and riders > 0 else order.shared
     if order.who >= 0 and order.who != who:
         apart = (n - room.last[0, order.who]) + (x - room.last[1, order.who])
         shared = 1 if seen and apart <= r else shared
@@ -164,17 +162,37 @@ def note(
             if gaps < GAPS:
                 room.gaps[gaps] = apart
             gaps += 1
-    out_of_turn = seen and room.turn[who] > 0 and longest != who
+    earlier = 0  # particles whose turn it was rather
+    if seen and own > 0:
+        for turn in room.turn:
+            earlier += 1 if 0 < turn < own else 0
     room.total[who] += 1
-    room, same = _numbered(of, room, who, seen)
+    same = np.minimum(order.same, _numbered(of, room, who, seen))  # NaN once it is not known
     room.last[0, who], room.last[1, who] = n, x
     room.turn[who] = order.number + 1
-    same = order.same if order.same < same else same  # NaN once it is not known
-    changes = order.changes + (1 if out_of_turn else 0)
-    return room, Order(gap, same, shared, who, order.number + 1, seen, changes, gaps)
+    changes = order.changes + (1 if earlier > 0 else 0)
+    return Order(gap, same, shared, who, order.number + 1, seen, changes, gaps)
 
 
-@kernel
+@part
+def gap_median(room: Landings, order: Order) -> tuple[float, float]:
+    """Return the median of the gaps of the last period and the least; NaN if none, or too many."""
+    gaps, count = room.gaps, order.gaps
+    if not 0 < count <= GAPS:
+        return np.nan, np.nan
+    step = count
+    while step > 1:  # Shell's sort, with steps that shrink by Gonnet's factor
+        step = max(1, int(step / 2.2))
+        for k in range(step, count):
+            gap, place = gaps[k], k
+            while place >= step and gaps[place - step] > gap:
+                gaps[place] = gaps[place - step]
+                place -= step
+            gaps[place] = gap
+    return 0.5 * (gaps[(count - 1) // 2] + gaps[count // 2]), gaps[0]
+
+
+@part
 def order_of(room: Landings, harmonic: float) -> float:
     """Return the mean of exp(2 pi i h t) over the last landings, as an absolute value.
 

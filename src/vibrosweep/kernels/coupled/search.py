@@ -17,23 +17,15 @@ with the next two derivatives finds it.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import fma, jit, kernel
+from vibrosweep.kernels._jit import fma, jit, part
 from vibrosweep.kernels.bases.sprung import Bounds, Load, Motion, bounds
-from vibrosweep.kernels.coupled.state import (
-    MODE,
-    NOW,
-    PARTICLE,
-    System,
-    Turned,
-    base_height,
-    base_speed,
-    motion_after,
-)
+from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, motion_after
 
-__all__ = ["ROUNDING", "crossings", "earliest", "is_next", "lift", "look"]
+__all__ = ["ROUNDING", "First", "crossings", "earliest", "is_first", "lift", "look"]
 
 NEAR = 2.0**-50  # relative error that ends Newton's iteration
 ROUNDING = 2.0**-40  # of speeds and clearances: a decision by less may be one of rounding
@@ -78,22 +70,49 @@ def crossings(left: float, u: float) -> tuple[float, float]:
     return 0.5 * u - math.sqrt(spare), 0.5 * u + math.sqrt(spare)
 
 
-@kernel
-def earliest(of: System) -> tuple[int, float]:
-    """Return the particle that may be the next to land or to be launched, and its time."""
-    who, time = -1, np.inf
+class First(NamedTuple):
+    """The particle that may be the next to land or to be launched, and the one after it.
+
+    Attributes
+    ----------
+    who, time
+        The particle, -1 where none can be, and its time.
+    other, then
+        The same of the one after it.
+    """
+
+    who: int
+    time: float
+    other: int
+    then: float
+
+
+@part
+def earliest(of: System) -> First:
+    """Return the earliest particles; of equal times, the particle of the lower number is first."""
+    who, time, other, then = -1, np.inf, -1, np.inf
     for j in range(of.mode.size):
         safe = of.particle[PARTICLE.SAFE, j]
-        if of.mode[j] != MODE.RIDING and safe < time:
-            who, time = j, safe
-    return who, time
+        if safe < then:
+            if safe < time:
+                who, time, other, then = j, safe, who, time
+            else:
+                other, then = j, safe
+    return First(who, time, other, then)
 
 
-@kernel
-def look(of: System, load: Load, turned: Turned, limit: Bounds, j: int) -> bool:
+@jit
+def is_first(of: System, first: First) -> bool:
+    """Whether what was the earliest particle still is, after its time has moved."""
+    time = of.particle[PARTICLE.SAFE, first.who]
+    return time < first.then or (time == first.then and first.who < first.other)
+
+
+@part
+def look(of: System, load: Load, limit: Bounds, j: int) -> bool:
     """Move the time before which particle j does not land; return whether it lands then."""
     t = of.particle[PARTICLE.SAFE, j]
-    motion = motion_after(of, load, turned, t)
+    motion = motion_after(of, load, t)
     f, f1 = _clearance(of, j, motion, t)
     scale, k = of.particle[PARTICLE.SCALE, j], 2.0 + limit.pull  # F'' = -2 - Y'' >= -k
     if f <= 0.0:
@@ -101,35 +120,39 @@ def look(of: System, load: Load, turned: Turned, limit: Bounds, j: int) -> bool:
             return True
         f = 0.0
     if f1 < 0.0 and 4.0 * k * f <= f1 * f1:
-        of.particle[PARTICLE.SAFE, j] = _landing(of, load, turned, limit, j)
+        of.particle[PARTICLE.SAFE, j] = _landing(of, load, limit, j, motion)
         return True
     if t > 0.0 and f1 >= 0.0 and f <= ROUNDING * scale * scale:
         of.now[NOW.UNDECIDED] += 1.0
     ahead = t + _ahead(f, f1, k)
-    if base_height(of, load) + base_speed(of, load) * t + motion.rise + f > of.now[NOW.HIGHEST]:
+    if of.now[NOW.HEIGHT] + of.now[NOW.SPEED] * t + motion.rise + f > of.now[NOW.HIGHEST]:
         ahead = max(ahead, of.particle[PARTICLE.ABOVE, j])
     of.particle[PARTICLE.SAFE, j] = ahead
     return not ahead > t
 
 
-@kernel
-def _landing(of: System, load: Load, turned: Turned, limit: Bounds, j: int) -> float:
-    """Return when particle j lands, where that is the only time within reach."""
+@part
+def _landing(of: System, load: Load, limit: Bounds, j: int, motion: Motion) -> float:
+    """Return when particle j lands, where that is the only time within reach.
+
+    `motion`: that of the base up to the time before which it does not.
+    """
     t, last = of.particle[PARTICLE.SAFE, j], np.inf
     for _ in range(20):
-        motion = motion_after(of, load, turned, t)
         f, f1 = _clearance(of, j, motion, t)
         step = _step(f, f1, -2.0 - motion.pull, -motion.jerk)
         t = max(t + step, 0.0)
         # what is left out of the cubic, and rounding, which lets steps shrink no more
-        if limit.snap * step**4 <= -f1 * NEAR * t or abs(step) >= 0.5 * last:
+        square = step * step
+        if limit.snap * square * square <= -f1 * NEAR * t or abs(step) >= 0.5 * last:
             break
         last = abs(step)
+        motion = motion_after(of, load, t)
     return float(t)
 
 
-@kernel
-def lift(of: System, load: Load, turned: Turned, until: float) -> bool:
+@part
+def lift(of: System, load: Load, until: float) -> bool:
     """Move the time before which the riders do not leave; return whether they leave then.
 
     In some steps: where that time is not after `until`, nothing is known yet.
@@ -139,7 +162,7 @@ def lift(of: System, load: Load, turned: Turned, until: float) -> bool:
         t = now[NOW.LIFT]
         if t > until:
             break
-        motion = motion_after(of, load, turned, t)
+        motion = motion_after(of, load, t)
         limit = bounds(load, motion.d, motion.v)
         if limit.pull <= 2.0:
             now[NOW.LIFT] = np.inf
@@ -152,10 +175,3 @@ def lift(of: System, load: Load, turned: Turned, until: float) -> bool:
             return True
         now[NOW.LIFT] = ahead
     return False
-
-
-@jit
-def is_next(of: System, who: int, until: float) -> bool:
-    """Whether particle `who`, whose landing is known, lands by then and before all else happens."""
-    first, time = earliest(of)
-    return first == who and time <= until and not time > of.now[NOW.LIFT]

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
+from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
 from vibrosweep.kernels.bases.sprung import Mount, bounds, loaded, mount
 from vibrosweep.kernels.coupled.deviations import follow_event, propagate
 from vibrosweep.kernels.coupled.follow import Coupled
@@ -22,12 +22,20 @@ from vibrosweep.kernels.coupled.state import (
     PARTICLE,
     System,
     begin,
-    motion_after,
-    riders,
+    let_pass,
+    locate,
+    system,
 )
-from vibrosweep.kernels.sine import cos_turns, sin_turns
 
-__all__ = ["BLOCKS", "JointOrbit", "carry", "empty_joint", "settle_jointly"]
+__all__ = [
+    "BLOCKS",
+    "JointOrbit",
+    "Notes",
+    "carry",
+    "empty_joint",
+    "notes",
+    "settle_jointly",
+]
 
 BLOCKS: Final = 16  # of equal time, from whose means the error of the exponent follows
 
@@ -69,6 +77,31 @@ def empty_joint(realizations: int) -> JointOrbit:
     )
 
 
+class Notes(NamedTuple):
+    """Scratch memory of one thread.
+
+    Attributes
+    ----------
+    of, kept
+        State of the realization, and one that it is compared with.
+    rode
+        Modes before an event.
+    deviation
+        Shape (2 * particle + 2, 1).
+    """
+
+    of: System
+    kept: System
+    rode: Integers
+    deviation: Floats
+
+
+def notes(particles: int) -> Notes:
+    """Allocate scratch memory for one thread."""
+    rode, deviation = np.zeros(particles, np.int64), np.zeros((2 * particles + 2, 1))
+    return Notes(system(particles), system(particles), rode, deviation)
+
+
 @jit
 def _same(a: System, b: System) -> bool:
     """Whether two states differ by whole periods only."""
@@ -86,42 +119,50 @@ def _same(a: System, b: System) -> bool:
 @jit
 def _keep(of: System, kept: System) -> None:
     """Copy a state."""
-    kept.particle[:, :] = of.particle
-    kept.now[:] = of.now
-    kept.mode[:] = of.mode
+    for j in range(of.mode.size):
+        kept.mode[j] = of.mode[j]
+        for row in range(of.particle.shape[0]):
+            kept.particle[row, j] = of.particle[row, j]
+    for place in range(of.now.size):
+        kept.now[place] = of.now[place]
 
 
 @jit
-def _shrink(deviations: Floats) -> float:
+def _shrink(deviation: Floats) -> float:
     """Bring a deviation to length 1; return the logarithm of what it was."""
-    length = math.sqrt(np.sum(deviations * deviations))
+    square = 0.0
+    for row in range(deviation.shape[0]):
+        square += deviation[row, 0] * deviation[row, 0]
+    length = math.sqrt(square)
     if not 0.0 < length < np.inf:
         return -np.inf if length == 0.0 else np.nan
-    deviations /= length
+    for row in range(deviation.shape[0]):
+        deviation[row, 0] /= length
     return math.log(length)
 
 
-@kernel
-def _one(
-    fixed: Mount, batch: Coupled, i: int, budget: int, work: tuple[System, System], out: JointOrbit
-) -> None:
+@part
+def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: JointOrbit) -> None:
     """Follow realization i to the end of its window."""
-    of, kept = work
+    of, kept, rode, deviation = work
     problem = batch.problem
-    begin(of, problem, batch.launches, i)
+    load = begin(of, fixed, problem, batch.launches, i)
     start = (problem.begin_count[i] - problem.end_count[i]) + problem.begin_phase[i]
     length = problem.end_phase[i] - start
-    deviations = np.full((2 * of.mode.size + 2, 1), 1.0)
+    for row in range(deviation.shape[0]):
+        deviation[row, 0] = 1.0
     growth, landed, rests, mark, seen_at, rested = 0.0, 0, 0, 1, 0, 0
     _keep(of, kept)
     while landed < budget:
         until = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
-        event = follow_event(of, fixed, problem.launch_flight[i], until, deviations)
+        event, load = follow_event(
+            of, fixed, load, problem.launch_flight[i], until, rode, deviation
+        )
         if event.kind == EVENT.FINISHED:
             out.at_rest[i] = 1
         if event.kind <= EVENT.LOST:
             break
-        growth = _shrink(deviations)
+        growth = _shrink(deviation)
         place = math.floor(BLOCKS * (of.now[NOW.N] + of.now[NOW.X] - start) / length)
         if 0 <= place < BLOCKS:
             before = out.growth[i, place]
@@ -144,13 +185,13 @@ def _one(
             mark, seen_at, rested = 2 * mark, landed, rests
 
 
-@kernel
+@uncounted
 def settle_jointly(
     first: int,
     last: int,
     batch: Coupled,
     budget: int,
-    work: tuple[System, System],
+    work: Notes,
     out: JointOrbit,
 ) -> None:
     """Find what realizations first ... last - 1 settle on until the end of their windows.
@@ -162,8 +203,8 @@ def settle_jointly(
     batch : vibrosweep.kernels.coupled.follow.Coupled
     budget
         Largest number of landings of all particles of a realization.
-    work
-        Two states, not shared between threads.
+    work : Notes
+        Not shared between threads.
     out : JointOrbit
         Only the slots of these realizations are written.
     """
@@ -173,18 +214,20 @@ def settle_jointly(
             _one(fixed, batch, i, budget, work, out)
 
 
-@kernel
-def carry(of: System, fixed: Mount, periods: float, deviations: Floats) -> int:
+@uncounted
+def carry(of: System, fixed: Mount, periods: float, rode: Integers, deviations: Floats) -> int:
     """Carry a state, and deviations from it, on for some time.
 
     Parameters
     ----------
     of : vibrosweep.kernels.coupled.state.System
-        Modes, heights and speeds of the particles above the base, phase, and deviation of the base
-        from its forced oscillation are given; what is known of times to come is not.
+        A state in which all particles fly: heights and speeds above the base, phase, and deviation
+        of the base from its forced oscillation are given; what is known of times to come is not.
     fixed : vibrosweep.kernels.bases.sprung.Mount
     periods
         The time, in forcing periods.
+    rode
+        Scratch memory, a number for each particle.
     deviations
         Shape (2 * particle + 2, column): heights and velocities of the particles, height and
         velocity of the base.
@@ -194,30 +237,21 @@ def carry(of: System, fixed: Mount, periods: float, deviations: Floats) -> int:
     int
         The number of landings, -1 where the search for one was given up.
     """
-    load = loaded(fixed, riders(of))
-    of.now[NOW.N] = 0.0
-    of.now[NOW.HIGHEST] = bounds(load, of.now[NOW.D], of.now[NOW.V]).height
-    of.now[NOW.LIFT] = 0.0 if load.riders > 0 else np.inf
-    of.particle[PARTICLE.SAFE, :] = 0.0
-    of.particle[PARTICLE.ABOVE, :] = 0.0
-    begun, landings = of.now[NOW.X], 0
+    load, now = loaded(fixed, 0), of.now
+    locate(of, load)
+    now[NOW.HIGHEST], now[NOW.LIFT] = bounds(load, now[NOW.D], now[NOW.V]).height, np.inf
+    begun, landings = now[NOW.X], 0
     while True:
-        left = periods - of.now[NOW.N] - (of.now[NOW.X] - begun)
-        event = follow_event(of, fixed, 0.0, left, deviations)
+        left = periods - now[NOW.N] - (now[NOW.X] - begun)
+        event, load = follow_event(of, fixed, load, 0.0, left, rode, deviations)
         if event.kind == EVENT.LOST:
             return -1
         if event.kind <= EVENT.LOST:
             break
         landings += 1 if event.kind != EVENT.LIFT else 0
-    load = loaded(fixed, riders(of))
-    mode, x = of.mode.copy(), of.now[NOW.X]
-    motion = motion_after(of, load, (sin_turns(x), cos_turns(x)), left)
-    propagate(load, left, mode, deviations)
-    for j in range(mode.size):
-        if mode[j] == MODE.FLYING:
-            w = of.particle[PARTICLE.SPEED, j]
-            of.particle[PARTICLE.HEIGHT, j] += left * (w - left) - motion.rise
-            of.particle[PARTICLE.SPEED, j] = w - 2.0 * left - motion.gain
-    of.now[NOW.X] += left - np.rint(left)
-    of.now[NOW.D], of.now[NOW.V] = motion.d, motion.v
+    let_pass(of, load, left)
+    propagate(load, left, of.mode, deviations)
+    for j in range(of.mode.size):
+        if of.mode[j] == MODE.RIDING:
+            of.particle[PARTICLE.HEIGHT, j] = of.particle[PARTICLE.SPEED, j] = 0.0
     return landings

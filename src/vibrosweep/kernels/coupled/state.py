@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, fma, jit, kernel
+from vibrosweep.kernels._jit import Floats, Integers, fma, jit, part
 from vibrosweep.kernels.bases.sprung import Load, Motion, Mount, loaded, move
 from vibrosweep.kernels.impact import land, launch
 from vibrosweep.kernels.sine import cos_turns, sin_turns
@@ -24,19 +24,17 @@ __all__ = [
     "PARTICLE",
     "Event",
     "System",
-    "Turned",
-    "base_height",
-    "base_speed",
+    "acceleration",
     "begin",
-    "here",
     "let_pass",
+    "locate",
     "motion_after",
-    "push",
-    "riders",
     "since_now",
     "system",
     "under",
 ]
+
+TWO_PI = 2.0 * math.pi
 
 
 class Particle(NamedTuple):
@@ -44,7 +42,7 @@ class Particle(NamedTuple):
 
     HEIGHT: int  # above the base
     SPEED: int  # relative to it
-    SAFE: int  # time from now before which it does not land, or is not launched
+    SAFE: int  # time from now before which it does not land, or is not launched; inf of a rider
     ABOVE: int  # time from now for which it is above every height of the base
     SCALE: int  # speed relative to the base at its lift-off
     N: int  # whole periods and phase of its launch, then of its last lift-off
@@ -56,10 +54,15 @@ class Now(NamedTuple):
 
     N: int  # whole periods and phase
     X: int
+    SINE: int  # of the phase
+    COSINE: int
     D: int  # deviation of the base from its forced oscillation, and its velocity
     V: int
+    HEIGHT: int  # of the base, and its velocity
+    SPEED: int
     HIGHEST: int  # height above which the base is taken not to come
     LIFT: int  # time from now before which the base does not drop its riders
+    WAITING: int  # particles not launched yet
     UNDECIDED: int  # decisions that rounding may have made
 
 
@@ -140,9 +143,12 @@ def system(particles: int) -> System:
     )
 
 
-@kernel
-def begin(of: System, problem: Dimensionless, launches: Launches, i: int) -> None:
-    """Put realization i before its first launch; counts of periods are relative to the end."""
+@part
+def begin(of: System, fixed: Mount, problem: Dimensionless, launches: Launches, i: int) -> Load:
+    """Put realization i before its first launch; counts of periods are relative to the end.
+
+    Returns the base without riders.
+    """
     particle, now, mode = of
     first = 0
     for j in range(mode.size):
@@ -151,11 +157,15 @@ def begin(of: System, problem: Dimensionless, launches: Launches, i: int) -> Non
         mode[j] = MODE.WAITING
         if _between(particle, j, first) < 0.0:
             first = j
-    now[:] = 0.0
+    for place in range(now.size):
+        now[place] = 0.0
     now[NOW.N], now[NOW.X] = particle[PARTICLE.N, first], particle[PARTICLE.X, first]
-    now[NOW.LIFT] = np.inf
+    now[NOW.LIFT], now[NOW.WAITING] = np.inf, mode.size
     for j in range(mode.size):
         particle[PARTICLE.SAFE, j] = _between(particle, j, first)
+    load = loaded(fixed, 0)
+    locate(of, load)
+    return load
 
 
 @jit
@@ -166,64 +176,55 @@ def _between(particle: Floats, j: int, first: int) -> float:
 
 
 @jit
-def riders(of: System) -> int:
-    """Return how many particles ride the base."""
-    number = 0
-    for mode in of.mode:
-        number += 1 if mode == MODE.RIDING else 0
-    return number
+def locate(of: System, load: Load) -> None:
+    """Find height and velocity of the base from its phase and deviation."""
+    now = of.now
+    sine, cosine = sin_turns(now[NOW.X]), cos_turns(now[NOW.X])
+    now[NOW.SINE], now[NOW.COSINE] = sine, cosine
+    now[NOW.HEIGHT] = load.p * cosine + load.q * sine + load.level + now[NOW.D]
+    now[NOW.SPEED] = TWO_PI * (load.q * cosine - load.p * sine) + now[NOW.V]
 
 
-@kernel
-def base_height(of: System, load: Load) -> float:
-    """Return the height of the base."""
-    x = of.now[NOW.X]
-    return float(load.p * cos_turns(x) + load.q * sin_turns(x) + load.level + of.now[NOW.D])
-
-
-@kernel
-def base_speed(of: System, load: Load) -> float:
-    """Return the velocity of the base."""
-    x = of.now[NOW.X]
-    forced = 2.0 * math.pi * (load.q * cos_turns(x) - load.p * sin_turns(x))
-    return float(forced + of.now[NOW.V])
-
-
-# sine and cosine of the phase of now
-Turned = tuple[float, float]
-
-
-@kernel
-def motion_after(of: System, load: Load, turned: Turned, t: float) -> Motion:
+@part
+def motion_after(of: System, load: Load, t: float) -> Motion:
     """Return the motion of the base after the time t from now."""
-    return move(load, turned[0], turned[1], of.now[NOW.D], of.now[NOW.V], t)
+    now = of.now
+    return move(load, now[NOW.SINE], now[NOW.COSINE], now[NOW.D], now[NOW.V], t)
 
 
-@kernel
-def here(of: System, load: Load) -> Motion:
-    """Return the motion of the base now."""
-    x = of.now[NOW.X]
-    return motion_after(of, load, (sin_turns(x), cos_turns(x)), 0.0)
+@jit
+def acceleration(of: System, load: Load) -> tuple[float, float]:
+    """Return the acceleration of the base now, and its rate."""
+    now = of.now
+    sine, cosine = now[NOW.SINE], now[NOW.COSINE]
+    free = -2.0 * load.drag * now[NOW.V] - load.stiffness * now[NOW.D]
+    rate = -2.0 * load.drag * free - load.stiffness * now[NOW.V]
+    return (
+        free - TWO_PI**2 * (load.p * cosine + load.q * sine),
+        rate - TWO_PI**3 * (load.q * cosine - load.p * sine),
+    )
 
 
-@kernel
-def let_pass(of: System, load: Load, turned: Turned, t: float) -> Motion:
+@part
+def let_pass(of: System, load: Load, t: float) -> Motion:
     """Let the time t pass, in which nothing happens; return what the base has done."""
     particle, now, mode = of
-    motion = motion_after(of, load, turned, t)
+    motion = motion_after(of, load, t)
     now[NOW.X], passed = land(now[NOW.X], t)
     now[NOW.N] += passed
     now[NOW.D], now[NOW.V] = motion.d, motion.v
     now[NOW.LIFT] -= t
-    for j in range(mode.size):
+    locate(of, load)
+    for j in range(mode.size):  # those that do not fly are given all this when they leave the base
         w = particle[PARTICLE.SPEED, j]
-        if mode[j] == MODE.FLYING:
-            particle[PARTICLE.HEIGHT, j] = fma(t, w - t, particle[PARTICLE.HEIGHT, j]) - motion.rise
-            particle[PARTICLE.SPEED, j] = w - 2.0 * t - motion.gain
-            particle[PARTICLE.SAFE, j] -= t
-            particle[PARTICLE.ABOVE, j] -= t
-        elif mode[j] == MODE.WAITING:
-            particle[PARTICLE.SAFE, j] = since_now(of, j)
+        particle[PARTICLE.HEIGHT, j] = fma(t, w - t, particle[PARTICLE.HEIGHT, j]) - motion.rise
+        particle[PARTICLE.SPEED, j] = w - 2.0 * t - motion.gain
+        particle[PARTICLE.SAFE, j] -= t
+        particle[PARTICLE.ABOVE, j] -= t
+    if now[NOW.WAITING] > 0.0:
+        for j in range(mode.size):
+            if mode[j] == MODE.WAITING:
+                particle[PARTICLE.SAFE, j] = since_now(of, j)
     return motion
 
 
@@ -234,21 +235,11 @@ def since_now(of: System, j: int) -> float:
     return float(whole + (of.particle[PARTICLE.X, j] - of.now[NOW.X]))
 
 
-@kernel
-def push(of: System, kick: float) -> None:
-    """Take the speed `kick` from the base."""
-    of.now[NOW.V] -= kick
-    for j in range(of.mode.size):
-        if of.mode[j] == MODE.FLYING:
-            of.particle[PARTICLE.SPEED, j] += kick
-
-
-@kernel
-def under(of: System, fixed: Mount, load: Load, count: int) -> Load:
+@part
+def under(of: System, fixed: Mount, count: int) -> Load:
     """Change the load: the same height and velocity of the base are another deviation."""
-    height, speed = base_height(of, load), base_speed(of, load)
-    changed = loaded(fixed, count)
-    of.now[NOW.D] = of.now[NOW.V] = 0.0
-    of.now[NOW.D] = height - base_height(of, changed)
-    of.now[NOW.V] = speed - base_speed(of, changed)
+    changed, now = loaded(fixed, count), of.now
+    sine, cosine = now[NOW.SINE], now[NOW.COSINE]
+    now[NOW.D] = now[NOW.HEIGHT] - (changed.p * cosine + changed.q * sine + changed.level)
+    now[NOW.V] = now[NOW.SPEED] - TWO_PI * (changed.q * cosine - changed.p * sine)
     return changed

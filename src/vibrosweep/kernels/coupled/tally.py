@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
-from vibrosweep.kernels.bases.sprung import Load
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, part
 from vibrosweep.kernels.coupled.neighbours import Landings, landings
-from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, base_height, base_speed, system
+from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, system
 
 __all__ = [
     "Each",
@@ -21,6 +20,7 @@ __all__ = [
     "end_flight",
     "forget",
     "room",
+    "roomier",
 ]
 
 
@@ -85,6 +85,12 @@ def room(particles: int) -> Room:
     return Room(system(particles), landings(particles), lifted, counts, flies, rides)
 
 
+def roomier(work: Room) -> Room:
+    """Return scratch memory of twice as many impact numbers."""
+    memory = landings(work.counts.size, 2 * work.landings.number.size)
+    return work._replace(landings=memory)
+
+
 def empty_each(particles: int) -> Each:
     """Allocate statistics of so many particles, of all realizations."""
     landed, rests, flights, at_rest = (np.zeros(particles, np.int64) for _ in range(4))
@@ -93,35 +99,38 @@ def empty_each(particles: int) -> Each:
     return Each(landed, rests, flights, time, height, highest, launch_height, at_rest, status)
 
 
-@kernel
-def forget(work: Room) -> None:
-    """Begin with no landings."""
-    work.counts[:] = 0
-    work.flies[:] = 0
-    work.rides[:] = 0
+@part
+def forget(work: Room, first: int, each: Each) -> None:
+    """Begin with no landings of the particles in the places from `first` on."""
+    for j in range(work.counts.size):
+        t = first + j
+        work.counts[j] = work.flies[j] = work.rides[j] = 0
+        each.landings[t] = each.rests[t] = each.flights[t] = each.at_rest[t] = 0
+        each.flight_sum[t] = each.height_sum[t] = each.height_max[t] = 0.0
+        each.launch_height[t] = -np.inf
 
 
 @jit
-def apex(of: System, load: Load, j: int) -> float:
+def apex(of: System, j: int) -> float:
     """Return the greatest height of the flight on which particle j sets out now."""
-    u = base_speed(of, load) + of.particle[PARTICLE.SPEED, j]
-    return base_height(of, load) + (0.25 * u * u if u > 0.0 else 0.0)
+    u = of.now[NOW.SPEED] + of.particle[PARTICLE.SPEED, j]
+    return float(of.now[NOW.HEIGHT] + (0.25 * u * u if u > 0.0 else 0.0))
 
 
-@kernel
-def count_flight(work: Room, load: Load, t: int, j: int, past: bool, each: Each) -> None:
+@part
+def count_flight(work: Room, t: int, j: int, past: bool, each: Each) -> None:
     """Count the flight on which particle j, in place t, sets out now."""
     work.lifted[0, j], work.lifted[1, j] = work.of.now[NOW.N], work.of.now[NOW.X]
     if past or work.counts[j] == 0:
         return
-    height = apex(work.of, load, j)
+    height = apex(work.of, j)
     each.height_max[t] = max(each.height_max[t], height) if each.flights[t] > 0 else height
     each.height_sum[t] += height
     each.flights[t] += 1
     work.flies[j] = 1
 
 
-@kernel
+@jit
 def end_flight(work: Room, t: int, j: int, each: Each) -> None:
     """Count the time of the flight of particle j, in place t, that ends now."""
     if work.flies[j] == 1:
@@ -130,7 +139,7 @@ def end_flight(work: Room, t: int, j: int, each: Each) -> None:
         work.flies[j] = 0
 
 
-@kernel
+@part
 def add_up(i: int, particles: int, each: Each, out: Each) -> None:
     """Add up the particles of realization i, always in the same order."""
     for t in range(i * particles, (i + 1) * particles):

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
+from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
 from vibrosweep.kernels.bases.sprung import Load, Mount, loaded, move
-from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System, base_speed
+from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System
 from vibrosweep.kernels.coupled.tally import Room
 from vibrosweep.kernels.record import Record
 from vibrosweep.kernels.sine import cos_turns, sin_turns
@@ -74,28 +74,28 @@ def _time(of: System, scale: Scale) -> float:
     return float(turns / scale.frequency)
 
 
-@kernel
-def write_landing(work: Room, load: Load, scale: Scale, t: int, event: Event, out: Record) -> None:
+@part
+def write_landing(work: Room, scale: Scale, t: int, event: Event, out: Record) -> None:
     """Write the last landing of a particle, in place t."""
     j, k = event.who, work.landings.total[event.who] - 1
     if k < out.rested.shape[1]:
         out.landing_time[t, k] = _time(work.of, scale)
         out.rested[t, k] = 1 if event.kind == EVENT.STICK else 0
         if event.kind == EVENT.BOUNCE:
-            write_lift_off(work, load, scale, t, j, out)
+            write_lift_off(work, scale, t, j, out)
 
 
-@kernel
-def write_lift_off(work: Room, load: Load, scale: Scale, t: int, j: int, out: Record) -> None:
+@part
+def write_lift_off(work: Room, scale: Scale, t: int, j: int, out: Record) -> None:
     """Write the lift-off of particle j, in place t, after its last landing."""
     k = work.landings.total[j] - 1
     if k < out.rested.shape[1]:
-        speed = base_speed(work.of, load) + work.of.particle[PARTICLE.SPEED, j]
+        speed = work.of.now[NOW.SPEED] + work.of.particle[PARTICLE.SPEED, j]
         out.liftoff_time[t, k] = _time(work.of, scale)
         out.rebound_velocity[t, k] = speed * scale.velocity
 
 
-@kernel
+@part
 def write_base(of: System, load: Load, scale: Scale, i: int, event: int, out: Track) -> None:
     """Write the motion of the base after an event of realization i."""
     if event < out.time.shape[1]:
@@ -104,7 +104,7 @@ def write_base(of: System, load: Load, scale: Scale, i: int, event: int, out: Tr
         out.riders[i, event] = load.riders
 
 
-@kernel
+@uncounted
 def trace(of: Mount, scale: Scale, i: int, track: Track, times: Floats, out: Floats) -> None:
     """Write the height and velocity of the base of realization i at increasing times.
 
