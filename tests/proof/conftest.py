@@ -84,6 +84,12 @@ def claimed(computed):
 
 
 @pytest.fixture(scope="session")
+def many(computed):
+    """The same with enough realizations for a change of every variable in one of its own."""
+    return computed(CLAIMED.replace("realizations = 3", "realizations = 60"))
+
+
+@pytest.fixture(scope="session")
 def locked(computed):
     return computed(LOCKED)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.model.measures import MEASURE_OF, MEASURES, RECORD, VARIABLES
+from vibrosweep.model.mount import OF_MOUNT
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.recorded import RECORDED
 from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
@@ -17,10 +18,11 @@ SINGLE = [n for n in VARIABLES if n not in MEASURE_OF or not MEASURES[MEASURE_OF
 NUMBERS = [name for name in SINGLE if VARIABLES[name].dtype == "float64"]
 CODES = [name for name in SINGLE if VARIABLES[name].flags]
 COUNTS = [name for name in SINGLE if name not in NUMBERS + CODES]
-# Ways to give the forcing that the files here do not use.
-OTHER_WAYS = ("base_velocity", "base_displacement")
+# Ways to give the forcing that the files here do not use, and those of test_verify_sprung.py.
+OTHERS = {"base_velocity", "base_displacement", *OF_MOUNT}
 # What of a file is computed from others of its variables is outside with them.
 FOLLOW = {
+    "dt_min": {"dt_min_resolved"},
     "lyapunov_largest": {"lyapunov_max"},
     "lyapunov_largest_error": {"lyapunov_largest"},
     "lyapunov_sum_error": {"lyapunov_sum"},
@@ -50,13 +52,38 @@ def caught(change, name):
     found = report.variables()
     assert found[name].outside == {change.place}
     assert any(c.startswith(change.place) and f" {name} " in c for c in report.complaints())
-    return found
 
 
-def alone(found, name):
-    """Whether nothing is outside but a variable, and what follows from it."""
-    outside = {n for n in found if found[n].outside}
-    return name in outside <= {name} | FOLLOW.get(name, set())
+@pytest.fixture
+def all_caught(many, tmp_path):
+    """Change each of some variables in a realization of its own; every one is found, there only."""
+
+    def change_all(names, new):
+        path = tmp_path / "changed.h5"
+        shutil.copy(many, path)
+        places = {}
+        with h5py.File(path, "r+") as file:
+            rows = list(np.argsort(file["landing_time_error"][...]))  # the best known first
+            for name in names:
+                values = file[name]
+                row = next(i for i in rows if np.isfinite(values[i]).any())
+                rows.remove(row)
+                where = (row, int(np.argmax(np.isfinite(values[row]))))[: values.ndim]
+                values[where] = new(values[where])
+                places[name] = f"realization {row}"
+        report = everything(path)
+        listed = list(report.lines())[-1].partition("claimed for them: ")[2].split(", ")
+        found, complaints = report.variables(), list(report.complaints())
+        for name, place in places.items():
+            followed = {places[n] for n in places if name in FOLLOW.get(n, set())}
+            assert name in listed
+            assert found[name].outside - followed == {place}, name
+            assert any(c.startswith(place) and f" {name} " in c for c in complaints)
+        for name, variable in found.items():
+            strange = {n for n in places if places[n] in variable.outside} - {name}
+            assert all(name in FOLLOW.get(n, set()) for n in strange), (name, strange)
+
+    return change_all
 
 
 def test_every_variable_has_a_judge():
@@ -64,54 +91,43 @@ def test_every_variable_has_a_judge():
     assert {f"record/{name}" for name in RECORD} == set(RECORDED)
 
 
-# The second particle has finite exponents, the first a cycle.
-@pytest.mark.parametrize("name", NUMBERS)
-@pytest.mark.parametrize("new", [moved, lambda _: np.nan])
-def test_changed_number(claimed, changed, name, new):
-    caught(changed(claimed, name, new, place=int(MEASURE_OF.get(name) == "lyapunov")), name)
+@pytest.mark.parametrize("new", [moved, lambda _: np.nan], ids=["moved", "NaN"])
+def test_changed_numbers(all_caught, new):
+    all_caught(NUMBERS, new)
 
 
-@pytest.mark.parametrize("name", COUNTS)
 @pytest.mark.parametrize("step", [-1, 1])
-def test_changed_count(claimed, changed, name, step):
-    assert alone(caught(changed(claimed, name, lambda n: n + step), name), name)
+def test_changed_counts(all_caught, step):
+    all_caught(COUNTS, lambda count: count + step)
 
 
-@pytest.mark.parametrize("name", CODES)
-@pytest.mark.parametrize("new", [lambda code: 1 - code, lambda _: -1])
-def test_changed_code(claimed, changed, name, new):
-    assert alone(caught(changed(claimed, name, new), name), name)
+@pytest.mark.parametrize("new", [lambda code: 1 - code, lambda _: -1], ids=["other", "-1"])
+def test_changed_codes(all_caught, new):
+    all_caught(CODES, new)
 
 
 @pytest.mark.parametrize(
     "name", [name for name, key in MEASURE_OF.items() if key in ("lyapunov", "regimes")]
 )
 def test_changed_number_of_a_locked_orbit(locked, changed, name):
-    change = changed(locked, name, lambda value: moved(value) if value % 1 else value + 1)
-    assert alone(caught(change, name), name)
+    caught(changed(locked, name, lambda value: moved(value) if value % 1 else value + 1), name)
 
 
-@pytest.mark.parametrize("name", [n for n in SWEEP_COORDINATES if n not in OTHER_WAYS])
-def test_changed_coordinate(claimed, tmp_path, name):
+def test_changed_coordinates(claimed, tmp_path):
     path = tmp_path / "changed.h5"
     shutil.copy(claimed, path)
+    present, recorded = set(SWEEP_COORDINATES) - OTHERS, set(RECORD_COORDINATES) - OTHERS
     with h5py.File(path, "r+") as file:
-        where = (1,) * file[name].ndim
-        file[name][where] = moved(file[name][where])
-    outside = everything(path).variables()[name].outside
-    varies = name in ("restitution", "amplitude", "base_acceleration")
-    assert outside == {"realization 1" if varies else "dataset"}
-
-
-@pytest.mark.parametrize("name", [n for n in RECORD_COORDINATES if n not in OTHER_WAYS])
-def test_changed_coordinate_of_record(claimed, tmp_path, name):
-    path = tmp_path / "changed.h5"
-    shutil.copy(claimed, path)
-    with h5py.File(path, "r+") as file:
-        variable = file["record"][name]
-        where = (1,) * variable.ndim
-        variable[where] = moved(variable[where])
-    assert everything(path).variables()[f"record/{name}"].outside == {"record"}
+        for group, names in ((file, present), (file["record"], recorded)):
+            for variable in (group[name] for name in names):
+                where = (1,) * variable.ndim
+                variable[where] = moved(variable[where])
+    found = everything(path).variables()
+    for name in present:
+        varies = name in ("restitution", "amplitude", "base_acceleration")
+        assert found[name].outside == {"realization 1" if varies else "dataset"}, name
+    for name in recorded:
+        assert found[f"record/{name}"].outside == {"record"}, name
 
 
 @pytest.mark.parametrize("name", ["restitution", "amplitude"])

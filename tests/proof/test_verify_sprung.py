@@ -7,6 +7,7 @@ import pytest
 
 from vibrosweep.cli import main
 from vibrosweep.model.measures import RECORD
+from vibrosweep.model.parameters import MOUNT
 from vibrosweep.proof.verification import State
 from vibrosweep.proof.verify import verify
 
@@ -83,6 +84,21 @@ def test_changed_numbers_are_found(sprung, tmp_path):
     complaints = list(verify(copy).complaints())
     for name in CHANGES:
         assert any(c.startswith("realization 0") and f": {name} is" in c for c in complaints), name
+
+
+def test_changed_coordinates_of_the_mount_are_found(sprung, tmp_path):
+    copy = tmp_path / "changed.h5"
+    shutil.copy(sprung, copy)
+    with h5py.File(copy, "r+") as file:
+        for name in MOUNT:
+            values = file[name]
+            values[(1,) * values.ndim] *= 1 + 1e-6
+            file["record"][name][()] *= 1 + 1e-6
+    found = verify(copy).variables()
+    for name in MOUNT:
+        varies = name != "mount_damping"
+        assert found[name].outside == {"realization 1" if varies else "dataset"}, name
+        assert found[f"record/{name}"].outside == {"record"}, name
 
 
 def test_command_leaves_out_what_is_too_long(sprung, capsys):
