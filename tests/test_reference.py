@@ -39,8 +39,10 @@ def test_every_public_name_is_listed(name):
     thing = getattr(vibrosweep, name)
     if not isinstance(thing, ModuleType):
         assert f"vibrosweep.{name}" in LISTED
-    else:
-        assert any(path.startswith(f"{thing.__name__}.") for path in LISTED)
+        return
+    listed = [found(path) for path in LISTED]
+    own = {name: getattr(thing, name) for name in thing.__all__}
+    assert {n for n, each in own.items() if callable(each) and each not in listed} == set()
 
 
 @pytest.mark.parametrize("path", LISTED)
@@ -53,6 +55,14 @@ def test_every_parameter_is_documented(path):
     asked = set(inspect.signature(thing).parameters)
     assert asked - documented(told.get("Parameters", "")) == set()
     assert "Returns" in told
+
+
+@pytest.mark.parametrize("path", [p for p in LISTED if not p.startswith("vibrosweep.errors.")])
+def test_every_name_shows_an_example(path):
+    """Sphinx runs them when the site is checked."""
+    name = path.rpartition(".")[2]
+    shown = sections(found(path))["Examples"]
+    assert re.search(rf"^(>>>|\.\.\.) .*\b{name}\b", shown, re.MULTILINE)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

@@ -18,8 +18,8 @@ OPTIONAL = {"heyoka": ("heyoka",), "diffrax": ("diffrax", "optimistix", "jax")}
 INTRODUCTION = """\
 # Work and precision
 
-How long each method takes per impact, and how far its landing times are from the true ones: one
-run of `python benchmarks/work_precision.py -o docs`. [All numbers](work_precision.csv).
+Run time per impact and error of landing times, from one run of
+`python benchmarks/work_precision.py -o docs`. [All numbers](work_precision.csv).
 
 ![Run time per impact against largest landing-time error](images/work_precision.png)
 
@@ -57,13 +57,11 @@ READING = """\
 
 - A flight of the map is a parabola, which SciPy, heyoka and diffrax integrate exactly at any
   tolerance: what is left is rounding, most of it in the running time.
-- On the long scene the kernel's landing times are as accurate as a double that holds 1e6 s (spacing
-  1.2e-10 s); the reduced phase gains in separations, and in every later landing.
-- In the resting scene RK4 follows another orbit unless its step is well below the contact time of
-  1e-4 s.
-- In the chaotic scene any error grows by orders of magnitude within a few impacts. At their finest
-  settings all methods agree with the truth to {agree:.2g} s. With {short} impacts each, filling and
-  emptying the kernel's lanes costs more than the impacts do.
+- On the long scene the kernel's landing times are as accurate as a double that holds 1e6 s.
+- In the resting scene RK4 needs a step well below the contact time of 1e-4 s.
+- In the chaotic scene any error grows within a few impacts; at their finest settings all methods
+  agree with the truth to {agree:.2g} s. With {short} impacts each, filling and emptying the
+  kernel's lanes costs more than the impacts do.
 - Left out for their run time: on the long scene RK4 below 1e-4 s, SciPy past its first 10 000
   landings, and all but the finest tolerance of SciPy, heyoka and diffrax.
 """
@@ -74,15 +72,14 @@ MOVING = """\
 
 ![The same on the moving base](images/work_precision_moving.png)
 
-All methods integrate height and velocity relative to the base. Flights are no longer integrated
-exactly, and tolerances matter: SciPy takes DOP853 and diffrax Dopri8, their methods of highest
-order. **scalar loop** ({threads} threads) is the kernel's search as a scalar numba loop with the
-library's sine. After a rest SciPy, heyoka and diffrax begin 1e-5 rad of phase later, because no
-event can be found where neither speed nor acceleration is left.
+All methods integrate height and velocity relative to the base, with tolerances that matter here:
+SciPy takes DOP853 and diffrax Dopri8, their methods of highest order. **scalar loop** ({threads}
+threads) is the kernel's search as a scalar numba loop with the library's sine. After a rest SciPy,
+heyoka and diffrax begin 1e-5 rad of phase later, because they find no event where neither speed nor
+acceleration is left.
 
 Each method against the kernel on as many threads, at its finest setting; the last column is its
-error at its coarsest setting. One that is off by a large part of a period has lost the orbit, or
-missed an event because the particle dips through the base and comes out within one step. The
+error at its coarsest. Errors of a large part of a period mean a lost orbit or a missed event. The
 kernel's search cannot miss a landing ([accuracy](accuracy.md)).
 
 | scene | method | setting | threads | time over kernel's | error (s) | kernel's | coarsest |
@@ -267,6 +264,7 @@ def _moving(points: list[Point]) -> str:
         here = [p for p in points if p.scene == scene.key]
         kernels = {p.threads: p for p in here if p.method == compiled.KERNEL}
         others = dict.fromkeys(p.method for p in here)
+        title = scene.title  # on the first row of the scene
         for method in others:
             if method in (compiled.KERNEL, compiled.KERNEL_STATE):
                 continue
@@ -274,9 +272,10 @@ def _moving(points: list[Point]) -> str:
             kernel, fine = kernels[found[-1].threads], found[-1]
             coarse = f"{found[0].error:.1e}" if len(found) > 1 else "-"
             rows.append(
-                f"| {scene.title} | {method} | {fine.setting} | {fine.threads} | "
+                f"| {title} | {method} | {fine.setting} | {fine.threads} | "
                 f"{fine.ns_per_impact / kernel.ns_per_impact:.3g} | {fine.error:.1e} | "
                 f"{kernel.error:.1e} | {coarse} |"
             )
+            title = ""
     (scalar, *_) = _of(points, MOVING_SCENES[0].key, moving.SCALAR)
     return MOVING.format(threads=scalar.threads, rows="\n".join(rows))

@@ -71,6 +71,14 @@ def basins(
     ------
     ParameterError
         A value is outside its range, or the launches do not fit into memory.
+
+    Examples
+    --------
+    >>> from vibrosweep.analysis.basins import basins
+    >>> from vibrosweep.analysis.scene import Scene
+    >>> found = basins(Scene(), [0.0, 0.125], [3.0, 4.0, 5.0])
+    >>> found.basin.dims, found.basin.shape
+    (('launch_velocity', 'launch_time'), (3, 2))
     """
     times = np.atleast_1d(np.asarray(launch_time, dtype=np.float64))
     if times.ndim != 1 or not times.size or not np.all(np.isfinite(times)):

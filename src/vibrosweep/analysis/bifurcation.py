@@ -114,6 +114,14 @@ def bifurcation(
     ParameterError
         A value is outside its range, the observable is not known, or the impacts do not fit into
         memory.
+
+    Examples
+    --------
+    >>> from vibrosweep.analysis.bifurcation import bifurcation
+    >>> from vibrosweep.analysis.scene import Scene
+    >>> found = bifurcation(Scene(launch=(0.125,)), [0.6, 0.7, 0.8], samples=4)
+    >>> found.rebound_velocity.sizes["amplitude"], found.cycle_impacts.values.ravel()
+    (3, array([1, 1, 1, 1, 1, 1]))
     """
     a = axis("amplitude", amplitude)
     if not np.all(np.diff(a) > 0.0):

@@ -36,6 +36,14 @@ def capacity(basins: xr.Dataset) -> xr.Dataset:
     ------
     DataError
         The dataset lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.capacity import capacity
+    >>> plane = vs.basins(launch_velocity=[3.0, 5.0, 10.0], particles=50, duration=2000.0)
+    >>> int(capacity(plane).capacity)
+    2
     """
     require(basins, "capacity", "regime", "cycle_periods", "cycle_rests", "fraction")
     orbit = np.isin(basins["regime"].values, (Regime.LOCKED, Regime.RESTING))

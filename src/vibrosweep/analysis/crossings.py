@@ -41,6 +41,14 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     ------
     DataError
         The record lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.crossings import crossings
+    >>> found = crossings(vs.simulate(launch_time=[0.0, 0.125]))
+    >>> found.time.dims, int(found.pairs)
+    (('crossing',), 1)
     """
     each = flights(record, realization, "crossings")
     gravity = float(per_realization(record, "gravity")[realization])

@@ -69,6 +69,14 @@ def slot_decay(
         The record lacks a variable.
     ParameterError
         There is no such pair, or no such cycle.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.decay import slot_decay
+    >>> found = slot_decay(vs.simulate(launch_time=[0.125, 0.13], duration=200.0))
+    >>> found.modulus_predicted.values.round(3), found.modulus_fitted.values.round(3)
+    (array([0.949]), array([0.949]))
     """
     refuse_recoil(record, "slot_decay")
     require(record, "slot_decay", *NEEDS)

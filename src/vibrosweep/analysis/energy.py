@@ -68,6 +68,14 @@ def energy_balance(
     ------
     DataError
         The record lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.energy import energy_balance
+    >>> record = vs.simulate(launch_time=0.125, duration=500.0)
+    >>> bool((abs(energy_balance(record, since=400.0).balance) < 1e-9).all())
+    True
     """
     refuse_recoil(record, "energy_balance")
     require(record, "energy_balance", *NEEDS)

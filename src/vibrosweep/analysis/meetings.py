@@ -35,6 +35,14 @@ def first_shared_base(record: xr.Dataset) -> xr.Dataset:
     ------
     DataError
         The record lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.meetings import first_shared_base
+    >>> found = first_shared_base(vs.simulate(launch_time=[0.3, 0.3]))
+    >>> found.first_shared_time.item() == 0.3 + 2 * 5.0 / 9.81
+    True
     """
     require(record, "first_shared_base", "landing_time", "liftoff_time", "contact_time")
     contact = per_realization(record, "contact_time")

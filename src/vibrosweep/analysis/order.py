@@ -38,6 +38,15 @@ def order_of_landings(record: xr.Dataset, *, since: float = 0.0) -> xr.Dataset:
     ------
     DataError
         The record lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.order import order_of_landings
+    >>> record = vs.simulate(launch_time=[0.125, 0.13], duration=200.0)
+    >>> found = order_of_landings(record, since=190.0)
+    >>> found.sequence_changes.values, found.sequence_pairs.values
+    (array([8]), array([18]))
     """
     require(record, "order_of_landings", "landing_time")
     times = record["landing_time"].values

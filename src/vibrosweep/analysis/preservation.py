@@ -39,6 +39,15 @@ def separation_changes(
     ------
     DataError
         The record lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.preservation import separation_changes
+    >>> record = vs.simulate(launch_time=[0.125, 0.13], duration=200.0)
+    >>> found = separation_changes(record, since=190.0)
+    >>> found.change_max.dims, found.preserved_fraction.values
+    (('realization',), array([1.]))
     """
     require(record, "separation_changes", "landing_time", "contact_time")
     times = record["landing_time"].values[..., landed_before:]

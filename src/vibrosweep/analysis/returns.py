@@ -49,6 +49,14 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     ------
     DataError
         The record lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.returns import return_map
+    >>> points = return_map(vs.simulate(launch_time=[0.0, 0.125]))
+    >>> bool((abs(points.kick.where(points.rested == 0).dropna("point")) <= 1.2).all())
+    True
     """
     require(record, "return_map", *NEEDS, "rested")
     one = record.isel(realization=realization)

@@ -75,6 +75,13 @@ class Scene:
     ------
     ParameterError
         A value is of the wrong kind or outside its range, or two contradict each other.
+
+    Examples
+    --------
+    >>> from vibrosweep.analysis.scene import Scene
+    >>> scene = Scene(base="moving", base_acceleration=0.9, restitution=0.7, particles=20)
+    >>> scene.launch, scene.contact_time
+    ('staggered', 0.0001)
     """
 
     restitution: float = PARAMETERS["restitution"].default

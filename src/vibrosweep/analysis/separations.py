@@ -55,6 +55,15 @@ def separation_distribution(
         The sweep lacks a variable.
     ParameterError
         The measure is not one of the two.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.separations import separation_distribution
+    >>> sweep = vs.sweep(amplitude=(0.2, 3.5), realizations=50, particles=2, separation=True)
+    >>> found = separation_distribution(sweep, quantiles=[0.5])
+    >>> found.separation.dims, found.separation_quantile.attrs["units"]
+    (('rank',), 's')
     """
     sweep = flat(sweep)
     _require_separations(sweep, "separation_distribution", measure)
@@ -105,6 +114,14 @@ def separation_against(
     ------
     DataError
         The sweep lacks a variable, or the parameter is the same in all realizations.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.separations import separation_against
+    >>> sweep = vs.sweep(amplitude=(0.2, 3.5), realizations=50, particles=2, separation=True)
+    >>> separation_against(sweep, "amplitude", bins=5).separation_quantile.dims
+    ('part', 'quantile')
     """
     sweep = flat(sweep)
     _require_separations(sweep, "separation_against", measure)
@@ -153,6 +170,15 @@ def compare_separations(
     ------
     DataError
         A sweep lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.separations import compare_separations
+    >>> asked = {"amplitude": (0.2, 3.5), "realizations": 50, "separation": True}
+    >>> found = compare_separations([vs.sweep(**asked, particles=n) for n in (2, 5)])
+    >>> found.particles.values.tolist()
+    [2, 5]
     """
     sweeps = [flat(sweep) for sweep in sweeps]
     for sweep in sweeps:

@@ -124,6 +124,14 @@ def find_windows(
     ParameterError
         A value is outside its range, a condition cannot be continued, or the points of the scan do
         not fit into memory.
+
+    Examples
+    --------
+    >>> from vibrosweep.analysis.scene import Scene
+    >>> from vibrosweep.analysis.windows import find_windows
+    >>> found = find_windows(Scene(), [0.8, 0.9], [0.1, 1.0, 2.0, 4.0], ["locked(1)"])
+    >>> found.A_min.squeeze().values.round(6)
+    array([0.981 , 0.4905])
     """
     if forcing not in FORCINGS:
         raise ParameterError(f"forcing = {forcing!r}: must be one of {', '.join(FORCINGS)}")

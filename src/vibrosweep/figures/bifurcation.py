@@ -41,6 +41,14 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     ------
     DataError
         The dataset lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures.bifurcation import bifurcation_diagram
+    >>> found = vs.bifurcation(amplitude=[0.6, 0.7, 0.8], samples=4, duration_periods=2000)
+    >>> len(bifurcation_diagram(found).axes)
+    2
     """
     NEEDS.check("bifurcation_diagram", diagram)
     figure = Figure(figsize=(style.PAGE, 5.0), layout="constrained")

@@ -92,6 +92,13 @@ def height_time(
         The record lacks a variable.
     ParameterError
         There is no such particle or realization, or ``until`` is not after the first launch.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import height_time
+    >>> height_time(vs.simulate(launch_time=[0.0, 0.125]), until=5.0).axes[0].get_xlabel()
+    'time $t$ (s)'
     """
     NEEDS.check("height_time", record)
     one = data.one_realization(record, realization)

@@ -54,6 +54,14 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
     ------
     DataError
         The dataset lacks a variable, or restitution or amplitude does not vary.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import parameter_plane
+    >>> sweep = vs.sweep(restitution=(0.8, 0.98), amplitude=(0.2, 3.5), realizations=50)
+    >>> parameter_plane(sweep, "flight_time_mean").axes[0].get_xlabel()
+    'restitution $e$'
     """
     sweep = flat(sweep)
     if variable is None:

@@ -153,6 +153,13 @@ def available(sweep: xr.Dataset | None, record: xr.Dataset | None) -> list[str]:
     -------
     list of str
         Keys of `FIGURES`.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import available
+    >>> available(None, vs.simulate())
+    ['height_time', 'height_time_all', 'return_map']
     """
     lacking = missing(sweep, record)
     return [name for name in FIGURES if name not in lacking]
@@ -196,6 +203,14 @@ def save_all(
     ------
     OutputError
         The directory or a file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, vibrosweep as vs
+    >>> from vibrosweep.figures import save_all
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     len(save_all(None, vs.simulate(), folder))
+    6
     """
     sources = {"sweep": sweep, "record": record}
     written = []

@@ -65,6 +65,14 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     ------
     DataError
         The dataset lacks a variable, or the restitution does not vary.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import height_against_restitution
+    >>> sweep = vs.sweep(restitution=(0.8, 0.98), realizations=50)
+    >>> height_against_restitution(sweep).axes[0].get_xlabel()
+    'restitution $e$'
     """
     sweep = flat(sweep)
     NEEDS.check("height_against_restitution", sweep)

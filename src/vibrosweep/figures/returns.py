@@ -64,6 +64,13 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
         The record lacks a variable.
     ParameterError
         There is no such realization.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import return_map
+    >>> return_map(vs.simulate(launch_time=[0.0, 0.125])).axes[0].get_xlabel()
+    'arrival speed $v_n$ (m s$^{-1}$)'
     """
     from vibrosweep.analysis.returns import return_points  # loads xarray, which drawing does not
 

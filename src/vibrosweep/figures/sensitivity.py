@@ -30,6 +30,14 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
     -------
     matplotlib.figure.Figure
         The figure, which is neither shown nor written.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures.sensitivity import sobol_bars
+    >>> found = vs.sobol(restitution=(0.8, 0.98), amplitude=(0.2, 3.5), realizations=64)
+    >>> len(sobol_bars(found).axes) == found.sizes["output"]
+    True
     """
     outputs = [str(name) for name in indices["output"].values]
     names = [str(name) for name in indices["parameter"].values]

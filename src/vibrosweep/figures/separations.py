@@ -38,6 +38,14 @@ def distributions(found: Sequence[xr.Dataset], names: Sequence[str], contact_tim
     -------
     matplotlib.figure.Figure
         The figure, which is neither shown nor written.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures.separations import distributions
+    >>> sweep = vs.sweep(amplitude=(0.2, 3.5), realizations=50, particles=2, separation=True)
+    >>> distributions([vs.separations(sweep)], ["two particles"], 1e-4).axes[0].get_xscale()
+    'log'
     """
     figure, axes = style.new_figure(style.MEDIUM, 2.9)
     for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
@@ -81,6 +89,15 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
     -------
     matplotlib.figure.Figure
         The figure, which is neither shown nor written.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis.decay import slot_decay
+    >>> from vibrosweep.figures.separations import decay_in_a_slot
+    >>> found = slot_decay(vs.simulate(launch_time=[0.125, 0.13], duration=200.0))
+    >>> decay_in_a_slot(found).axes[0].get_yscale()
+    'log'
     """
     one = found.isel(realization=realization)
     separation = np.abs(one["separation"].values)

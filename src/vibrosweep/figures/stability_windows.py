@@ -53,6 +53,14 @@ def stability_windows(windows: xr.Dataset) -> Figure:
     ------
     DataError
         The dataset lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures.stability_windows import stability_windows
+    >>> found = vs.windows(restitution=[0.8, 0.9], amplitude=[0.1, 1.0, 2.0, 4.0])
+    >>> stability_windows(found).axes[0].get_xlabel()
+    'coefficient of restitution $e$'
     """
     symbol = FORCINGS[_scanned(windows)].symbol
     needs = data.Needs((f"{symbol}_min", f"{symbol}_max", *NEEDS))

@@ -58,6 +58,16 @@ def quantities(
     -------
     xarray.Dataset
         The scalars of `QUANTITY_UNITS`.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.lab.agreement import quantities
+    >>> from vibrosweep.lab.experiment import Experiment, perform_trials
+    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
+    >>> found = quantities(vs.lab.find_impacts(film[0].tracks), frequency=20.0)
+    >>> found.rebound_height_mean.dims
+    ()
     """
     good = impacts["quality"].values == BOUNCED
     flight = impacts["flight_time"].values
@@ -121,6 +131,16 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
         Dim quantity: ``mean``, ``sd``, ``variation`` (sd / mean; NaN for phases, for which the sd
         speaks), and ``accepted``: 1 below the study's criterion of 8 %, 0 above, -1 where there
         is nothing to judge.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.lab.agreement import agreement, quantities
+    >>> from vibrosweep.lab.experiment import Experiment, perform_trials
+    >>> film = perform_trials(Experiment(particles=2, repeats=2, transient=5.0, duration=5.0))
+    >>> trials = [quantities(vs.lab.find_impacts(one.tracks), frequency=20.0) for one in film]
+    >>> agreement(trials)["mean"].dims
+    ('quantity',)
     """
     values = np.array([[float(trial[name]) for name in QUANTITY_UNITS] for trial in trials])
     names = list(QUANTITY_UNITS)

@@ -79,7 +79,12 @@ def compare_tracks(
     Returns
     -------
     xarray.Dataset
-        As of `compare`: dims (case, quantity, reading), errors in per cent and what explains them.
+        Dims (case, quantity, reading): ``error`` in per cent, ``|measured - predicted| /
+        measured``, the mean over the repeats, and what of it ``frames``, ``pixels`` and
+        ``parameters`` explain by themselves (in per cent of the measured value); they add in
+        squares.  Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats,
+        ``predicted`` (m, s).  Dim case: ``particles``, ``repeats``, ``compared``, and the
+        parameters used.
 
     Raises
     ------
@@ -123,12 +128,7 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
     Returns
     -------
     xarray.Dataset
-        Dims (case, quantity, reading): ``error`` in per cent, ``|measured - predicted| /
-        measured``, the mean over the repeats, and what of it ``frames``, ``pixels`` and
-        ``parameters`` explain by themselves (in per cent of the measured value); they add in
-        squares.  Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats,
-        ``predicted`` (m, s).  Dim case: ``particles``, ``repeats``, ``compared``, and the
-        parameters used.
+        As of `compare_tracks`.
 
     Raises
     ------

@@ -115,6 +115,12 @@ class Experiment:
     ------
     ParameterError
         An imperfection cannot be computed over this base.
+
+    Examples
+    --------
+    >>> from vibrosweep.lab.experiment import Experiment
+    >>> Experiment(particles=2, transient=5.0, duration=5.0).launch
+    'staggered'
     """
 
     scene: Mapping[str, float] = field(default_factory=lambda: dict(LABORATORY))
@@ -185,6 +191,13 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
     -------
     list of Trial
         For each repeat the tracks that the camera saw, and the landings and parameters behind them.
+
+    Examples
+    --------
+    >>> from vibrosweep.lab.experiment import Experiment, perform_trials
+    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
+    >>> film[0].tracks.height.dims
+    ('frame', 'particle')
     """
     same, *repeats = np.random.SeedSequence(experiment.seed).spawn(experiment.repeats + 1)
     variation, rng = experiment.variation, np.random.default_rng(same)

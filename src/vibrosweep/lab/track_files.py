@@ -132,6 +132,16 @@ def tracks_from_frame(
     ------
     TrackError
         The table holds no tracks.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from vibrosweep.lab.track_files import tracks_from_frame
+    >>> time = np.arange(60) / 100.0
+    >>> height = 0.05 - 4.9 * (time % 0.2 - 0.1) ** 2
+    >>> table = pd.DataFrame({"time": time, "particle": "ball", "height": height})
+    >>> tracks_from_frame(table).height.dims
+    ('frame', 'particle')
     """
     for name, value in (("frame_rate", frame_rate), ("scale", scale)):
         if value is not None and not (np.isfinite(value) and value > 0.0):

@@ -41,6 +41,15 @@ def make_tracks(
     ------
     TrackError
         There is nothing to see, or the times do not rise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vibrosweep.lab.tracks import make_tracks
+    >>> time = np.arange(60) / 100.0
+    >>> height = 0.05 - 4.9 * (time % 0.2 - 0.1) ** 2
+    >>> make_tracks(time, height[:, np.newaxis]).height.shape
+    (60, 1)
     """
     times = np.asarray(time, dtype=np.float64)
     heights = np.asarray(height, dtype=np.float64)

@@ -419,15 +419,15 @@ _ORDERING: Final = Measure(
                 _R,
                 "1",
                 f"order parameter of the last landings at {words} forcing frequency",
-                "absolute value of the mean of exp(2 pi i h f t) over the last landing of each "
-                f"particle, h = {harmonic}; 1: all at one phase; NaN where none has landed",
+                "absolute value of the mean of exp(2 pi i F t), F that frequency, over the last "
+                "landing of each particle; 1: all at one phase; NaN where none has landed",
             )
-            for name, words, harmonic in (
-                ("1", "the", "1"),
-                ("2", "twice the", "2"),
-                ("3", "three times the", "3"),
-                ("half", "half the", "1/2"),
-                ("third", "a third of the", "1/3"),
+            for name, words in (
+                ("1", "the"),
+                ("2", "twice the"),
+                ("3", "three times the"),
+                ("half", "half the"),
+                ("third", "a third of the"),
             )
         ),
         _real(

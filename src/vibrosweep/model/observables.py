@@ -43,6 +43,16 @@ class Landing(NamedTuple):
         period.  After a rest, the rebound is the speed at its end.
     rests
         Whether the particle stays on the base.
+
+    Examples
+    --------
+    >>> import numpy as np, vibrosweep as vs
+    >>> def rests(totals, landing):
+    ...     totals[0] += landing.rests
+    >>> totals = np.zeros(1)
+    >>> rests(totals, vs.Landing(phase=0.1, flight_time=0.5, arrival=0.5, rebound=0.0, rests=True))
+    >>> totals
+    array([1.])
     """
 
     phase: float
