@@ -99,7 +99,7 @@ def test_two_workers_give_the_bytes_of_a_local_run(two, local, tmp_path, chunk):
         output,
         threads=1,
         chunk=chunk,
-        runner=cluster.on_dask(two),
+        runner=cluster.on_dask(two, cluster.LOCAL_ABSENCE),
         advance=lambda done, total: ticks.append((done, total)),
     )
     assert same_bytes(output, local)
@@ -122,7 +122,13 @@ def test_a_table_is_found_by_workers_elsewhere(two, tmp_path, monkeypatch):
     (tmp_path / "sweep.toml").write_text('title = "x"\n[sample]\ndesign = "table.csv"')
     monkeypatch.chdir(tmp_path)
     output = Path("out.h5")
-    run_sweep(read_spec("sweep.toml"), output, threads=1, chunk=1, runner=cluster.on_dask(two))
+    run_sweep(
+        read_spec("sweep.toml"),
+        output,
+        threads=1,
+        chunk=1,
+        runner=cluster.on_dask(two, cluster.LOCAL_ABSENCE),
+    )
     assert xr.load_dataset(output)["restitution"].values.tolist() == [0.9, 0.8]
 
 
@@ -143,7 +149,7 @@ def test_a_worker_that_is_killed_costs_its_chunk_only(two, local, tmp_path):
         output,
         threads=1,
         chunk=1,
-        runner=cluster.on_dask(two),
+        runner=cluster.on_dask(two, cluster.LOCAL_ABSENCE),
         advance=advance,
     )
     assert len(killed) == 2
@@ -160,7 +166,9 @@ def writing(client, write):
 
     def run(job, indices, tick):
         parts = Writing(job.parts.directory, job.parts.manifest)
-        return cluster.on_dask(client)(replace(job, parts=parts), indices, tick)
+        return cluster.on_dask(client, cluster.LOCAL_ABSENCE)(
+            replace(job, parts=parts), indices, tick
+        )
 
     return run
 
@@ -251,7 +259,14 @@ time.sleep(60)
         cluster.connected(scheduler.stdout.readline().strip()) as client,
         pytest.raises(RunError, match=r"the scheduler of the Dask cluster has gone; \d+ of 40"),
     ):
-        run_sweep(spec, output, threads=1, chunk=1, runner=cluster.on_dask(client), advance=advance)
+        run_sweep(
+            spec,
+            output,
+            threads=1,
+            chunk=1,
+            runner=cluster.on_dask(client, cluster.LOCAL_ABSENCE),
+            advance=advance,
+        )
     scheduler.stdout.close()
     kept = len(list(tmp_path.glob("out.h5.parts/chunk-*.part")))
     assert 5 <= kept < 40
