@@ -52,6 +52,7 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_math_renderer = "mathml"  # drawn by the browser: nothing is loaded from elsewhere
 html_show_sourcelink = False
+html_sidebars = {page: [] for page in ("index", "start", "gallery")}  # nothing is below them
 html_theme_options = {
     "navbar_align": "left",
     "header_links_before_dropdown": 7,

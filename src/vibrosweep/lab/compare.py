@@ -98,7 +98,8 @@ def compare_tracks(
     >>> import vibrosweep as vs
     >>> from vibrosweep.lab.experiment import Experiment, perform_trials
     >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
-    >>> found = vs.lab.compare_tracks(film[0].tracks, restitution=0.9, frequency=20.0, draws=4)
+    >>> known = {"restitution": 0.9, "amplitude": 0.06, "frequency": 20.0}
+    >>> found = vs.lab.compare_tracks(film[0].tracks, **known)
     >>> found.error.dims
     ('case', 'quantity', 'reading')
     """

@@ -77,7 +77,7 @@ def read_tracks(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     table.to_csv(f"{folder}/track.csv", index=False)
     ...     vs.lab.read_tracks(f"{folder}/track.csv").height.dims
-    ('time', 'particle')
+    ('frame', 'particle')
     """
     import pandas as pd
 
