@@ -14,7 +14,7 @@ from vibrosweep.figures import style
 from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
 
-__all__ = ["Curve", "draw_windows", "window_curves"]
+__all__ = ["Curve", "draw_windows", "per_amplitude", "window_curves"]
 
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201
@@ -71,7 +71,7 @@ def window_curves(
         The modes k.
     """
     e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
-    scale = _per_amplitude(forcing, e)
+    scale = per_amplitude(forcing.name, e, forcing.frequency, forcing.gravity)
     ends = (False, theory.amplitude_min), (True, partial(theory.amplitude_max, base=forcing.base))
     curves = [
         Curve(k, is_upper, e, end(k, e, forcing.frequency, forcing.gravity) * scale)
@@ -82,17 +82,25 @@ def window_curves(
     return [c for c in curves if np.any((c.forcing > low) & (c.forcing < high))]
 
 
-def _per_amplitude(forcing: Forcing, e: Array) -> Array:
-    """What is drawn, over the amplitude A = (1 + e) V0."""
-    if forcing.name == "amplitude":
+def per_amplitude(name: str, e: Array, frequency: float | Array, gravity: float | Array) -> Array:
+    """Return a forcing over the amplitude A = (1 + e) V0 that it makes.
+
+    Parameters
+    ----------
+    name
+        One of `vibrosweep.model.forcing.FORCINGS`.
+    e, frequency, gravity
+        Restitution, Hz and m s-2; they broadcast.
+    """
+    if name == "amplitude":
         return np.ones_like(e)
-    omega = 2.0 * np.pi * forcing.frequency
+    omega = 2.0 * np.pi * frequency
     units = {
         "base_velocity": 1.0,
         "base_displacement": 1.0 / omega,
-        "base_acceleration": omega / forcing.gravity,
+        "base_acceleration": omega / gravity,
     }
-    return units[forcing.name] / (1.0 + e)
+    return np.asarray(units[name] / (1.0 + e))
 
 
 def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[int] = MODES) -> None:

@@ -1,0 +1,59 @@
+"""``vibrosweep explore``: look at a result in a browser, and at the motion behind every point."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Final
+
+from vibrosweep.commands.arguments import whole
+from vibrosweep.errors import VibrosweepError
+
+__all__ = ["HELP", "NAME", "MissingBokehError", "add_arguments", "perform"]
+
+NAME: Final = "explore"
+HELP: Final = "look at a result in a browser, and at the motion behind every point of it"
+
+
+class MissingBokehError(VibrosweepError, ImportError):
+    """The page needs bokeh, which is not installed."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("result", metavar="OUT.h5", type=Path)
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="PAGE.html",
+        type=Path,
+        help="write one file that works without this program, instead of serving the page",
+    )
+    parser.add_argument("--force", action="store_true", help="replace an existing PAGE.html")
+    parser.add_argument(
+        "--port", metavar="N", type=whole, default=0, help="of this machine; default: a free one"
+    )
+
+
+def perform(options: argparse.Namespace) -> None:
+    """Carry the command out."""
+    from vibrosweep.explore.points import open_points
+
+    try:
+        import bokeh  # noqa: F401
+    except ImportError as error:
+        raise MissingBokehError(
+            'the page is made with bokeh, which is not installed: pip install "vibrosweep[explore]"'
+        ) from error
+    points = open_points(options.result)
+    if options.output is not None:
+        from vibrosweep.explore.static import write_page
+
+        print(write_page(points, options.output, force=options.force))
+        return
+    from vibrosweep.explore.server import serve
+
+    def started(address: str) -> None:
+        print(f"{points.title}: {address} (Ctrl-C ends it)", flush=True)
+
+    serve(points, options.port, started)

@@ -1,0 +1,145 @@
+"""One realization that is looked at: its parameters, launches and base."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+from vibrosweep.engine.landings import launch_times
+from vibrosweep.model.forcing import inputs_of
+from vibrosweep.model.mount import SPRUNG
+from vibrosweep.model.parameters import BASES, LAWS, STAGGERED
+from vibrosweep.model.times import Periods, Time, amount
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["MOST_PERIODS", "OBSERVED_PERIODS", "Choice", "Spread"]
+
+# Forcing periods that are drawn of a longer observation, and that tell regimes and exponents
+MOST_PERIODS: Final = 100.0
+OBSERVED_PERIODS: Final = 2000.0
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Launches at equal intervals.
+
+    Attributes
+    ----------
+    first
+        Launch of the first particle, forcing periods.
+    width
+        Forcing periods over which they are spread; 1 is ``launch = "staggered"``.
+    """
+
+    first: float = 0.0
+    width: float = 1.0
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is simulated.
+
+    Attributes
+    ----------
+    inputs
+        Name of `vibrosweep.model.forcing.INPUTS` -> value, exactly one forcing among them; what is
+        of a mount only counts over a sprung base.
+    base, rebound
+        As of `vibrosweep.simulate`.
+    particles
+        Their number.
+    launch
+        A `Spread`, or the launch time of each particle in s.
+    end
+        End of what is drawn, in s or in forcing periods.
+    """
+
+    inputs: Mapping[str, float]
+    base: str = BASES[0]
+    rebound: str = LAWS[0]
+    particles: int = 1
+    launch: Spread | tuple[float, ...] = Spread()
+    end: Time = 12.0
+
+    @property
+    def launch_time(self) -> tuple[float, ...]:
+        """Launch time of each particle, s."""
+        if not isinstance(self.launch, Spread):
+            return self.launch
+        frequency = self.inputs["frequency"]
+        times = launch_times(STAGGERED, self.particles, frequency) * self.launch.width
+        return tuple((times + self.launch.first / frequency).tolist())
+
+    @property
+    def periods(self) -> float:
+        """End of what is drawn, in forcing periods."""
+        number = amount(self.end)
+        return number if isinstance(self.end, Periods) else number * self.inputs["frequency"]
+
+    def shortened(self, most: float = MOST_PERIODS) -> Choice:
+        """Return the same with at most so many forcing periods."""
+        return self.lasting(most) if self.periods > most else self
+
+    def lasting(self, periods: float) -> Choice:
+        """Return the same with another end of what is drawn, in forcing periods."""
+        return replace(self, end=Periods(periods))
+
+    def with_inputs(self, **values: float) -> Choice:
+        """Return the same with other values of parameters."""
+        return replace(self, inputs={**self.inputs, **values})
+
+    def over(self, base: str) -> Choice:
+        """Return the same over another base, with the one law of rebound that holds over all."""
+        return self if base == self.base else replace(self, base=base, rebound=LAWS[0])
+
+    def with_particles(self, particles: int) -> Choice:
+        """Return the same with more or fewer particles; listed launches become staggered."""
+        if particles == self.particles:
+            return self
+        launch = self.launch if isinstance(self.launch, Spread) else Spread()
+        return replace(self, particles=particles, launch=launch)
+
+    def keywords(self) -> dict[str, Any]:
+        """Keywords of `vibrosweep.simulate`."""
+        used = inputs_of(self.inputs, self.base)
+        return {
+            **{name: self.inputs[name] for name in used},
+            "launch_time": list(self.launch_time),
+            **self._observed(),
+        }
+
+    def sweep_keywords(self) -> dict[str, Any]:
+        """Keywords of `vibrosweep.sweep` for the same particles, without physical parameters."""
+        staggered = self.launch == Spread()
+        launch = STAGGERED if staggered else list(self.launch_time)
+        return {"particles": self.particles, "launch": launch, **self._observed()}
+
+    def _observed(self) -> dict[str, Any]:
+        end = "duration_periods" if isinstance(self.end, Periods) else "duration"
+        return {end: amount(self.end), "base": self.base, "rebound": self.rebound}
+
+    def simulate(self) -> xr.Dataset:
+        """Every landing, as `vibrosweep.simulate` returns it."""
+        from vibrosweep.api.simulation import simulate
+
+        return simulate(**self.keywords())
+
+    def observe(self) -> xr.Dataset:
+        """Regimes, exponents and separations, as `vibrosweep.sweep` returns them.
+
+        Particles are observed for `OBSERVED_PERIODS`; those that a base of finite mass couples as
+        long as they are drawn, for each landing of theirs takes much longer.
+        """
+        from vibrosweep.api.sweeps import sweep
+
+        coupled = self.base == SPRUNG
+        longer = self if coupled else self.lasting(max(OBSERVED_PERIODS, self.periods))
+        asked: dict[str, Any] = {
+            **{name: self.inputs[name] for name in inputs_of(self.inputs, self.base)},
+            **longer.sweep_keywords(),
+            **dict.fromkeys(("joint",) if coupled else ("regimes", "lyapunov"), True),
+        }
+        return sweep(separation=True, progress=False, **asked)

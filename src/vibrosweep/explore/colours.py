@@ -1,0 +1,109 @@
+"""How numbers, codes and particles are coloured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from bokeh.models import (
+    BasicTicker,
+    ColorMapper,
+    FixedTicker,
+    LinearColorMapper,
+    LogColorMapper,
+)
+from bokeh.palettes import Viridis256
+from numpy.typing import NDArray
+
+from vibrosweep.explore.points import Column
+from vibrosweep.figures.style import OKABE_ITO
+
+__all__ = ["GREY", "Colouring", "colouring", "particle_colours"]
+
+Array = NDArray[np.float64]
+GREY: Final = "#b5b5b5"
+NAMED: Final = (*OKABE_ITO, GREY)
+UNKNOWN: Final = "rgba(0, 0, 0, 0)"
+
+
+@dataclass(frozen=True)
+class Colouring:
+    """Colours of a column.
+
+    Attributes
+    ----------
+    values
+        What is coloured, shape (point,): the numbers, or for codes their position in `names`.
+    mapper
+        From those to colours.
+    names
+        Meanings of the codes that occur, the last of them that of all further ones.
+    title
+        Label of the column, and what a colour beside the scale means.
+    """
+
+    values: Array
+    mapper: ColorMapper
+    title: str
+    names: Sequence[str] = ()
+
+    @property
+    def scale(self) -> dict[str, Any]:
+        """What a colour bar of it has."""
+        names = self.names
+        return {
+            "color_mapper": self.mapper,
+            "ticker": FixedTicker(ticks=list(range(len(names)))) if names else BasicTicker(),
+            "major_label_overrides": dict(enumerate(names)),
+        }
+
+
+def colouring(column: Column) -> Colouring:
+    """Colour a column: codes in a palette, numbers along a scale, zeros of a long one in grey."""
+    if column.codes:
+        return _of_codes(column)
+    values = column.values
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    positive = known[known > 0.0]
+    if column.zero_apart and positive.size:
+        # a few almost coincident landings would spread the scale over all of double precision
+        least = max(float(np.quantile(positive, 0.01)), 1e-6 * high)
+        title = f"{column.label}, grey: 0" if low == 0.0 else column.label
+        return Colouring(values, _scale(LogColorMapper, least, max(high, 1.01 * least)), title)
+    if low == high:
+        low, high = low - 0.5, high + 0.5
+    title = f"{column.label}, grey: -∞" if np.any(values == -np.inf) else column.label
+    return Colouring(values, _scale(LinearColorMapper, low, high), title)
+
+
+def _scale(kind: type[ColorMapper], low: float, high: float) -> ColorMapper:
+    return kind(palette=Viridis256, low=low, high=high, low_color=GREY, nan_color=UNKNOWN)
+
+
+def _of_codes(column: Column) -> Colouring:
+    there = [code for code in column.codes if np.any(column.values == code)]
+    names = [column.codes[code] for code in there]
+    if len(there) > len(NAMED):
+        rest = len(there) - len(NAMED) + 1
+        names = [*names[: len(NAMED) - 1], f"{rest} others"]
+    position = np.full(column.values.shape, np.nan)
+    for i, code in enumerate(there):
+        position[column.values == code] = min(i, len(names) - 1)
+    mapper = LinearColorMapper(
+        palette=NAMED[: len(names)] if len(names) < len(NAMED) else NAMED,
+        low=-0.5,
+        high=max(len(names), 1) - 0.5,
+        nan_color=UNKNOWN,
+    )
+    return Colouring(position, mapper, column.label, names)
+
+
+def particle_colours(count: int) -> list[str]:
+    """One colour for each particle."""
+    if count <= len(OKABE_ITO):
+        return list(OKABE_ITO[:count])
+    # the palest tenth is left out: thin lines would vanish on white paper
+    return [Viridis256[int(i)] for i in np.linspace(0, 0.9 * 255, count)]

@@ -1,0 +1,151 @@
+"""Sliders for every parameter, for launches and time, and the choice of the base."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+from bokeh.layouts import column, row
+from bokeh.models import CheckboxGroup, RadioButtonGroup, Slider
+
+from vibrosweep.explore.choice import Choice, Spread
+from vibrosweep.explore.labels import input_label
+from vibrosweep.explore.points import Points
+from vibrosweep.model.forcing import INPUTS, inputs_of
+from vibrosweep.model.parameters import BASES, MOUNT
+
+__all__ = ["MOUNT_VALUES", "Controls"]
+
+# Of a mount where the result has none: values at which bunching shows
+MOUNT_VALUES: Final = {"mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
+STEPS: Final = 400
+WIDTH: Final = 190  # pixels at least
+# Ranges that do not follow from the value alone
+RANGES: Final = {
+    "restitution": (0.0, 1.0),
+    "phase": (-math.pi, math.pi),
+    "mount_damping": (0.0, 1.0),
+}
+OF_LAUNCH: Final = {
+    "particles": ("number of particles", 1, 100, 1),
+    "first": ("first launch (forcing periods)", 0.0, 1.0, 0.005),
+    "width": ("launches spread over (forcing periods)", 0.0, 2.0, 0.005),
+    "periods": ("duration (forcing periods)", 1.0, 200.0, 1.0),
+}
+
+
+class Controls:
+    """Widgets that hold a choice and change it.
+
+    Parameters
+    ----------
+    points
+        Whose parameters set the ranges of the sliders.
+    choice
+        What is shown at first.
+    changed
+        Called with nothing when a widget was moved; the choice is `choice` then.
+    """
+
+    def __init__(self, points: Points, choice: Choice, changed: Callable[[], None]) -> None:
+        self.choice = choice
+        self._changed = changed
+        self._setting = False
+        inputs = {**MOUNT_VALUES, **choice.inputs}
+        names = [name for name in INPUTS if name in inputs_of(inputs, BASES[2])]
+        self.choice = replace(choice, inputs={name: inputs[name] for name in names})
+        self.sliders = {name: self._slider(name, points) for name in names}
+        self.launch = {
+            name: Slider(title=title, start=low, end=high, step=step, value=low, name=name)
+            for name, (title, low, high, step) in OF_LAUNCH.items()
+        }
+        for name, slider in {**self.sliders, **self.launch}.items():
+            slider.update(sizing_mode="stretch_width", min_width=WIDTH)
+            slider.on_change("value", self._mover(name))
+        self.base = RadioButtonGroup(labels=list(BASES), active=0, name="base")
+        self.base.on_change("active", self._mover("base"))
+        self.both = CheckboxGroup(
+            labels=["high-bounce and moving base side by side"], active=[], name="both"
+        )
+        self.both.on_change("active", lambda attribute, old, new: self._changed())
+        self.layout = column(
+            self.base,
+            self.both,
+            row(
+                *self.sliders.values(),
+                *self.launch.values(),
+                sizing_mode="stretch_width",
+                styles={"flex-wrap": "wrap"},
+            ),
+            sizing_mode="stretch_width",
+            name="controls",
+        )
+        self.set(self.choice)
+
+    def set(self, choice: Choice) -> None:
+        """Take over a choice; what is of a mount stays where the choice says nothing of it."""
+        self.choice = replace(choice, inputs={**self.choice.inputs, **choice.inputs})
+        self._setting = True
+        try:
+            for name, slider in self.sliders.items():
+                self._move(slider, self.choice.inputs[name])
+                slider.visible = name not in MOUNT or choice.base == BASES[2]
+            launch = choice.launch if isinstance(choice.launch, Spread) else Spread()
+            self._move(self.launch["particles"], choice.particles)
+            self._move(self.launch["first"], launch.first)
+            self._move(self.launch["width"], launch.width)
+            self._move(self.launch["periods"], self.choice.periods)
+            self.base.active = BASES.index(choice.base)
+        finally:
+            self._setting = False
+
+    def _slider(self, name: str, points: Points) -> Slider:
+        values = [self.choice.inputs[name]]
+        if name in points.columns:
+            known = points.columns[name].values
+            values += [float(known.min()), float(known.max())]
+        low, high = RANGES.get(name, (0.0, 2.0 * max(map(abs, values)) or 1.0))
+        parameter = INPUTS[name]
+        if parameter.low > 0.0:
+            low = min(values) / 10.0
+        low, high = min(low, *values), max(high, *values)
+        step = float(f"{(high - low) / STEPS:.1g}")
+        return Slider(
+            title=input_label(name),
+            start=low,
+            end=min(high, parameter.high),
+            step=step,
+            value=values[0],
+            format="0[.]000[000]",
+            name=name,
+        )
+
+    def _move(self, slider: Slider, value: float) -> None:
+        slider.update(start=min(slider.start, value), end=max(slider.end, value), value=value)
+
+    def _mover(self, name: str) -> Callable[[str, Any, Any], None]:
+        def moved(attribute: str, old: Any, new: Any) -> None:
+            if self._setting:
+                return
+            self.choice = self._after(name, new)
+            if name == "base":
+                self.set(self.choice)
+            self._changed()
+
+        return moved
+
+    def _after(self, name: str, value: Any) -> Choice:
+        """Return the choice after a widget was moved."""
+        choice = self.choice
+        if name in self.sliders:
+            return choice.with_inputs(**{name: float(value)})
+        if name == "base":
+            return choice.over(BASES[value])
+        if name == "particles":
+            return choice.with_particles(int(value))
+        if name == "periods":
+            return choice.lasting(float(value))
+        launch = choice.launch if isinstance(choice.launch, Spread) else Spread()
+        return replace(choice, launch=replace(launch, **{name: float(value)}))

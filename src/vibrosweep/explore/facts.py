@@ -1,0 +1,103 @@
+"""What is said in words of a realization: its regimes, exponents and separations."""
+
+from __future__ import annotations
+
+import html
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from vibrosweep.errors import VibrosweepError
+from vibrosweep.explore.choice import Choice
+from vibrosweep.explore.labels import SYMBOLS, units_text
+from vibrosweep.model.forcing import INPUTS, inputs_of
+from vibrosweep.model.mount import SPRUNG
+
+__all__ = ["facts", "facts_html", "named"]
+
+
+def named(choice: Choice) -> str:
+    """Parameters and base of a choice in one line."""
+    parts = []
+    for name in inputs_of(choice.inputs, choice.base):
+        unit = units_text(INPUTS[name].units)
+        parts.append(f"{SYMBOLS[name]} = {choice.inputs[name]:.5g}{unit and f' {unit}'}")
+    return ", ".join([f"{choice.base} base", *parts])
+
+
+def facts(choice: Choice, observed: xr.Dataset) -> Iterator[tuple[str, str]]:
+    """Name and value of what is known of a realization.
+
+    Parameters
+    ----------
+    choice
+        What was asked for.
+    observed
+        As `Choice.observe` returns it.
+    """
+    one = observed.isel(realization=0)
+    yield "observed", _period_text(float(one["duration"]) * choice.inputs["frequency"])
+    yield "acceleration of the base Γ", f"{float(one['base_acceleration']):.5g}"
+    if choice.base == SPRUNG:
+        yield from _joint(one)
+    else:
+        yield "regimes of particles", ", ".join(_regimes(one))
+        yield "largest Lyapunov exponent per impact", _range(one["lyapunov_largest"].values)
+        yield "orbits, slots", f"{int(one['orbit_count'])}, {int(one['slot_count'])}"
+    yield "largest rebound height", f"{float(one['rebound_height_max']):.5g} m"
+    if choice.particles > 1:
+        yield "smallest separation Δt min", f"{float(one['dt_min']):.5g} s"
+        shared = {1: "yes", 0: "no"}.get(int(one["base_shared"]), "not known")
+        yield "two particles on the base at once", shared
+
+
+def facts_html(choice: Choice) -> str:
+    """`facts` of a realization as a table, or why they cannot be had."""
+    try:
+        found = list(facts(choice, choice.observe()))
+    except VibrosweepError as error:
+        return html.escape(str(error))
+    rows = (f"<tr><td>{html.escape(a)}</td><td>{html.escape(b)}</td></tr>" for a, b in found)
+    return f"<table>{''.join(rows)}</table>"
+
+
+def _joint(one: xr.Dataset) -> Iterator[tuple[str, str]]:
+    attributes = one["joint_regime"].attrs
+    codes = np.atleast_1d(attributes["flag_values"]).tolist()
+    meanings = dict(zip(codes, str(attributes["flag_meanings"]).split(), strict=True))
+    yield "regime of all together", meanings[int(one["joint_regime"])].replace("_", " ")
+    exponent = float(one["joint_lyapunov"])
+    yield "largest Lyapunov exponent per period", f"{exponent:.5g}"
+
+
+def _regimes(one: xr.Dataset) -> Iterator[str]:
+    """Number of particles of each regime, with the cycle that they follow."""
+    attributes = one["regime"].attrs
+    codes = np.atleast_1d(attributes["flag_values"]).tolist()
+    meanings = dict(zip(codes, str(attributes["flag_meanings"]).split(), strict=True))
+    names = ("regime", "cycle_impacts", "cycle_periods")
+    kinds = Counter(zip(*(one[name].values.tolist() for name in names), strict=True))
+    for (regime, impacts, periods), count in kinds.most_common():
+        cycle = (
+            f" ({_some(impacts, 'impact')} in {_some(periods, 'period')})" if impacts > 0 else ""
+        )
+        yield f"{count} {meanings.get(regime, 'not known').replace('_', ' ')}{cycle}"
+
+
+def _some(number: int, thing: str) -> str:
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def _range(values: np.ndarray) -> str:
+    known = values[~np.isnan(values)]
+    if not known.size:
+        return "not known"
+    low, high = float(known.min()), float(known.max())
+    texts = [("-∞" if v == -np.inf else f"{v:.5g}") for v in (low, high)]
+    return texts[0] if low == high else f"{texts[0]} to {texts[1]}"
+
+
+def _period_text(periods: float) -> str:
+    return f"{periods:.6g} forcing periods"

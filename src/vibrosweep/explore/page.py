@@ -1,0 +1,282 @@
+"""The page of a running server: a plane, controls, and the motion behind a point."""
+
+from __future__ import annotations
+
+import html
+from typing import Any, Final
+
+import numpy as np
+from bokeh.document import Document
+from bokeh.events import SelectionGeometry, Tap
+from bokeh.layouts import column, row
+from bokeh.models import (
+    Button,
+    ColumnDataSource,
+    CustomJS,
+    Div,
+    PreText,
+    Select,
+)
+from numpy.typing import NDArray
+
+from vibrosweep.errors import VibrosweepError
+from vibrosweep.explore import python_lines as lines
+from vibrosweep.explore.choice import Choice
+from vibrosweep.explore.controls import Controls
+from vibrosweep.explore.facts import facts_html, named
+from vibrosweep.explore.layout import TEMPLATE, picker
+from vibrosweep.explore.motion_view import MotionView
+from vibrosweep.explore.plane_view import PlaneView
+from vibrosweep.explore.points import Points
+from vibrosweep.explore.table import TABLE, in_polygon, in_rectangle, table
+from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.parameters import BASES
+
+__all__ = ["Page"]
+
+PLANE: Final = "plane"
+SHOWN_ROWS: Final = 6
+# ms after the last movement of a slider until regimes and exponents are computed
+PATIENCE: Final = 250
+# ms between two looks at whether the view of a raster has changed
+LOOK: Final = 120
+DOWNLOAD: Final = """
+const text = holder.data.text[0];
+if (text) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([text], {type: "text/csv"}));
+  link.download = name;
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+"""
+COPY: Final = "navigator.clipboard.writeText(code.text)"
+
+
+class Page:
+    """What one visitor sees, and what happens when something is clicked or moved.
+
+    Parameters
+    ----------
+    points
+        Of the result.
+    document
+        Of the visitor.
+    """
+
+    def __init__(self, points: Points, document: Document) -> None:
+        self.points = points
+        self.document = document
+        self.plane = PlaneView(points)
+        self.index = points.count // 2
+        self.controls = Controls(points, points.choice(self.index).shortened(), self._moved)
+        self.motions = (MotionView("first"), MotionView("second"))
+        self.motions[1].layout.visible = False
+        self.rows: NDArray[np.int64] = np.empty(0, np.int64)
+        self._waiting: Any = None
+        self._asked = self._painting = False
+        self._build()
+        self._listen()
+        self.select_point(self.index)
+
+    def _build(self) -> None:
+        self.pickers = {name: picker(self.plane, name) for name in ("x", "y", "colour", "marker")}
+        self.pickers["marker"].visible = not self.plane.pixels
+        self.status = Div(text="", sizing_mode="stretch_width", name="status")
+        self.facts = Div(text="", sizing_mode="stretch_width", name="facts")
+        self.selection = Div(
+            text="The lasso and the box of the plane choose realizations for a table.",
+            sizing_mode="stretch_width",
+            name="selection",
+        )
+        self.save = Button(label=f"Save the table as {TABLE}", disabled=True, name="save")
+        self.holder = ColumnDataSource({"text": [""]})
+        self.save.tags = [self.holder]  # a browser is told only of what belongs to a widget
+        self.picture = Select(
+            title="Python lines of",
+            value="height",
+            options=[PLANE, *lines.PICTURES, "table of the selection"],
+            name="picture",
+        )
+        self.code = PreText(text="", styles={"overflow-x": "auto"}, name="code")
+        copy = Button(label="Copy")
+        copy.js_on_click(CustomJS(args={"code": self.code}, code=COPY))
+        remark = html.escape(self.points.remark)
+        note = Div(text=remark, visible=bool(remark), sizing_mode="stretch_width")
+        wrap = {"flex-wrap": "wrap"}
+        left = column(
+            row(*self.pickers.values(), styles=wrap, sizing_mode="stretch_width"),
+            self.plane.figure,
+            self.status,
+            note,
+            self.controls.layout,
+            self.selection,
+            self.save,
+            sizing_mode="stretch_width",
+            name="left",
+        )
+        right = column(
+            *(motion.layout for motion in self.motions),
+            self.facts,
+            row(self.picture, copy, styles={**wrap, "align-items": "end"}),
+            self.code,
+            sizing_mode="stretch_width",
+            name="right",
+        )
+        self.roots = (left, right)
+
+    def _listen(self) -> None:
+        for name, one in self.pickers.items():
+            one.on_change("value", self._picked(name))
+        plot = self.plane.figure
+        plot.on_event(Tap, lambda event: self.click(event.x, event.y))
+        plot.on_event(SelectionGeometry, self._selected)
+        self.picture.on_change("value", lambda attribute, old, new: self._show_code())
+        self.save.on_click(self._save)
+        self.holder.js_on_change(
+            "data", CustomJS(args={"holder": self.holder, "name": TABLE}, code=DOWNLOAD)
+        )
+        if self.plane.pixels:
+            for view in (plot.x_range, plot.y_range):
+                view.on_change("start", self._view_changed)
+                view.on_change("end", self._view_changed)
+            plot.on_change("inner_width", self._view_changed)
+
+    def attach(self) -> None:
+        """Make this the content of the document."""
+        for root in self.roots:
+            self.document.add_root(root)
+        self.document.title = f"{self.points.title} ({self.points.path.name})"
+        self.document.template = TEMPLATE
+        self.document.template_variables.update(heading=self.points.title)
+
+    def click(self, x: float, y: float) -> None:
+        """Take the realization at a place: that of a point there, or, between points, the place."""
+        index, near = self.plane.hit((x, y))
+        axes = (self.plane.x, self.plane.y)
+        free = all(name in INPUTS and name in self.points.varied for name in axes)
+        if near or not free:
+            self.select_point(index)
+            return
+        inputs = {
+            name: float(np.clip(value, INPUTS[name].low, INPUTS[name].high))
+            for name, value in zip(axes, (x, y), strict=True)
+        }
+        self.plane.mark(x, y)
+        self.controls.set(self.controls.choice.with_inputs(**inputs))
+        self._show("a place between the points")
+
+    def select_point(self, index: int) -> None:
+        """Show the realization of a point."""
+        self.index = index
+        self.plane.mark(
+            self.plane.values(self.plane.x)[index], self.plane.values(self.plane.y)[index]
+        )
+        self.controls.set(self.points.choice(index).shortened())
+        self._show(f"point {index} of {self.points.count}")
+
+    def _moved(self) -> None:
+        """Show what the controls say, once all that has arrived is taken in."""
+        if not self._asked:
+            self._asked = True
+            self.document.add_next_tick_callback(self._follow)
+
+    def _follow(self) -> None:
+        self._asked = False
+        self._show("moved by the controls")
+
+    def _show(self, what: str) -> None:
+        """Show the choice of the controls, in one message to the browser."""
+        self.document.hold("combine")
+        try:
+            self._simulate(what)
+        finally:
+            self.document.unhold()
+
+    def _simulate(self, what: str) -> None:
+        choice = self.controls.choice
+        second = bool(self.controls.both.active)
+        if second and choice.base not in BASES[:2]:
+            choice = choice.over(BASES[0])
+        try:
+            self.motions[0].show(choice.simulate(), named(choice))
+            if second:
+                other = choice.over(BASES[1 - BASES.index(choice.base)])
+                self.motions[1].show(other.simulate(), named(other))
+        except VibrosweepError as error:
+            self.status.text = f"<b>not computed:</b> {html.escape(str(error))}"
+            return
+        self.motions[1].layout.visible = second
+        self.status.text = html.escape(f"Shown: {what}. {self.plane.why_no_curves}")
+        self._show_code()
+        self._later(choice)
+
+    def _later(self, choice: Choice) -> None:
+        """Compute regimes and exponents once nothing moves any more."""
+        if self._waiting is not None:
+            self.document.remove_timeout_callback(self._waiting)
+
+        def tell() -> None:
+            self._waiting = None
+            self.facts.text = facts_html(choice)
+
+        self._waiting = self.document.add_timeout_callback(tell, PATIENCE)
+
+    def _show_code(self) -> None:
+        picture = self.picture.value
+        if picture == PLANE:
+            plane = self.plane
+            self.code.text = lines.plane_lines(self.points, plane.x, plane.y, plane.colour)
+        elif picture in lines.PICTURES:
+            self.code.text = lines.motion_lines(self.controls.choice, picture)
+        else:
+            self.code.text = lines.table_lines(self.points, TABLE)
+
+    def _picked(self, name: str) -> Any:
+        def picked(attribute: str, old: str, new: str) -> None:
+            setattr(self.plane, name, new)
+            if name in ("x", "y"):
+                self.plane.show()
+                self.plane.mark_point(self.index)
+            else:
+                self.plane.recolour()
+            self._show_code()
+
+        return picked
+
+    def _view_changed(self, attribute: str, old: float, new: float) -> None:
+        if not self._painting:
+            self._painting = True
+            self.document.add_timeout_callback(self._paint, LOOK)
+
+    def _paint(self) -> None:
+        self._painting = False
+        self.plane.paint()
+
+    def _selected(self, event: Any) -> None:
+        if not event.final or event.geometry["type"] not in ("poly", "rect"):
+            return
+        found, x, y = (
+            event.geometry,
+            self.plane.values(self.plane.x),
+            self.plane.values(self.plane.y),
+        )
+        if found["type"] == "rect":
+            self.rows = in_rectangle(x, y, tuple(found[k] for k in ("x0", "x1", "y0", "y1")))
+        else:
+            self.rows = in_polygon(x, y, *(np.asarray(found[k], np.float64) for k in "xy"))
+        self.save.disabled = not self.rows.size
+        self.selection.text = self._selection_html()
+
+    def _selection_html(self) -> str:
+        count = self.rows.size
+        if not count:
+            return "No point was chosen."
+        shown = table(self.points, self.rows[:SHOWN_ROWS]).splitlines()
+        rows = [f"<td>{'</td><td>'.join(line.split(','))}</td>" for line in shown]
+        more = f"and {count - SHOWN_ROWS} more" if count > SHOWN_ROWS else ""
+        body = "</tr><tr>".join(rows)
+        return f"<b>{count} points are chosen</b><table><tr>{body}</tr></table>{more}"
+
+    def _save(self) -> None:
+        self.holder.data = {"text": [table(self.points, self.rows)]}

@@ -1,0 +1,186 @@
+"""What is drawn of a record of landings: flights and the base, return map, phases, separations."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.analysis.base_motion import BaseMotion, base_motion, course
+from vibrosweep.analysis.returns import return_points
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = [
+    "MOST_FLIGHTS",
+    "Heights",
+    "heights",
+    "landing_phases",
+    "return_map",
+    "separations",
+]
+
+Array = NDArray[np.float64]
+Columns = dict[str, NDArray[Any]]
+
+# More are too many to be drawn at once: the shortest are left out, and the page says so.
+MOST_FLIGHTS: Final = 20_000
+# Points of the base in a forcing period, and altogether; points of a stay on it
+SAMPLES: Final = 48
+MOST_SAMPLES: Final = 20_000
+OF_STAY: Final = 24
+
+
+class Heights(NamedTuple):
+    """Height against time of one realization.
+
+    Attributes
+    ----------
+    flights
+        ``particle``; ``start``, ``end`` (s), ``velocity`` at the start (m s-1), ``y_start`` and
+        ``y_end`` (m), of each flight; ``cx``, ``cy``, the control point with which the flight, a
+        parabola, is a quadratic Bezier curve.
+    stays
+        ``particle``, and ``time`` (s) and ``height`` (m) of each stay on the base, as lists.
+    base
+        ``time`` (s) and ``height`` (m) of the base.
+    span
+        Time (s) from beginning to end, as two numbers, and so the height (m).
+    left_out
+        Number of flights that are not given, the shortest of more than `MOST_FLIGHTS`.
+    """
+
+    flights: Columns
+    stays: dict[str, list[NDArray[Any]]]
+    base: Columns
+    span: tuple[tuple[float, float], tuple[float, float]]
+    left_out: int
+
+
+def heights(record: xr.Dataset) -> Heights:
+    """Flights, stays and the base of the first realization of a record.
+
+    Parameters
+    ----------
+    record
+        As `vibrosweep.simulate` returns it.
+    """
+    one = record.isel(realization=0)
+    end, gravity = float(one["duration"]), float(one["gravity"])
+    base = base_motion(one, "heights")
+    found = course(one, base, end)
+    particle, flight = np.nonzero(found.flies)
+    left_out = max(particle.size - MOST_FLIGHTS, 0)
+    if left_out:
+        length = (found.end - found.start)[particle, flight]
+        kept = np.sort(np.argsort(length, kind="stable")[left_out:])
+        particle, flight = particle[kept], flight[kept]
+    at = (particle, flight)
+    start, stop = found.start[at], found.end[at]
+    velocity, low = found.velocity[at], found.height[at]
+    half = (stop - start) / 2.0
+    flights: Columns = {
+        "particle": particle,
+        "start": start,
+        "end": stop,
+        "velocity": velocity,
+        "y_start": low,
+        "y_end": low + velocity * (stop - start) - gravity * (stop - start) ** 2 / 2.0,
+        "cx": start + half,
+        "cy": low + velocity * half,
+    }
+    begin = min(0.0, float(one["launch_time"].min()))
+    moved = _base(one, base, begin, end)
+    rise = np.clip(velocity / gravity, 0.0, stop - start)
+    tops = low + rise * (velocity - gravity * rise / 2.0)
+    levels = moved["height"]
+    top, bottom = max(float(tops.max(initial=0.0)), float(levels.max())), float(levels.min())
+    span = ((begin, end), (bottom, top if top > bottom else bottom + 1.0))
+    return Heights(flights, _stays(one, base, end), moved, span, left_out)
+
+
+def _stays(one: xr.Dataset, base: BaseMotion, end: float) -> dict[str, list[NDArray[Any]]]:
+    landing = one["landing_time"].values
+    leaves = np.fmin(one["liftoff_time"].values, end)  # a particle at rest for good stays
+    particle, impact = np.nonzero((one["rested"].values == 1) & (landing < end))
+    pairs = zip(landing[particle, impact], leaves[particle, impact], strict=True)
+    moving = base.speed > 0.0
+    times = [np.linspace(*pair, OF_STAY) if moving else np.array(pair) for pair in pairs]
+    return {
+        "particle": [np.asarray(number) for number in particle],
+        "time": [np.asarray(t) for t in times],
+        "height": [base.height(t) for t in times],
+    }
+
+
+def _base(one: xr.Dataset, base: BaseMotion, begin: float, end: float) -> Columns:
+    if base.speed == 0.0:
+        time = np.array([begin, end])
+    else:
+        count = int(min(SAMPLES * base.frequency * (end - begin), MOST_SAMPLES)) + 2
+        landing = one["landing_time"].values  # where a base of finite mass has a kink
+        time = np.union1d(np.linspace(begin, end, count), landing[np.isfinite(landing)])
+    return {"time": time, "height": base.height(time)}
+
+
+def return_map(record: xr.Dataset) -> Columns:
+    """Speed of arrival at each landing and at the next (m s-1), with particle and time (s).
+
+    Parameters
+    ----------
+    record
+        As `vibrosweep.simulate` returns it; its first realization.
+    """
+    one = record.isel(realization=0)
+    before, after, known = return_points(one)
+    particle, _ = np.nonzero(known)
+    time = one["landing_time"].values[known]
+    return {"speed": before[known], "next": after[known], "particle": particle, "time": time}
+
+
+def landing_phases(record: xr.Dataset) -> Columns:
+    """Time (s) and phase of the forcing (turns, 0 to 1) of each landing, with its particle.
+
+    Parameters
+    ----------
+    record
+        As `vibrosweep.simulate` returns it; its first realization.
+    """
+    one = record.isel(realization=0)
+    time = one["landing_time"].values
+    particle, impact = np.nonzero(np.isfinite(time))
+    time = time[particle, impact]
+    turns = float(one["frequency"]) * time + float(one["phase"]) / (2.0 * np.pi)
+    return {"time": time, "phase": turns % 1.0, "particle": particle}
+
+
+def separations(record: xr.Dataset) -> Columns:
+    """Time from each landing to the next one, where that is another particle's.
+
+    The smallest is ``dt_min``.
+
+    Parameters
+    ----------
+    record
+        As `vibrosweep.simulate` returns it; its first realization.
+
+    Returns
+    -------
+    dict
+        ``time`` of the later landing and ``gap`` (s), ``particle`` and ``other``, the numbers of
+        the particles that land later and earlier.
+    """
+    time = record["landing_time"].values[0]
+    particle, impact = np.nonzero(np.isfinite(time))
+    order = np.argsort(time[particle, impact], kind="stable")
+    sequence, instants = particle[order], time[particle, impact][order]
+    gap = np.diff(instants)
+    different = sequence[1:] != sequence[:-1]
+    return {
+        "time": instants[1:][different],
+        "gap": gap[different],
+        "particle": sequence[1:][different],
+        "other": sequence[:-1][different],
+    }

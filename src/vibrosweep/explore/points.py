@@ -1,0 +1,309 @@
+"""What a result shows in a plane: a table of points, and the realization behind each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.errors import DataError
+from vibrosweep.explore.choice import Choice, Spread
+from vibrosweep.explore.labels import input_label, label
+from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
+from vibrosweep.model.mount import MASSES
+from vibrosweep.model.parameters import STAGGERED
+from vibrosweep.model.times import Periods
+from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
+from vibrosweep.store.rows import REALIZATION, flat
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Column", "Points", "of_result", "open_points"]
+
+Array = NDArray[np.float64]
+
+# What colours the plane at first, if it was measured
+COLOURS: Final = ("dt_min", "rebound_height_max")
+SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "gap_min")
+LAUNCHED: Final = "launched_at"
+LONGEST_LABEL: Final = 45  # letters that fit beside a plane
+
+
+@dataclass(frozen=True)
+class Column:
+    """A quantity of every point.
+
+    Attributes
+    ----------
+    label
+        Words, symbol and units.
+    values
+        Shape (point,).
+    codes
+        Value -> meaning where the values are codes; empty for numbers.
+    zero_apart
+        Whether a zero is no small number but another case, as for separations.
+    """
+
+    label: str
+    values: Array
+    codes: Mapping[int, str] = field(default_factory=dict)
+    zero_apart: bool = False
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of a plane.
+
+    Attributes
+    ----------
+    path
+        The result.
+    kind, title
+        Name of its kind, and what it shows.
+    columns
+        Name -> what can be an axis or a colour; all of one length.
+    varied
+        Names of the columns that are physical parameters of the realization of a point.
+    base_choice
+        The realization of every point, but for what is varied.
+    axes, colour
+        Columns that are shown at first.
+    remark
+        What has to be known of a realization that is followed again; empty if nothing.
+    """
+
+    path: Path
+    kind: str
+    title: str
+    columns: Mapping[str, Column]
+    varied: tuple[str, ...]
+    base_choice: Choice
+    axes: tuple[str, str]
+    colour: str
+    remark: str = ""
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return next(iter(self.columns.values())).values.size
+
+    def choice(self, index: int) -> Choice:
+        """Return the realization of a point."""
+        values = {name: float(self.columns[name].values[index]) for name in self.varied}
+        chosen = self.base_choice.with_inputs(**values)
+        if LAUNCHED in self.columns:
+            time = float(self.columns[LAUNCHED].values[index])
+            return replace(chosen, particles=1, launch=(time,))
+        return chosen
+
+    def taken(self, rows: NDArray[np.int64]) -> Points:
+        """Return some of the points."""
+        columns = {
+            name: replace(column, values=column.values[rows])
+            for name, column in self.columns.items()
+        }
+        return replace(self, columns=columns)
+
+
+def open_points(path: Path) -> Points:
+    """Read a result.
+
+    Raises
+    ------
+    DataError
+        There is no such file, or nothing of it lies in a plane.
+    """
+    kind = read_kind(path)
+    if kind is SWEEP:
+        from vibrosweep.api.results import open_sweep
+
+        with open_sweep(path) as dataset:
+            # single particles are many, and computed again where a point is clicked
+            several = [name for name, v in dataset.data_vars.items() if "particle" in v.dims]
+            return of_result(dataset.drop_vars(several).load(), path, kind.name)
+    return of_result(load_dataset(path), path, kind.name)
+
+
+def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
+    """Points of a dataset of some kind.
+
+    Raises
+    ------
+    DataError
+        Nothing of the dataset lies in a plane, or it has no points.
+    """
+    makers = {
+        SWEEP.name: _of_sweep,
+        "windows": _of_windows,
+        "bifurcation": _of_bifurcation,
+        "basins": _of_basins,
+    }
+    if kind not in makers:
+        raise DataError(
+            f"{path}: is a result of the kind {kind!r}, which has no plane of realizations; give "
+            f"a result of vibrosweep run, windows, bifurcation or basins"
+        )
+    found = makers[kind](dataset)
+    points = Points(path=path, kind=kind, title=str(dataset.attrs.get("title", path)), **found)
+    if not points.count:
+        raise DataError(f"{path}: holds no points that could be shown")
+    return points
+
+
+def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
+    """Every realization is a point."""
+    sweep = flat(dataset)
+    size = (REALIZATION,)
+    along = {str(n): v for n, v in sweep.variables.items() if v.dims == size}
+    numbers = {n: v for n, v in along.items() if v.dtype.kind in "iufb" and n != REALIZATION}
+    inputs = [name for name in INPUTS if name in numbers]
+    columns = {name: _column(name, numbers[name]) for name in inputs}
+    columns |= {name: _column(name, v) for name, v in numbers.items() if name not in columns}
+    index = np.arange(sweep.sizes[REALIZATION], dtype=np.float64)
+    columns["number"] = Column("number of the realization", index)
+    given = str(sweep.attrs.get("forcing", "amplitude"))
+    varied = tuple(n for n in inputs if n in _given_names(sweep, given))
+    first = [n for n in varied if n == "restitution" or n in FORCINGS]
+    axes = [*first, *(n for n in varied if n not in first), *COLOURS, "number"]
+    axes = [name for name in dict.fromkeys(axes) if name in columns]
+    colour = next(name for name in (*COLOURS, "impact_count") if name in columns)
+    return {
+        "columns": columns,
+        "varied": varied,
+        "base_choice": _shared(sweep, given),
+        "axes": (axes[0], axes[1]),
+        "colour": colour,
+    }
+
+
+def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
+    """Every end of a window is a point; an end of the scan is none."""
+    forcing = str(windows.attrs["forcing"])
+    symbol = FORCINGS[forcing].symbol
+    lower, upper = (windows[f"{symbol}_{end}"] for end in ("min", "max"))
+    dims = ("condition", "direction", "restitution", "window")
+    ends = np.stack([one.transpose(*dims).values for one in (lower, upper)])
+    end, condition, direction, row, window = np.nonzero(np.isfinite(ends))
+    at = (end, condition, direction, row, window)
+    columns = {
+        "restitution": _column("restitution", windows["restitution"], row),
+        forcing: Column(input_label(forcing), ends[at]),
+        "condition": _named("condition", windows["condition"].values, condition),
+        "end": _named("end of the window", ("lower", "upper"), end),
+        "direction": _named("direction of the scan", windows["direction"].values, direction),
+    }
+    return {
+        "columns": columns,
+        "varied": ("restitution", forcing),
+        "base_choice": _shared(windows, forcing),
+        "axes": ("restitution", forcing),
+        "colour": "condition",
+    }
+
+
+def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
+    """Every impact is a point."""
+    name = str(diagram.attrs["observable"])
+    values = diagram[name].transpose("direction", "amplitude", "particle", "sample")
+    direction, row, particle, sample = np.nonzero(np.isfinite(values.values))
+    of_orbit = (direction, row, particle)
+    columns = {
+        "amplitude": _column("amplitude", diagram["amplitude"], row),
+        "base_acceleration": _column("base_acceleration", diagram["base_acceleration"], row),
+        name: _column(name, values, (direction, row, particle, sample)),
+        "direction": _named("direction of the scan", diagram["direction"].values, direction),
+    }
+    for measured in ("regime", "lyapunov_largest", "cycle_impacts", "cycle_periods"):
+        one = diagram[measured].transpose("direction", "amplitude", "particle")
+        columns[measured] = _column(measured, one, of_orbit)
+    columns["particle"] = Column("number of the particle", particle.astype(np.float64))
+    along = str(diagram.attrs.get("forcing", "amplitude"))
+    return {
+        "columns": columns,
+        "varied": ("amplitude",),
+        "base_choice": _shared(diagram, "amplitude"),
+        "axes": (along if along in columns else "amplitude", name),
+        "colour": "direction",
+        "remark": "Particles are launched anew here; the diagram follows their orbits from one "
+        "amplitude to the next, so that another attractor may be shown.",
+    }
+
+
+def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
+    """Every launch is a point."""
+    from vibrosweep.analysis.basins import name_of
+
+    found = basins["basin"].transpose("launch_velocity", "launch_time")
+    row, column = (index.ravel() for index in np.indices(found.shape))
+    names = [name_of(basins.isel(attractor=i)) for i in range(basins.sizes["attractor"])]
+    meanings = [f"{i + 1}: {name}" for i, name in enumerate(names)]
+    columns = {
+        LAUNCHED: Column("time of launch (s)", basins["launch_time"].values[column]),
+        "launch_velocity": _column("launch_velocity", basins["launch_velocity"], row),
+        "basin": _named("attractor", meanings, found.values[row, column]),
+        "slot": _column("slot", basins["slot"].transpose(*found.dims), (row, column)),
+    }
+    forcing = str(basins.attrs.get("forcing", "amplitude"))
+    return {
+        "columns": columns,
+        "varied": ("launch_velocity",),
+        "base_choice": _shared(basins, forcing),
+        "axes": (LAUNCHED, "launch_velocity"),
+        "colour": "basin",
+    }
+
+
+def _column(name: str, variable: Any, index: Any = slice(None)) -> Column:
+    """Take a variable with its attributes, at some indices."""
+    attributes = variable.attrs
+    words = str(attributes.get("long_name", name.replace("_", " ")))
+    if name in INPUTS:
+        return Column(input_label(name), np.asarray(variable.values[index], np.float64))
+    codes = {}
+    if "flag_values" in attributes:
+        meanings = [m.replace("_", " ") for m in str(attributes["flag_meanings"]).split()]
+        flags = np.atleast_1d(attributes["flag_values"]).tolist()
+        codes = {int(v): m for v, m in zip(flags, meanings, strict=True)}
+    if len(words) > LONGEST_LABEL:
+        words = name.replace("_", " ")
+    units = str(attributes.get("units", ""))
+    values = np.asarray(variable.values[index], dtype=np.float64)
+    return Column(label(name, words, units), values, codes, name in SEPARATIONS)
+
+
+def _named(words: str, names: Iterable[Any], index: NDArray[Any]) -> Column:
+    return Column(words, index.astype(np.float64), {i: str(n) for i, n in enumerate(names)})
+
+
+def _given_names(dataset: xr.Dataset, forcing: str) -> tuple[str, ...]:
+    """Names of the parameters that a realization was given by; what follows from them is none."""
+    masses = [name for name in MASSES if name in dataset.variables]
+    base = str(dataset.attrs["base"])
+    return tuple(n for n in inputs_of({forcing, *masses}, base) if n in dataset.variables)
+
+
+def _shared(dataset: xr.Dataset, forcing: str) -> Choice:
+    """Return what all points share; what they do not is left out of the parameters."""
+    given = _given_names(dataset, forcing)
+    inputs = {name: float(dataset[name]) for name in given if not dataset[name].ndim}
+    listed = dataset.attrs.get("launch", STAGGERED)
+    launch: Spread | tuple[float, ...] = Spread()
+    if not isinstance(listed, str):
+        launch = tuple(np.ravel(listed).astype(np.float64).tolist())
+    elif listed != STAGGERED:
+        launch = tuple(dataset["launch_time"].values.tolist())
+    periods = dataset.attrs.get("duration_periods")
+    return Choice(
+        inputs,
+        base=str(dataset.attrs["base"]),
+        rebound=str(dataset.attrs["rebound"]),
+        particles=int(dataset.attrs["particles"]),
+        launch=launch,
+        end=float(dataset["duration"].max()) if periods is None else Periods(float(periods)),
+    )

@@ -1,0 +1,104 @@
+"""A plane of very many points, gathered in the pixels of a view, and the point next to a place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.figures.cells import Cells, commonest, grid_cells
+
+__all__ = ["Raster", "View", "nearest", "raster"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class View:
+    """A part of a plane, and how many pixels it has."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    columns: int
+    rows: int
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Values of the pixels of a view.
+
+    Attributes
+    ----------
+    x, y
+        From edge to edge.
+    values
+        Shape (row, column), the lowest y first: of numbers the mean of those that are finite, -inf
+        where none is; of codes the commonest; NaN without a point.
+    """
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    values: Array
+
+
+def raster(x: Array, y: Array, values: Array, view: View, codes: Array | None = None) -> Raster:
+    """Gather points in pixels, or those of an evenly spaced grid in its own cells.
+
+    Parameters
+    ----------
+    x, y, values
+        Shape (point,).
+    view
+        What is seen.
+    codes
+        The values that occur, if they are codes.
+    """
+    cells = grid_cells(x, y)
+    if cells is None or not (_even(cells.x_edges) and _even(cells.y_edges)):
+        edges_x = np.linspace(*view.x, view.columns + 1)
+        edges_y = np.linspace(*view.y, view.rows + 1)
+        column = np.floor((x - view.x[0]) * (view.columns / (view.x[1] - view.x[0])))
+        row = np.floor((y - view.y[0]) * (view.rows / (view.y[1] - view.y[0])))
+        inside = (column >= 0) & (column < view.columns) & (row >= 0) & (row < view.rows)
+        index = (row[inside] * view.columns + column[inside]).astype(np.int64)
+        cells, values = Cells(edges_x, edges_y, index), values[inside]
+    found = _mean(cells, values) if codes is None else commonest(cells, values, codes)
+    if codes is not None:
+        found = np.where(np.isnan(found), np.nan, codes[np.nan_to_num(found).astype(np.int64)])
+    x_edges, y_edges = cells.x_edges, cells.y_edges
+    return Raster(
+        (float(x_edges[0]), float(x_edges[-1])), (float(y_edges[0]), float(y_edges[-1])), found
+    )
+
+
+def _mean(cells: Cells, values: Array) -> Array:
+    size = int(np.prod(cells.shape))
+    known = np.isfinite(values)
+    points = np.bincount(cells.index, minlength=size)
+    finite = np.bincount(cells.index[known], minlength=size)
+    total = np.bincount(cells.index[known], values[known], minlength=size)
+    found = np.divide(total, finite, out=np.full(size, np.nan), where=finite > 0)
+    found[(points > 0) & (finite == 0)] = -np.inf
+    return np.asarray(found.reshape(cells.shape))
+
+
+def _even(edges: Array) -> bool:
+    steps = np.diff(edges)
+    return bool(np.ptp(steps) <= 1e-6 * steps.max())
+
+
+def nearest(x: Array, y: Array, place: tuple[float, float], unit: tuple[float, float]) -> int:
+    """Number of the point that is nearest to a place in the plane.
+
+    Parameters
+    ----------
+    x, y
+        Of the points; one that is not finite is never the nearest.
+    place
+        In the plane.
+    unit
+        What counts as one along x and along y, such as the size of a pixel.
+    """
+    distance = np.square((x - place[0]) / unit[0]) + np.square((y - place[1]) / unit[1])
+    return int(np.argmin(np.where(np.isfinite(distance), distance, np.inf)))

@@ -1,0 +1,212 @@
+"""The page as one file, which works without a server: a sample of motions is computed before."""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+from typing import Any, Final
+
+from bokeh.document import Document
+from bokeh.embed import file_html
+from bokeh.events import Tap
+from bokeh.layouts import column, row
+from bokeh.models import Button, ColumnDataSource, CustomJS, Div, PreText, Select
+from bokeh.resources import INLINE
+
+from vibrosweep.errors import OutputError
+from vibrosweep.explore import python_lines as lines
+from vibrosweep.explore.colours import colouring
+from vibrosweep.explore.facts import facts_html, named
+from vibrosweep.explore.layout import TEMPLATE, picker
+from vibrosweep.explore.motion_view import MotionView
+from vibrosweep.explore.plane_view import PlaneView, limits
+from vibrosweep.explore.points import Points
+from vibrosweep.explore.sample import evenly, spread_out
+from vibrosweep.explore.table import TABLE, table_columns
+from vibrosweep.store.disk import check_output, replacing
+
+__all__ = ["LARGEST", "write_page"]
+
+SCRIPT: Final = (Path(__file__).parent / "page.js").read_text("utf-8")
+LARGEST: Final = 10_000_000  # bytes of a page
+MOST_POINTS: Final = 5000
+# Bytes of the motions before they are written as text, which takes a third more
+OF_MOTIONS: Final = 6_500_000
+MOST_MOTIONS: Final = 150
+PERIODS: Final = 20.0
+PLANE: Final = "plane as at first"
+
+
+def write_page(points: Points, output: Path, *, force: bool) -> str:
+    """Write a page as one file; return in words what it holds.
+
+    Parameters
+    ----------
+    points
+        Of the result.
+    output
+        Name of the file.
+    force
+        Whether an existing file is replaced.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written, exists, or would be larger than `LARGEST`.
+    """
+    check_output(output, force=force, inputs=(points.path,))
+    page = _Page(points, MOST_MOTIONS)
+    text = page.html().encode()
+    while len(text) > LARGEST and len(page.kept) > 1:
+        page = _Page(points, len(page.kept) // 2)
+        text = page.html().encode()
+    if len(text) > LARGEST:
+        raise OutputError(
+            f"{output}: would have {len(text)} bytes, more than {LARGEST}; explore a result with "
+            f"fewer particles or a shorter duration"
+        )
+    with replacing(output, force=force) as disk:
+        disk.write(text)
+    return f"written to {output} ({len(text) / 1e6:.2g} MB): {page.said}"
+
+
+class _Page:
+    """Widgets and figures of the page, whose callbacks are in its script."""
+
+    def __init__(self, points: Points, most: int) -> None:
+        self.points = points.taken(evenly(points.count, MOST_POINTS))
+        self.plane = PlaneView(self.points)
+        self.motion = MotionView("first")
+        self.kept: list[int] = []
+        self.motions: list[dict[str, Any]] = []
+        self._compute(most)
+        self.said = (
+            f"{self.points.count} of {points.count} points; a click shows the nearest of "
+            f"{len(self.kept)} realizations (crosses) that were computed beforehand, spread evenly "
+            f"over the plane, for at most {PERIODS:g} forcing periods"
+        )
+
+    def _compute(self, most: int) -> None:
+        """Compute motions until there are enough, or their memory is used up."""
+        room = OF_MOTIONS
+        for index in spread_out(*(self.plane.values(name) for name in self.points.axes)):
+            choice = self.points.choice(index).shortened(PERIODS)
+            self.motion.show(choice.simulate(), named(choice))
+            found = self.motion.shown()
+            room -= _bytes(found)
+            if self.motions and (room < 0 or len(self.motions) == most):
+                break
+            self.kept.append(index)
+            said = {"facts": facts_html(choice), "call": lines.simulation(choice)}
+            self.motions.append({**found, **said})
+        first = self.points.choice(self.kept[0]).shortened(PERIODS)
+        self.motion.show(first.simulate(), named(first))
+        self.plane.mark_point(self.kept[0])
+        self.facts = Div(text=self.motions[0]["facts"], sizing_mode="stretch_width", name="facts")
+        self.code = PreText(
+            text=lines.motion_lines(first, "height"), styles={"overflow-x": "auto"}, name="code"
+        )
+
+    def html(self) -> str:
+        """Return the page."""
+        document = Document()
+        for root in self._roots():
+            document.add_root(root)
+        title = f"{self.points.title} ({self.points.path.name})"
+        return str(file_html(document, INLINE, title, template=TEMPLATE))
+
+    def _roots(self) -> tuple[Any, Any]:
+        plane, points = self.plane, self.points
+        pickers = [picker(plane, name) for name in ("x", "y", "colour")]
+        around = {name: list(lines.around(name)) for name in lines.PICTURES}
+        around[PLANE] = [lines.plane_lines(points, plane.x, plane.y, plane.colour), ""]
+        self.picture = Select(title="Python lines of", value="height", options=[*around])
+        self.selection = Div(text="The lasso and the box choose points.", name="selection")
+        self.save = Button(label=f"Save the table as {TABLE}", disabled=True, name="save")
+        kept = {name: plane.values(name)[self.kept] for name in points.axes}
+        marks = ColumnDataSource(dict(zip("xy", kept.values(), strict=True)))
+        plane.figure.scatter("x", "y", source=marks, marker="cross", size=8, line_color="black")
+        self._listen({**self._arguments(pickers, marks), "around": around}, pickers)
+        wrap = {"flex-wrap": "wrap"}
+        needs = f"Other parameters need the program: vibrosweep explore {points.path.name}"
+        left = column(
+            row(*pickers, styles=wrap, sizing_mode="stretch_width"),
+            plane.figure,
+            Div(text=html.escape(f"{self.said}. {needs}. {points.remark}"), name="said"),
+            self.selection,
+            self.save,
+            sizing_mode="stretch_width",
+            name="left",
+        )
+        right = column(
+            self.motion.layout,
+            self.facts,
+            self.picture,
+            self.code,
+            sizing_mode="stretch_width",
+            name="right",
+        )
+        return left, right
+
+    def _arguments(self, pickers: list[Select], marks: ColumnDataSource) -> dict[str, Any]:
+        plane, points = self.plane, self.points
+        curves = [r for r in plane.figure.renderers if r.data_source in plane.closed_forms]
+        return {
+            "motions": self.motions,
+            "kept": self.kept,
+            "sources": self.motion.sources,
+            "figures": self.motion.figures,
+            "particles": self.motion.mapper,
+            "heading": self.motion.heading,
+            "facts": self.facts,
+            "code": self.code,
+            "picture": self.picture,
+            "plane": plane.figure,
+            "dots": plane.source,
+            "renderer": plane.dots,
+            "bar": plane.scale,
+            "ring": plane.chosen,
+            "marks": marks,
+            "curves": curves,
+            "pickers": pickers,
+            "initial": list(points.axes),
+            "columns": ColumnDataSource({n: c.values for n, c in points.columns.items()}),
+            "views": {n: [*limits(c.values), c.label] for n, c in points.columns.items()},
+            "colourings": {name: self._colouring(name) for name in points.columns},
+            "selection": self.selection,
+            "save": self.save,
+            "varied": table_columns(points),
+            "file": TABLE,
+            "shown": ColumnDataSource({"index": [0]}),
+        }
+
+    def _colouring(self, name: str) -> dict[str, Any]:
+        found = colouring(self.points.columns[name])
+        return {
+            "values": found.values,
+            "names": list(found.names),
+            "title": f"colour: {found.title}",
+            "scale": found.scale,
+        }
+
+    def _listen(self, arguments: dict[str, Any], pickers: list[Select]) -> None:
+        # one callback for all: each would hold the motions once more
+        script = CustomJS(args=arguments, code=SCRIPT)
+        self.plane.figure.js_on_event(Tap, script)
+        for one in (*pickers, self.picture):
+            one.js_on_change("value", script)
+        self.plane.source.selected.js_on_change("indices", script)
+        self.save.js_on_click(script)
+
+
+def _bytes(columns: dict[str, Any]) -> int:
+    """Size of all arrays."""
+    sizes = 0
+    for value in columns.values():
+        if isinstance(value, dict):
+            sizes += _bytes(value)
+        elif hasattr(value, "nbytes"):
+            sizes += value.nbytes
+        elif isinstance(value, list):
+            sizes += sum(getattr(one, "nbytes", 8) for one in value)
+    return sizes

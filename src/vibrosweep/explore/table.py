@@ -1,0 +1,68 @@
+"""Chosen points as a table of realizations, which a sweep takes as its design."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.explore.points import LAUNCHED, Points
+
+__all__ = ["TABLE", "in_polygon", "in_rectangle", "table", "table_columns"]
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+TABLE: Final = "selection.csv"  # name of the file that a browser saves
+
+
+def table(points: Points, rows: Rows) -> str:
+    """CSV with the varied parameters of points; every number is read back as it is.
+
+    Points of one realization, such as the impacts of a bifurcation diagram, make one row.
+
+    Parameters
+    ----------
+    points
+        The plane.
+    rows
+        Numbers of the points.
+    """
+    names = table_columns(points)
+    values = [points.columns[name].values[rows].tolist() for name in names]
+    if not names:  # one realization, whose parameters are all fixed
+        names = [*points.base_choice.inputs]
+        values = [[value] for value in points.base_choice.inputs.values()]
+    written = io.StringIO()
+    writer = csv.writer(written, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(dict.fromkeys(zip(*values, strict=True)))
+    return written.getvalue()
+
+
+def table_columns(points: Points) -> list[str]:
+    """Names of the columns of a table of points."""
+    return [name for name in (*points.varied, LAUNCHED) if name in points.columns]
+
+
+def in_rectangle(x: Array, y: Array, corners: tuple[float, float, float, float]) -> Rows:
+    """Numbers of the points within x0, x1, y0, y1."""
+    x0, x1, y0, y1 = corners
+    return np.flatnonzero((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1))
+
+
+def in_polygon(x: Array, y: Array, corners_x: Array, corners_y: Array) -> Rows:
+    """Numbers of the points within a polygon, by the rule of even and odd crossings."""
+    box = (corners_x.min(), corners_x.max(), corners_y.min(), corners_y.max())
+    near = in_rectangle(x, y, box)
+    px, py = x[near], y[near]
+    inside = np.zeros(near.size, bool)
+    x1, y1 = corners_x, corners_y
+    x0, y0 = np.roll(x1, 1), np.roll(y1, 1)
+    for xa, ya, xb, yb in zip(x0, y0, x1, y1, strict=True):
+        crosses = (ya > py) != (yb > py)
+        if ya != yb:
+            inside ^= crosses & (px < xa + (xb - xa) * (py - ya) / (yb - ya))
+    return near[inside]

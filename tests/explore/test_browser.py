@@ -1,0 +1,229 @@
+"""The page of a running server, in a browser where there is one.
+
+The package playwright drives the system's Chromium; without them these tests are skipped.
+"""
+
+import http.client
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import urllib.request
+
+import pytest
+
+import vibrosweep as vs
+
+SPEC = {
+    "restitution": (0.80, 0.98),
+    "amplitude": (0.2, 3.5),
+    "realizations": 40,
+    "seed": 1,
+    "particles": 4,
+}
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+FLAGS = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+READY = "() => window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle"
+# left, top, width, height of the view of the plane in the window
+VIEW = """() => {
+  const plot = Bokeh.documents[0].get_model_by_name("plane")
+  const view = Bokeh.index.find_one_by_id(plot.id)
+  const {left, top} = view.canvas_view.el.getBoundingClientRect()
+  const box = view.frame.bbox
+  return [left + box.left, top + box.top, box.width, box.height]
+}"""
+# the flights that are drawn, and the parameters that they are drawn for
+DRAWN = """() => {
+  const model = (name) => Bokeh.documents[0].get_model_by_name(name)
+  const glyphs = model("height first").renderers.filter((r) => r.glyph.type === "Quadratic")
+  return {start: Array.from(glyphs[0].data_source.data.start), code: model("code").text}
+}"""
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    path = tmp_path_factory.mktemp("explored") / "out.h5"
+    vs.run(SPEC, path, progress=False).close()
+    return path
+
+
+@pytest.fixture(scope="module")
+def process(result):
+    """The command as a user starts it."""
+    command = [sys.executable, "-m", "vibrosweep", "explore", str(result)]
+    group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if os.name == "nt" else {}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **group
+    ) as started:
+        yield started
+        started.kill()
+
+
+@pytest.fixture(scope="module")
+def address(process):
+    return re.search(r"http://localhost:\d+/", process.stdout.readline())[0]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    driver = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    found = next(filter(None, map(shutil.which, NAMES)), None)
+    if found is None:
+        pytest.skip(f"no browser is found: none of {', '.join(NAMES)}")
+    with driver.sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=found, args=[*FLAGS])
+
+
+@pytest.fixture
+def opened(browser):
+    """Open an address in a window; no message on its console, no request to elsewhere."""
+    said, asked, pages = [], [], []
+
+    def show(address, width=1280, **options):
+        context = browser.new_context(viewport={"width": width, "height": 900}, **options)
+        page = context.new_page()
+        page.on("console", lambda m: said.append(m.text) if m.type in ("error", "warning") else 0)
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: asked.append(request.url))
+        pages.append(context)
+        page.goto(address)
+        page.wait_for_function(READY)
+        return page
+
+    yield show
+    for context in pages:
+        context.close()
+    assert not said
+    assert all(re.match(r"(data|blob|file):|(http|ws)://localhost:", url) for url in asked)
+
+
+def changed(page, before):
+    """What is drawn, once it is another than before."""
+    for _ in range(200):
+        drawn = page.evaluate(DRAWN)
+        if all(drawn[name] != before[name] for name in drawn):
+            return drawn
+        page.wait_for_timeout(50)
+    raise AssertionError("the pictures stay the same")
+
+
+def realization(drawn):
+    """The record that the lines of Python on the page give."""
+    names = {}
+    exec(drawn["code"].partition("figure = ")[0], names)
+    return names["record"]
+
+
+def starts(record):
+    import numpy as np
+
+    from vibrosweep.explore.pictures import heights
+
+    return np.asarray(heights(record).flights["start"]).tolist()
+
+
+def click(page, across, up):
+    left, top, width, height = page.evaluate(VIEW)
+    page.mouse.click(left + across * width, top + up * height)
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_click_and_a_slider_change_the_pictures(address, opened, width):
+    page = opened(address, width)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    first = page.evaluate(DRAWN)
+    click(page, 0.3, 0.4)
+    second = changed(page, first)
+    assert second["start"] == starts(realization(second))
+    handle = page.locator(".noUi-handle").nth(1)
+    handle.scroll_into_view_if_needed()
+    handle.focus()
+    page.keyboard.press("ArrowRight")
+    third = changed(page, second)
+    assert third["start"] == starts(realization(third)) != second["start"]
+
+
+def lasso(page):
+    """Draw a line around the left half of the plane; give the number of points within."""
+    page.locator(".bk-tool-icon-lasso-select, [title='Lasso Select']").first.click()
+    left, top, width, height = page.evaluate(VIEW)
+    corners = [(0.01, 0.01), (0.5, 0.01), (0.5, 0.99), (0.01, 0.99), (0.01, 0.02)]
+    page.mouse.move(left + corners[0][0] * width, top + corners[0][1] * height)
+    page.mouse.down()
+    for x, y in corners[1:]:
+        page.mouse.move(left + x * width, top + y * height, steps=4)
+    page.mouse.up()
+    return int(page.get_by_text("points are chosen").inner_text().split()[0])
+
+
+def saved(page):
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save the table").click()
+    return download.value.path()
+
+
+def test_a_lasso_saves_a_table_that_a_sweep_takes(address, opened, result, tmp_path):
+    page = opened(address)
+    count = lasso(page)
+    path = tmp_path / "selection.csv"
+    shutil.copy(saved(page), path)
+    again = vs.sweep(design=str(path), particles=4, progress=False)
+    assert 0 < again.sizes["realization"] == count < 40
+    with vs.open_sweep(result) as swept:
+        same = swept.restitution.isin(again.restitution)
+        assert (swept.impact_count.values[same] == again.impact_count.values).all()
+
+
+def test_a_page_in_a_file_works_without_a_network(result, opened, tmp_path):
+    from vibrosweep.explore.points import open_points
+    from vibrosweep.explore.static import write_page
+
+    path = tmp_path / "page.html"
+    write_page(open_points(result), path, force=False)
+    page = opened(path.as_uri(), offline=True)
+    first = page.evaluate(DRAWN)
+    click(page, 0.2, 0.3)
+    second = changed(page, first)
+    assert second["start"] == starts(realization(second))
+    page.locator("select[name=colour]").select_option(label="landings")
+    assert lasso(page) == saved(page).read_text().count("\n") - 1
+
+
+def test_pages_of_other_origins_may_not_connect(address):
+    port = int(address.strip("/").rpartition(":")[2])
+    connection = http.client.HTTPConnection("localhost", port)
+    headers = {
+        "Origin": f"http://example.org:{port}",
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+        "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+        "Sec-WebSocket-Version": "13",
+    }
+    connection.request("GET", "/ws", headers=headers)
+    assert connection.getresponse().status == 403
+    connection.close()
+
+
+def test_the_page_loads_nothing_from_elsewhere(address):
+    with urllib.request.urlopen(address) as answer:
+        text = answer.read().decode()
+    assert not re.search(r"https?://(?!localhost)", text)
+    assert "static/js/bokeh.min.js" in text
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are those of POSIX")
+def test_an_interruption_ends_it_without_a_traceback(process, address):
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "Traceback" not in errors

@@ -1,0 +1,148 @@
+"""The page without a browser: what it shows is what `simulate` gives, value for value."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from bokeh.document import Document
+
+import vibrosweep as vs
+from vibrosweep.explore import pictures, plane_view
+from vibrosweep.explore.page import Page
+from vibrosweep.explore.points import Column
+from vibrosweep.explore.table import TABLE, table
+
+
+@pytest.fixture
+def page(points):
+    made = Page(points, Document())
+    made.attach()
+    return made
+
+
+def assert_shows(view, record):
+    found = pictures.heights(record)
+    expected = {
+        "flights": found.flights,
+        "stays": found.stays,
+        "return map": pictures.return_map(record),
+        "phases": pictures.landing_phases(record),
+        "separations": pictures.separations(record),
+    }
+    for source, columns in expected.items():
+        for name, values in columns.items():
+            shown = view.sources[source].data[name]
+            assert len(shown) == len(values)
+            assert all(np.array_equal(a, b) for a, b in zip(shown, values, strict=True))
+
+
+def test_a_click_on_a_point_shows_its_realization(page, points):
+    for index in (4, 21):
+        inputs = {name: points.columns[name].values[index] for name in points.varied}
+        page.click(*inputs.values())
+        record = vs.simulate(**inputs, launch_time=np.arange(5) / 5.0)
+        assert_shows(page.motions[0], record)
+        assert f"point {index} of 30" in page.status.text
+        assert repr(float(inputs["amplitude"])) in page.code.text
+
+
+def test_a_click_between_points_shows_that_place(page):
+    page.click(0.5, 10.0)
+    record = vs.simulate(restitution=0.5, amplitude=10.0, launch_time=np.arange(5) / 5.0)
+    assert_shows(page.motions[0], record)
+    assert "between the points" in page.status.text
+
+
+def test_a_slider_changes_the_pictures_once_for_all_its_movements(page):
+    for value in (0.7, 0.75, 0.8):
+        page.controls.sliders["restitution"].value = value
+    page.controls.launch["particles"].value = 3
+    choice = page.controls.choice
+    assert choice.inputs["restitution"] == 0.8
+    page._follow()
+    assert len([c for c in page.document.session_callbacks if c.callback == page._follow]) <= 1
+    assert_shows(page.motions[0], choice.simulate())
+    assert choice.particles == 3
+
+
+def test_both_bases_are_shown_side_by_side(page):
+    assert not page.motions[1].layout.visible
+    page.controls.both.active = [0]
+    page._follow()
+    assert page.motions[1].layout.visible
+    choice = page.controls.choice
+    assert_shows(page.motions[0], choice.simulate())
+    assert_shows(page.motions[1], choice.over("moving").simulate())
+
+
+def test_sliders_of_the_mount_appear_with_the_sprung_base(page):
+    sliders = page.controls.sliders
+    assert not sliders["mass_ratio"].visible
+    page.controls.base.active = 2
+    assert sliders["mass_ratio"].visible
+    page._follow()
+    assert_shows(page.motions[0], page.controls.choice.simulate())
+
+
+def test_what_cannot_be_computed_is_told(page):
+    page.controls.choice = page.controls.choice.with_inputs(amplitude=np.nan)
+    page._follow()
+    assert "not computed" in page.status.text
+    assert "amplitude" in page.status.text
+
+
+def geometry(**given):
+    return SimpleNamespace(final=True, geometry=given)
+
+
+def test_a_lasso_makes_a_table(page, points):
+    x, y = points.columns["restitution"].values, points.columns["amplitude"].values
+    page._selected(geometry(type="poly", x=[0.0, 0.9, 0.9, 0.0], y=[0.0, 0.0, 9.0, 9.0]))
+    rows = np.flatnonzero(x < 0.9)
+    assert np.array_equal(page.rows, rows)
+    assert f"{rows.size} points" in page.selection.text
+    page._save()
+    assert page.holder.data["text"] == [table(points, rows)]
+    page.picture.value = "table of the selection"
+    assert TABLE in page.code.text
+    page._selected(geometry(type="rect", x0=2.0, x1=3.0, y0=0.0, y1=1.0))
+    assert page.save.disabled
+    assert y.size == 30
+
+
+def test_axes_colours_and_markers_can_be_chosen(page, points):
+    page.pickers["x"].value = "amplitude"
+    page.pickers["y"].value = "restitution"
+    assert np.array_equal(page.plane.source.data["x"], points.columns["amplitude"].values)
+    assert page.plane.figure.yaxis.axis_label == "restitution e"
+    page.pickers["colour"].value = "collision_free"
+    names = page.plane.scale.major_label_overrides
+    said = page.plane.source.data["said"]
+    position = page.plane.source.data["value"]
+    assert [names[int(p)] for p in position] == said
+    page.pickers["marker"].value = "collision_free"
+    assert len(set(page.plane.source.data["marker"])) == len(set(said))
+
+
+def test_very_many_points_are_gathered_in_pixels(points, monkeypatch):
+    monkeypatch.setattr(plane_view, "MANY", 10)
+    rng = np.random.default_rng(0)
+    column = replace(points.columns["dt_min"], values=rng.random(30))
+    many = replace(points, columns={**points.columns, "dt_min": column})
+    page = Page(many, Document())
+    image = page.plane.image.data["image"][0]
+    assert np.isfinite(image).sum() == 30
+    plot = page.plane.figure
+    plot.x_range.start = 0.9
+    page._paint()
+    inside = many.columns["restitution"].values >= 0.9
+    assert np.isfinite(page.plane.image.data["image"][0]).sum() == inside.sum()
+
+
+def test_numbers_that_are_missing_have_no_colour(points):
+    values = np.where(np.arange(30) < 3, np.nan, 1.0)
+    column = Column("something", values)
+    found = Page(replace(points, columns={**points.columns, "dt_min": column}), Document())
+    assert found.plane.source.data["said"][:4] == ["not known"] * 3 + ["1"]
+    assert np.isnan(found.plane.source.data["value"][:3]).all()
