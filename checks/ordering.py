@@ -18,7 +18,9 @@ from PIL import Image
 import ordering_pictures as pictures
 from accuracy import provenance, table, write_section
 from ordering_scenes import (
+    BUNCHED,
     GAMMA,
+    STAGGERED,
     E,
     modes,
     outcomes,
@@ -104,13 +106,15 @@ def resonances(_options):
 def stability(options):
     """Picture of where staggered orbits exist and attract."""
     natural, load = np.geomspace(0.05, 4.0, 200), np.geomspace(1e-3, LARGEST, 80)
-    panels = []
+    panels, rows = [], []
     for k, particles, damping in ((1, 1, 0.05), (2, 1, 0.05), (2, 2, 0.05), (2, 2, 0.5)):
         values = np.array([[radius(m, f, damping, k, particles) for f in natural] for m in load])
+        exists, attracts = np.isfinite(values).mean(), (values < 1.0).mean()
+        rows.append((k, particles, damping, percent(exists), percent(attracts / exists)))
         tips = (np.arange(9) + turn(k)) / k
         panels.append((k, particles, damping, values, tips[tips < natural[-1]]))
     keep(pictures.stability(natural, load, panels), "ordering_stability", options)
-    return f"The picture has {natural.size} by {load.size} points."
+    return table(("k", "particles", "zeta", "orbit exists", "of these, attracts"), rows)
 
 
 PATTERNS = {"two": [[0, 1], [1, 0]], "three": [[1, 0], [0, 1], [1, 0]]}
@@ -163,12 +167,13 @@ def separations(_options):
     return table(head, rows)
 
 
-def settle(launch, load, natural, particles=2):
+def settle(launch, load, natural, damping=0.05):
     """Outcome over a grid of mass and natural frequency, some realizations at a time."""
-    found = []
+    found, particles = [], len(launch)
     for start in range(0, load.size, PIECE):
         piece = slice(start, start + PIECE)
-        landings = scene(launch, load[piece] / particles, natural[piece], 0.05, duration=250.0)
+        mass_ratio = load[piece] / particles
+        landings = scene(launch, mass_ratio, natural[piece], damping, duration=250.0)
         found.append(outcomes(landings))
     return np.concatenate(found)
 
@@ -199,6 +204,26 @@ def attractors(options):
     return table(head, rows)
 
 
+def crowds(_options):
+    """How many realizations of more particles and other dampings stay as they were launched."""
+    axes = np.geomspace(0.1, 3.0, 20), np.geomspace(1e-3, LARGEST, 12)
+    natural, load = (axis.ravel() for axis in np.meshgrid(*axes))
+    rows = []
+    for kind, particles, damping in itertools.product(
+        (STAGGERED, BUNCHED), (2, 6, 20), (0.01, 0.05, 0.2, 0.8)
+    ):
+        slot = np.arange(particles) % 2 if kind == STAGGERED else 0
+        launch = phase_of(2) + np.linspace(-0.03, 0.03, particles) + slot
+        stays = settle(launch, load, natural, damping) == kind
+        shares = (
+            percent(stays[(load >= low) & (load < high)].mean())
+            for low, high in itertools.pairwise(BANDS)
+        )
+        rows.append((pictures.KINDS[kind], particles, damping, *shares))
+    bands = (f"N mu {low:g} to {high:g}" for low, high in itertools.pairwise(BANDS))
+    return table(("launched and stays", "N", "zeta", *bands), rows)
+
+
 def phases(options):
     """Picture of the phase of every landing against time, three particles in each of two slots."""
     cases = ((0.0, 0.37), (0.012, 0.37), (0.03, 0.37), (0.03, 0.62))
@@ -224,6 +249,7 @@ SECTIONS = {
     "stability": stability,
     "resonances": resonances,
     "attractors": attractors,
+    "crowds": crowds,
     "phases": phases,
 }
 

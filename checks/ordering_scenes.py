@@ -55,7 +55,10 @@ def modes(landings):
 
 
 def outcomes(landings, k=2):
-    """What has become of the particles of each realization; shape (realization,)."""
+    """What has become of the particles of each realization; shape (realization,).
+
+    Staggered: all in mode k, equally many in each slot; bunched: all in one slot.
+    """
     mode, last = modes(landings)
     middle = phase_of(k) - 0.5  # a slot begins half a period before the landings
     slot = np.floor(np.where(np.isfinite(last), last, 0.0) - middle) % k
@@ -63,7 +66,9 @@ def outcomes(landings, k=2):
     found[(mode == -1).all(axis=1)] = DEAD
     found[(mode > 0).all(axis=1)] = OTHER
     in_mode = (mode == k).all(axis=1)
-    apart = np.array([np.unique(row).size == row.size for row in slot])
-    found[in_mode & apart] = STAGGERED
+    even = (np.array([(slot == one).sum(axis=1) for one in range(k)]) == slot.shape[1] / k).all(
+        axis=0
+    )
+    found[in_mode & even] = STAGGERED
     found[in_mode & (slot == slot[:, :1]).all(axis=1)] = BUNCHED
     return found

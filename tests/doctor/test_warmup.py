@@ -23,6 +23,8 @@ SWEEPS = [
     "[scene]\nparticles = 3\nbase = 'moving'\n[measure]\nseparation = true\nlyapunov = true\n"
     "trust = true\n[record]\nduration = 3.0",
     "[scene]\nparticles = 2\nbase = 'moving'\nbase_acceleration = 2.0\n[measure]\ntransient = 2.0",
+    "[scene]\nparticles = 2\nbase = 'sprung'\nmass_ratio = 0.01\nmount_frequency = 0.5\n"
+    "duration = 4.0\n[measure]\njoint = true\nseparation = true\n[record]\nduration = 3.0",
 ]
 
 

@@ -228,6 +228,19 @@ def test_a_separation_of_equal_numbers_once_unknown_stays_unknown():
     assert np.isnan(order.same)
 
 
+def test_a_stiff_overdamped_mount_moves_nearly_as_its_foot():
+    """The recoil has gone after 1e-6 periods, and steps along a ride need not resolve that."""
+    scene = {"restitution": [0.0, 0.6], "base_acceleration": [1.5, 2.0], "launch_time": LAUNCHES}
+    mount = {"mass_ratio": 1e-3, "mount_frequency": 1e3, "mount_damping": 100.0}
+    found = vs.simulate(base="sprung", duration=3.0, **scene, **mount)
+    assert np.all(found.status == 0)
+    foot = vs.simulate(base="moving", duration=3.0, **scene)
+    first = {"impact": slice(0, 3)}
+    np.testing.assert_allclose(
+        found.landing_time.isel(first), foot.landing_time.isel(first), rtol=0.0, atol=0.01
+    )
+
+
 def test_a_mount_too_stiff_to_be_followed_is_given_up():
     """Steps along the ride of a particle resolve its free motion, of 1e-13 periods here."""
     found = vs.simulate(

@@ -68,6 +68,22 @@ def test_floquet_map_of_staggered_particles(natural, printed):
     assert np.linalg.det(end.matrix) == pytest.approx(np.linalg.det(monodromy(cycle)), rel=1e-9)
 
 
+@pytest.mark.parametrize("mass_ratio", [0.05, 0.2, 0.5])
+@pytest.mark.parametrize("natural", [0.37, 1.6])
+def test_a_locked_orbit_without_damping_exists_just_above_its_limit_and_be_it_unstable(
+    mass_ratio, natural
+):
+    limit = np.pi * 0.1 / 1.9 * (1.0 + mass_ratio)
+    base = CoupledBase(0.9, 1.001 * limit, mass_ratio, natural, 0.0)
+    cycle = staggered(base, 1, [0])
+    later = carry_on(parameters_of(base), after_first_impact(cycle), 0.25)
+    end = carry_on(parameters_of(base), replace(later, matrix=np.eye(4)), 4.0)
+    assert end.landings == 4
+    growth = max(1.0, spectral_radius(cycle)) ** 4
+    assert end.height == pytest.approx(later.height, abs=1e-12 * growth)
+    assert end.deviation == pytest.approx(later.deviation, abs=1e-12 * growth)
+
+
 def test_matrix_is_the_derivative_and_volume_contracts_as_theory_says():
     base = CoupledBase(0.7, 1.3, 0.05, 0.6, 0.1)
     parameters = parameters_of(base)

@@ -13,6 +13,7 @@ from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.evaluate import locked
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.engine.asked import record_observation
+from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.trajectories import PERIODS_TO_RECUR
@@ -20,6 +21,9 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
+from vibrosweep.kernels.coupled.follow import follow
+from vibrosweep.kernels.coupled.settling import settle_jointly
+from vibrosweep.kernels.coupled.written import trace
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.impact import BASE_OF
@@ -30,6 +34,7 @@ from vibrosweep.kernels.statistics import combine
 from vibrosweep.kernels.trust import trust
 from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
+from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import LAWS
 
 __all__ = ["KERNELS", "Compiled", "warm_up"]
@@ -39,9 +44,12 @@ KERNELS: Final[tuple[Any, ...]] = (
     combine,
     find_fixed,
     first_of_each,
+    follow,
     record,
     separate,
     settle,
+    settle_jointly,
+    trace,
     trust,
 )
 
@@ -91,6 +99,11 @@ def warm_up() -> Compiled:
         for base, rebound in ways:
             point = {"restitution": np.array([0.9]), "amplitude": np.array([1.2])}
             locked(Scene(base=base, rebound=rebound), Locked(1), point, workers)
+        mount = {"mass_ratio": 0.01, "mount_frequency": 0.5, "mount_damping": 0.05}
+        scene = all_parameters({name: np.array([value]) for name, value in mount.items()})
+        coupled = record_observation(2, "staggered", 2.0, "rest", 1000, SPRUNG)
+        measure(scene, replace(coupled, measures=Measures(joint=True)), workers)
+        base_track(scene, coupled, workers).at(np.array([1.0]))
     made = sum(sum(kernel.stats.cache_misses.values()) for kernel in KERNELS)
     kept = sum(sum(kernel.stats.cache_hits.values()) for kernel in KERNELS)
     return Compiled(made, kept, _jit.cache_directory)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.bases.sprung import mount
 from vibrosweep.kernels.coupled.follow import (
     Coupled,
     Whole,
@@ -245,14 +244,14 @@ def carry_on(
         A landing could not be found.
     """
     problem = dimensionless(parameters, Periods(periods))
-    fixed = mount(problem, mounts(parameters), realization)
     of, matrix = system(begin.height.size), np.array(begin.matrix, order="F")
     of.mode[:] = MODE.FLYING
     of.particle[PARTICLE.HEIGHT], of.particle[PARTICLE.SPEED] = begin.height, begin.speed
     of.particle[PARTICLE.SCALE] = np.abs(begin.speed)
     of.now[NOW.X] = begin.phase
     of.now[NOW.D], of.now[NOW.V] = begin.deviation
-    landings = carry(of, fixed, periods, np.zeros_like(of.mode), matrix)
+    rode = np.zeros_like(of.mode)
+    landings = carry(of, problem, mounts(parameters), realization, periods, rode, matrix)
     if landings < 0:
         raise ParameterError("the next landing could not be found: the parameters are too extreme")
     return Neighbours(
@@ -292,11 +291,11 @@ class BaseTrack:
         velocity = float(self.parameters["gravity"][realization]) / (2.0 * frequency)
         problem = self.batch.problem
         scale = Scale(frequency, velocity, 0.0, float(problem.phase[realization]))
-        fixed = mount(problem, self.batch.mounts, realization)
         out = np.full((2, times.size), np.nan)
         known = times >= self.track.time[realization, 0]
         found = np.empty((2, int(np.count_nonzero(known))))
-        trace(fixed, scale, realization, self.track, np.ascontiguousarray(times[known]), found)
+        instants, mounts = np.ascontiguousarray(times[known]), self.batch.mounts
+        trace(problem, mounts, scale, realization, self.track, instants, found)
         out[:, known] = found
         return out[0] * velocity / frequency, out[1] * velocity
 

@@ -120,7 +120,7 @@ class Motion(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Bounds that hold until the next impact, from the energy of the free oscillation.
+    """Bounds that hold until the next impact.
 
     Attributes
     ----------
@@ -177,16 +177,33 @@ def loaded(of: Mount, riders: int) -> Load:
 
 @jit
 def bounds(load: Load, d: float, v: float) -> Bounds:
-    """Bound the motion from the deviation d with velocity v on: its energy never grows."""
+    """Bound the motion from the deviation d with velocity v on.
+
+    The energy of the free motion never grows, nor do the two exponentials of overdamped motion.
+    Far apart, these bound it more closely: what is fast has soon gone.
+    """
+    base, reach = load.level + load.reach, TWO_PI**2 * load.reach
+    beyond = load.drag * load.drag - load.stiffness
+    if beyond > 3.0 * load.stiffness:
+        fast = load.drag + math.sqrt(beyond)
+        slow = load.stiffness / fast
+        brief = abs(v + slow * d) / (fast - slow)
+        steep, flat = brief * fast * fast, (abs(d) + brief) * slow * slow
+        return Bounds(
+            base + abs(d) + 2.0 * brief,
+            reach + (steep + flat),
+            TWO_PI * reach + (steep * fast + flat * slow),
+            TWO_PI**2 * reach + (steep * fast * fast + flat * slow * slow),
+        )
     speed = math.sqrt(v * v + load.stiffness * d * d)
     twice = 2.0 * load.drag
     jerk = twice * load.grip + load.stiffness
     snap = twice * jerk + load.stiffness * load.grip
     return Bounds(
-        load.level + load.reach + (speed / load.own if speed > 0.0 else 0.0),
-        TWO_PI**2 * load.reach + load.grip * speed,
-        TWO_PI**3 * load.reach + jerk * speed,
-        TWO_PI**4 * load.reach + snap * speed,
+        base + (speed / load.own if speed > 0.0 else 0.0),
+        reach + load.grip * speed,
+        TWO_PI * reach + jerk * speed,
+        TWO_PI**2 * reach + snap * speed,
     )
 
 

@@ -26,6 +26,7 @@ from vibrosweep.kernels.coupled.state import (
     locate,
     system,
 )
+from vibrosweep.model.parameters import Dimensionless, Mounts
 
 __all__ = [
     "BLOCKS",
@@ -215,7 +216,15 @@ def settle_jointly(
 
 
 @uncounted
-def carry(of: System, fixed: Mount, periods: float, rode: Integers, deviations: Floats) -> int:
+def carry(
+    of: System,
+    problem: Dimensionless,
+    mounts: Mounts,
+    i: int,
+    periods: float,
+    rode: Integers,
+    deviations: Floats,
+) -> int:
     """Carry a state, and deviations from it, on for some time.
 
     Parameters
@@ -223,7 +232,10 @@ def carry(of: System, fixed: Mount, periods: float, rode: Integers, deviations: 
     of : vibrosweep.kernels.coupled.state.System
         A state in which all particles fly: heights and speeds above the base, phase, and deviation
         of the base from its forced oscillation are given; what is known of times to come is not.
-    fixed : vibrosweep.kernels.bases.sprung.Mount
+    problem : vibrosweep.model.parameters.Dimensionless
+    mounts : vibrosweep.model.parameters.Mounts
+    i
+        The realization, of these.
     periods
         The time, in forcing periods.
     rode
@@ -237,7 +249,8 @@ def carry(of: System, fixed: Mount, periods: float, rode: Integers, deviations: 
     int
         The number of landings, -1 where the search for one was given up.
     """
-    load, now = loaded(fixed, 0), of.now
+    fixed, now = mount(problem, mounts, i), of.now
+    load = loaded(fixed, 0)
     locate(of, load)
     now[NOW.HIGHEST], now[NOW.LIFT] = bounds(load, now[NOW.D], now[NOW.V]).height, np.inf
     begun, landings = now[NOW.X], 0

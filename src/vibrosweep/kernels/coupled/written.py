@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
-from vibrosweep.kernels.bases.sprung import Load, Mount, loaded, move
+from vibrosweep.kernels.bases.sprung import Load, loaded, mount, move
 from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System
 from vibrosweep.kernels.coupled.tally import Room
 from vibrosweep.kernels.record import Record
 from vibrosweep.kernels.sine import cos_turns, sin_turns
+from vibrosweep.model.parameters import Dimensionless, Mounts
 
 __all__ = [
     "Scale",
@@ -105,12 +106,21 @@ def write_base(of: System, load: Load, scale: Scale, i: int, event: int, out: Tr
 
 
 @uncounted
-def trace(of: Mount, scale: Scale, i: int, track: Track, times: Floats, out: Floats) -> None:
+def trace(
+    problem: Dimensionless,
+    mounts: Mounts,
+    scale: Scale,
+    i: int,
+    track: Track,
+    times: Floats,
+    out: Floats,
+) -> None:
     """Write the height and velocity of the base of realization i at increasing times.
 
     Parameters
     ----------
-    of : vibrosweep.kernels.bases.sprung.Mount
+    problem : vibrosweep.model.parameters.Dimensionless
+    mounts : vibrosweep.model.parameters.Mounts
     scale : Scale
     i
         The realization.
@@ -120,7 +130,7 @@ def trace(of: Mount, scale: Scale, i: int, track: Track, times: Floats, out: Flo
     out
         Shape (2, time): height in g / (2 f^2), velocity in g / (2 f).
     """
-    event = 0
+    of, event = mount(problem, mounts, i), 0
     for k in range(times.size):
         while event + 1 < track.time.shape[1] and track.time[i, event + 1] <= times[k]:
             event += 1

@@ -1,0 +1,61 @@
+"""The free motion of a mount against its closed form in ball arithmetic."""
+
+import numpy as np
+import pytest
+from flint import acb, arb, ctx
+
+from vibrosweep.kernels.bases.sprung import Mount, bounds, free_motion, loaded, move
+
+EPS = 2.0**-52
+
+
+def exact(load, s):
+    """Rise and gain of the motions from a deviation of 1, and from a velocity of 1."""
+    k, b, t = arb(load.stiffness), arb(load.drag), arb(float(s))
+    root = acb(b * b - k).sqrt()
+    slow, fast = acb(-b) + root, acb(-b) - root
+    first, second = (slow * t).exp(), (fast * t).exp()
+    odd = (first - second) / (slow - fast)
+    even = (slow * second - fast * first) / (slow - fast)  # from a deviation of 1, at rest
+    turned = (slow * first - fast * second) / (slow - fast)
+    fell = -k * odd
+    return [float(x.real) for x in (even - 1, fell, odd - t, turned - 1)]
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-9, 0.05, 0.9, 1.0 - 1e-9, 1.0, 1.3, 20.0])
+def test_free_motion_is_accurate_however_short(damping):
+    rng = np.random.default_rng(7)
+    with ctx.workprec(400):
+        for s in np.geomspace(1e-12, 4.0, 60):
+            w = rng.uniform(0.5, 15.0)
+            load = loaded(Mount(0.9, 0.3, 1e-4, 0.0, w, damping), 0)
+            d, v = rng.uniform(-1.0, 1.0, 2)
+            fall, slowed, lag, gained = exact(load, s)
+            rise, gain = free_motion(load, d, v, s)
+            # the phase w s is rounded; terms of d and v may cancel each other
+            few = 16.0 * EPS * (1.0 + (1.0 + damping) * w * s)
+            size = abs(d * fall) + abs(v * lag)
+            if damping > 1.0:  # a difference, once what is fast has decayed
+                size += abs(d) + abs(v * s)
+            assert abs(rise - (d * fall + v * lag)) <= few * size
+            assert abs(gain - (d * slowed + v * gained)) <= few * (
+                abs(d * slowed) + abs(v * gained) + abs(v) * load.drag * s
+            )
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3, 1.5, 30.0])
+def test_bounds_hold(damping):
+    rng = np.random.default_rng(8)
+    for _ in range(30):
+        load = loaded(Mount(0.9, 0.3, 1e-4, 0.1, rng.uniform(0.5, 60.0), damping), 2)
+        d, v = rng.normal(0.0, (0.05, 1.0))
+        limit = bounds(load, d, v)
+        for s in np.geomspace(1e-6, 3.0, 40):
+            x = rng.uniform(-0.5, 0.5)
+            sine, cosine = np.sin(2.0 * np.pi * x), np.cos(2.0 * np.pi * x)
+            moved = move(load, sine, cosine, d, v, s)
+            turned = x + s
+            forced = load.p * np.cos(2 * np.pi * turned) + load.q * np.sin(2 * np.pi * turned)
+            assert forced + load.level + moved.d <= limit.height + 1e-12
+            assert abs(moved.pull) <= limit.pull * (1.0 + 1e-9)
+            assert abs(moved.jerk) <= limit.jerk * (1.0 + 1e-9)
