@@ -23,7 +23,7 @@ from vibrosweep.lab.estimate import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, perform_trials
 from vibrosweep.lab.flight_search import find_flights
 from vibrosweep.lab.flights import fit
-from vibrosweep.lab.impacts import BOUNCED, fit_tracks, impacts_of
+from vibrosweep.lab.impacts import BOUNCED, View, fit_tracks, impacts_of
 from vibrosweep.lab.lines import flights_of, table_lines
 from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import samples_of
@@ -31,6 +31,7 @@ from vibrosweep.lab.spec import read_experiments
 from vibrosweep.lab.twin import Comparison
 from vibrosweep.study.table4 import study_imperfections, verdict
 
+LEVEL = View(motion="level")
 ROOT = Path(__file__).parents[1]
 SWEEPS = ROOT / "sweeps" / "laboratory"
 G = LABORATORY["gravity"]
@@ -98,7 +99,7 @@ def fit_or_reason(tracks):
     from vibrosweep.errors import TrackError
 
     try:
-        return fit_tracks(tracks, G)
+        return fit_tracks(tracks, G, LEVEL)
     except TrackError as error:
         return str(error).split(": ", 1)[1]
 
@@ -114,7 +115,8 @@ def estimates():
         scene = {**SCENES[name], "phase": 0.0 if "irregular" in name else np.pi}
         plan = Experiment(scene=scene, particles=3, repeats=recordings, duration=10.0)
         impacts = [
-            impacts_of(t.tracks, fit_tracks(t.tracks, G), G, "fit") for t in perform_trials(plan)
+            impacts_of(t.tracks, fit_tracks(t.tracks, G, LEVEL), G, "fit")
+            for t in perform_trials(plan)
         ]
         for known in (scene["frequency"], None):
             found = [estimate(one, frequency=known) for one in impacts]
@@ -161,7 +163,7 @@ def timing():
         lambda: fit(samples, flights.member, flights.piece.size, G),
     )
     step("exchanged names", lambda: find_swaps(when, height, flights.noise, flights.base, G))
-    fitted = fit_tracks(tracks, G)
+    fitted = fit_tracks(tracks, G, LEVEL)
     step("table of landings", lambda: impacts_of(tracks, fitted, G, "fit"))
     print(f"\n{height.size} positions\n\n| step | CPU s |\n|---|---|")
     for name, seconds in spent.items():
@@ -207,7 +209,8 @@ def cases(figures, duration):
         recordings += [trial.tracks for trial in perform_trials(one)]
     with Workers(2) as workers:
         for method in ("fit", "sign_change"):
-            table = compare(recordings, Comparison(known, method=method, exposure=1e-3), workers)
+            how = Comparison(known, method=method, view=View(None, 1e-3, "level"))
+            table = compare(recordings, how, workers)
             print(f"\n{method}\n\n```\n" + "\n".join(table_lines(table)) + "\n```")
             if figures:
                 save_formats(errors_by_case(table), figures, f"laboratory_table4_{method}")
@@ -219,7 +222,7 @@ def drawn(figures):
     for name, stem in (("locked, 23 Hz", "locked"), ("irregular, 20 Hz, e = 0.85", "irregular")):
         plan = Experiment(scene=SCENES[name], particles=3, repeats=1, duration=10.0)
         tracks = perform_trials(plan)[0].tracks
-        figure = fitted_track(flights_of(tracks, fit_tracks(tracks, G)))
+        figure = fitted_track(flights_of(tracks, fit_tracks(tracks, G, LEVEL)))
         save_formats(figure, figures, f"laboratory_track_{stem}")
     return True
 

@@ -15,6 +15,8 @@ from vibrosweep.errors import ParameterError, TrackError
 if TYPE_CHECKING:
     import xarray as xr
 
+    from vibrosweep.lab.impacts import View
+
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
 NAME: Final = "lab"
@@ -63,6 +65,15 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scale", metavar="M", type=float, help="m per unit of the file")
     parser.add_argument("--axis", choices=("up", "down"), help="where heights grow in the file")
     parser.add_argument("--base", metavar="Y", type=float, help="base, in units of the file")
+    parser.add_argument(
+        "--base-motion",
+        choices=("detect", "level", "moving"),
+        default="detect",
+        help="whether the base moves; default: as the landings say",
+    )
+    parser.add_argument(
+        "--base-trace", metavar="CSV", type=Path, help="its measured height or acceleration"
+    )
     parser.add_argument("--exposure", metavar="S", type=float, default=0.0, help="default: 0")
     parser.add_argument("--gravity", metavar="G", type=float, default=9.81, help="default: 9.81")
     parser.add_argument(
@@ -123,6 +134,20 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     ]
 
 
+def _view(options: argparse.Namespace) -> View:
+    """What is known beside the tracks."""
+    from vibrosweep.lab.impacts import View
+    from vibrosweep.lab.traces import read_trace
+
+    return View(
+        None if options.base is None else 0.0,
+        options.exposure,
+        options.base_motion,
+        options.frequency,
+        None if options.base_trace is None else read_trace(options.base_trace),
+    )
+
+
 def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.lab.agreement import agreement, quantities
     from vibrosweep.lab.impacts import fit_tracks, impacts_of
@@ -136,10 +161,9 @@ def _impacts(options: argparse.Namespace) -> None:
             f"{options.output}: holds the landings of one recording, but there are "
             f"{len(recordings)}; write them one by one, or add --together"
         )
-    base = None if options.base is None else 0.0
-    each = []
+    view, each = _view(options), []
     for tracks in recordings:
-        fitted = fit_tracks(tracks, options.gravity, base, options.exposure)
+        fitted = fit_tracks(tracks, options.gravity, view)
         found = impacts_of(tracks, fitted, options.gravity, options.method)
         print("\n".join(impact_lines(found)))
         each.append(quantities(found, frequency=options.frequency, phase=options.phase))
@@ -171,8 +195,7 @@ def _compare(options: argparse.Namespace) -> None:
     how = Comparison(
         known=known,
         method=options.method,
-        base=None if options.base is None else 0.0,
-        exposure=options.exposure,
+        view=_view(options),
         draws=options.draws,
         seed=options.seed,
     )

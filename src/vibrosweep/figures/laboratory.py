@@ -61,9 +61,10 @@ def _draw_track(axes: Axes, flights: xr.Dataset, particle: object, begin: float 
         since = np.linspace(0.0, end[k] - start[k], CURVE_POINTS)
         speed = flights["speed"].values[own][k]
         rise = since * (speed - 0.5 * flights.attrs["curvature"] * since)
+        rise += flights["rise"].values[own][k]
         axes.plot(
             start[k] + since,
-            1e3 * (flights.attrs["base"] + rise),
+            1e3 * rise,
             color=style.OKABE_ITO[0],
             label="fitted flight" if k == first else None,
         )
@@ -84,7 +85,7 @@ def _draw_track(axes: Axes, flights: xr.Dataset, particle: object, begin: float 
     )
     axes.errorbar(
         flights["landing_time"].values[landed],
-        np.full(int(landed.sum()), 1e3 * flights.attrs["base"]),
+        1e3 * flights["landing_height"].values[landed],
         xerr=flights["landing_error"].values[landed],
         linestyle="none",
         marker="|",
@@ -151,7 +152,7 @@ def errors_by_case(table: xr.Dataset) -> Figure:
     ----------
     table
         Result of `vibrosweep.lab.compare.compare`; its attributes ``study_height`` and
-        ``study_period`` are the ranges.
+        ``study_period``, where its cases are the study's, are the ranges.
 
     Returns
     -------
@@ -162,8 +163,11 @@ def errors_by_case(table: xr.Dataset) -> Figure:
     for axes, q in zip(panels, table["quantity"].values, strict=True):
         error = table["error"].sel(quantity=q)
         cases = np.arange(table.sizes["case"])
-        low, high = table.attrs[f"study_{q}"]
-        axes.axhspan(low, high, color="0.9", label=f"study: {low:g} to {high:g} %")
+        most = float(np.nanmax(error.values))
+        if f"study_{q}" in table.attrs:
+            low, high = table.attrs[f"study_{q}"]
+            axes.axhspan(low, high, color="0.9", label=f"study: {low:g} to {high:g} %")
+            most = max(most, high)
         for k, reading in enumerate(table["reading"].values):
             axes.plot(
                 cases + 0.12 * (k - 1.5),
@@ -182,7 +186,7 @@ def errors_by_case(table: xr.Dataset) -> Figure:
         ]
         axes.set_xticks(cases, letters)
         axes.set(xlim=(-0.6, cases.size - 0.4), ylabel=f"error of {q} (%)")
-        axes.set_ylim(0.0, 1.15 * max(high, float(np.nanmax(error.values))))
+        axes.set_ylim(0.0, 1.15 * most)
         style.head(axes, "", columns=2)
     return figure
 

@@ -20,15 +20,18 @@ from vibrosweep.lab.comparison import (
     measured_means,
 )
 from vibrosweep.lab.estimate import estimate, fit_phase
-from vibrosweep.lab.impacts import fit_tracks, impacts_of
+from vibrosweep.lab.impacts import MOTIONS, View, fit_tracks, impacts_of
+from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.prediction import DRAWS, draw, predict
 from vibrosweep.lab.twin import Comparison, camera_shares
+from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs.driver import thread_count
 
 __all__ = ["compare", "compare_tracks"]
 
 KNOWN: Final = ("restitution", "amplitude", "frequency", "phase", "gravity", "contact_time")
+USED: Final = ("restitution", "amplitude", "frequency")
 SHARES: Final = ("frames", "pixels", "parameters")
 
 
@@ -41,6 +44,9 @@ class _One(NamedTuple):
     error: dict[str, dict[str, float]]
     share: dict[str, dict[str, dict[str, float]]]
     parameters: dict[str, float]
+    deviation: dict[str, float]
+    says: str
+    motion: str
     warning: str
 
 
@@ -50,6 +56,8 @@ def compare_tracks(
     method: str = "fit",
     base: float | None = None,
     exposure: float = 0.0,
+    motion: str = "detect",
+    trace: Trace | None = None,
     rebound: str = "rest",
     draws: int = DRAWS,
     seed: int = 0,
@@ -62,7 +70,7 @@ def compare_tracks(
     ----------
     recordings
         Tracks, as `read_tracks` returns them, of one recording or of several.
-    method, base, exposure
+    method, base, exposure, motion, trace
         As in `find_impacts`.
     rebound
         Law of rebound, ``"rest"`` or ``"reflect"``.
@@ -109,7 +117,10 @@ def compare_tracks(
         if not PARAMETERS[name].accepts(value):
             raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
     several = [recordings] if isinstance(recordings, xr.Dataset) else recordings
-    how = Comparison(known, method, base, exposure, draws, rebound, seed)
+    if motion not in MOTIONS:
+        raise TrackError(f"motion = {motion!r}: must be one of {', '.join(MOTIONS)}")
+    view = View(base, exposure, motion, known.get("frequency"), trace)
+    how = Comparison(known, method, view, draws, rebound, seed)
     with Workers(thread_count(threads)) as workers:
         return compare(several, how, workers)
 
@@ -142,6 +153,7 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
     counts = sorted(groups)
     rows = [groups[count] for count in counts]
     letters = {number: letter for letter, number in CASES.items()}
+    studied = set(counts) <= letters.keys()
     warnings = {one.warning for row in rows for one in row if one.warning}
     return xr.Dataset(
         {**_errors(rows), **_means(rows)},
@@ -155,7 +167,10 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
         attrs={
             "method": how.method,
             "warning": "; ".join(sorted(warnings)),
-            **{f"study_{q}": STUDY[q] for q in QUANTITIES},
+            "base_motion": ", ".join(sorted({one.motion for row in rows for one in row})),
+            "speaks_for": ", ".join(sorted({one.says for row in rows for one in row})),
+            # the study's ranges are of its own cases
+            **({f"study_{q}": STUDY[q] for q in QUANTITIES} if studied else {}),
         },
     )
 
@@ -194,7 +209,15 @@ def _means(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
             [float(np.mean([one.parameters[name] for one in row])) for row in rows],
             {"units": PARAMETERS[name].units, "long_name": PARAMETERS[name].long_name},
         )
-        for name in ("restitution", "amplitude", "frequency")
+        for name in USED
+    }
+    errors = {
+        f"{name}_error": (
+            "case",
+            [float(np.sqrt(np.mean([one.deviation[name] ** 2 for one in row]))) for row in rows],
+            {"long_name": f"typical standard error of the {name} of one recording"},
+        )
+        for name in (*USED, ACCELERATION)
     }
     return {
         "measured": (dims, measured, {"long_name": "measured mean"}),
@@ -207,12 +230,18 @@ def _means(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
             {"units": "1", "long_name": "share of the particles that could be compared"},
         ),
         **used,
+        ACCELERATION: (
+            "case",
+            [float(np.mean([one.deviation["gamma"] for one in row])) for row in rows],
+            {"units": "1", "long_name": "peak acceleration of the base in units of gravity"},
+        ),
+        **errors,
     }
 
 
 def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:
     """Measure, predict and explain one recording."""
-    fitted = fit_tracks(tracks, how.gravity, how.base, how.exposure)
+    fitted = fit_tracks(tracks, how.gravity, how.view)
     seen = impacts_of(tracks, fitted, how.gravity, "fit")
     impacts = impacts_of(tracks, fitted, how.gravity, how.method)
     among = comparable(seen)
@@ -252,8 +281,28 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:
         error,
         share,
         one,
+        _deviations(estimated, one),
+        fitted.speaks_for,
+        impacts.attrs["base_motion"],
         warning,
     )
+
+
+def _deviations(estimated: xr.Dataset | None, used: dict[str, float]) -> dict[str, float]:
+    """Standard errors of the parameters, NaN for known ones, and the acceleration of the base."""
+    errors = dict.fromkeys((*USED, ACCELERATION), float("nan"))
+    velocity = used["amplitude"] / (1.0 + used["restitution"])
+    gamma = 2.0 * np.pi * used["frequency"] * velocity / used["gravity"]
+    if estimated is not None:
+        errors |= {
+            str(name): float(error)
+            for name, error in zip(
+                estimated["parameter"].values, estimated["error"].values, strict=True
+            )
+        }
+        if "base_acceleration_error" in estimated:
+            errors[ACCELERATION] = float(estimated["base_acceleration_error"])
+    return {**errors, "gamma": gamma}
 
 
 def _parameters(impacts: xr.Dataset, how: Comparison) -> tuple[dict[str, float], xr.Dataset | None]:
@@ -269,7 +318,10 @@ def _parameters(impacts: xr.Dataset, how: Comparison) -> tuple[dict[str, float],
         return scene, estimate(impacts, frequency=how.known.get("frequency"))
     if "frequency" not in how.known:
         raise ParameterError("the frequency is missing: give it with restitution and amplitude")
-    if "phase" not in how.known:
+    if "phase" not in how.known and impacts.attrs["base_motion"] == "moving":
+        _, sine, cosine = impacts["shaken"].values[:3]
+        scene["phase"] = float(np.arctan2(cosine, sine))
+    elif "phase" not in how.known:
         scene["phase"] = fit_phase(
             impacts, **{n: scene[n] for n in ("restitution", "amplitude", "frequency")}
         )

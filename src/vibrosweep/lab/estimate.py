@@ -9,17 +9,17 @@ instants that makes every bounce obey the map.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.bounces import Bounces, bounces_of, solve
+from vibrosweep.lab.regression import FEWEST, TURN, find_frequency, weakest_signal
 
-__all__ = ["PARAMETER_UNITS", "estimate", "find_frequency", "fit_phase"]
+__all__ = ["PARAMETER_UNITS", "estimate", "fit_phase"]
 
 Array = NDArray[np.float64]
 
@@ -29,17 +29,11 @@ PARAMETER_UNITS: Final = {
     "phase": "rad",
     "frequency": "Hz",
 }
-TURN: Final = 2.0 * np.pi
-FEWEST: Final = 10
 # Phases that are tried, a third of a degree apart.  A second minimum counts as equally good if its
 # sum of squares is above the smallest one by at most this share of the kicks' sum of squares.
 PHASES: Final = 1080
 TIE: Final = 0.01
 ROUNDS: Final = 25
-# The frequency is first scanned on so many seconds of the recording, in steps of a quarter of the
-# width that the minimum then has.
-SCAN_SECONDS: Final = 10.0
-SCAN_BOUNCES: Final = 1000
 # Parameters are called undetermined if the signal in the weakest direction of the design matrix is
 # below this multiple of the noise of the instants, or if a relative standard error is above these.
 SIGNAL: Final = 10.0
@@ -82,6 +76,10 @@ def estimate(
         attribute ``warning`` then says why, and without any signal all are NaN.  ``misfit`` is the
         chi-square per degree of freedom; where it exceeds 1, the errors are enlarged by its root.
 
+        Over a base that moves, the parameters come from its fit to the landings, with the frequency
+        that `find_impacts` was given or found: an amplitude A = (1 + e) V0.  ``base_displacement``
+        (m) and ``base_acceleration`` (in units of gravity) are there with their errors.
+
     Raises
     ------
     TrackError
@@ -97,33 +95,78 @@ def estimate(
     >>> found.parameter.values.tolist()
     ['restitution', 'amplitude', 'phase']
     """
+    if impacts.attrs["base_motion"] == "moving":
+        return _of_moving_base(impacts)
     bounces = bounces_of(impacts)
     if bounces.middle.size < FEWEST:
         raise TrackError(
             f"{impacts.attrs['source']}: only {bounces.middle.size} bounces have a whole flight on "
             f"either side; at least {FEWEST} are needed: film for longer, or faster"
         )
-    rate = find_frequency(bounces, frequency_range) if frequency is None else frequency
+    rate = find_frequency(bounces.speeds(), frequency_range) if frequency is None else frequency
     found = _adjust(bounces, rate, free=frequency is None)
     misfit = found.chi_square / (bounces.middle.size - found.values.size)
     values, covariance = _polar(found.values, found.covariance * max(1.0, misfit))
     rate = rate if frequency is not None else float(found.values[3])
-    signal = _weakest_signal(bounces, found, rate)
-    error = np.sqrt(np.diag(covariance))
-    warning = _warning(signal, values, error)
+    signal = _signal(bounces, found, rate)
+    warning = _warning(signal, values, np.sqrt(np.diag(covariance)))
     if signal < SIGNAL:  # noise alone determines the numbers
-        values, error, covariance = (np.full_like(v, np.nan) for v in (values, error, covariance))
+        values, covariance = np.full_like(values, np.nan), np.full_like(covariance, np.nan)
+    about = {
+        "misfit": ((), misfit, {"units": "1", "long_name": "chi-square per degree of freedom"}),
+        "bounces": ((), bounces.middle.size, {"units": "1", "long_name": "bounces used"}),
+        "signal": ((), signal, {"units": "1", "long_name": "signal of the weakest direction"}),
+        "frequency_used": ((), rate, {"units": "Hz", "long_name": "forcing frequency"}),
+    }
+    return _estimated(values, covariance, about, warning)
+
+
+def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
+    """Parameters from the fit of a base that moves."""
+    values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
+    rate, gravity = float(impacts["shaken_frequency"]), impacts.attrs["gravity"]
+    plain, spread = _polar(values, covariance)  # e, V0, phi and perhaps f
+    e, velocity = plain[:2]
+    change = np.eye(values.size)
+    change[1, :2] = velocity, 1.0 + e
+    kicks = plain.copy()
+    kicks[1] = (1.0 + e) * velocity
+    turn = TURN * rate
+    # V0 / w and w V0 / g: their relative errors are those of V0 and of f
+    relative = np.zeros((2, values.size))
+    relative[:, 1] = 1.0 / velocity
+    if values.size > 3:
+        relative[:, 3] = -1.0 / rate, 1.0 / rate
+    size = np.array([velocity / turn, turn * velocity / gravity])
+    error = size * np.sqrt(np.einsum("ki,ij,kj->k", relative, spread, relative))
+    about = {
+        name: ((), float(value), {"units": units, "long_name": words})
+        for name, value, units, words in (
+            ("misfit", impacts["shaken_misfit"], "1", "chi-square per degree of freedom"),
+            ("bounces", impacts["shaken_bounces"], "1", "bounces used"),
+            ("frequency_used", rate, "Hz", "forcing frequency"),
+            ("base_displacement", size[0], "m", "peak displacement of the base"),
+            ("base_displacement_error", error[0], "m", "its standard error"),
+            ("base_acceleration", size[1], "1", "peak acceleration in units of gravity"),
+            ("base_acceleration_error", error[1], "1", "its standard error"),
+        )
+    }
+    covariance = change @ spread @ change.T
+    warning = _warning(SIGNAL, kicks, np.sqrt(np.diag(covariance)))
+    return _estimated(kicks, covariance, about, warning)
+
+
+def _estimated(values: Array, covariance: Array, about: dict[str, Any], warning: str) -> xr.Dataset:
+    """The result of `estimate`."""
     names = list(PARAMETER_UNITS)[: values.size]
+    error = np.sqrt(np.diag(covariance))
     return xr.Dataset(
         {
             "estimate": ("parameter", values, {"long_name": "estimate"}),
             "error": ("parameter", error, {"long_name": "standard error"}),
             "covariance": (("parameter", "other"), covariance, {"long_name": "covariance"}),
             "determined": ((), np.int8(not warning), {"long_name": "the orbit determines them"}),
-            "misfit": ((), misfit, {"units": "1", "long_name": "chi-square per degree of freedom"}),
-            "bounces": ((), bounces.middle.size, {"units": "1", "long_name": "bounces used"}),
-            "signal": ((), signal, {"units": "1", "long_name": "signal of the weakest direction"}),
-            "frequency_used": ((), rate, {"units": "Hz", "long_name": "forcing frequency"}),
+            **about,
         },
         coords={
             "parameter": names,
@@ -132,42 +175,6 @@ def estimate(
         },
         attrs={"warning": warning},
     )
-
-
-def find_frequency(bounces: Bounces, between: tuple[float, float]) -> float:
-    """Frequency in Hz at which the bounces obey the map best, by ordinary least squares.
-
-    A scan of a stretch of the bounces, then a refinement on all of them.
-    """
-    arrive, leave, time = bounces.speeds()
-    order = np.argsort(time)
-    arrive, leave, time = arrive[order], leave[order], time[order]
-    early = np.flatnonzero(time <= time[0] + SCAN_SECONDS)[:SCAN_BOUNCES]
-    span = max(float(np.ptp(time[early])), 1e-9)
-    steps = int((between[1] - between[0]) * 4.0 * span) + 2
-    trial = np.linspace(*between, steps)
-    misfit = np.concatenate(
-        [
-            _misfits(part, arrive[early], leave[early], time[early])
-            for part in np.array_split(trial, steps // 256 + 1)
-        ]
-    )
-    best, width = float(trial[np.argmin(misfit)]), float(trial[1] - trial[0])
-    reach = span
-    while True:  # a stretch twice as long halves the width of the minimum around the one found
-        chosen = time <= time[0] + reach
-        data = (arrive[chosen], leave[chosen], time[chosen])
-        best = float(
-            minimize_scalar(
-                lambda f, data=data: float(_misfits(np.array([f]), *data)[0]),
-                bounds=(best - width, best + width),
-                method="bounded",
-                options={"xatol": 1e-4 * width},
-            ).x
-        )
-        if reach > time[-1] - time[0]:
-            return best
-        reach, width = 2.0 * reach, width / 2.0
 
 
 def fit_phase(
@@ -195,18 +202,6 @@ def fit_phase(
     near = misfit <= misfit.min() + TIE * float(kick @ kick)
     chosen = np.flatnonzero(near & falling if (near & falling).any() else near)
     return float(trial[chosen[np.argmin(misfit[chosen])]])
-
-
-def _misfits(frequency: Array, arrive: Array, leave: Array, time: Array) -> Array:
-    """Sum of squares left by the best e, S and C at each frequency."""
-    angle = TURN * frequency[:, np.newaxis] * time
-    design = np.stack([np.broadcast_to(arrive, angle.shape), np.sin(angle), np.cos(angle)], axis=-1)
-    normal = np.einsum("fni,fnj->fij", design, design)
-    right = np.einsum("fni,n->fi", design, leave)
-    # a small ridge: at some frequencies the columns are the same
-    normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
-    found = np.linalg.solve(normal, right[..., np.newaxis])[..., 0]
-    return np.asarray(leave @ leave - np.einsum("fi,fi->f", right, found))
 
 
 def _adjust(bounces: Bounces, rate: float, free: bool) -> _Adjusted:
@@ -256,23 +251,15 @@ def _polar(values: Array, covariance: Array) -> tuple[Array, Array]:
     return polar, change @ covariance @ change.T
 
 
-def _weakest_signal(bounces: Bounces, found: _Adjusted, rate: float) -> float:
-    """Signal in the direction of the design matrix that varies least, in units of its noise.
-
-    All bounces of a locked orbit are the same but for the errors of the instants: however many are
-    measured, two of the three parameters remain undetermined.
-    """
+def _signal(bounces: Bounces, found: _Adjusted, rate: float) -> float:
+    """`weakest_signal` of bounces whose speeds follow from the times between them."""
     arrive, _, time = bounces.speeds()
-    _, s, c, *_ = found.values
-    amplitude = max(float(np.hypot(s, c)), 1e-300)
-    angle = TURN * rate * time
-    design = np.stack([arrive, amplitude * np.sin(angle), amplitude * np.cos(angle)], axis=1)
     here = bounces.variance[bounces.middle]
-    noise = bounces.gravity**2 / 4.0 * (here + bounces.variance[bounces.middle - 1])
-    moved = (TURN * rate * amplitude) ** 2 * here
-    blur = float(np.mean(noise + moved))
-    weakest = float(np.linalg.eigvalsh(design.T @ design / time.size)[0])
-    return weakest / blur
+    speed = bounces.gravity**2 / 4.0 * (here + bounces.variance[bounces.middle - 1])
+    turned = (TURN * rate) ** 2 * here
+    amplitude = float(np.hypot(*found.values[1:3]))
+    blurs = float(speed.mean()), float(turned.mean())
+    return weakest_signal(arrive, TURN * rate * time, amplitude, blurs)
 
 
 def _warning(signal: float, values: Array, error: Array) -> str:

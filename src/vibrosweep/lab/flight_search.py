@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.flights import Fits, apparent_gravity, crossings, fit
+from vibrosweep.lab.flights import Ends, Fits, apparent_gravity, crossings, fit
 from vibrosweep.lab.junctions import Junctions, base_level, join
+from vibrosweep.lab.oscillation import Shaken
 from vibrosweep.lab.segments import Samples, first_noise, low_points
 
-__all__ = ["Flights", "find_flights"]
+__all__ = ["Flights", "find_flights", "flight_noise", "poor_flights", "share_out"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -49,16 +50,22 @@ class Flights(NamedTuple):
         Number of the flight of each sample, -1 for none.
     poor
         Flights whose residuals are larger than the noise allows.
+    ends
+        On the base.
     junctions
         Between neighbours.
+    levels
+        Height of the base below each particle, m; of one that moves, its mean.
     base, base_error
-        Height of the base and its standard error, m.
+        Mean of the levels and its standard error, m.
     noise
         Standard deviation of a sample, m.
     gravity, gravity_error
         Acceleration that the tracks show and its standard error, m s-2.
     curvature
         Acceleration of the parabolas: the true one, or that of the tracks where they contradict it.
+    shaken
+        What the contacts say of a base that moves; None where it stays at its level.
     """
 
     fits: Fits
@@ -66,13 +73,16 @@ class Flights(NamedTuple):
     particle: Indices
     member: Indices
     poor: NDArray[np.bool_]
+    ends: Ends
     junctions: Junctions
+    levels: Array
     base: float
     base_error: float
     noise: float
     gravity: float
     gravity_error: float
     curvature: float
+    shaken: Shaken | None
 
 
 def find_flights(
@@ -116,27 +126,31 @@ def _settle(
     error = 0.0
     for turn in range(ROUNDS):
         fits, piece, member, noise = _resolved(samples, member, piece, base, gravity)
-        junctions = join(fits, piece, base, noise, gravity)
+        ends = crossings(fits, base, gravity)
+        junctions = join(fits, piece, ends, noise, gravity)
         if given is None:
             base, error = base_level(junctions, base)
-            junctions = join(fits, piece, base, noise, gravity)
+            ends = crossings(fits, base, gravity)
+            junctions = join(fits, piece, ends, noise, gravity)
         if turn < ROUNDS - 1:
-            up, down, _ = crossings(fits, base, gravity)
-            member = _shared_out(samples, piece, junctions, up, down, exposure)
+            member = share_out(samples, piece, junctions, ends, exposure)
     seen, seen_error = apparent_gravity(samples, member, piece.size)
     return Flights(
         fits,
         piece,
         samples.particle[samples.bounds[piece]],
         member,
-        _poor(fits, noise),
+        poor_flights(fits, noise),
+        ends,
         junctions,
+        np.full(samples.particle[-1] + 1, base),
         base,
         error,
         noise,
         seen,
         seen_error,
         gravity,
+        None,
     )
 
 
@@ -170,7 +184,8 @@ def _check_gravity(seen: float, error: float, gravity: float) -> None:
     units = f"multiply the scale by about {1.0 / ratio:.2g}" if ratio > 0.0 else "turn the axis"
     raise TrackError(
         f"what is tracked falls with {seen:.3g} m s-2 instead of {gravity:g} m s-2: {units}, or "
-        f"correct the frame rate, or film faster where flights last fewer than five frames"
+        f"correct the frame rate, or film faster where flights last fewer than five frames; what "
+        f"rides on a base shows the acceleration of the base"
     )
 
 
@@ -179,7 +194,7 @@ def _resolved(
 ) -> tuple[Fits, Indices, Indices, float]:
     """Fit, and keep the flights that the frames and the noise let one see."""
     fits = fit(samples, member, piece.size, gravity)
-    noise = _noise(fits, float(np.ptp(samples.height)))
+    noise = flight_noise(fits, float(np.ptp(samples.height)))
     with np.errstate(invalid="ignore"):
         high = fits.top(gravity) - base > LEAST_HEIGHT * noise
     kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
@@ -192,7 +207,7 @@ def _resolved(
     return fits.take(kept), piece[kept], number[member], noise
 
 
-def _noise(fits: Fits, extent: float) -> float:
+def flight_noise(fits: Fits, extent: float) -> float:
     """Standard deviation of a sample from all flights but the poor ones, m."""
     freedom = fits.number - 2.0
     judged = freedom > 0.0
@@ -208,7 +223,8 @@ def _noise(fits: Fits, extent: float) -> float:
     return max(float(np.sqrt(variance)), 1e-9 * extent)
 
 
-def _poor(fits: Fits, noise: float) -> NDArray[np.bool_]:
+def poor_flights(fits: Fits, noise: float) -> NDArray[np.bool_]:
+    """Tell which flights have residuals larger than the noise (m) allows."""
     largest = _chi_square(POOR, np.maximum(fits.number - 2.0, 1.0))
     return np.asarray(fits.residue > noise**2 * largest)
 
@@ -219,16 +235,11 @@ def _chi_square(share: float, freedom: Array) -> Array:
     return np.asarray(values[freedom.astype(np.intp)])
 
 
-def _shared_out(
-    samples: Samples,
-    piece: Indices,
-    junctions: Junctions,
-    up: Array,
-    down: Array,
-    exposure: float,
+def share_out(
+    samples: Samples, piece: Indices, junctions: Junctions, ends: Ends, exposure: float
 ) -> Indices:
     """Give each sample to the flight that it was taken in; -1 on the base and while landing."""
-    start, end = up.copy(), down.copy()
+    start, end = ends.up.copy(), ends.down.copy()
     end[junctions.before] = junctions.landing
     start[junctions.before + 1] = junctions.liftoff
     # one axis for all: pieces do not overlap, as each gets an interval longer than the track

@@ -14,7 +14,17 @@ from numpy.typing import NDArray
 
 from vibrosweep.lab.segments import Samples
 
-__all__ = ["Fits", "Meetings", "apparent_gravity", "crossings", "fit", "line_variance", "meet"]
+__all__ = [
+    "Ends",
+    "Fits",
+    "Meetings",
+    "apparent_gravity",
+    "crossings",
+    "curvatures",
+    "fit",
+    "line_variance",
+    "meet",
+]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -85,12 +95,11 @@ def fit(samples: Samples, flight: Indices, flights: int, gravity: float) -> Fits
     return Fits(count, centre, spread, level, slope, residue)
 
 
-def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[float, float]:
-    """Acceleration with which the flights fall, and its standard error, m s-2.
+def curvatures(samples: Samples, flight: Indices, flights: int) -> tuple[Array, Array]:
+    """Acceleration in m s-2 with which each flight falls, fitted with its own height and slope.
 
-    The median of the curvatures of all flights of at least four samples, each fitted with its own
-    height and slope: stretches that are no flights at all do not disturb it.  NaN if there are
-    none.
+    And its weight: the reciprocal of its variance, in units of that of a sample; 0 below four
+    samples.
     """
     used = flight >= 0
     of, time, height = flight[used], samples.time[used], samples.height[used]
@@ -105,8 +114,19 @@ def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[f
     with np.errstate(invalid="ignore", divide="ignore"):
         since = time - (np.bincount(of, time, flights) / count)[of]
         square, line = project(since**2, since), project(height, since)
-        own = np.bincount(of, square * line, flights) / np.bincount(of, square**2, flights)
-    seen = -2.0 * own[count > 3]
+        weight = np.bincount(of, square**2, flights)
+        seen = -2.0 * np.bincount(of, square * line, flights) / weight
+    return seen, np.where(count > 3, weight / 4.0, 0.0)
+
+
+def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[float, float]:
+    """Acceleration with which the flights fall, and its standard error, m s-2.
+
+    The median of the curvatures of all flights of at least four samples: stretches that are no
+    flights at all do not disturb it.  NaN if there are none.
+    """
+    seen, weight = curvatures(samples, flight, flights)
+    seen = seen[weight > 0.0]
     if not seen.size:
         return float("nan"), float("nan")
     middle = float(np.median(seen))
@@ -121,12 +141,29 @@ def line_variance(fits: Fits, one: Array, other: Array | None = None) -> Array:
     return 1.0 / fits.number + (one - fits.centre) * (other - fits.centre) / fits.spread
 
 
-def crossings(fits: Fits, base: float, gravity: float) -> tuple[Array, Array, Array]:
-    """Instants of lift-off and landing at the height of the base, s, and the speed there, m s-1."""
+class Ends(NamedTuple):
+    """Where flights begin and end on the base; arrays of shape (flight,).
+
+    Attributes
+    ----------
+    up, down
+        Instants of lift-off and landing, s.
+    rise, fall
+        Speeds relative to the base there, m s-1.
+    """
+
+    up: Array
+    down: Array
+    rise: Array
+    fall: Array
+
+
+def crossings(fits: Fits, base: float, gravity: float) -> Ends:
+    """Ends of flights at a base that stays at a height."""
     with np.errstate(invalid="ignore"):
         speed = np.sqrt(fits.slope**2 + 2.0 * gravity * (fits.level - base))
     rise = fits.centre + (fits.slope - speed) / gravity
-    return rise, fits.centre + (fits.slope + speed) / gravity, speed
+    return Ends(rise, fits.centre + (fits.slope + speed) / gravity, speed, speed)
 
 
 class Meetings(NamedTuple):

@@ -9,17 +9,23 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.errors import TrackError
+from vibrosweep.lab.contacts import find_contacts
 from vibrosweep.lab.flight_search import Flights, find_flights
 from vibrosweep.lab.flights import line_variance
+from vibrosweep.lab.moving_flights import flights_over
+from vibrosweep.lab.oscillation import Shaken, Trace, fit_shaken
 from vibrosweep.lab.quality import find_swaps, seen
 from vibrosweep.lab.segments import Samples, low_points, samples_of
+from vibrosweep.lab.which_base import which_base
 
 __all__ = [
     "BOUNCED",
     "DOUBTFUL",
     "METHODS",
+    "MOTIONS",
     "STAYED",
     "Fitted",
+    "View",
     "find_impacts",
     "fit_tracks",
     "impacts_of",
@@ -28,6 +34,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 METHODS: Final = ("fit", "sign_change")
+MOTIONS: Final = ("detect", "level", "moving")
 BOUNCED, STAYED, DOUBTFUL = 0, 1, 2
 _VARIABLES: Final = {
     "landing_time": ("s", "time of landing"),
@@ -36,10 +43,37 @@ _VARIABLES: Final = {
     "liftoff_time_error": ("s", "standard error of the time of lift-off"),
     "next_covariance": ("s2", "covariance of the lift-off with the next landing"),
     "flight_time": ("s", "time from the lift-off to the next landing"),
-    "impact_speed": ("m s-1", "speed at lift-off and at the next landing, from the flight time"),
-    "rebound_height": ("m", "height of the flight that follows, above the base"),
+    "impact_speed": ("m s-1", "speed at lift-off"),
+    "rebound_height": (
+        "m",
+        "height of the flight that follows, above the (mean) level of the base",
+    ),
     "rebound_height_error": ("m", "standard error of that height"),
 }
+
+
+class View(NamedTuple):
+    """What is known beside the tracks, and what is to be found.
+
+    Attributes
+    ----------
+    base
+        Height in m at which particles land; found from the flights where None.
+    exposure
+        Time for which the shutter is open, s.
+    motion
+        One of `MOTIONS`: whether the base moves, or that this is to be found out.
+    frequency
+        Of the forcing in Hz; sought where None and needed.
+    trace
+        A measured motion of the base, which then moves.
+    """
+
+    base: float | None = None
+    exposure: float = 0.0
+    motion: str = "detect"
+    frequency: float | None = None
+    trace: Trace | None = None
 
 
 class Fitted(NamedTuple):
@@ -51,11 +85,15 @@ class Fitted(NamedTuple):
         What was seen, and the parabolas through it.
     swaps
         Swapped identities: the first frame with them, and the two particles.
+    speaks_for
+        The base that the contacts speak for: ``"moving"``, ``"level"`` or ``"undetermined"``; what
+        was said of it where nothing was to be found out.
     """
 
     samples: Samples
     flights: Flights
     swaps: list[tuple[int, int, int]]
+    speaks_for: str
 
 
 def find_impacts(
@@ -65,6 +103,9 @@ def find_impacts(
     base: float | None = None,
     exposure: float = 0.0,
     method: str = "fit",
+    motion: str = "detect",
+    frequency: float | None = None,
+    trace: Trace | None = None,
 ) -> xr.Dataset:
     """Landings of every particle, with standard errors.
 
@@ -81,6 +122,13 @@ def find_impacts(
     method
         ``"fit"``: neighbouring parabolas are intersected.  ``"sign_change"``: the frame at which
         the velocity turns from falling to rising, and the highest frame in between.
+    motion
+        ``"level"``: the base stays at its level; ``"moving"``: it oscillates; ``"detect"``: as the
+        landings say, and at its level where they determine neither or `base` is given.
+    frequency
+        Of the forcing in Hz; sought where the base moves and it is not given.
+    trace
+        A measured motion of the base, from `vibrosweep.lab.traces.read_trace`.
 
     Returns
     -------
@@ -89,13 +137,17 @@ def find_impacts(
         their errors (s); ``next_covariance`` (s2) of a lift-off with the next landing;
         ``flight_time``, ``impact_speed``, ``rebound_height`` of the flight that follows, NaN where
         its landing is not seen or one of its ends is doubtful; ``quality``.  By particle what was
-        seen of it.  Attributes: the noise of a position (m), the base (m), the acceleration that
-        the tracks show.
+        seen of it, and the level of the base below it (m).  Attributes: the noise of a position
+        (m), the base (m), the acceleration that the tracks show, the base that the landings speak
+        for.  Over a base that moves also restitution, S, C (m s-1) and frequency (Hz), where it was
+        sought, with covariance: `shaken` and `shaken_covariance`; the base has the velocity
+        S sin 2 pi f t + C cos 2 pi f t.
 
     Raises
     ------
     TrackError
-        Nothing bounces, nothing falls with gravity, or the base is not below the tracks.
+        Nothing bounces, nothing falls with gravity, the base is not below the tracks, or it is said
+        to move and the landings do not determine how.
 
     Examples
     --------
@@ -105,14 +157,16 @@ def find_impacts(
     >>> vs.lab.find_impacts(film[0].tracks).landing_time.dims
     ('particle', 'impact')
     """
-    if method not in METHODS:
-        raise TrackError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-    return impacts_of(tracks, fit_tracks(tracks, gravity, base, exposure), gravity, method)
+    for name, value, known in (("method", method, METHODS), ("motion", motion, MOTIONS)):
+        if value not in known:
+            raise TrackError(f"{name} = {value!r}: must be one of {', '.join(known)}")
+    view = View(base, exposure, motion, frequency, trace)
+    return impacts_of(tracks, fit_tracks(tracks, gravity, view), gravity, method)
 
 
 def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) -> xr.Dataset:
     """Landings from fitted tracks, by one of the `METHODS`, as `find_impacts` returns them."""
-    samples, flights, swaps = fitted
+    samples, flights, swaps, _ = fitted
     particles = tracks.sizes["particle"]
     if method == "fit":
         owner, columns = _fitted(flights, gravity)
@@ -131,7 +185,14 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
         exchanged,
         {"units": "1", "long_name": "exchanges of names with another particle"},
     )
+    found["level"] = (
+        "particle",
+        flights.levels,
+        {"units": "m", "long_name": "(mean) level of the base below the particle"},
+    )
     found = found.assign_coords(particle=tracks["particle"])
+    if flights.shaken is not None:
+        found = found.merge(_shaken(flights.shaken))
     found.attrs = {
         "method": method,
         "source": tracks.attrs["source"],
@@ -145,13 +206,38 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
         "apparent_gravity": flights.gravity,
         "apparent_gravity_error": flights.gravity_error,
         "scale_off": int(flights.curvature != gravity),
+        "base_motion": "level" if flights.shaken is None else "moving",
+        "speaks_for": fitted.speaks_for,
     }
     return found
 
 
-def fit_tracks(
-    tracks: xr.Dataset, gravity: float, base: float | None = None, exposure: float = 0.0
-) -> Fitted:
+def _shaken(shaken: Shaken) -> xr.Dataset:
+    """Restitution and motion of the base, with covariance, without the levels."""
+    names = ["restitution", "S", "C", "frequency"][: shaken.values.size - shaken.levels.size]
+    own = slice(None, len(names))
+    words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
+    return xr.Dataset(
+        {
+            "shaken": ("of_base", shaken.values[own], {"long_name": words}),
+            "shaken_covariance": (
+                ("of_base", "other"),
+                shaken.covariance[own, own],
+                {"long_name": "covariance"},
+            ),
+            "shaken_frequency": ((), shaken.oscillation.frequency, {"units": "Hz"}),
+            "shaken_misfit": ((), shaken.misfit, {"long_name": "chi-square per degree of freedom"}),
+            "shaken_bounces": ((), int(shaken.kept.sum()), {"long_name": "bounces used"}),
+        },
+        coords={
+            "of_base": names,
+            "other": names,
+            "of_base_units": ("of_base", ["1", "m s-1", "m s-1", "Hz"][own]),
+        },
+    )
+
+
+def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitted:  # noqa: B008
     """Find and fit the flights of tracks.
 
     Raises
@@ -159,21 +245,59 @@ def fit_tracks(
     TrackError
         As in `find_impacts`.
     """
-    _check_base(tracks, base)
+    _check_base(tracks, view.base)
     time, height = tracks["time"].values, tracks["height"].values
     cuts = np.zeros(height.shape, bool)
     try:
         samples = samples_of(time, height, cuts)
-        flights = find_flights(samples, gravity, base, exposure)
-        swaps = find_swaps(time, height, flights.noise, flights.base, gravity)
+        flights, says = _flights(samples, gravity, view)
+        highest = flights.base
+        if flights.shaken is not None:
+            base = flights.shaken.oscillation
+            highest += float(np.hypot(base.sine, base.cosine)) / (2.0 * np.pi * base.frequency)
+        swaps = find_swaps(time, height, flights.noise, highest, gravity)
         if swaps:
             for frame, one, other in swaps:
                 cuts[frame, [one, other]] = True
             samples = samples_of(time, height, cuts)
-            flights = find_flights(samples, gravity, base, exposure)
+            flights, says = _flights(samples, gravity, view)
     except TrackError as error:
         raise TrackError(f"{tracks.attrs['source']}: {error}") from error
-    return Fitted(samples, flights, swaps)
+    return Fitted(samples, flights, swaps, says)
+
+
+def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str]:
+    """Flights over the base that the view tells or the contacts speak for, and what they say."""
+    level = view.motion == "level" or (view.motion == "detect" and view.base is not None)
+    if level and view.trace is None:
+        return find_flights(samples, gravity, view.base, view.exposure), "level"
+    contacts, member = find_contacts(samples, gravity)
+    says, shaken = "moving", None
+    if view.trace is None:
+        says, shaken, _ = which_base(contacts, view.frequency)
+    elif contacts.time.size:
+        rate = float(view.trace.values[2])
+        shaken = fit_shaken(contacts, rate, free=True, moves=True, trace=view.trace)
+    moves = view.motion == "moving" or view.trace is not None
+    if shaken is not None and (moves or says == "moving"):
+        free = view.frequency is None
+        over = flights_over(
+            samples,
+            member,
+            shaken,
+            contacts.gravity,
+            exposure=view.exposure,
+            free=free,
+            trace=view.trace,
+        )
+        return over, says
+    if moves:
+        raise TrackError(
+            "the landings do not determine how the base moves: they are too few, or all at nearly "
+            "the same phases and speeds; film the approach to the orbit, or give a trace of the "
+            "base"
+        )
+    return find_flights(samples, gravity, view.base, view.exposure), says
 
 
 def _check_base(tracks: xr.Dataset, base: float | None) -> None:
@@ -199,9 +323,13 @@ def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[st
     whole = np.isfinite(duration)
     # the apex lies where the slope vanishes
     apex = fits.centre + fits.slope / flights.curvature
-    height = fits.top(flights.curvature) - flights.base
+    height = fits.top(flights.curvature) - flights.levels[flights.particle]
     base_error = np.nan_to_num(flights.base_error)
     error = np.hypot(flights.noise * np.sqrt(line_variance(fits, apex)), base_error)
+    speed = 0.5 * gravity * duration
+    if flights.shaken is not None:
+        leaves = fits.slope[after] - flights.curvature * (joint.liftoff - fits.centre[after])
+        speed = np.where(whole, leaves, np.nan)
     columns = {
         "landing_time": joint.landing,
         "landing_time_error": joint.landing_error,
@@ -209,7 +337,7 @@ def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[st
         "liftoff_time_error": joint.liftoff_error,
         "next_covariance": joint.covariance,
         "flight_time": duration,
-        "impact_speed": 0.5 * gravity * duration,
+        "impact_speed": speed,
         "rebound_height": np.where(whole, height[after], np.nan),
         "rebound_height_error": np.where(whole, error[after], np.nan),
         "quality": np.where(odd, DOUBTFUL, np.where(joint.stayed, STAYED, BOUNCED)),

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.lab.flights import Fits, crossings, line_variance, meet
+from vibrosweep.lab.flights import Ends, Fits, line_variance, meet
 
 __all__ = ["Junctions", "base_level", "join"]
 
@@ -58,7 +58,7 @@ class Junctions(NamedTuple):
     height_error: Array
 
 
-def join(fits: Fits, piece: Indices, base: float, noise: float, gravity: float) -> Junctions:
+def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -> Junctions:
     """Say how neighbouring flights of a piece are joined.
 
     Parameters
@@ -67,8 +67,8 @@ def join(fits: Fits, piece: Indices, base: float, noise: float, gravity: float) 
         Flights in their order.
     piece
         Piece of track of each flight; landings are sought inside pieces only.
-    base
-        Height of the base, m.
+    ends
+        Of the flights.
     noise
         Standard deviation of a sample, m.
     gravity
@@ -76,19 +76,19 @@ def join(fits: Fits, piece: Indices, base: float, noise: float, gravity: float) 
     """
     before = np.flatnonzero(np.diff(piece) == 0)
     after = before + 1
-    up, down, speed = crossings(fits, base, gravity)
+    up, down = ends.up, ends.down
     met = meet(fits.take(before), fits.take(after), (down[before] + up[after]) / 2.0, gravity)
     with np.errstate(invalid="ignore", divide="ignore"):
-        fall = noise * np.sqrt(line_variance(fits, down)) / speed
-        rise = noise * np.sqrt(line_variance(fits, up)) / speed
+        fall = noise * np.sqrt(line_variance(fits, down)) / ends.fall
+        rise = noise * np.sqrt(line_variance(fits, up)) / ends.rise
         miss = (up[after] - down[before]) / np.hypot(fall[before], rise[after])
         stayed = (miss > MISSED) | ~(met.closing > 0.0)
         landing = np.where(stayed, down[before], met.time)
         liftoff = np.where(stayed, up[after], met.time)
         error = noise * np.sqrt(met.time_variance)
         # how far a sample's error moves an instant: 1 / speed of the flight, or of both
-        falls = np.where(stayed, speed[before], met.closing)
-        rises = np.where(stayed, speed[after], met.closing)
+        falls = np.where(stayed, ends.fall[before], met.closing)
+        rises = np.where(stayed, ends.rise[after], met.closing)
         covariance = np.full(before.size, np.nan)
         linked = np.flatnonzero(after[:-1] == before[1:])
         shared = line_variance(fits.take(after[linked]), liftoff[linked], landing[linked + 1])

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from vibrosweep.lab.comparison import READINGS, STUDY
-from vibrosweep.lab.flights import crossings, line_variance
+from vibrosweep.lab.comparison import READINGS
+from vibrosweep.lab.estimate import estimate
+from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, STAYED, Fitted
 from vibrosweep.lab.quality import remarks
 
@@ -27,12 +28,34 @@ def impact_lines(impacts: xr.Dataset) -> list[str]:
         f"{typical * attributes['frame_rate']:.2g} frames; noise of a position "
         f"{attributes['noise']:.2g} m; base at {attributes['base']:.3g} m",
     ]
+    lines.append(f"  {_base_line(impacts)}")
     stays, odd = int((quality == STAYED).sum()), int((quality == DOUBTFUL).sum())
     if stays:
         lines.append(f"  {stays} stays on the base, or bounces too low or short to be seen")
     if odd:
         lines.append(f"  {odd} landings beside flights that fit badly are doubtful")
     return lines + [f"  {remark}" for remark in remarks(impacts)]
+
+
+def _base_line(impacts: xr.Dataset) -> str:
+    """Say whether the base moves, and how."""
+    if impacts.attrs["base_motion"] == "level":
+        says = impacts.attrs["speaks_for"]
+        return "the base stays at its level" + (
+            "" if says == "level" else "; the landings do not determine whether it moves"
+        )
+    found = estimate(impacts)
+    e, _, phase = found["estimate"].values[:3]
+    de, _, dphase = found["error"].values[:3]
+    size, gamma = (
+        (float(found[name]), float(found[f"{name}_error"]))
+        for name in ("base_displacement", "base_acceleration")
+    )
+    return (
+        f"the base moves: displacement {1e3 * size[0]:.4g} ± {1e3 * size[1]:.2g} mm at "
+        f"{float(found['frequency_used']):.6g} Hz, acceleration {gamma[0]:.4g} ± {gamma[1]:.2g} "
+        f"of gravity, phase {phase:.4g} ± {dphase:.2g} rad; restitution {e:.4g} ± {de:.2g}"
+    )
 
 
 def agreement_lines(found: xr.Dataset) -> list[str]:
@@ -87,13 +110,23 @@ def table_lines(table: xr.Dataset) -> list[str]:
         for q in table["quantity"].values:
             error = table["error"].sel(case=case, quantity=q)
             shown = ", ".join(f"{r} {float(error.sel(reading=r)):.2f} %" for r in READINGS)
-            low, high = STUDY[str(q)]
-            lines.append(f"  {case} {q}: {shown}; the study: {low} to {high} %")
-    parameters = [
-        f"{n} {float(table[n].mean()):.5g}" for n in ("restitution", "amplitude", "frequency")
-    ]
-    lines.append(f"predicted with {', '.join(parameters)}")
+            if f"study_{q}" in table.attrs:
+                low, high = table.attrs[f"study_{q}"]
+                shown += f"; the study: {low} to {high} %"
+            lines.append(f"  {case} {q}: {shown}")
+    moves = table.attrs["base_motion"] == "moving"
+    forcing = "base_acceleration" if moves else "amplitude"
+    parameters = [_with_error(table, n) for n in ("restitution", forcing, "frequency")]
+    base = "moves" if moves else "stays at its level"
+    lines.append(f"predicted over a base that {base}, with {', '.join(parameters)}")
+    lines.append(f"the base that the landings speak for: {table.attrs['speaks_for']}")
     return lines + ([table.attrs["warning"]] if table.attrs["warning"] else [])
+
+
+def _with_error(table: xr.Dataset, name: str) -> str:
+    """A parameter, averaged over cases, and its typical standard error where it was estimated."""
+    value, error = float(table[name].mean()), float(table[f"{name}_error"].mean())
+    return f"{name} {value:.5g}" + (f" ± {error:.2g}" if np.isfinite(error) else "")
 
 
 def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
@@ -104,13 +137,16 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
     xarray.Dataset
         Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN
         between flights) and ``within``, the place of the sample in its flight from 0 to 1.
-        Dim flight: ``start``, ``end``, ``speed`` (m s-1), ``owner``.  Dim landing:
+        Dim flight: ``start``, ``end``, ``speed`` (m s-1), ``rise`` (m), ``owner``.  Dim landing:
         ``landing_time``, ``landing_error``, ``landing_owner``.  Attributes: ``noise``, ``base``,
         ``curvature``, ``frame_rate``.
     """
     samples, flights = fitted.samples, fitted.flights
     fits, joint, member = flights.fits, flights.junctions, flights.member
-    up, down, speed = crossings(fits, flights.base, flights.curvature)
+    up, down, _, _ = flights.ends
+    begun = up - fits.centre
+    speed = fits.slope - flights.curvature * begun
+    rise = fits.level + begun * (fits.slope - 0.5 * flights.curvature * begun)
     since = samples.time - fits.centre[member]
     model = fits.level[member] + since * (fits.slope[member] - 0.5 * flights.curvature * since)
     used = member >= 0
@@ -128,9 +164,11 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
         "within": ("sample", within, "1", "place in the flight"),
         "start": ("flight", up, "s", "beginning of the fitted flight at the base"),
         "end": ("flight", down, "s", "its end"),
-        "speed": ("flight", speed, "m s-1", "its speed at the base"),
+        "speed": ("flight", speed, "m s-1", "its velocity there"),
+        "rise": ("flight", rise, "m", "its height there"),
         "landing_time": ("landing", joint.landing, "s", "time of landing"),
         "landing_error": ("landing", joint.landing_error, "s", "its standard error"),
+        "landing_height": ("landing", joint.height, "m", "height at which the flights meet"),
     }
     variables = {
         name: (dim, values, {"units": units, "long_name": words})

@@ -14,14 +14,16 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.parameters import BASES, PARAMETERS
 from vibrosweep.runs.driver import record_observation
 
-__all__ = ["DRAWS", "Prediction", "draw", "predict"]
+__all__ = ["BASE_OF_MOTION", "DRAWS", "Prediction", "draw", "predict"]
 
 Array = NDArray[np.float64]
 
 DRAWS: Final = 64
+# The base of the engine by the motion of a recording's.
+BASE_OF_MOTION: Final = {"level": BASES[0], "moving": BASES[1]}
 # Largest share of draws from the posterior that may be unphysical.
 MOST_REFUSED: Final = 0.5
 
@@ -133,7 +135,8 @@ def predict(
         turns = np.repeat(parameters["frequency"], there.size) * np.tile(start, draws)
         sets["phase"] = sets["phase"] + 2.0 * np.pi * (turns - np.rint(turns))
         sets["launch_velocity"] = np.tile(speed, draws)
-        observation = record_observation(1, (0.0,), length, rebound, Measures.impact_budget)
+        base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
+        observation = record_observation(1, (0.0,), length, rebound, Measures.impact_budget, base)
         found = measure(all_parameters(sets), observation, workers)
         height[:, there] = found["rebound_height_mean"].reshape(draws, -1)
         period[:, there] = found["flight_time_mean"].reshape(draws, -1)

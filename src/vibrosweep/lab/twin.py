@@ -6,7 +6,7 @@ Whatever error its measurement makes is the camera's, for the motion is the pred
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
@@ -17,9 +17,10 @@ from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
 from vibrosweep.lab.comparison import QUANTITIES, comparable, errors
-from vibrosweep.lab.impacts import fit_tracks, impacts_of
-from vibrosweep.lab.prediction import DRAWS
-from vibrosweep.lab.surfaces import LEVEL
+from vibrosweep.lab.impacts import View, fit_tracks, impacts_of
+from vibrosweep.lab.oscillation import Trace
+from vibrosweep.lab.prediction import BASE_OF_MOTION, DRAWS
+from vibrosweep.lab.surfaces import LEVEL, oscillating
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
 from vibrosweep.model.parameters import BASES, PARAMETERS, Launches, dimensionless
@@ -40,8 +41,8 @@ class Comparison:
         amplitude and phase is estimated; so is the frequency.
     method
         ``"fit"`` or ``"sign_change"``.
-    base, exposure
-        As in `find_impacts`.
+    view
+        As `find_impacts` takes it.
     draws
         Parameter sets drawn within the errors of an estimate.
     rebound
@@ -52,8 +53,7 @@ class Comparison:
 
     known: Mapping[str, float]
     method: str = "fit"
-    base: float | None = None
-    exposure: float = 0.0
+    view: View = field(default_factory=View)
     draws: int = DRAWS
     rebound: str = "rest"
     seed: int = 0
@@ -85,7 +85,7 @@ def camera_shares(
     """
     motions = _twin(impacts, scene, how.rebound)
     time = tracks["time"].values
-    true = heights(motions, time, how.exposure)
+    true = heights(motions, time, how.view.exposure)
     true[:, ~np.isfinite(tracks["height"].values).any(axis=0)] = np.nan
     begin, end = time[0], time[-1]
     predicted = {q: np.full(len(motions), np.nan) for q in QUANTITIES}
@@ -95,10 +95,16 @@ def camera_shares(
             predicted["height"][p] = np.mean(motion.apex[whole])
             predicted["period"][p] = np.mean((motion.end - motion.start)[whole])
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
-    sharp = Camera(rate, pixel=noise, noise=0.0, whole_pixels=False)
+    # the fit of a base that moves weighs what it sees with its noise: that cannot be zero
+    least = 0.0 if impacts.attrs["base_motion"] == "level" else 0.01
+    sharp = Camera(rate, pixel=noise, noise=least, whole_pixels=False)
     rough = Camera(rate, pixel=noise, noise=1.0, whole_pixels=False)
-    by_frames = _own_error(true, time, sharp, predicted, how)
-    together = _own_error(true, time, rough, predicted, how)
+    view = how.view
+    if view.base is None:
+        motion = impacts.attrs["base_motion"]
+        view = view._replace(motion=motion, trace=_known(scene) if motion == "moving" else None)
+    by_frames = _own_error(true, time, sharp, predicted, how, view)
+    together = _own_error(true, time, rough, predicted, how, view)
     by_pixels = {
         q: {
             reading: float(np.sqrt(max(both**2 - by_frames[q][reading] ** 2, 0.0)))
@@ -107,6 +113,14 @@ def camera_shares(
         for q, values in together.items()
     }
     return {"frames": by_frames, "pixels": by_pixels}
+
+
+def _known(scene: Mapping[str, float]) -> Trace:
+    """The base of the prediction, as if it had been measured to a millionth."""
+    velocity = scene["amplitude"] / (1.0 + scene["restitution"])
+    angle = scene["phase"]
+    values = np.array([velocity * np.cos(angle), velocity * np.sin(angle), scene["frequency"]])
+    return Trace(values, np.diag([velocity, velocity, scene["frequency"]]) ** 2 * 1e-12)
 
 
 def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list[Motion]:
@@ -122,7 +136,9 @@ def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list
     sets["launch_velocity"] = speed
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
     at_once = np.zeros((1, each.size))
-    batch = Batch(base_of(BASES[0], rebound), problem, Launches(at_once, at_once))
+    base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
+    surface = LEVEL if base == BASES[0] else oscillating(scene)
+    batch = Batch(base_of(base, rebound), problem, Launches(at_once, at_once))
     record = wandering_record(batch, np.zeros(2), scene["frequency"], scene["gravity"])
     return [
         Motion.of(
@@ -130,18 +146,23 @@ def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list
             p,
             Launch(t, speed[p]),
             scene["gravity"],
-            LEVEL,
+            surface,
         )
         for p, t in enumerate(start)
     ]
 
 
 def _own_error(
-    true: Array, time: Array, camera: Camera, predicted: dict[str, Array], how: Comparison
+    true: Array,
+    time: Array,
+    camera: Camera,
+    predicted: dict[str, Array],
+    how: Comparison,
+    view: View,
 ) -> dict[str, dict[str, float]]:
     """Errors of the measurement of a motion that is the prediction itself."""
     tracks = make_tracks(time, film(true, camera, np.random.default_rng(how.seed)))
-    fitted = fit_tracks(tracks, how.gravity, how.base, how.exposure)
+    fitted = fit_tracks(tracks, how.gravity, view)
     seen = impacts_of(tracks, fitted, how.gravity, "fit")
     impacts = impacts_of(tracks, fitted, how.gravity, how.method)
     return errors(impacts, predicted, comparable(seen))

@@ -23,6 +23,7 @@ from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, SPRUNG
 from vibrosweep.model.parameters import BASES, LARGEST, MOUNT, PARAMETERS, Parameter
 
 __all__ = [
+    "ACCELERATION",
     "AMPLITUDE",
     "FORCINGS",
     "INPUTS",

@@ -25,7 +25,7 @@ from vibrosweep.lab.experiment import (
     perform_trials,
     predicted_means,
 )
-from vibrosweep.lab.impacts import METHODS, fit_tracks, impacts_of
+from vibrosweep.lab.impacts import METHODS, View, fit_tracks, impacts_of
 
 __all__ = ["IMPERFECTIONS", "Imperfection", "in_band", "study_imperfections", "verdict"]
 
@@ -210,7 +210,9 @@ def _repeats(experiment: Experiment) -> Iterator[tuple[float, dict[str, list[lis
     gravity = experiment.scene["gravity"]
     for trial in perform_trials(experiment):
         try:
-            fitted = fit_tracks(trial.tracks, gravity, exposure=experiment.camera.exposure)
+            fitted = fit_tracks(
+                trial.tracks, gravity, View(None, experiment.camera.exposure, "level")
+            )
         except TrackError:  # the imperfection is so large that nothing can be measured
             nothing = [[np.nan] * len(READINGS) for _ in METHODS]
             yield 0.0, dict.fromkeys(QUANTITIES, nothing)

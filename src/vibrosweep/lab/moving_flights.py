@@ -1,0 +1,170 @@
+"""Flights over a base that moves: told from stays by their height, and cut where they meet it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.contacts import contacts_between
+from vibrosweep.lab.flight_search import (
+    LEAST_HEIGHT,
+    LEAST_SAMPLES,
+    Flights,
+    flight_noise,
+    poor_flights,
+    share_out,
+)
+from vibrosweep.lab.flights import Ends, Fits, apparent_gravity, fit
+from vibrosweep.lab.junctions import join
+from vibrosweep.lab.oscillation import Shaken, Trace, fit_shaken
+from vibrosweep.lab.segments import Samples
+
+__all__ = ["flights_over"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+ROUNDS: Final = 3
+# Steps in a forcing period in which the end of a flight is sought, and halvings of the step then.
+STEPS: Final = 100
+HALVINGS: Final = 40
+LOW: Final = 0.25
+
+
+def flights_over(
+    samples: Samples,
+    member: Indices,
+    shaken: Shaken,
+    fall: float,
+    *,
+    exposure: float = 0.0,
+    free: bool = False,
+    trace: Trace | None = None,
+) -> Flights:
+    """Flights over a base that moves as fitted, which is then fitted to them once more.
+
+    Parameters
+    ----------
+    samples
+        What was seen.
+    member
+        Number of the stretch of each sample.
+    shaken
+        First fit of the base.
+    fall
+        Curvature of flights, m s-2.
+    exposure
+        Time for which the shutter was open, s.
+    free, trace
+        As of `fit_shaken`.
+
+    Raises
+    ------
+    TrackError
+        Nothing flies.
+    """
+    noise = np.inf
+    for turn in range(ROUNDS):
+        levels = _levels(shaken, samples)
+        below = levels[samples.particle] + shaken.oscillation.height(samples.time)
+        fits = fit(samples, member, int(member.max()) + 1, fall)
+        noise = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
+        member, fits = _flying(samples, member, fits, below, (noise, fall))
+        start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
+        piece, owner = samples.piece[start], samples.particle[start]
+        ends = _ends(samples, member, fits, levels[owner], shaken, fall)
+        junctions = join(fits, piece, ends, noise, fall)
+        if turn < ROUNDS - 1:
+            member = share_out(samples, piece, junctions, ends, exposure)
+        poor = poor_flights(fits, noise)
+        sound = ~(junctions.stayed | junctions.overlapping)
+        sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
+        contacts = contacts_between(samples, member, fits, junctions.before[sound], (noise, fall))
+        shaken = fit_shaken(
+            contacts, shaken.oscillation.frequency, free=free, moves=True, trace=trace
+        )
+    seen, seen_error = apparent_gravity(samples, member, piece.size)
+    own = slice(shaken.values.size - shaken.levels.size, None)
+    spread = shaken.covariance[own, own]
+    return Flights(
+        fits,
+        piece,
+        owner,
+        member,
+        poor,
+        ends,
+        junctions,
+        levels,
+        float(np.mean(shaken.levels)),
+        float(np.sqrt(spread.sum())) / shaken.levels.size,
+        noise,
+        seen,
+        seen_error,
+        fall,
+        shaken,
+    )
+
+
+def _levels(shaken: Shaken, samples: Samples) -> Array:
+    """Level below each particle; of one without contacts, as if it were mostly on the base."""
+    above = samples.height - shaken.oscillation.height(samples.time)
+    levels = np.array(
+        [np.quantile(above[samples.particle == p], LOW) for p in range(samples.particle[-1] + 1)]
+    )
+    levels[shaken.particles] = shaken.levels
+    return levels
+
+
+def _flying(
+    samples: Samples, member: Indices, fits: Fits, below: Array, scale: tuple[float, float]
+) -> tuple[Indices, Fits]:
+    """Keep the flights among the stretches: those that clear the base."""
+    noise, fall = scale
+    since = samples.time - fits.centre[member]
+    path = fits.level[member] + since * (fits.slope[member] - 0.5 * fall * since)
+    clear = np.full(fits.number.size, -np.inf)
+    used = (member >= 0) & np.isfinite(path)
+    np.maximum.at(clear, member[used], (path - below)[used])
+    kept = np.flatnonzero((clear > LEAST_HEIGHT * noise) & (fits.number >= LEAST_SAMPLES))
+    if not kept.size:
+        raise TrackError(
+            "no flight rises out of the noise: check the heights, the scale and the base"
+        )
+    number = np.full(fits.number.size + 1, -1)
+    number[kept] = np.arange(kept.size)
+    return number[member], fits.take(kept)
+
+
+def _ends(
+    samples: Samples, member: Indices, fits: Fits, level: Array, shaken: Shaken, fall: float
+) -> Ends:
+    """Where each flight meets the base, outwards from the sample that clears it most."""
+    base = shaken.oscillation
+    used = member >= 0
+    of, when = member[used], samples.time[used]
+    clear = samples.height[used] - level[of] - base.height(when)
+    order = np.lexsort((clear, of))
+    top = when[order[np.searchsorted(of[order], np.arange(fits.number.size), side="right") - 1]]
+
+    def above(time: Array) -> Array:
+        since = time - fits.centre
+        path = fits.level + since * (fits.slope - 0.5 * fall * since)
+        return np.asarray(path - level - base.height(time))
+
+    found = []
+    for way in (-1.0, 1.0):
+        step = way / (STEPS * base.frequency)
+        inner, outer = top.copy(), top + step
+        while (going := above(outer) > 0.0).any():
+            inner, outer = np.where(going, outer, inner), np.where(going, outer + step, outer)
+        for _ in range(HALVINGS):
+            middle = (inner + outer) / 2.0
+            flies = above(middle) > 0.0
+            inner, outer = np.where(flies, middle, inner), np.where(flies, outer, middle)
+        velocity = fits.slope - fall * (inner - fits.centre) - base.velocity(inner)
+        found.append((inner, np.abs(velocity)))
+    (up, rise), (down, lands) = found
+    return Ends(up, down, rise, lands)

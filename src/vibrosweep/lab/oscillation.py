@@ -1,0 +1,262 @@
+"""The motion of the base from contacts with it, and restitution from the velocities beside it.
+
+At a contact at t the parabolas of two flights meet on the base, and the velocities v before and v'
+after obey the law of restitution relative to it:
+
+    y = level - (S cos wt - C sin wt) / w       v' - V = -e (v - V)       V = S sin wt + C cos wt
+
+with w = 2 pi f, S = V0 cos phi, C = V0 sin phi.  Both are adjusted together, for all contacts.  The
+errors of both follow from those of the two parabolas, and contacts that share a flight are
+correlated; as the weights depend on the parameters, errors of the arrival do not bias e (Deming
+regression).  A base that stays at its level and kicks with A = (1 + e) V0 obeys the same equations
+without the oscillating term of y: which of them the contacts obey tells one base from the other.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky_banded, solve_banded
+from scipy.optimize import least_squares
+
+from vibrosweep.lab.contacts import Contacts
+from vibrosweep.lab.regression import TURN
+
+__all__ = ["Oscillation", "Shaken", "Trace", "first_guess", "fit_shaken"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+# Scales of the loss that bends over from squares to logarithms, in standard errors: first all
+# contacts count, as the few that differ from a locked orbit tell most, then those that fit.
+BENDS: Final = (30.0, 3.0)
+OUTLIER: Final = 4.5
+RIDGE: Final = 1e-9
+ROUNDS: Final = 2
+MOST_STEPS: Final = 30
+STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in derivatives
+
+
+class Oscillation(NamedTuple):
+    """Motion of a base about its level: S and C in m s-1, the frequency in Hz."""
+
+    sine: float
+    cosine: float
+    frequency: float
+
+    def velocity(self, time: Array) -> Array:
+        """Velocity in m s-1 at instants in s."""
+        angle = TURN * self.frequency * time
+        return np.asarray(self.sine * np.sin(angle) + self.cosine * np.cos(angle))
+
+    def height(self, time: Array) -> Array:
+        """Height in m above the level."""
+        angle = TURN * self.frequency * time
+        rise = self.cosine * np.sin(angle) - self.sine * np.cos(angle)
+        return np.asarray(rise / (TURN * self.frequency))
+
+    def acceleration(self, time: Array) -> Array:
+        """Acceleration in m s-2."""
+        return np.asarray(-((TURN * self.frequency) ** 2) * self.height(time))
+
+
+class Trace(NamedTuple):
+    """What a measured motion of the base says of S, C (m s-1) and f (Hz)."""
+
+    values: Array
+    covariance: Array
+
+
+class Shaken(NamedTuple):
+    """A base fitted to contacts.
+
+    Attributes
+    ----------
+    values, covariance
+        Restitution, S, C and, where it was free, f; then the level of each particle.
+    oscillation, restitution
+        The same.
+    particles, levels
+        Numbers of the particles that have contacts, and the level below each, m.
+    kept
+        Contacts that agree with it; shape (contact,).
+    misfit
+        Chi-square per degree of freedom.
+    distance
+        Sum over all contacts of their squared distance in standard errors, each at most `FAR`.
+    """
+
+    values: Array
+    covariance: Array
+    oscillation: Oscillation
+    restitution: float
+    particles: NDArray[np.intp]
+    levels: Array
+    kept: Flags
+    misfit: float
+    distance: float
+
+
+FAR: Final = 50.0
+
+
+class _Problem(NamedTuple):
+    """Contacts, the frequency unless it is free, and whether the base moves (1) or not (0)."""
+
+    contacts: Contacts
+    owner: NDArray[np.intp]
+    frequency: float | None
+    moves: float
+    trace: Trace | None
+
+    @property
+    def own(self) -> int:
+        """How many parameters there are beside the levels."""
+        return 4 if self.frequency is None else 3
+
+    def equations(self, values: Array) -> tuple[Array, Array, Array]:
+        """What is left of height and velocity, and its derivatives by the errors of both flights.
+
+        Shapes (contact, 2) and (contact, 2, 2): by level and slope in their standard errors.
+        """
+        c, e = self.contacts, values[0]
+        base = Oscillation(
+            values[1], values[2], values[3] if self.frequency is None else self.frequency
+        )
+        velocity, moves = base.velocity(c.time), self.moves
+        left = c.height - values[self.own + self.owner] - moves * base.height(c.time)
+        bounce = c.departure - velocity + e * (c.arrival - velocity)
+        closing = c.departure - c.arrival
+        turn = (1.0 + e) * (c.gravity + base.acceleration(c.time)) / closing
+        parts = []
+        for fits, height, by_height, by_slope in (
+            (c.before, (c.departure - moves * velocity) / closing, -turn, e),
+            (c.after, (moves * velocity - c.arrival) / closing, turn, 1.0),
+        ):
+            of_level, of_slope = c.noise / np.sqrt(fits.number), c.noise / np.sqrt(fits.spread)
+            since = c.time - fits.centre
+            rows = [
+                [height * of_level, height * since * of_slope],
+                [by_height * of_level, (by_height * since + by_slope) * of_slope],
+            ]
+            parts.append(np.moveaxis(np.array(rows), -1, 0))
+        return np.stack([left, bounce], axis=1), parts[0], parts[1]
+
+    def apart(self, values: Array) -> Array:
+        """What is left in standard errors, without correlations; shape (contact, 2)."""
+        left, before, after = self.equations(values)
+        return np.asarray(left / np.sqrt((before**2).sum(axis=2) + (after**2).sum(axis=2)))
+
+    def spread(self, values: Array) -> Array:
+        """The same in one row."""
+        return self.apart(values).ravel()
+
+    def whitened(self, values: Array, kept: Flags, *, slopes: bool = False) -> Array:
+        """What is left with unit covariance; or its derivatives by the levels."""
+        left, before, after = self.equations(values)
+        chosen = np.flatnonzero(kept)
+        left, before, after = left[chosen], before[chosen], after[chosen]
+        own = before @ before.transpose(0, 2, 1) + after @ after.transpose(0, 2, 1)
+        linked = self.contacts.linked[chosen[:-1]] & (np.diff(chosen) == 1)
+        following = before[1:] @ after[:-1].transpose(0, 2, 1) * linked[:, np.newaxis, np.newaxis]
+        band = np.zeros((4, 2 * chosen.size))
+        # a little more, for rounding: flights that determine each other are nearly dependent
+        band[0] = (1.0 + RIDGE) * np.stack([own[:, 0, 0], own[:, 1, 1]], axis=1).ravel()
+        band[1, 0::2] = own[:, 1, 0]
+        band[1, 1:-1:2] = following[:, 0, 1]
+        band[2, :-2] = np.stack([following[:, 0, 0], following[:, 1, 1]], axis=1).ravel()
+        band[3, 0:-2:2] = following[:, 1, 0]
+        levels = values.size - self.own
+        right = np.zeros((2 * chosen.size, levels)) if slopes else left.ravel()
+        if slopes:
+            right[2 * np.arange(chosen.size), self.owner[chosen]] = -1.0
+        solved = solve_banded((3, 0), cholesky_banded(band, lower=True), right)
+        if self.trace is None:
+            return np.asarray(solved)
+        root = np.linalg.inv(np.linalg.cholesky(self.trace.covariance))
+        if slopes:
+            return np.concatenate([solved, np.zeros((3, levels))])
+        return np.concatenate([solved, root @ (values[1:4] - self.trace.values)])
+
+    def derivatives(self, values: Array, kept: Flags) -> Array:
+        """Of `whitened` by all parameters."""
+        columns = []
+        for k, step in enumerate(STEPS[: self.own]):
+            ends = [values + sign * step * (np.arange(values.size) == k) for sign in (1.0, -1.0)]
+            up, down = (self.whitened(end, kept) for end in ends)
+            columns.append((up - down) / (2.0 * step))
+        return np.column_stack([*columns, self.whitened(values, kept, slopes=True)])
+
+
+def fit_shaken(
+    contacts: Contacts, frequency: float, *, free: bool, moves: bool, trace: Trace | None = None
+) -> Shaken:
+    """Fit a base to contacts.
+
+    Parameters
+    ----------
+    contacts
+        At least as many as there are parameters.
+    frequency
+        Of the base, Hz.
+    free
+        Whether the frequency is adjusted.
+    moves
+        Whether the base moves, or stays at its level and kicks.
+    trace
+        A measured motion of the base; the frequency is free then.
+    """
+    particles, owner = np.unique(contacts.particle, return_inverse=True)
+    free = free or trace is not None
+    problem = _Problem(contacts, owner, None if free else frequency, float(moves), trace)
+    start = first_guess(contacts, frequency)
+    levels = [np.median(contacts.height[owner == p]) for p in range(particles.size)]
+    values = np.array([*start, frequency, *levels])
+    values = values if free else np.delete(values, 3)
+    scale = np.concatenate([[0.1, 0.1, 0.1, 1e-3][: problem.own], np.full(particles.size, 1e-4)])
+    for bend in BENDS:
+        values = least_squares(
+            problem.spread,
+            values,
+            loss="cauchy",
+            f_scale=bend,
+            x_scale=scale,
+            max_nfev=MOST_STEPS,
+        ).x
+    for _ in range(ROUNDS):
+        apart = np.abs(problem.apart(values))
+        # what all contacts share, as a restitution that falls with speed, is no outlier
+        width = np.maximum(1.4826 * np.median(apart, axis=0), 1.0)
+        kept = np.asarray((apart < OUTLIER * width).all(axis=1))
+        found = least_squares(
+            problem.whitened,
+            values,
+            problem.derivatives,
+            x_scale=scale,
+            args=(kept,),
+            max_nfev=MOST_STEPS,
+        )
+        values = found.x
+    misfit = 2.0 * found.cost / max(2 * kept.sum() - values.size, 1)
+    slopes = np.asarray(found.jac)
+    return Shaken(
+        values,
+        np.linalg.pinv(slopes.T @ slopes, hermitian=True) * max(1.0, misfit),
+        Oscillation(values[1], values[2], float(values[3]) if free else frequency),
+        float(values[0]),
+        particles,
+        values[problem.own :],
+        kept,
+        float(misfit),
+        float(np.minimum((problem.apart(values) ** 2).sum(axis=1), FAR).sum()),
+    )
+
+
+def first_guess(contacts: Contacts, frequency: float) -> Array:
+    """Restitution, S and C by ordinary least squares of v' = -e v + (1 + e) V."""
+    angle = TURN * frequency * contacts.time
+    design = np.stack([-contacts.arrival, np.sin(angle), np.cos(angle)], axis=1)
+    e, sine, cosine = np.linalg.lstsq(design, contacts.departure, rcond=1e-9)[0]
+    return np.array([e, sine / (1.0 + e), cosine / (1.0 + e)])

@@ -1,0 +1,92 @@
+"""Bounces as a plain regression: where the frequency lies, and whether they determine anything."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+__all__ = ["FEWEST", "TURN", "find_frequency", "weakest_signal"]
+
+Array = NDArray[np.float64]
+
+TURN: Final = 2.0 * np.pi
+FEWEST: Final = 10  # bounces
+# The frequency is first scanned on so many seconds of the recording, in steps of a quarter of the
+# width that the minimum then has.
+SCAN_SECONDS: Final = 10.0
+SCAN_BOUNCES: Final = 1000
+
+
+def find_frequency(speeds: tuple[Array, Array, Array], between: tuple[float, float]) -> float:
+    """Frequency in Hz at which the bounces obey the map best, by ordinary least squares.
+
+    A scan of a stretch of the bounces, then a refinement on all of them.  The speeds of arrival and
+    departure and the times are those of `Bounces.speeds`.
+    """
+    arrive, leave, time = speeds
+    order = np.argsort(time)
+    arrive, leave, time = arrive[order], leave[order], time[order]
+    early = np.flatnonzero(time <= time[0] + SCAN_SECONDS)[:SCAN_BOUNCES]
+    span = max(float(np.ptp(time[early])), 1e-9)
+    steps = int((between[1] - between[0]) * 4.0 * span) + 2
+    trial = np.linspace(*between, steps)
+    misfit = np.concatenate(
+        [
+            _misfits(part, arrive[early], leave[early], time[early])
+            for part in np.array_split(trial, steps // 256 + 1)
+        ]
+    )
+    best, width = float(trial[np.argmin(misfit)]), float(trial[1] - trial[0])
+    reach = span
+    while True:  # a stretch twice as long halves the width of the minimum around the one found
+        chosen = time <= time[0] + reach
+        data = (arrive[chosen], leave[chosen], time[chosen])
+        best = float(
+            minimize_scalar(
+                lambda f, data=data: float(_misfits(np.array([f]), *data)[0]),
+                bounds=(best - width, best + width),
+                method="bounded",
+                options={"xatol": 1e-4 * width},
+            ).x
+        )
+        if reach > time[-1] - time[0]:
+            return best
+        reach, width = 2.0 * reach, width / 2.0
+
+
+def _misfits(frequency: Array, arrive: Array, leave: Array, time: Array) -> Array:
+    """Sum of squares left by the best e, S and C at each frequency."""
+    angle = TURN * frequency[:, np.newaxis] * time
+    design = np.stack([np.broadcast_to(arrive, angle.shape), np.sin(angle), np.cos(angle)], axis=-1)
+    normal = np.einsum("fni,fnj->fij", design, design)
+    right = np.einsum("fni,n->fi", design, leave)
+    # a small ridge: at some frequencies the columns are the same
+    normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
+    found = np.linalg.solve(normal, right[..., np.newaxis])[..., 0]
+    return np.asarray(leave @ leave - np.einsum("fi,fi->f", right, found))
+
+
+def weakest_signal(
+    arrive: Array, angle: Array, amplitude: float, blurs: tuple[float, float]
+) -> float:
+    """Signal in the direction of the design matrix that varies least, in units of its noise.
+
+    All bounces of a locked orbit are the same but for the errors of the instants: however many are
+    measured, two of the three parameters remain undetermined.
+
+    Parameters
+    ----------
+    arrive, angle
+        Speed of arrival in m s-1 and phase of the forcing in rad of each bounce.
+    amplitude
+        Of the kicks, m s-1.
+    blurs
+        Variances of the speeds (m2 s-2) and of the phases (rad2).
+    """
+    amplitude = max(amplitude, 1e-300)
+    design = np.stack([arrive, amplitude * np.sin(angle), amplitude * np.cos(angle)], axis=1)
+    weakest = float(np.linalg.eigvalsh(design.T @ design / angle.size)[0])
+    return weakest / (blurs[0] + amplitude**2 * blurs[1])

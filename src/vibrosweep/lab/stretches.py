@@ -1,0 +1,130 @@
+"""Tracks cut into stretches of free flight, without a height of the base.
+
+With a base below it a particle is either in flight or pushed upwards: y + g t^2 / 2 is a straight
+line in flight, bends upwards on a base, and has a kink at a bounce.  The cut into straight lines
+that makes residuals and number of lines least, each line at a fixed price, is found exactly
+(optimal partitioning, Jackson et al. 2005, IEEE Signal Process. Lett. 12, 105).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from vibrosweep.kernels._jit import Floats, Integers, kernel
+from vibrosweep.lab.flights import Fits, curvatures, fit
+from vibrosweep.lab.segments import Samples, first_noise
+
+__all__ = ["clear_flights", "stretches"]
+
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+# Price of a line in units of chi-square: noise makes one cut too many in hundreds of flights.
+PRICE: Final = 25.0
+# Standard deviations of chi-square beyond which a stretch is no line.
+BENT: Final = 6.0
+ROUNDS: Final = 3
+LOW: Final = 0.25
+# Standard errors by which the curvature of a flight may differ from gravity, and by which gravity
+# must exceed zero: a stay bends upwards, by at most as much as a base at rest, which is gravity.
+FALLS: Final = 3.5
+SEEN: Final = 5.0
+
+
+@kernel
+def _partition(
+    time: Floats, height: Floats, variance: float, gravity: float, out: Integers
+) -> None:
+    """Write for each sample the first one of the best last line that ends with it."""
+    cost = np.full(time.size + 1, np.inf)
+    cost[0] = 0.0
+    for last in range(time.size):
+        # sums over a line, as it is made longer backwards: nothing large cancels
+        count, mean_t, mean_z, tt, tz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for first in range(last, -1, -1):
+            since = time[first] - time[last]
+            z = height[first] - height[last] + 0.5 * gravity * since * since
+            count += 1.0
+            off_t, off_z = since - mean_t, z - mean_z
+            mean_t += off_t / count
+            mean_z += off_z / count
+            tt += off_t * (since - mean_t)
+            tz += off_t * (z - mean_z)
+            zz += off_z * (z - mean_z)
+            free = count - 2.0
+            residue = max(zz - tz * tz / tt, 0.0) / variance if free > 0.0 else 0.0
+            if free > 0.0 and residue > free + BENT * math.sqrt(2.0 * free) + PRICE:
+                break
+            total = cost[first] + residue + PRICE
+            if total < cost[last + 1]:
+                cost[last + 1] = total
+                out[last] = first
+
+
+def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
+    """Cut every piece of track into lines.
+
+    Parameters
+    ----------
+    samples
+        What was seen.
+    gravity
+        m s-2.
+
+    Returns
+    -------
+    member
+        Number of the stretch of each sample; stretches are numbered in order.
+    noise
+        Standard deviation of a sample in m, from the residuals of all lines.
+    """
+    noise = max(first_noise(samples), 1e-9 * float(np.ptp(samples.height)))
+    member = np.zeros(samples.time.size, np.intp)
+    for _ in range(ROUNDS):
+        starts = np.zeros(samples.time.size, bool)
+        for first, last in zip(samples.bounds[:-1], samples.bounds[1:], strict=True):
+            begin = np.empty(last - first, np.int64)
+            time, height = samples.time[first:last], samples.height[first:last]
+            _partition(time, height, noise**2, gravity, begin)
+            k = last - first
+            while k > 0:
+                k = int(begin[k - 1])
+                starts[first + k] = True
+        member = np.cumsum(starts) - 1
+        fits = fit(samples, member, int(member[-1]) + 1, gravity)
+        free = fits.number - 2.0
+        long = free > 1.0
+        if not long.any():
+            break
+        # a low quantile, as stretches that are no lines have large residuals
+        ratio = fits.residue[long] / chdtri(free[long], 1.0 - LOW)
+        found = math.sqrt(float(np.quantile(ratio, LOW)))
+        noise = max(found, 1e-9 * float(np.ptp(samples.height)))
+    return member, noise
+
+
+def clear_flights(
+    samples: Samples, member: Indices, fits: Fits, noise: float, fall: float
+) -> Flags:
+    """Tell which stretches fall as nothing on a base does; shape (stretch,).
+
+    Parameters
+    ----------
+    samples, member
+        As of `stretches`.
+    fits
+        Of the stretches.
+    noise
+        Standard deviation of a sample, m.
+    fall
+        Acceleration of what falls, m s-2.
+    """
+    seen, weight = curvatures(samples, member, fits.number.size)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        error = noise / np.sqrt(weight)
+    return np.asarray((np.abs(seen - fall) < FALLS * error) & (fall > SEEN * error))

@@ -1,0 +1,121 @@
+"""A measured motion of the base, from a track of it or an accelerometer: as an oscillation."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
+from scipy.signal import periodogram
+
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.oscillation import Trace
+from vibrosweep.lab.regression import TURN
+
+__all__ = ["QUANTITIES", "make_trace", "read_trace"]
+
+QUANTITIES: Final = ("height", "acceleration")
+FEWEST: Final = 20
+# Share of the variance that may be left by a sine before the motion is called something else.
+NO_SINE: Final = 0.1
+
+
+def read_trace(path: str | os.PathLike[str]) -> Trace:
+    """Read the motion of a base: a CSV of time (s) and height (m) or acceleration (m s-2).
+
+    Times are on the clock of the tracks that the trace is used with.
+
+    Raises
+    ------
+    TrackError
+        The file cannot be read, has other columns, or holds no sine.
+    """
+    import pandas as pd
+
+    source = str(Path(path))
+    try:
+        table = pd.read_csv(path)
+    except OSError as error:
+        raise TrackError(f"{source}: cannot be read ({error.strerror})") from error
+    except (ValueError, UnicodeDecodeError) as error:
+        raise TrackError(f"{source}: is no table of values ({error})") from error
+    found = [name for name in QUANTITIES if name in table.columns]
+    if "time" not in table.columns or len(found) != 1:
+        raise TrackError(
+            f"{source}: has the columns {', '.join(map(str, table.columns))}; must have time and "
+            f"one of {', '.join(QUANTITIES)}"
+        )
+    numbers = table[["time", found[0]]].apply(pd.to_numeric, errors="coerce").dropna()
+    return make_trace(numbers["time"], numbers[found[0]], found[0], source)
+
+
+def make_trace(
+    time: ArrayLike, values: ArrayLike, quantity: str, source: str = "the trace"
+) -> Trace:
+    """Fit a sine and a constant to the measured height (m) or acceleration (m s-2) of a base.
+
+    Parameters
+    ----------
+    time
+        s, rising; at a nearly steady rate.
+    values
+        Of the same shape.
+    quantity
+        One of `QUANTITIES`.
+    source
+        What messages call it.
+
+    Raises
+    ------
+    TrackError
+        There are too few values, the times do not rise, or no sine describes them.
+    """
+    when, seen = (np.asarray(v, dtype=np.float64) for v in (time, values))
+    if quantity not in QUANTITIES:
+        raise TrackError(f"quantity = {quantity!r}: must be one of {', '.join(QUANTITIES)}")
+    if when.size < FEWEST or not (np.diff(when) > 0.0).all() or not np.isfinite(seen).all():
+        raise TrackError(
+            f"{source}: must hold at least {FEWEST} finite values at rising times, but has "
+            f"{when.size}"
+        )
+    rates, power = periodogram(seen - seen.mean(), 1.0 / float(np.median(np.diff(when))))
+    first = float(rates[1:][np.argmax(power[1:])])
+    middle = float(when.mean())  # so that errors of phase and frequency hardly depend on each other
+
+    def design(rate: float) -> np.ndarray:
+        angle = TURN * rate * (when - middle)
+        return np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=1)
+
+    def left(values: np.ndarray) -> np.ndarray:
+        return np.asarray(design(float(values[3])) @ values[:3] - seen)
+
+    start = np.append(np.linalg.lstsq(design(first), seen, rcond=None)[0], first)
+    scale = np.append(np.full(3, np.ptp(seen)), 0.1 / np.ptp(when))
+    found = least_squares(left, start, x_scale=scale, xtol=1e-14)
+    variance = 2.0 * found.cost / (when.size - 4)
+    if not variance < NO_SINE * seen.var():
+        raise TrackError(
+            f"{source}: a sine leaves {100.0 * variance / seen.var():.0f} % of the variance of the "
+            f"{quantity}; at most {100.0 * NO_SINE:.0f} % is taken for noise: check the columns, "
+            f"or leave the trace out"
+        )
+    slopes = np.asarray(found.jac)
+    covariance = variance * np.linalg.inv(slopes.T @ slopes)
+    p, q, _, rate = found.x
+    omega = TURN * rate
+    # y = p sin + q cos has V = w (p cos - q sin); a = p sin + q cos has V = (-p cos + q sin) / w
+    sign, power_of = (-1.0, 1.0) if quantity == "height" else (1.0, -1.0)
+    size = sign * omega**power_of
+    turned = TURN * middle * rate
+    cosine, sine = np.cos(turned), np.sin(turned)
+    there = size * np.array([q, -p])  # S and C on the clock that begins in the middle
+    turn = np.array([[cosine, sine], [-sine, cosine]])
+    change = np.zeros((3, 4))
+    change[:2, :2] = size * turn @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    turning = np.array([[-sine, cosine], [-cosine, -sine]]) @ there
+    change[:2, 3] = TURN * middle * turning + turn @ there * power_of / rate
+    change[2, 3] = 1.0
+    return Trace(np.append(turn @ there, rate), change @ covariance @ change.T)

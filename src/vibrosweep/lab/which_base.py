@@ -1,0 +1,97 @@
+"""Whether the base of a recording moves or stays at its level: what its contacts speak for."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.lab.contacts import Contacts
+from vibrosweep.lab.flights import line_variance
+from vibrosweep.lab.oscillation import Shaken, Trace, first_guess, fit_shaken
+from vibrosweep.lab.regression import FEWEST, find_frequency, weakest_signal
+
+__all__ = ["FREQUENCIES", "LEAST_SIGNAL", "Judgement", "signal_of", "which_base"]
+
+Array = NDArray[np.float64]
+
+FREQUENCIES: Final = (1.0, 100.0)
+# Contacts that are looked at: many more decide nothing that these leave open.
+MOST: Final = 1000
+# Difference of chi-square at which one base is preferred: likelihoods in the ratio of 2e4.
+DECIDED: Final = 20.0
+
+# Signal of the weakest direction below which nothing is fitted; noise alone makes at most 1.
+LEAST_SIGNAL: Final = 3.0
+
+
+class Judgement(NamedTuple):
+    """What contacts say of the base.
+
+    Attributes
+    ----------
+    says
+        ``"moving"``, ``"level"``, or ``"undetermined"``.
+    shaken
+        The base if it moves; None where there are too few contacts.
+    advantage
+        Chi-square of the base that stays at its level less that of the one that moves.
+    """
+
+    says: str
+    shaken: Shaken | None
+    advantage: float
+
+
+def which_base(
+    contacts: Contacts, frequency: float | None = None, trace: Trace | None = None
+) -> Judgement:
+    """Hold contacts against a base that moves and against one that stays at its level and kicks.
+
+    Both have the same number of parameters.  Neither is preferred where the contacts do not
+    determine how the base moves, as those of a locked orbit, which all happen at one phase.
+
+    Parameters
+    ----------
+    contacts
+        From `find_contacts`.
+    frequency
+        Of the forcing in Hz; sought where None.
+    trace
+        A measured motion of the base.
+    """
+    few = contacts.first(MOST)
+    if few.time.size < FEWEST + np.unique(few.particle).size:
+        return Judgement("undetermined", None, 0.0)
+    if frequency is None:
+        known = trace is not None
+        rate = (
+            float(trace.values[2])
+            if trace is not None
+            else find_frequency((-few.arrival, few.departure, few.time), FREQUENCIES)
+        )
+    else:
+        known, rate = True, frequency
+    if signal_of(few, first_guess(few, rate), rate) < LEAST_SIGNAL:
+        return Judgement("undetermined", None, 0.0)
+    shaken, still = (
+        fit_shaken(few, rate, free=not known, moves=moves, trace=trace) for moves in (True, False)
+    )
+    better = shaken if shaken.distance < still.distance else still
+    advantage = (still.distance - shaken.distance) / max(better.misfit, 1.0)
+    if abs(advantage) < DECIDED:
+        return Judgement("undetermined", shaken, advantage)
+    return Judgement("moving" if advantage > 0.0 else "level", shaken, advantage)
+
+
+def signal_of(contacts: Contacts, guess: Array, frequency: float) -> float:
+    """As `weakest_signal`, of contacts with a guess of restitution, S and C (m s-1)."""
+    time, before = contacts.time, contacts.before
+    closing = contacts.departure - contacts.arrival
+    when = line_variance(before, time) + line_variance(contacts.after, time)
+    turn = 2.0 * np.pi * frequency
+    blurs = contacts.noise**2 * np.stack([1.0 / before.spread, turn**2 * when / closing**2])
+    amplitude = (1.0 + guess[0]) * float(np.hypot(guess[1], guess[2]))
+    phase_blur, speed_blur = float(blurs[1].mean()), float(blurs[0].mean())
+    return weakest_signal(-contacts.arrival, turn * time, amplitude, (speed_blur, phase_blur))

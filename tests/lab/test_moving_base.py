@@ -1,0 +1,178 @@
+"""Recordings of a base that moves: which base they speak for, and what they say of it."""
+
+import math
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.compare import compare_tracks
+from vibrosweep.lab.estimate import estimate
+from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
+from vibrosweep.lab.impacts import BOUNCED, STAYED, View, find_impacts, fit_tracks
+from vibrosweep.lab.lines import impact_lines
+from vibrosweep.lab.traces import make_trace, read_trace
+
+G, FREQUENCY = LABORATORY["gravity"], LABORATORY["frequency"]
+OMEGA = 2.0 * math.pi * FREQUENCY
+PHASE = 0.7
+
+
+def film(gamma, restitution, base="moving", transient=0.0, **changes):
+    """A recording of three particles for three seconds, at 240 frames per second and 1 pixel."""
+    scene = {
+        **LABORATORY,
+        "restitution": restitution,
+        "amplitude": (1.0 + restitution) * gamma * G / OMEGA,
+        "phase": PHASE,
+    }
+    plan = {"particles": 3, "repeats": 1, "duration": 3.0, "transient": transient, **changes}
+    return perform_trials(Experiment(scene=scene, base=base, **plan))[0]
+
+
+@pytest.fixture(scope="module")
+def chattering():
+    """Gamma 3, where particles chatter and ride on the base."""
+    return film(3.0, 0.5, variation=Variation(level_spread=5e-4))
+
+
+@pytest.fixture(scope="module")
+def found(chattering):
+    return find_impacts(chattering.tracks, frequency=FREQUENCY)
+
+
+@pytest.mark.parametrize(
+    ("gamma", "restitution", "base"),
+    [
+        (0.4, 0.9, "moving"),
+        (1.5, 0.9, "moving"),
+        (0.4, 0.9, "high-bounce"),
+        (1.5, 0.9, "high-bounce"),
+    ],
+)
+def test_the_landings_tell_which_base_they_happened_on(gamma, restitution, base):
+    fitted = fit_tracks(film(gamma, restitution, base).tracks, G, View(frequency=FREQUENCY))
+    assert fitted.speaks_for == {"moving": "moving", "high-bounce": "level"}[base]
+    assert (fitted.flights.shaken is None) == (base == "high-bounce")
+
+
+def test_a_locked_orbit_tells_neither():
+    tracks = film(0.4, 0.9, transient=20.0).tracks
+    fitted = fit_tracks(tracks, G, View(frequency=FREQUENCY))
+    assert fitted.speaks_for == "undetermined"
+    with pytest.raises(TrackError, match="do not determine how the base moves"):
+        fit_tracks(tracks, G, View(frequency=FREQUENCY, motion="moving"))
+
+
+def test_restitution_and_motion_of_the_base_within_their_errors(chattering, found):
+    """Five standard errors, each below a per cent: nothing here depends on luck."""
+    one = estimate(found, frequency=FREQUENCY)
+    truth = {"restitution": 0.5, "amplitude": 1.5 * 3.0 * G / OMEGA, "phase": PHASE}
+    for name, value in truth.items():
+        own = one.sel(parameter=name)
+        assert abs(float(own["estimate"]) - value) < 5.0 * float(own["error"])
+        assert float(own["error"]) < 0.01 * value
+    size, gamma = 3.0 * G / OMEGA**2, 3.0
+    for name, value in (("base_displacement", size), ("base_acceleration", gamma)):
+        error = float(one[f"{name}_error"])
+        assert abs(float(one[name]) - value) < 5.0 * error
+        assert error < 0.01 * value
+    off = found["level"].values - chattering.level
+    assert (np.abs(off) < 5e-5).all()
+
+
+def test_stays_on_the_base_are_no_flights_and_landings_are_finer_than_a_frame(chattering, found):
+    record = chattering.record
+    assert record.rested.sum() > 20
+    assert (found["quality"].values == STAYED).sum() > 10
+    off, error = [], []
+    for p in range(3):
+        quality = found["quality"].values[p]
+        lands = record.landing_time[p]
+        rests = (record.rested[p] == 1) & np.isfinite(record.liftoff_time[p])
+        begin = found["liftoff_time"].values[p]
+        middle = begin + found["flight_time"].values[p] / 2.0
+        middle = middle[np.isfinite(middle)][:, np.newaxis]
+        rides = (middle > lands[rests]) & (middle < record.liftoff_time[p][rests])
+        assert not rides.any()
+        when = found["landing_time"].values[p, quality == BOUNCED]
+        error.append(found["landing_time_error"].values[p, quality == BOUNCED])
+        off.append(np.abs(when[:, np.newaxis] - lands[np.isfinite(lands)]).min(axis=1))
+    off, error = np.concatenate(off), np.concatenate(error)
+    assert off.size > 60
+    assert np.sqrt(np.mean(off**2)) * 240.0 < 0.1
+    # 68 % of so many: three standard deviations on either side
+    assert 0.5 < np.mean(off < error) < 0.86
+
+
+def test_the_frequency_is_found_where_it_is_not_told(chattering):
+    one = estimate(find_impacts(chattering.tracks))
+    own = one.sel(parameter="frequency")
+    assert abs(float(own["estimate"]) - FREQUENCY) < 5.0 * float(own["error"])
+    assert float(own["error"]) < 0.01
+
+
+def test_what_was_found_is_said(found):
+    text = "\n".join(impact_lines(found))
+    assert "the base moves: displacement 1.8" in text
+    assert re.search(r"restitution 0\.(499|500|501)\d* ± 0\.00", text)
+
+
+def test_a_trace_of_the_base_determines_what_a_locked_orbit_does_not(tmp_path):
+    tracks = film(0.4, 0.9, transient=20.0).tracks
+    time = tracks["time"].values
+    rng = np.random.default_rng(1)
+    size = 0.4 * G / OMEGA**2
+    height = -size * np.cos(OMEGA * time + PHASE) + 1e-5 * rng.standard_normal(time.size)
+    path = tmp_path / "base.csv"
+    pd.DataFrame({"time": time, "height": height}).to_csv(path, index=False)
+    found = find_impacts(tracks, trace=read_trace(path))
+    one = estimate(found)
+    own = one.sel(parameter="restitution")
+    assert abs(float(own["estimate"]) - 0.9) < 5.0 * float(own["error"])
+    assert float(own["error"]) < 0.01
+
+
+@pytest.mark.parametrize("quantity", ["height", "acceleration"])
+def test_traces_within_their_errors(quantity):
+    """Mean square deviation of S, C and f in standard errors, over 60 traces: 1 +- 0.18 each."""
+    rng = np.random.default_rng(0)
+    time = 3.0 + np.arange(400) / 400.0
+    truth = np.array([0.03 * math.cos(PHASE), 0.03 * math.sin(PHASE), FREQUENCY])
+    clean = -0.03 / OMEGA * np.cos(OMEGA * time + PHASE)
+    clean = clean if quantity == "height" else -(OMEGA**2) * clean
+    noise = 0.05 * np.ptp(clean)
+    off = []
+    for _ in range(60):
+        trace = make_trace(time, 0.2 + clean + noise * rng.standard_normal(time.size), quantity)
+        off.append((trace.values - truth) / np.sqrt(np.diag(trace.covariance)))
+    np.testing.assert_allclose(np.mean(np.square(off), axis=0), 1.0, atol=0.6)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "cannot be read"),
+        ("time,speed\n0,1\n", "must have time and one of height, acceleration"),
+        ("time,height\n0,1\n1,2\n", "at least 20 finite values"),
+        ("time,height\n" + "".join(f"{k},{k * k % 7}\n" for k in range(50)), "a sine leaves"),
+    ],
+)
+def test_traces_that_are_none(text, message, tmp_path):
+    path = tmp_path / "base.csv"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(TrackError, match=message):
+        read_trace(path)
+
+
+def test_a_recording_is_compared_with_the_base_it_was_made_on():
+    tracks = film(0.4, 0.9, duration=4.0).tracks
+    table = compare_tracks(tracks, frequency=FREQUENCY, contact_time=2.5e-5, draws=4, threads=1)
+    assert table.attrs["base_motion"] == "moving"
+    assert table.attrs["speaks_for"] == "moving"
+    assert float(table["base_acceleration"][0]) == pytest.approx(0.4, rel=0.02)
+    assert 0.0 < float(table["base_acceleration_error"][0]) < 0.01
+    assert (table["error"].sel(reading="ensemble") < 1.0).all()
