@@ -21,9 +21,10 @@ from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare
 from vibrosweep.lab.estimate import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, perform_trials
+from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.flight_search import find_flights
 from vibrosweep.lab.flights import fit
-from vibrosweep.lab.impacts import BOUNCED, View, fit_tracks, impacts_of
+from vibrosweep.lab.impacts import BOUNCED, impacts_of
 from vibrosweep.lab.lines import flights_of, table_lines
 from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import samples_of

@@ -19,7 +19,8 @@ from laboratory import differences
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.estimate import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
-from vibrosweep.lab.impacts import View, fit_tracks, impacts_of
+from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.impacts import impacts_of
 
 G, FREQUENCY = LABORATORY["gravity"], LABORATORY["frequency"]
 COVERAGE, RIGHT = (0.60, 0.76), 0.95

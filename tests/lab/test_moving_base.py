@@ -11,7 +11,8 @@ from vibrosweep.errors import TrackError
 from vibrosweep.lab.compare import compare_tracks
 from vibrosweep.lab.estimate import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
-from vibrosweep.lab.impacts import BOUNCED, STAYED, View, find_impacts, fit_tracks
+from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.traces import make_trace, read_trace
 

@@ -15,7 +15,7 @@ from vibrosweep.errors import ParameterError, TrackError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibrosweep.lab.impacts import View
+    from vibrosweep.lab.fitting import View
 
 __all__ = ["HELP", "NAME", "add_arguments", "perform"]
 
@@ -136,7 +136,7 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
 
 def _view(options: argparse.Namespace) -> View:
     """What is known beside the tracks."""
-    from vibrosweep.lab.impacts import View
+    from vibrosweep.lab.fitting import View
     from vibrosweep.lab.traces import read_trace
 
     return View(
@@ -150,7 +150,8 @@ def _view(options: argparse.Namespace) -> View:
 
 def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.lab.agreement import agreement, quantities
-    from vibrosweep.lab.impacts import fit_tracks, impacts_of
+    from vibrosweep.lab.fitting import fit_tracks
+    from vibrosweep.lab.impacts import impacts_of
     from vibrosweep.lab.lines import agreement_lines, impact_lines
     from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.saving import save_dataset

@@ -20,7 +20,8 @@ from vibrosweep.lab.comparison import (
     measured_means,
 )
 from vibrosweep.lab.estimate import estimate, fit_phase
-from vibrosweep.lab.impacts import MOTIONS, View, fit_tracks, impacts_of
+from vibrosweep.lab.fitting import MOTIONS, View, fit_tracks
+from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.prediction import DRAWS, draw, predict
 from vibrosweep.lab.twin import Comparison, camera_shares

@@ -7,8 +7,9 @@ import xarray as xr
 
 from vibrosweep.lab.comparison import READINGS
 from vibrosweep.lab.estimate import estimate
+from vibrosweep.lab.fitting import Fitted
 from vibrosweep.lab.flights import line_variance
-from vibrosweep.lab.impacts import DOUBTFUL, STAYED, Fitted
+from vibrosweep.lab.impacts import DOUBTFUL, STAYED
 from vibrosweep.lab.quality import remarks
 
 __all__ = ["agreement_lines", "flights_of", "impact_lines", "table_lines"]

@@ -17,7 +17,8 @@ from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
 from vibrosweep.lab.comparison import QUANTITIES, comparable, errors
-from vibrosweep.lab.impacts import View, fit_tracks, impacts_of
+from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.prediction import BASE_OF_MOTION, DRAWS
 from vibrosweep.lab.surfaces import LEVEL, oscillating

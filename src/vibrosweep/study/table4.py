@@ -25,7 +25,8 @@ from vibrosweep.lab.experiment import (
     perform_trials,
     predicted_means,
 )
-from vibrosweep.lab.impacts import METHODS, View, fit_tracks, impacts_of
+from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.impacts import METHODS, impacts_of
 
 __all__ = ["IMPERFECTIONS", "Imperfection", "in_band", "study_imperfections", "verdict"]
 

@@ -1,0 +1,140 @@
+"""Flights of tracks, over a base that moves or stays at its level."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from vibrosweep.errors import TrackError
+from vibrosweep.lab.contacts import find_contacts
+from vibrosweep.lab.flight_search import Flights, find_flights
+from vibrosweep.lab.moving_flights import flights_over
+from vibrosweep.lab.oscillation import Trace, fit_shaken
+from vibrosweep.lab.quality import find_swaps
+from vibrosweep.lab.segments import Samples, samples_of
+from vibrosweep.lab.which_base import which_base
+
+__all__ = ["MOTIONS", "Fitted", "View", "fit_tracks"]
+
+MOTIONS: Final = ("detect", "level", "moving")
+
+
+class View(NamedTuple):
+    """What is known beside the tracks, and what is to be found.
+
+    Attributes
+    ----------
+    base
+        Height in m at which particles land; found from the flights where None.
+    exposure
+        Time for which the shutter is open, s.
+    motion
+        One of `MOTIONS`: whether the base moves, or that this is to be found out.
+    frequency
+        Of the forcing in Hz; sought where None and needed.
+    trace
+        A measured motion of the base, which then moves.
+    """
+
+    base: float | None = None
+    exposure: float = 0.0
+    motion: str = "detect"
+    frequency: float | None = None
+    trace: Trace | None = None
+
+
+class Fitted(NamedTuple):
+    """Tracks with the flights found in them.
+
+    Attributes
+    ----------
+    samples, flights
+        What was seen, and the parabolas through it.
+    swaps
+        Swapped identities: the first frame with them, and the two particles.
+    speaks_for
+        The base that the contacts speak for: ``"moving"``, ``"level"`` or ``"undetermined"``; what
+        was said of it where nothing was to be found out.
+    """
+
+    samples: Samples
+    flights: Flights
+    swaps: list[tuple[int, int, int]]
+    speaks_for: str
+
+
+def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitted:  # noqa: B008
+    """Find and fit the flights of tracks.
+
+    Raises
+    ------
+    TrackError
+        As in `find_impacts`.
+    """
+    _check_base(tracks, view.base)
+    time, height = tracks["time"].values, tracks["height"].values
+    cuts = np.zeros(height.shape, bool)
+    try:
+        samples = samples_of(time, height, cuts)
+        flights, says = _flights(samples, gravity, view)
+        highest = flights.base
+        if flights.shaken is not None:
+            base = flights.shaken.oscillation
+            highest += float(np.hypot(base.sine, base.cosine)) / (2.0 * np.pi * base.frequency)
+        swaps = find_swaps(time, height, flights.noise, highest, gravity)
+        if swaps:
+            for frame, one, other in swaps:
+                cuts[frame, [one, other]] = True
+            samples = samples_of(time, height, cuts)
+            flights, says = _flights(samples, gravity, view)
+    except TrackError as error:
+        raise TrackError(f"{tracks.attrs['source']}: {error}") from error
+    return Fitted(samples, flights, swaps, says)
+
+
+def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str]:
+    """Flights over the base that the view tells or the contacts speak for, and what they say."""
+    level = view.motion == "level" or (view.motion == "detect" and view.base is not None)
+    if level and view.trace is None:
+        return find_flights(samples, gravity, view.base, view.exposure), "level"
+    contacts, member = find_contacts(samples, gravity)
+    says, shaken = "moving", None
+    if view.trace is None:
+        says, shaken, _ = which_base(contacts, view.frequency)
+    elif contacts.time.size:
+        rate = float(view.trace.values[2])
+        shaken = fit_shaken(contacts, rate, free=True, moves=True, trace=view.trace)
+    moves = view.motion == "moving" or view.trace is not None
+    if shaken is not None and (moves or says == "moving"):
+        free = view.frequency is None
+        over = flights_over(
+            samples,
+            member,
+            shaken,
+            contacts.gravity,
+            exposure=view.exposure,
+            free=free,
+            trace=view.trace,
+        )
+        return over, says
+    if moves:
+        raise TrackError(
+            "the landings do not determine how the base moves: they are too few, or all at nearly "
+            "the same phases and speeds; film the approach to the orbit, or give a trace of the "
+            "base"
+        )
+    return find_flights(samples, gravity, view.base, view.exposure), says
+
+
+def _check_base(tracks: xr.Dataset, base: float | None) -> None:
+    if base is None:
+        return
+    middle, top = (float(tracks["height"].quantile(q)) for q in (0.5, 1.0))
+    if not base < middle:
+        where = "above the whole track" if base > top else "above half of the positions"
+        raise TrackError(
+            f"{tracks.attrs['source']}: the base at {base:g} m lies {where} (the highest position "
+            f"is {top:.4g} m): give the height at which particles land, or leave it to be found"
+        )
