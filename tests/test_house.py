@@ -18,13 +18,6 @@ LONGER_FILES = {
     "model/measures.py": "one entry for each measure and variable",
     "proof/judges.py": "one judge for each variable",
 }
-CLAIM = "computes a claim and then says what came out, step by step"
-LONGER_BODIES = {
-    "study/claims_on_contact.py": {"separation_stays_positive": CLAIM},
-    "study/claims_on_heights.py": {"plateau": CLAIM},
-    "study/claims_on_scheme.py": {"step_of_one_millisecond": CLAIM},
-    "study/claims_on_stability.py": {"windows": CLAIM},
-}
 
 # Rooms in which a file has the name of what it commands, draws, spells or proves.
 BY_THE_NAME_OF = ("commands", "figures", "study/figures", "spec", "proof", "proof/reference")
@@ -55,9 +48,8 @@ def test_files_and_functions_are_short_and_take_few_parameters(name):
     assert lines <= LONGEST_FILE or name in LONGER_FILES, f"{lines} lines"
     for function in functions(FILES[name]):
         taken, long = parameters(function), body(function)
-        longer = LONGER_BODIES.get(name, {})
         assert taken <= MOST_PARAMETERS, f"{function.name} takes {taken} parameters"
-        assert long <= LONGEST_BODY or function.name in longer, f"{function.name}: {long} lines"
+        assert long <= LONGEST_BODY, f"{function.name}: {long} lines"
 
 
 def test_files_of_one_name_are_about_one_thing():

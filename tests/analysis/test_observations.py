@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from vibrosweep import sobol, sweep
 from vibrosweep.analysis.conditions import NAMED
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
@@ -15,8 +16,6 @@ from vibrosweep.engine import measure as engine
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.lab.prediction import predict
-from vibrosweep.study import claims_on_heights
-from vibrosweep.study.batches import swept
 
 SCAN = np.linspace(0.3, 3.5, 9)
 IMPACTS = xr.Dataset(
@@ -34,8 +33,8 @@ ANALYSES = {
         )
         for name in NAMED
     },
-    "claims": lambda workers: swept(workers, separation=True, amplitude=SCAN, duration=300.0),
-    "sensitivity": claims_on_heights.sensitivity,
+    "sweep": lambda workers: sweep(amplitude=SCAN, separation=True, particles=20, duration=300.0),
+    "sensitivity": lambda workers: sobol(amplitude=(0.3, 3.5), particles=5, realizations=64),
     "lab compare": lambda workers: predict(IMPACTS, all_parameters({"amplitude": SCAN}), workers),
 }
 

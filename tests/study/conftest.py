@@ -1,29 +1,43 @@
-"""The outcomes of all claims, computed once."""
+"""The outcomes of all claims from a small campaign, computed once."""
 
 import pytest
 
-from vibrosweep.study import claims_on_laboratory, collect, report
+from vibrosweep.model.orbit_theory import FIXED
+from vibrosweep.study import (
+    claims_on_attraction,
+    claims_on_contact,
+    claims_on_laboratory,
+    claims_on_order,
+    collect,
+    page,
+)
+from vibrosweep.study.samples import Plan
+
+SMALL = {"seeds": 3, "realizations": 8}
 
 
 @pytest.fixture(scope="session", autouse=True)
-def small_experiment():
-    """The virtual experiment of claim 13 as small as it can be: it has tests of its own."""
+def small_campaign():
+    """Two bases: coupled particles have a test of their own; and the smallest experiment."""
     with pytest.MonkeyPatch.context() as patch:
-        small = {"cases": {"A": 1, "B": 5}, "repeats": 1, "duration": 2.0, "transient": 2.0}
-        patch.setattr(claims_on_laboratory, "SIZE", small)
+        for module in (claims_on_attraction, claims_on_contact, claims_on_order):
+            patch.setattr(module, "BASES", FIXED)
+        size = claims_on_laboratory.SIZE
+        small = {"cases": {"A": 1, "B": 5}, "imperfections": size["imperfections"][:1]}
+        patch.setattr(claims_on_laboratory, "SIZE", size | small)
         yield
 
 
 @pytest.fixture(scope="session")
-def claims(small_experiment):
-    return collect.judge_all(threads=2)
+def claims(small_campaign):
+    return collect.judge_all(Plan(threads=2, **SMALL))
 
 
 @pytest.fixture(scope="session")
 def outcomes(claims):
-    return {claim.number: claim.outcome for claim in claims}
+    return {claim.key: claim.outcome for claim in claims}
 
 
 @pytest.fixture(scope="session")
-def page(claims):
-    return report.as_html(claims, {"source": "vibrosweep"})
+def shown(claims):
+    return page.as_html(claims, {"source": "vibrosweep"})

@@ -46,6 +46,16 @@ def test_first_order_in_the_step(scene, rebound, rests):
     assert 0.8 < order < 1.2
 
 
+@pytest.mark.parametrize("step", [1e-3, 0.2])
+@pytest.mark.parametrize("scene", [LOCKED, RESTING])
+def test_landings_located_in_the_step_are_exact_for_any_step(scene, step):
+    """Up to rounding; steps are shorter than half a period, in which the kick rises and falls."""
+    landing = trajectory(rebound="rest", **scene).landing_time
+    found = rk4(step=step, contact="interpolated", **scene)
+    assert found.impact_count[0] == len(landing)
+    np.testing.assert_allclose(found.landing_time[0, : len(landing)], landing, rtol=0, atol=1e-10)
+
+
 def test_landing_is_seen_at_the_next_step():
     flight = 2 * 4.9 / 9.81
     for step in (0.1, 0.03, 1e-3):
@@ -90,6 +100,7 @@ def test_landings_past_the_capacity_are_counted():
         ("step", 0.0),
         ("step", 1e-300),
         ("rebound", "bounce"),
+        ("contact", "guessed"),
         ("capacity", 0),
         ("threads", 0),
     ],

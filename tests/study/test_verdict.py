@@ -1,60 +1,91 @@
-"""The rule: every verdict comes out, and only from the numbers."""
+"""The rule: every verdict comes out of made-up evidence, and only from the numbers."""
 
-from dataclasses import replace
+import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from vibrosweep.study.verdict import Check, Outcome, Verdict
+from vibrosweep.study.estimates import Estimate
+from vibrosweep.study.verdict import Check, Evidence, Reading, Verdict, check
 
-PASSED = Check("a number", 0.5, "at most", 1.0)
-MISSED = Check("a number", 1.5, "at most", 1.0)
+PASSED = check("a number", 0.5, "at most", 1.0)
+MISSED = check("a number", 1.5, "at most", 1.0)
+OPEN = check("a number", Estimate(1.0, 0.5, 1.5), "at most", 1.0)
+NUMBERS = st.floats(-1e6, 1e6)
+
+
+def under(setting, one):
+    return Check(one.what, one.value, one.relation, one.bound, setting=setting)
 
 
 @pytest.mark.parametrize(
-    ("value", "relation", "passed"),
+    ("ends", "relation", "passed"),
     [
-        (1.0, "at most", True),
-        (1.0 + 1e-12, "at most", False),
-        (1.0, "at least", True),
-        (1.0 - 1e-12, "at least", False),
-        (float("nan"), "at most", False),
-        (float("nan"), "at least", False),
-        (float("inf"), "at most", False),
-        (float("inf"), "at least", True),
+        ((1.0, 1.0), "at most", True),
+        ((1.0, 1.0 + 1e-12), "at most", None),
+        ((1.0 + 1e-12, 2.0), "at most", False),
+        ((1.0, 1.0), "at least", True),
+        ((0.9, 1.1), "at least", None),
+        ((0.5, 0.9), "at least", False),
+        ((math.nan, math.nan), "at most", None),
+        ((math.inf, math.inf), "at most", False),
+        ((math.inf, math.inf), "at least", True),
     ],
 )
-def test_a_number_is_held_against_its_bound(value, relation, passed):
-    assert Check("a number", value, relation, 1.0).passed is passed
+def test_an_interval_is_held_against_a_bound(ends, relation, passed):
+    assert Check("a number", Estimate(ends[0], *ends), relation, 1.0).passed is passed
+
+
+@given(NUMBERS, NUMBERS, NUMBERS)
+def test_what_is_at_most_a_bound_is_at_least_its_opposite(one, other, bound):
+    low, high = sorted((one, other))
+    most = Check("a number", Estimate(low, low, high), "at most", bound)
+    least = Check("a number", Estimate(-low, -high, -low), "at least", -bound)
+    assert most.passed is least.passed
 
 
 @pytest.mark.parametrize(
-    ("as_stated", "conditional", "verdict"),
+    ("checks", "passed"),
+    [
+        ([PASSED, PASSED], True),
+        ([PASSED, MISSED], False),
+        ([OPEN, MISSED], False),
+        ([PASSED, OPEN], None),
+        ([under("a", PASSED), under("b", PASSED)], True),
+        ([under("a", MISSED), under("b", MISSED)], False),
+        ([under("a", PASSED), under("b", MISSED)], None),
+        ([under("a", PASSED), under("b", OPEN)], None),
+        # missed under both, by another test in each
+        ([under("a", PASSED), under("a", MISSED), under("b", MISSED), under("b", PASSED)], False),
+    ],
+)
+def test_a_reading_must_come_out_alike_under_every_setting(checks, passed):
+    assert Reading("", checks).passed is passed
+
+
+@pytest.mark.parametrize(
+    ("readings", "conditions", "verdict"),
     [
         ([PASSED], [], Verdict.HOLDS),
         ([PASSED, PASSED], [MISSED], Verdict.HOLDS),
+        ([PASSED, MISSED], [], Verdict.CONDITIONAL),
+        ([PASSED, OPEN], [], Verdict.CONDITIONAL),
+        ([MISSED], [PASSED], Verdict.CONDITIONAL),
+        ([OPEN], [PASSED], Verdict.CONDITIONAL),
         ([MISSED], [], Verdict.FAILS),
-        ([PASSED, MISSED], [PASSED], Verdict.CONDITIONAL),
-        ([MISSED], [PASSED, MISSED], Verdict.FAILS),
+        ([MISSED, MISSED], [MISSED], Verdict.FAILS),
+        ([OPEN], [], Verdict.UNDECIDED),
+        ([MISSED, OPEN], [], Verdict.UNDECIDED),
+        ([MISSED], [OPEN], Verdict.UNDECIDED),
     ],
 )
-def test_the_rule(as_stated, conditional, verdict):
-    assert Outcome(as_stated, conditional).verdict is verdict
+def test_the_rule(readings, conditions, verdict):
+    each = [[Reading("", [one]) for one in group] for group in (readings, conditions)]
+    assert Evidence("moving", *each).verdict is verdict
 
 
-def moved(test, passed):
-    """The same test with its number on the side of the bound that is asked for."""
-    sign = 1.0 if (test.relation == "at most") is passed else -1.0
-    return replace(test, value=test.bound - sign * (1.0 + abs(test.bound)))
-
-
-def test_every_claim_would_turn_with_its_numbers(outcomes):
-    for outcome in outcomes.values():
-        good, bad = ([moved(t, p) for t in outcome.as_stated] for p in (True, False))
-        assert replace(outcome, as_stated=good).verdict is Verdict.HOLDS
-        for i in range(len(good)):
-            one_bad = [*good[:i], bad[i], *good[i + 1 :]]
-            conditional = [moved(t, True) for t in outcome.conditional]
-            turned = replace(outcome, as_stated=one_bad, conditional=conditional).verdict
-            assert turned is (Verdict.CONDITIONAL if conditional else Verdict.FAILS)
-            worse = [moved(t, False) for t in outcome.conditional]
-            assert replace(outcome, as_stated=one_bad, conditional=worse).verdict is Verdict.FAILS
+def test_what_the_claim_holds_under_is_named():
+    first, second = Reading("first", [MISSED]), Reading("second", [PASSED])
+    third = Reading("third", [PASSED])
+    assert Evidence("moving", [first, second], [third]).holding == (second, third)

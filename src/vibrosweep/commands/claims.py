@@ -30,16 +30,20 @@ def perform(options: argparse.Namespace) -> None:
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.runs.progress import reporting
     from vibrosweep.study.collect import judge_all
-    from vibrosweep.study.report import plain, prepare, write
+    from vibrosweep.study.page import BASES, plain
+    from vibrosweep.study.report import prepare, write
+    from vibrosweep.study.samples import Plan
 
     prepare(options.output)
     threads = options.threads or available_threads()
     began = time.perf_counter()
     with reporting(sys.stderr, "claims") as advance:
-        claims = judge_all(threads, advance)
+        claims = judge_all(Plan(threads), advance)
     written = write(claims, options.output, threads, pictures=options.pictures)
     for claim in claims:
-        print(f"{claim.number:2d}  {claim.outcome.verdict.value:30s}  {plain(claim.sentence)}")
+        print(f"{claim.key:3s} {plain(claim.sentence)}")
+        for one in claim.outcome.evidence:
+            print(f"      {BASES.get(one.base, 'any base'):20s}  {one.verdict.value}")
     print(f"{time.perf_counter() - began:.1f} s")
     for path in written:
         print(path)

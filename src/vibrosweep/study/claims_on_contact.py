@@ -1,99 +1,85 @@
-"""Claims 10 and 11: separations that stay positive, and heights that never coincide."""
+"""Claims 10, 11 and 21: separations that stay positive, heights that differ, grooves for balls."""
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from collections.abc import Iterator
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from vibrosweep import simulate
+from vibrosweep import simulate, theory
 from vibrosweep.analysis.crossings import crossings
 from vibrosweep.analysis.decay import slot_decay
-from vibrosweep.analysis.separations import compare_separations, separation_distribution
-from vibrosweep.engine.workers import Workers
+from vibrosweep.analysis.separations import separation_distribution
 from vibrosweep.figures.separations import decay_in_a_slot, distributions
-from vibrosweep.model import theory
-from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.study.batches import random_sample, swept
+from vibrosweep.model.mount import SPRUNG
+from vibrosweep.study.claims_on_order import BASES, FEW, SMALLER, slots_name
+from vibrosweep.study.estimates import Estimate, share
 from vibrosweep.study.figures.crossings import heights_and_crossings
-from vibrosweep.study.slots import POPULATIONS, own_slots, smallest_separation
-from vibrosweep.study.verdict import Check, Number, Outcome, Picture
+from vibrosweep.study.samples import (
+    FIRST,
+    FOLLOWED,
+    TAU_C,
+    Plan,
+    Setting,
+    measured,
+    mount,
+    settings_of,
+)
+from vibrosweep.study.slots import POPULATIONS, own_slots, populations, smallest_separation
+from vibrosweep.study.verdict import (
+    ANY_BASE,
+    NEARLY_ALL,
+    Check,
+    Evidence,
+    Number,
+    Outcome,
+    Picture,
+    Reading,
+    check,
+    number,
+)
 
-__all__ = ["heights_differ", "separation_stays_positive"]
+__all__ = ["GROOVES", "grooves", "heights_differ", "separation_stays_positive"]
 
-TAU_C: Final = PARAMETERS["contact_time"].default
+Flags = NDArray[np.bool_]
+
 DURATIONS: Final = (12.0, 120.0, 1200.0)
+# From when to when landings count, s
+WINDOWS: Final = {
+    "from the launch on": (0.0, 12.0),
+    "the first 30 s left out": (30.0, 42.0),
+}
+MEASURES: Final = {
+    "all landings": "dt_min",
+    "equal impact numbers, as printed": "dt_min_same_index",
+}
+# Tables 2 and 3 of the study: mm
+GROOVES: Final = 24
+PLATFORM_RADIUS: Final = 90.0
+DIAMETERS: Final = (8.0, 10.0)
 
 
-def separation_stays_positive(threads: int) -> Outcome:
+def separation_stays_positive(plan: Plan) -> Outcome:
     """The smallest separation stays positive for all stable conditions, and above tau_c."""
-    sample = random_sample()
-    with Workers(threads) as workers:
-        settled = swept(workers, **sample, duration=2000.0, regimes=True)
-        stable = (settled["unsettled_count"] + settled["aperiodic_count"]).values == 0
-        sweeps = [swept(workers, **sample, duration=t, separation=True) for t in DURATIONS]
-        fewer = [
-            swept(workers, **sample, duration=12.0, separation=True, particles=n)
-            for n in (2, *POPULATIONS)
-        ]
-    dt = sweeps[0]["dt_min"].values[stable]
-    own = [own_slots(n, threads) for n in POPULATIONS]
-    pair = _pair_in_one_slot(threads)
-    decay = slot_decay(pair).isel(realization=0)
-    against_n = compare_separations(fewer)
+    one = Plan(plan.threads, seeds=1, realizations=200)
+    drawn = FIRST.drawn(one)
+    high_bounce = theory.FIXED[0]
+    sweeps = [
+        measured(one, high_bounce, drawn, {}, particles=20, duration=t, separation=True)
+        for t in DURATIONS
+    ]
     return Outcome(
-        as_stated=(
-            Check(
-                "share of stable realizations with dt_min > 0",
-                float(np.mean(dt > 0.0)),
-                "at least",
-                1.0,
-            ),
-            Check(
-                "share of stable realizations with dt_min > tau_c",
-                float(np.mean(dt > TAU_C)),
-                "at least",
-                1.0,
-            ),
-        ),
-        conditional=(
-            Check(
-                "smallest separation in own slots, N = 5 to 100",
-                min(smallest_separation(record) for record in own),
-                "at least",
-                TAU_C,
-                "s",
-            ),
-        ),
-        numbers=(
-            Number("stable realizations", float(stable.sum())),
-            *(
-                Number(
-                    f"collision-free realizations in {t:g} s, share",
-                    float(separation_distribution(s)["collision_free_fraction"]),
-                )
-                for t, s in zip(DURATIONS, sweeps, strict=True)
-            ),
-            *(
-                Number(f"collision-free realizations of N = {int(n)} in 12 s, share", float(share))
-                for n, share in zip(
-                    against_n["particles"], against_n["collision_free_fraction"], strict=True
-                )
-            ),
-            Number("decay per impact in a slot at Table 1, fitted", float(decay["modulus_fitted"])),
-            Number("the same from the multipliers", float(decay["modulus_predicted"])),
-            Number(
-                "time in which a slot closes from half a period to tau_c",
-                float(decay["closing_time"]),
-                "s",
-            ),
-        ),
-        pictures=(
+        [_positive(plan, base) for base in BASES],
+        [
             Picture(
                 "claim10_distribution",
-                "Empirical distribution of dt_min over the 200 realizations, for three times of "
-                "observation; the step at the left edge are those with dt_min = 0.",
+                "Empirical distribution of dt_min over 200 realizations of the study's equations, "
+                "for three times of observation; the step at the left edge are those with "
+                "dt_min = 0.",
                 distributions(
                     [separation_distribution(s) for s in sweeps],
                     [f"{t:g} s" for t in DURATIONS],
@@ -102,60 +88,202 @@ def separation_stays_positive(threads: int) -> Outcome:
             ),
             Picture(
                 "claim10_slot",
-                "Separation of two particles in one slot at Table 1 at each impact, and the decay "
-                "that the multipliers predict.",
-                decay_in_a_slot(slot_decay(pair)),
+                "Separation of two particles in one slot at Table 1 at each impact, with the "
+                "study's equations, and the decay that the multipliers predict.",
+                decay_in_a_slot(_slot_decay(plan, high_bounce)),
             ),
-        ),
+        ],
     )
 
 
-def _pair_in_one_slot(threads: int) -> xr.Dataset:
+def _positive(plan: Plan, base: str) -> Evidence:
+    checks: dict[str, list[Check]] = {}
+    for setting in settings_of(base):
+        for name, one in _of_setting(plan, base, setting):
+            checks.setdefault(name, []).append(one)
+    own = min(smallest_separation(own_slots(n, base, plan)) for n in populations(base))
+    kept = check("smallest separation of landings", own, "at least", TAU_C, "s")
+    return Evidence(
+        base,
+        readings=[Reading(name, each) for name, each in checks.items()],
+        conditions=(Reading(slots_name(base), (kept,)),),
+        numbers=() if base == SPRUNG else _closing(plan, base),
+    )
+
+
+def _of_setting(plan: Plan, base: str, setting: Setting) -> Iterator[tuple[str, Check]]:
+    """Tests of every reading under one setting."""
+    drawn = setting.drawn(plan, scale=SMALLER[base])
+    scene = {"particles": FEW if base == SPRUNG else 20}
+    stable = _stable(plan, base, drawn, {**setting.constants}, scene)
+    contact = setting.constants.get("contact_time", TAU_C)
+    for window, (begin, end) in WINDOWS.items():
+        found = measured(
+            plan,
+            base,
+            drawn,
+            setting.constants,
+            transient=begin,
+            duration=end,
+            separation=True,
+            **scene,
+        )
+        for landings, measure in MEASURES.items():
+            for kind, chosen in stable.items():
+                dt = found[measure].values[chosen]
+                for words, bound in (("0", 0.0), ("τ_c", contact)):
+                    what = f"share of stable realizations with dt_min > {words}"
+                    one = check(
+                        what, share(dt > bound), "at least", NEARLY_ALL, setting=setting.name
+                    )
+                    yield f"{landings}; {window}; stable: {kind}", one
+
+
+def _stable(
+    plan: Plan,
+    base: str,
+    drawn: dict[str, NDArray[np.float64]],
+    constants: dict[str, float],
+    scene: dict[str, Any],
+) -> dict[str, Flags]:
+    """Which realizations are stable, by what that may mean; particles bounce on in all of them."""
+    if base == SPRUNG:
+        found = measured(plan, base, drawn, constants, duration=42.0, **scene)
+        return {"every particle bounces on": found["at_rest_count"].values == 0}
+    found = measured(plan, base, drawn, constants, duration=2000.0, regimes=True, **scene)
+    locked = found["locked_count"].values
+    recurrent = locked + found["resting_count"].values
+    return {
+        "periodic": recurrent == scene["particles"],
+        "locked": locked == scene["particles"],
+    }
+
+
+def _slot_decay(plan: Plan, base: str) -> xr.Dataset:
     phase = float(theory.locked_phase(1, 0.9, 1.2))
-    return simulate(
-        launch_velocity=4.905, launch_time=[phase, phase + 0.01], duration=450.0, threads=threads
+    pair = simulate(
+        launch_velocity=4.905,
+        launch_time=[phase, phase + 0.01],
+        duration=450.0,
+        base=base,
+        threads=plan.threads,
+    )
+    return slot_decay(pair)
+
+
+def _closing(plan: Plan, base: str) -> tuple[Number, ...]:
+    decay = _slot_decay(plan, base).isel(realization=0)
+    closing = number(
+        "time in which a slot closes from half a period to τ_c, Table 1",
+        float(decay["closing_time"]),
+        "s",
+    )
+    drawn = FIRST.drawn(plan, scale=FOLLOWED)
+    free = (
+        measured(plan, base, drawn, {}, particles=n, duration=12.0, separation=True)
+        for n in (2, *POPULATIONS)
+    )
+    return (
+        number("decay per impact in a slot at Table 1, fitted", float(decay["modulus_fitted"])),
+        number("the same from the multipliers", float(decay["modulus_predicted"])),
+        closing,
+        *(
+            number(
+                f"collision-free realizations of N = {n} in 12 s, share",
+                share(one["collision_free"].values == 1),
+            )
+            for n, one in zip((2, *POPULATIONS), free, strict=True)
+        ),
     )
 
 
-def heights_differ(threads: int) -> Outcome:
+def heights_differ(plan: Plan) -> Outcome:
     """y_i(t) != y_j(t) at all times, Eq. 18."""
-    record = simulate(launch_time=np.arange(20) / 20, duration=12.0, threads=threads)
-    found = crossings(record)
-    slots = own_slots(5, threads)
-    ordered = crossings(slots)
-    few = simulate(launch_time=[0.1, 0.55], duration=4.0, threads=threads)
+    few = simulate(launch_time=[0.1, 0.55], duration=4.0, threads=plan.threads)
     return Outcome(
-        as_stated=(
-            Check(
-                "share of pairs of particles at one height at some time",
-                _crossing_share(found),
-                "at most",
-                0.0,
-            ),
-        ),
-        conditional=(
-            Check(
-                "share of pairs of particles at one height at some time",
-                _crossing_share(ordered),
-                "at most",
-                0.0,
-            ),
-        ),
-        numbers=(
-            Number("crossings of 20 particles in 12 s", float(found.sizes["crossing"])),
-            Number("pairs of particles", float(found["pairs"])),
-            Number("pairs of flights in the air together", float(found["flight_overlaps"])),
-            Number("crossings of 5 particles in own slots", float(ordered.sizes["crossing"])),
-        ),
-        pictures=(
+        [_heights_differ(plan, base) for base in BASES],
+        [
             Picture(
                 "claim11_crossings",
-                "Heights of two particles at Table 1; circles mark where they are at one height.",
+                "Heights of two particles at Table 1 with the study's equations; circles mark "
+                "where they are at one height.",
                 heights_and_crossings(few, crossings(few)),
+            )
+        ],
+    )
+
+
+def _heights_differ(plan: Plan, base: str) -> Evidence:
+    record = simulate(
+        launch_time=np.arange(20) / 20,
+        duration=12.0,
+        base=base,
+        threads=plan.threads,
+        **mount(base),
+    )
+    found = crossings(record)
+    crossing = float(found["pairs_crossing"]) / float(found["pairs"])
+    # whoever passes through another one's centre has touched it
+    touching = Estimate(crossing, crossing, 1.0)
+    return Evidence(
+        base,
+        readings=(
+            Reading(
+                "points on one vertical line",
+                (check("share of pairs at one height at some time", crossing, "at most", 0.0),),
+            ),
+            Reading(
+                "spheres of 8 to 10 mm on one vertical line",
+                (check("share of pairs that touch, at least", touching, "at most", 0.0),),
+            ),
+        ),
+        conditions=(_own_groove(20),),
+        numbers=(
+            number("crossings of 20 particles in 12 s", found.sizes["crossing"]),
+            number("pairs of flights in the air together", found["flight_overlaps"]),
+        ),
+    )
+
+
+def _own_groove(balls: int) -> Reading:
+    """Spheres in different grooves: apart sideways, whatever their heights."""
+    rim = PLATFORM_RADIUS - 0.5 * DIAMETERS[1]
+    return Reading(
+        f"spheres, each in a groove of its own (N at most {GROOVES}): apart sideways, not in time",
+        (
+            check(
+                f"balls of {balls} in one groove, at the least",
+                math.ceil(balls / GROOVES),
+                "at most",
+                1.0,
+            ),
+            check(
+                "distance of neighbouring grooves at the rim",
+                2.0 * rim * math.sin(math.pi / GROOVES),
+                "at least",
+                DIAMETERS[1],
+                "mm",
             ),
         ),
     )
 
 
-def _crossing_share(found: xr.Dataset) -> float:
-    return float(found["pairs_crossing"]) / float(found["pairs"])
+def grooves(plan: Plan) -> Outcome:
+    """The grooves of Table 2 guide every ball on a path of its own, for fifty balls too."""
+    least = DIAMETERS[1] / (2.0 * math.sin(math.pi / GROOVES))
+    fifty = check(
+        "balls of 50 in one groove, at the least", math.ceil(50 / GROOVES), "at most", 1.0
+    )
+    return Outcome(
+        [
+            Evidence(
+                ANY_BASE,
+                readings=(Reading("50 balls in 24 grooves", (fifty,)),),
+                conditions=(_own_groove(20),),
+                numbers=(
+                    number("radius at which 24 balls of 10 mm fit side by side", least, "mm"),
+                    number("radius of the platform", PLATFORM_RADIUS, "mm"),
+                ),
+            )
+        ]
+    )

@@ -6,94 +6,100 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from vibrosweep import simulate
-from vibrosweep.model import theory
+from vibrosweep import simulate, theory
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.study.figures.scheme import errors_in_time
-from vibrosweep.study.rk4 import rk4
-from vibrosweep.study.verdict import Check, Number, Outcome, Picture
+from vibrosweep.study.rk4 import CONTACT, rk4
+from vibrosweep.study.samples import Plan
+from vibrosweep.study.verdict import Evidence, Outcome, Picture, Reading, check, number
 
 __all__ = ["step_of_one_millisecond"]
-
-Array = NDArray[np.float64]
 
 STEP: Final = 1e-3
 STEPS: Final = (4e-3, 2e-3, STEP, 5e-4, 1e-4, 1e-5)
 # Of a period that is a whole number of steps, and of others
 FREQUENCIES: Final = (1.0, 0.97, 1.03)
 SHOWN: Final = (4e-3, STEP, 1e-4, 1e-5)
+PLAIN, LOCATED = CONTACT
 TABLE_1: Final[dict[str, Any]] = {name: parameter.default for name, parameter in PARAMETERS.items()}
 
 
-def step_of_one_millisecond(threads: int) -> Outcome:
-    """RK4 with a step of 1 ms is converged, sec. 3.1."""
+def step_of_one_millisecond(plan: Plan) -> Outcome:
+    """RK4 with a step of 1 ms is converged, sec. 3.1; a claim on the study's equations alone."""
     launch = np.arange(20) / 20
-    exact = simulate(launch_time=launch, duration=12.0, threads=threads).isel(realization=0)
-    errors = {h: _errors(exact, TABLE_1, h, threads) for h in STEPS}
+    exact = simulate(launch_time=launch, duration=12.0, threads=plan.threads).isel(realization=0)
+    errors = {h: _errors(plan, exact, TABLE_1, h) for h in STEPS}
+    located = _errors(plan, exact, TABLE_1, STEP, LOCATED)
     bouncing = ~(exact["rested"].values == 1).any(axis=-1)
-    orders = np.polyfit(
-        np.log(STEPS), np.log([np.nanmax(errors[h].values[bouncing]) for h in STEPS]), 1
+    largest = [float(np.nanmax(errors[h].values[bouncing])) for h in STEPS]
+    order = np.polyfit(np.log(STEPS), np.log(largest), 1)[0]
+    on_locked = max(_locked_error(plan, frequency) for frequency in FREQUENCIES)
+    within = check(
+        "landing-time error in 100 s, largest, where 1 % of a period is enough",
+        on_locked,
+        "at most",
+        0.01,
+        "s",
     )
-    on_locked = max(_locked_error(frequency, threads) for frequency in FREQUENCIES)
-    return Outcome(
-        as_stated=(
-            Check(
+    evidence = Evidence(
+        theory.FIXED[0],
+        readings=(
+            _converged("a landing is seen at the next step", errors[STEP]),
+            _converged("a landing is located in the step", located),
+        ),
+        conditions=(Reading("seen at the next step, on a stable locked orbit", (within,)),),
+        numbers=(
+            number("particles that do not rest in 12 s", np.count_nonzero(bouncing)),
+            *(
+                number(f"largest error of these at a step of {1e3 * h:g} ms", error, "s")
+                for h, error in zip(STEPS, largest, strict=True)
+            ),
+            number("order of convergence of these errors", order),
+            number("landings of all particles, exact", exact["impact_count"].sum()),
+            number(
+                "landings of all particles, seen at the next step of 1 ms",
+                exact["impact_count"].sum() + errors[STEP]["counted"].sum(),
+            ),
+        ),
+    )
+    return Outcome([evidence], [_picture(errors, bouncing)])
+
+
+def _converged(name: str, errors: xr.DataArray) -> Reading:
+    return Reading(
+        name,
+        (
+            check(
                 "landing-time error at a step of 1 ms in 12 s, largest",
-                _largest(errors[STEP]),
+                _largest(errors),
                 "at most",
                 STEP,
                 "s",
             ),
-            Check(
+            check(
                 "share of particles with the right number of landings",
-                float(np.mean(errors[STEP]["counted"] == 0)),
+                np.mean(errors["counted"].values == 0),
                 "at least",
                 1.0,
-            ),
-        ),
-        conditional=(
-            Check(
-                "landing-time error on the locked orbit in 100 s, largest",
-                on_locked,
-                "at most",
-                0.01,
-                "s",
-            ),
-        ),
-        numbers=(
-            Number("particles that do not rest in 12 s", float(bouncing.sum())),
-            *(
-                Number(
-                    f"largest error of these at a step of {1e3 * h:g} ms",
-                    float(np.nanmax(errors[h].values[bouncing])),
-                    "s",
-                )
-                for h in STEPS
-            ),
-            Number("order of convergence of these errors", float(orders[0])),
-            Number("landings of all particles, exact", float(exact["impact_count"].sum())),
-            Number(
-                "landings of all particles, step of 1 ms",
-                float(exact["impact_count"].sum() + errors[STEP]["counted"].sum()),
-            ),
-        ),
-        pictures=(
-            Picture(
-                "claim12_landing_time_errors",
-                "Error of the landing times of the particles that do not rest in 12 s, for four "
-                "steps.",
-                errors_in_time(
-                    [errors[h].isel(particle=bouncing) for h in SHOWN],
-                    [f"{1e3 * h:g} ms" for h in SHOWN],
-                ),
             ),
         ),
     )
 
 
-def _locked_error(frequency: float, threads: int) -> float:
+def _picture(errors: dict[float, xr.DataArray], bouncing: np.ndarray[Any, Any]) -> Picture:
+    return Picture(
+        "claim12_landing_time_errors",
+        "Error of the landing times of the particles that do not rest in 12 s, seen at the next "
+        "step, for four steps.",
+        errors_in_time(
+            [errors[h].isel(particle=bouncing) for h in SHOWN],
+            [f"{1e3 * h:g} ms" for h in SHOWN],
+        ),
+    )
+
+
+def _locked_error(plan: Plan, frequency: float) -> float:
     """Largest error of a landing time in 100 s of a particle launched 1 ms off the locked orbit."""
     speed = float(theory.locked_velocity(1, frequency))
     launch = float(theory.locked_phase(1, 0.9, 1.2, frequency)) / frequency + 1e-3
@@ -102,10 +108,10 @@ def _locked_error(frequency: float, threads: int) -> float:
         launch_velocity=speed,
         launch_time=launch,
         duration=100.0,
-        threads=threads,
+        threads=plan.threads,
     ).isel(realization=0)
     given = TABLE_1 | {"frequency": frequency, "launch_velocity": speed}
-    return _largest(_errors(exact, given, STEP, threads))
+    return _largest(_errors(plan, exact, given, STEP))
 
 
 def _largest(errors: xr.DataArray) -> float:
@@ -113,7 +119,7 @@ def _largest(errors: xr.DataArray) -> float:
 
 
 def _errors(
-    exact: xr.Dataset, parameters: dict[str, Any], step: float, threads: int
+    plan: Plan, exact: xr.Dataset, parameters: dict[str, Any], step: float, contact: str = PLAIN
 ) -> xr.DataArray:
     """Absolute errors of landing times (particle, impact) in s; NaN where only one has landed.
 
@@ -125,8 +131,9 @@ def _errors(
         launch_time=exact["launch_time"].values,
         duration=float(exact["duration"]),
         step=step,
+        contact=contact,
         capacity=times.shape[1],
-        threads=threads,
+        threads=plan.threads,
     )
     return xr.DataArray(
         np.abs(found.landing_time - times),

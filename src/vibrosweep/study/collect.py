@@ -9,32 +9,47 @@ from typing import Any, Final
 
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.study import (
+    claims_on_attraction,
     claims_on_contact,
     claims_on_energy,
     claims_on_heights,
     claims_on_laboratory,
     claims_on_order,
+    claims_on_repeats,
     claims_on_scheme,
     claims_on_stability,
+    claims_on_windows,
 )
+from vibrosweep.study.samples import Plan
 from vibrosweep.study.verdict import Claim, Outcome
 
 __all__ = ["TESTS", "judge_all", "texts"]
 
-TESTS: Final[Mapping[int, Callable[[int], Outcome]]] = {
-    1: claims_on_energy.decay,
-    2: claims_on_energy.balance,
-    3: claims_on_order.preserved,
-    4: claims_on_order.staggering,
-    5: claims_on_stability.windows,
-    6: claims_on_stability.linearised_update,
-    7: claims_on_heights.plateau,
-    8: claims_on_stability.period_two,
-    9: claims_on_order.bounded_and_ordered,
-    10: claims_on_contact.separation_stays_positive,
-    11: claims_on_contact.heights_differ,
-    12: claims_on_scheme.step_of_one_millisecond,
-    13: claims_on_laboratory.measured_and_predicted,
+TESTS: Final[Mapping[str, Callable[[Plan], Outcome]]] = {
+    "1": claims_on_energy.decay,
+    "2": claims_on_energy.balance,
+    "3": claims_on_order.preserved,
+    "4a": claims_on_attraction.synchronous,
+    "4b": claims_on_attraction.staggered,
+    "5": claims_on_windows.windows,
+    "6": claims_on_stability.linearised_update,
+    "7": claims_on_heights.plateau,
+    "8": claims_on_stability.period_two,
+    "9": claims_on_order.bounded_and_ordered,
+    "10": claims_on_contact.separation_stays_positive,
+    "11": claims_on_contact.heights_differ,
+    "12": claims_on_scheme.step_of_one_millisecond,
+    "13": claims_on_laboratory.measured_and_predicted,
+    "14": claims_on_heights.larger_amplitude,
+    "15": claims_on_energy.weak_excitation,
+    "16": claims_on_windows.strong_excitation,
+    "17": claims_on_order.invariant,
+    "18": claims_on_repeats.steady,
+    "19": claims_on_repeats.repeatable,
+    "20": claims_on_laboratory.height_uncertainty,
+    "21": claims_on_contact.grooves,
+    "22": claims_on_laboratory.masses,
+    "23": claims_on_laboratory.camera_from_above,
 }
 
 
@@ -43,38 +58,25 @@ def texts() -> dict[str, Any]:
     raw = files("vibrosweep.study").joinpath("texts.toml").read_text(encoding="utf-8")
     found = tomllib.loads(raw)
     claims = {
-        int(number): {key: " ".join(text.split()) for key, text in words.items()}
-        for number, words in found.pop("claim").items()
+        key: {name: " ".join(text.split()) for name, text in words.items()}
+        for key, words in found.pop("claim").items()
     }
     return {key: " ".join(text.split()) for key, text in found.items()} | {"claims": claims}
 
 
-def judge_all(threads: int, advance: Advance = silent) -> list[Claim]:
+def judge_all(plan: Plan, advance: Advance = silent) -> list[Claim]:
     """Compute the outcome of every claim.
 
     Parameters
     ----------
-    threads
-        Number of threads; the result does not depend on it.
+    plan
+        How much is computed.
     advance
         Called after each claim with the number of claims done and that of all.
     """
     words = texts()["claims"]
     claims = []
-    for number, test in TESTS.items():
-        outcome = test(threads)
-        claims.append(_claim(number, words[number], outcome))
+    for key, test in TESTS.items():
+        claims.append(Claim(key=key, **words[key], outcome=test(plan)))
         advance(len(claims), len(TESTS))
     return claims
-
-
-def _claim(number: int, words: Mapping[str, str], outcome: Outcome) -> Claim:
-    return Claim(
-        number=number,
-        source=words["source"],
-        sentence=words["sentence"],
-        method=words["method"],
-        condition=words.get("condition", ""),
-        reason=words["reason"],
-        outcome=outcome,
-    )

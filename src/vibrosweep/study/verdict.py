@@ -1,4 +1,4 @@
-"""A claim, the numbers it is tested by, and the one rule by which they give a verdict.
+"""A claim, the evidence for it under each base, and the one rule by which evidence gives a verdict.
 
 The words of the rule and of the claims stand in ``texts.toml``.
 """
@@ -9,21 +9,46 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Literal
+from itertools import groupby
+from typing import Final, Literal, SupportsFloat
 
 from matplotlib.figure import Figure
 
-__all__ = ["Check", "Claim", "Number", "Outcome", "Picture", "Relation", "Verdict"]
+from vibrosweep.study.estimates import Estimate, exact
+
+__all__ = [
+    "ANY_BASE",
+    "NEARLY_ALL",
+    "SOME",
+    "Check",
+    "Claim",
+    "Evidence",
+    "Number",
+    "Outcome",
+    "Picture",
+    "Reading",
+    "Relation",
+    "Verdict",
+    "check",
+    "number",
+]
 
 Relation = Literal["at most", "at least"]
+# Of evidence that no base enters: geometry, weights, the film
+ANY_BASE: Final = "any"
+# A statement on all is granted where it is true of so large a share
+NEARLY_ALL: Final = 0.95
+# A statement on some, where it is true of so large a share
+SOME: Final = 0.01
 
 
 class Verdict(Enum):
-    """What the numbers say."""
+    """What the evidence says."""
 
     HOLDS = "holds"
-    CONDITIONAL = "holds under a stated condition"
+    CONDITIONAL = "holds under a condition"
     FAILS = "fails"
+    UNDECIDED = "cannot be judged"
 
 
 @dataclass(frozen=True)
@@ -31,7 +56,7 @@ class Number:
     """A computed number that informs, but is not part of a test."""
 
     what: str
-    value: float
+    value: Estimate
     units: str = "1"
 
 
@@ -44,27 +69,96 @@ class Check:
     what
         What the number is, in words.
     value
-        As computed.
+        As computed, with its 95 % interval.
     relation
         ``"at most"`` or ``"at least"``.
     bound
         In the same unit.
     units
         As in CF; ``"1"`` for a pure number.
+    setting
+        Ranges or contact time under which it was computed; empty where none are drawn.
     """
 
     what: str
-    value: float
+    value: Estimate
     relation: Relation
     bound: float
     units: str = "1"
+    setting: str = ""
 
     @property
-    def passed(self) -> bool:
-        """Whether the number is on the right side of its bound; NaN is on neither."""
-        if math.isnan(self.value):
-            return False
-        return self.value <= self.bound if self.relation == "at most" else self.value >= self.bound
+    def passed(self) -> bool | None:
+        """Whether the interval is on the right side of the bound; None if it is on neither."""
+        low, high = self.value.low, self.value.high
+        if math.isnan(low) or math.isnan(high):
+            return None
+        if self.relation == "at least":
+            low, high, bound = -high, -low, -self.bound
+        else:
+            bound = self.bound
+        return True if high <= bound else False if low > bound else None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read the claim, or one condition, with its tests."""
+
+    name: str
+    checks: Sequence[Check]
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether it passes under every setting (True), under none (False), or neither (None)."""
+        settings = groupby(sorted(self.checks, key=_setting), key=_setting)
+        found = {_all_passed([c.passed for c in checks]) for _, checks in settings}
+        return found.pop() if len(found) == 1 else None
+
+
+def _setting(one: Check) -> str:
+    return one.setting
+
+
+def _all_passed(each: Sequence[bool | None]) -> bool | None:
+    return False if False in each else None if None in each else True
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What was computed for one claim under one base.
+
+    Attributes
+    ----------
+    base
+        Key of a base, or `ANY_BASE`.
+    readings
+        Ways to read the claim as stated, at least one.
+    conditions
+        Conditions that may save it; the name says the condition.
+    numbers
+        What else was computed.
+    """
+
+    base: str
+    readings: Sequence[Reading]
+    conditions: Sequence[Reading] = ()
+    numbers: Sequence[Number] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict, by the rule that the page states."""
+        as_stated = [one.passed for one in self.readings]
+        if all(as_stated):
+            return Verdict.HOLDS
+        if self.holding:
+            return Verdict.CONDITIONAL
+        missed = [one.passed is False for one in (*self.readings, *self.conditions)]
+        return Verdict.FAILS if all(missed) else Verdict.UNDECIDED
+
+    @property
+    def holding(self) -> tuple[Reading, ...]:
+        """Readings and conditions under which the claim holds."""
+        return tuple(one for one in (*self.readings, *self.conditions) if one.passed)
 
 
 @dataclass(frozen=True)
@@ -78,33 +172,10 @@ class Picture:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was computed for one claim.
+    """What was computed for one claim: evidence for each base that matters, and figures."""
 
-    Attributes
-    ----------
-    as_stated
-        Tests of the claim as the study states it, at least one.
-    conditional
-        Tests under the condition that the text of the claim states.
-    numbers
-        What else was computed.
-    pictures
-        Figures.
-    """
-
-    as_stated: Sequence[Check]
-    conditional: Sequence[Check] = ()
-    numbers: Sequence[Number] = ()
+    evidence: Sequence[Evidence]
     pictures: Sequence[Picture] = ()
-
-    @property
-    def verdict(self) -> Verdict:
-        """The verdict, by the rule that the page states."""
-        if all(test.passed for test in self.as_stated):
-            return Verdict.HOLDS
-        if self.conditional and all(test.passed for test in self.conditional):
-            return Verdict.CONDITIONAL
-        return Verdict.FAILS
 
 
 @dataclass(frozen=True)
@@ -113,24 +184,38 @@ class Claim:
 
     Attributes
     ----------
-    number, source
+    key, source
         Number in the list of claims; section, equation or figure of the study.
     sentence
         The claim.
     method
         How it was tested.
-    condition
-        Under which it was tested again; empty if it was not.
     reason
         The physics behind the outcome.
     outcome
         What was computed.
     """
 
-    number: int
+    key: str
     source: str
     sentence: str
     method: str
-    condition: str
     reason: str
     outcome: Outcome
+
+
+def check(
+    what: str,
+    value: Estimate | SupportsFloat,
+    relation: Relation,
+    bound: float,
+    units: str = "1",
+    setting: str = "",
+) -> Check:
+    """Hold an estimate, or a number that is known without doubt, against a bound."""
+    return Check(what, exact(value), relation, bound, units, setting)
+
+
+def number(what: str, value: Estimate | SupportsFloat, units: str = "1") -> Number:
+    """State an estimate, or a number that is known without doubt."""
+    return Number(what, exact(value), units)

@@ -1,0 +1,76 @@
+"""The verdicts on the study, from two sets of seeds.
+
+    python checks/claims.py [--realizations N] [--threads N] [--write]
+
+A verdict must be the same for 20 other seeds, unless one of the two says that it cannot be judged.
+Ends with 1 where one turns.  --write replaces the table of verdicts in
+docs/separations-and-claims.md by that of the first seeds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from accuracy import provenance, table, write_section
+from vibrosweep.study.collect import judge_all
+from vibrosweep.study.page import BASES, plain
+from vibrosweep.study.samples import Plan
+from vibrosweep.study.verdict import ANY_BASE, Verdict
+
+PAGE = Path(__file__).parents[1] / "docs" / "separations-and-claims.md"
+SEEDS = 20
+FIRST_SEEDS = (0, 1000)
+
+
+def verdicts(claims):
+    """Verdicts by claim and base."""
+    return {(one.key, each.base): each.verdict for one in claims for each in one.outcome.evidence}
+
+
+def turned(first, second):
+    """What is decided by both sets of seeds, and differently."""
+    undecided = Verdict.UNDECIDED
+    return [
+        key
+        for key, verdict in first.items()
+        if verdict is not second[key] and undecided not in (verdict, second[key])
+    ]
+
+
+def rows(claims):
+    for claim in claims:
+        found = {one.base: one.verdict.value for one in claim.outcome.evidence}
+        cells = [found.get(base, found.get(ANY_BASE, "")) for base in BASES]
+        yield [claim.key, plain(claim.sentence), *cells]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--realizations", type=int, default=Plan.realizations)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--write", action="store_true", help="replace the table in the docs")
+    options = parser.parse_args()
+    judged, seconds = [], []
+    for first in FIRST_SEEDS:
+        began = time.process_time()
+        judged.append(judge_all(Plan(options.threads, first, SEEDS, options.realizations)))
+        seconds.append(time.process_time() - began)
+        print(f"seeds from {first}: {seconds[-1]:.0f} s of processor time")
+    first, second = map(verdicts, judged)
+    for key, verdict in first.items():
+        if verdict is not second[key]:
+            print(f"claim {key[0]}, {key[1]}: {verdict.value}; other seeds: {second[key].value}")
+    verdict_table = table(["", "claim", *BASES.values()], rows(judged[0]))
+    text = f"{verdict_table}\n\n{provenance(seconds[0], None)}"
+    if options.write:
+        write_section("verdicts", text, PAGE)
+    else:
+        print(text)
+    sys.exit(bool(turned(first, second)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,190 @@
+"""Claims 4a and 4b: synchronous impacts that are unstable, staggered motion that attracts."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep import simulate, theory
+from vibrosweep.model import coupled_theory
+from vibrosweep.model.mount import SPRUNG
+from vibrosweep.study.claims_on_order import BASES, FEW, SETTLED, SMALLER, slots_name
+from vibrosweep.study.estimates import share
+from vibrosweep.study.figures.pairs import fates
+from vibrosweep.study.samples import (
+    ANY_PHASE,
+    FIRST,
+    MOUNT,
+    TAU_C,
+    Plan,
+    Setting,
+    measured,
+    settings_of,
+)
+from vibrosweep.study.slots import LIGHT, SCATTER, landing_phase, own_slots, populations
+from vibrosweep.study.verdict import (
+    NEARLY_ALL,
+    Check,
+    Evidence,
+    Number,
+    Outcome,
+    Picture,
+    Reading,
+    check,
+    number,
+)
+
+__all__ = ["staggered", "synchronous"]
+
+Flags = NDArray[np.bool_]
+
+# Launches nearly at once, s
+NEAR: Final = 1e-6
+# Two particles are called staggered from a quarter of the even spacing of one period on, s at 1 Hz
+APART: Final = 0.25 * 0.5
+# Until when, and the window at the end that is judged, s
+LONG: Final = {base: 100.0 if base == SPRUNG else 600.0 for base in BASES}
+WINDOW: Final = 10.0
+
+
+def synchronous(plan: Plan) -> Outcome:
+    """Synchronous impacts are unstable."""
+    pictured = _late(
+        Plan(plan.threads, seeds=1, realizations=200),
+        theory.FIXED[0],
+        FIRST,
+        _pair(theory.FIXED[0]),
+    )
+    return Outcome(
+        [_synchronous(plan, base) for base in BASES],
+        [
+            Picture(
+                "claim04_synchronous_pairs",
+                "Separation of pairs launched 1 µs apart, in the last 10 s of 600 s, against the "
+                "amplitude, with the study's equations: below the dashed line they have "
+                "approached each other.",
+                fates(pictured, NEAR),
+            )
+        ],
+    )
+
+
+def _pair(base: str) -> dict[str, Any]:
+    kind = {} if base == SPRUNG else {"regimes": True, "lyapunov": True}
+    return {"particles": 2, "launch": [0.0, NEAR], **kind}
+
+
+def _late(
+    plan: Plan, base: str, setting: Setting, scene: dict[str, Any], part: float = 1.0
+) -> xr.Dataset:
+    """The end of a long observation of drawn realizations launched at any phase."""
+    return measured(
+        plan,
+        base,
+        setting.drawn(plan, scale=part * SMALLER[base], phase=ANY_PHASE),
+        setting.constants,
+        duration=LONG[base],
+        transient=LONG[base] - WINDOW,
+        separation=True,
+        **scene,
+    )
+
+
+def _synchronous(plan: Plan, base: str) -> Evidence:
+    what = "share of pairs launched 1 µs apart, of those that still bounce, that have drawn apart"
+    late = {one.name: _late(plan, base, one, _pair(base)) for one in settings_of(base)}
+    checks = []
+    for name, ends in late.items():
+        dt = ends["dt_min"].values
+        checks.append(_share(what, dt[np.isfinite(dt)] > NEAR, name))
+    numbers = _bunch() if base == SPRUNG else _contraction(base, late[FIRST.name])
+    drawn = Reading("pairs drawn at random", checks)
+    return Evidence(base, (drawn,), [_in_one_slot(plan)] if base == SPRUNG else (), numbers)
+
+
+def _in_one_slot(plan: Plan) -> Reading:
+    """Two particles launched into one slot of mode 1 of a base that recoils."""
+    phase = landing_phase(1)
+    record = simulate(
+        **LIGHT,
+        base=SPRUNG,
+        launch_velocity=float(theory.locked_velocity(1)),
+        launch_time=[phase, phase + NEAR],
+        duration=LONG[SPRUNG],
+        threads=plan.threads,
+    )
+    first, second = record["landing_time"].values[0]
+    known = np.isfinite(first) & np.isfinite(second)
+    apart = abs(float(second[known][-1] - first[known][-1]))
+    one = check(
+        "separation after 100 s of a pair launched 1 µs apart", apart, "at least", TAU_C, "s"
+    )
+    return Reading("both locked to mode 1 (e = 0.9, 0.6 g)", (one,))
+
+
+def _share(what: str, flags: Flags, setting: str) -> Check:
+    return check(what, share(flags), "at least", NEARLY_ALL, setting=setting)
+
+
+def _contraction(base: str, late: xr.Dataset) -> tuple[Number, ...]:
+    modulus = np.abs(theory.multipliers(1, 0.9, 1.2, base=base)).max()
+    irregular = share(late["aperiodic_count"].values > 0)
+    return (
+        number("pairs in irregular motion (a positive Lyapunov exponent), share", irregular),
+        number("factor by which a small separation changes per impact at Table 1", modulus),
+    )
+
+
+def _bunch() -> tuple[Number, ...]:
+    gap = coupled_theory.reversing_separation(1, 0.9, 0.6, MOUNT["mass_ratio"])
+    what = "separation that two particles in one slot keep, e = 0.9, 0.6 g, first order"
+    return (number(what, float(gap), "s"),)
+
+
+def staggered(plan: Plan) -> Outcome:
+    """Staggered motion attracts."""
+    return Outcome([_staggered(plan, base) for base in BASES])
+
+
+def _staggered(plan: Plan, base: str) -> Evidence:
+    many = FEW if base == SPRUNG else 20
+    two: list[Check] = []
+    population: list[Check] = []
+    together: list[Check] = []
+    for setting in settings_of(base):
+        contact = setting.constants.get("contact_time", TAU_C)
+        for particles, checks in ((2, two), (many, population)):
+            late = _late(plan, base, setting, {"particles": particles}, 0.25)["dt_min"].values
+            what = f"share of {particles} staggered particles that bounce on more than τ_c apart"
+            checks.append(_share(what, late > contact, setting.name))
+        dt = _late(plan, base, setting, _pair(base))["dt_min"].values
+        what = "share of pairs launched 1 µs apart that end a quarter of even spacing apart or more"
+        together.append(_share(what, dt[np.isfinite(dt)] >= APART, setting.name))
+    returned = [_return(plan, base, n) for n in populations(base, 20)]
+    near = check(
+        "deviation from even spacing after 1400 impacts over that at launch, largest",
+        max(returned),
+        "at most",
+        1e-3,
+    )
+    return Evidence(
+        base,
+        readings=(
+            Reading("staggered pairs stay apart", two),
+            Reading(f"{many} staggered particles stay apart", population),
+            Reading("pairs launched together become staggered", together),
+        ),
+        conditions=(Reading("only near by; " + slots_name(base), (near,)),),
+    )
+
+
+def _return(plan: Plan, base: str, particles: int) -> float:
+    """Deviation of landings in own slots from whole periods at the end, over that at launch."""
+    record = own_slots(particles, base, plan, impacts=SETTLED).isel(realization=0)
+    times = record["landing_time"].values
+    last = np.array([row[np.isfinite(row)][-1] for row in times])
+    turns = last - np.rint(last - last[0])
+    return float(np.ptp(turns)) / (2.0 * SCATTER)

@@ -1,0 +1,236 @@
+"""Claims 5 and 16: windows of stable operation, and irregular motion above them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep import theory
+from vibrosweep.analysis.conditions import Locked
+from vibrosweep.analysis.scene import Scene
+from vibrosweep.analysis.windows import find_windows
+from vibrosweep.figures.plane import parameter_plane
+from vibrosweep.model.status import Regime
+from vibrosweep.study.estimates import share
+from vibrosweep.study.samples import ANY_PHASE, Plan, Setting, measured, settings_of
+from vibrosweep.study.verdict import (
+    NEARLY_ALL,
+    SOME,
+    Check,
+    Evidence,
+    Outcome,
+    Picture,
+    Reading,
+    check,
+    number,
+)
+
+__all__ = ["HORIZON", "RESTITUTIONS", "cycles", "returns", "strong_excitation", "windows"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+# Orbits at e = 0.98 settle to the last bit, by sqrt(e) per impact, in half this time, s
+HORIZON: Final = 8000.0
+# The same for four periods per impact at the ends of windows, where they settle more slowly
+SETTLED: Final = 40000.0
+RESTITUTIONS: Final = np.linspace(0.5, 0.98, 12)
+MODES: Final = (1, 2, 3, 4)
+STRONG: Final = (4.0, 12.0)  # "A much larger than 1", m s-1
+
+
+def windows(plan: Plan) -> Outcome:
+    """Stable operation in A_min < A < A_max, Eq. 27."""
+    plane_e, plane_a = np.meshgrid(np.linspace(0.5, 0.98, 49), np.linspace(0.1, 4.0, 40))
+    plane = measured(
+        plan,
+        theory.FIXED[0],
+        {"restitution": plane_e.ravel(), "amplitude": plane_a.ravel()},
+        {},
+        particles=20,
+        duration=HORIZON,
+        regimes=True,
+    )
+    locked = plane["locked_count"] / plane.attrs["particles"]
+    plane["locked_share"] = locked.assign_attrs(long_name="share of launches that lock", units="1")
+    return Outcome(
+        [_windows(plan, base) for base in theory.FIXED],
+        [
+            Picture(
+                "claim05_locked_share",
+                "Share of twenty staggered launches that end on a locked orbit, with the study's "
+                "equations, and the closed-form ends of the windows of modes 1 to 3.",
+                parameter_plane(plane, variable="locked_share"),
+            )
+        ],
+    )
+
+
+def _windows(plan: Plan, base: str) -> Evidence:
+    stable = {"periodic": (Regime.LOCKED, Regime.RESTING), "locked": (Regime.LOCKED,)}
+    found: dict[str, list[Check]] = {name: [] for name in stable}
+    for setting in settings_of(base):
+        inside, outside = (_launched(plan, base, setting, where) for where in ("in", "out"))
+        for name, regimes in stable.items():
+            within, beyond = (share(np.isin(each, regimes)) for each in (inside, outside))
+            what = f"the window of mode 1 that end {name}"
+            found[name] += [
+                check(
+                    f"share of launches inside {what}",
+                    within,
+                    "at least",
+                    NEARLY_ALL,
+                    setting=setting.name,
+                ),
+                check(
+                    f"share of launches outside {what}",
+                    beyond,
+                    "at most",
+                    1.0 - NEARLY_ALL,
+                    setting=setting.name,
+                ),
+            ]
+    return Evidence(
+        base,
+        readings=[Reading(f"stable means {name}", checks) for name, checks in found.items()],
+        conditions=(Reading("launched close to the locked orbit", _close(plan, base)),),
+        numbers=[
+            number(f"A_{name} of mode 1 at e = 0.9", end, "m s-1")
+            for name, end in (
+                ("min", float(theory.amplitude_min(1, 0.9))),
+                ("max", float(theory.amplitude_max(1, 0.9, base=base))),
+            )
+        ],
+    )
+
+
+def _launched(plan: Plan, base: str, setting: Setting, where: str) -> NDArray[Any]:
+    """Regimes of launches at any phase, at amplitudes in the window of mode 1 or beside it."""
+    drawn = setting.drawn(plan, amplitude=(0.0, 1.0), phase=ANY_PHASE)
+    e, part = drawn["restitution"], drawn["amplitude"]
+    low, high = theory.amplitude_min(1, e), theory.amplitude_max(1, e, base=base)
+    below, beyond = 2.0 * part * low, (0.5 + part) * high
+    amplitude = low + part * (high - low)
+    if where == "out":
+        amplitude = np.where(part < 0.5, below, beyond)
+    found = measured(
+        plan,
+        base,
+        drawn | {"amplitude": amplitude},
+        setting.constants,
+        particles=1,
+        duration=HORIZON,
+        regimes=True,
+    )
+    return np.asarray(found["regime"].values[:, 0])
+
+
+def _close(plan: Plan, base: str) -> list[Check]:
+    k, e = (v.ravel() for v in np.meshgrid(np.array(MODES, np.float64), RESTITUTIONS))
+    low, high = theory.amplitude_min(k, e), theory.amplitude_max(k, e, base=base)
+    width = high - low
+    held = [returns(plan, base, k, e, a) for a in (low + 0.02 * width, high - 0.02 * width)]
+    left = [returns(plan, base, k, e, a) for a in (0.98 * low, high + 0.02 * width)]
+    what = "share of launches 1 ms off that return to the locked orbit, modes 1 to 4, 2 %"
+    return [
+        check(f"{what} inside the ends", np.mean(held), "at least", 1.0),
+        check(f"{what} outside the ends", np.mean(left), "at most", 0.0),
+        check(
+            "ends found by bisection against the closed form, largest relative deviation",
+            _window_deviation(plan, base),
+            "at most",
+            1e-8,
+        ),
+    ]
+
+
+def _window_deviation(plan: Plan, base: str) -> float:
+    """Largest relative deviation of computed ends of windows from the closed form."""
+    e = np.array([0.3, 0.5, 0.7, 0.9, 0.98])
+    largest = 0.0
+    for frequency in (1.0, 17.0):
+        low = 0.9 * theory.amplitude_min(1, e[-1], frequency)
+        top = 1.05 * theory.amplitude_max(MODES[-1], e[0], frequency, base=base)
+        found = find_windows(
+            Scene(frequency=frequency, base=base),
+            e,
+            np.linspace(low, top, 40),
+            [Locked(k) for k in MODES],
+            threads=plan.threads,
+        ).isel(direction=0)
+        for i, k in enumerate(MODES):
+            one = found.isel(condition=i)
+            widest = one.isel(window=np.maximum(one["widest"], 0))
+            ends = {
+                "A_min": theory.amplitude_min(k, e, frequency),
+                "A_max": theory.amplitude_max(k, e, frequency, base=base),
+            }
+            for name, end in ends.items():
+                ratio = widest[name].values / end
+                # a window that is not found is NaN and stays so: its test is not passed
+                largest = float(np.maximum(largest, np.max(np.abs(ratio - 1.0))))
+    return largest
+
+
+def returns(
+    plan: Plan, base: str, k: Array, e: Array, amplitude: Array, offset: float = 1e-3
+) -> Flags:
+    """Whether launches `offset` periods off the locked orbits of mode k come to lie on them.
+
+    Where the orbit does not exist the launch is at the phase of the strongest kick.
+    """
+    phase = theory.locked_phase(k, e, amplitude)
+    found = measured(
+        plan,
+        base,
+        {
+            "restitution": e,
+            "amplitude": amplitude,
+            "launch_velocity": theory.locked_velocity(k),
+            "phase": 2.0 * np.pi * (np.where(np.isnan(phase), 0.25, phase) + offset),
+        },
+        {},
+        launch=[0.0],
+        particles=1,
+        duration=SETTLED,
+        regimes=True,
+    )
+    regime, impacts, periods, _ = cycles(found)
+    return np.asarray((regime == Regime.LOCKED) & (impacts == 1) & (periods == k))
+
+
+def cycles(found: xr.Dataset) -> list[NDArray[Any]]:
+    """Regime, impacts, periods and rests of the cycle of every particle, flattened."""
+    names = ("regime", "cycle_impacts", "cycle_periods", "cycle_rests")
+    return [found[name].values.ravel() for name in names]
+
+
+def strong_excitation(plan: Plan) -> Outcome:
+    """Excessive excitation may make the motion irregular."""
+    return Outcome([_strong(plan, base) for base in theory.FIXED])
+
+
+def _strong(plan: Plan, base: str) -> Evidence:
+    every, some = [], []
+    for setting in settings_of(base):
+        found = measured(
+            plan,
+            base,
+            setting.drawn(plan, amplitude=STRONG, phase=ANY_PHASE),
+            setting.constants,
+            particles=1,
+            duration=1000.0,
+            regimes=True,
+            lyapunov=True,
+        )
+        irregular = share(found["aperiodic_count"].values > 0)
+        what = "share of launches that end irregular (a positive Lyapunov exponent)"
+        every.append(check(what, irregular, "at least", NEARLY_ALL, setting=setting.name))
+        some.append(check(what, irregular, "at least", SOME, setting=setting.name))
+    return Evidence(
+        base,
+        readings=(Reading("always irregular", every), Reading("sometimes irregular", some)),
+    )

@@ -1,0 +1,197 @@
+"""What is drawn at random for the claims: ranges, contact times, masses, seeds.
+
+The study states none of them.  Ranges, contact times and the base of finite mass are choices of
+this package, so that a verdict must be the same for all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep import simulate, sweep
+from vibrosweep.model.mount import SPRUNG
+from vibrosweep.model.parameters import PARAMETERS
+
+__all__ = [
+    "ANY_PHASE",
+    "FIRST",
+    "FOLLOWED",
+    "RANGES",
+    "TAU_C",
+    "Plan",
+    "Setting",
+    "by_seed",
+    "measured",
+    "mount",
+    "records",
+    "settings_of",
+]
+
+Array = NDArray[np.float64]
+
+IMPACT_BUDGET: Final = 1_000_000
+# Part of the realizations where every landing is looked at
+FOLLOWED: Final = 0.1
+TOGETHER: Final = 100  # realizations in a record
+TAU_C: Final = PARAMETERS["contact_time"].default
+# Of restitution (1) and amplitude (m s-1)
+RANGES: Final = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
+NEAR_TABLE_1: Final = {"restitution": (0.85, 0.95), "amplitude": (0.9, 1.5)}
+WIDE: Final = {"restitution": (0.5, 0.99), "amplitude": (0.1, 6.0)}
+ANY_PHASE: Final = (0.0, 2.0 * np.pi)  # rad: a launch at any phase of the forcing
+# Particles of 4 g on a base of some kilograms, excited above the resonance of its mount
+MOUNT: Final = {"mass_ratio": 0.003, "mount_frequency": 0.37, "mount_damping": 0.05}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is computed.
+
+    Attributes
+    ----------
+    threads
+        The result does not depend on it.
+    first_seed, seeds
+        Seeds are first_seed, first_seed + 1, ...; each stands for one random sample.
+    realizations
+        In a sample, over this package's ranges; a quarter of them over others.
+    """
+
+    threads: int = 1
+    first_seed: int = 0
+    seeds: int = 20
+    realizations: int = 100
+
+    def random(self) -> list[np.random.Generator]:
+        """A source of random numbers for each seed."""
+        return [np.random.default_rng(self.first_seed + i) for i in range(self.seeds)]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Ranges and constants under which samples are drawn.
+
+    Attributes
+    ----------
+    name
+        On the page.
+    ranges
+        Ends of restitution and amplitude (m s-1).
+    constants
+        Contact time (s), and of a base of finite mass its mass ratio and mount.
+    part
+        Of the realizations of a plan.
+    """
+
+    name: str
+    ranges: Mapping[str, tuple[float, float]]
+    constants: Mapping[str, float] = field(default_factory=dict)
+    part: float = 0.25
+
+    def drawn(
+        self, plan: Plan, *, scale: float = 1.0, **more: tuple[float, float]
+    ) -> dict[str, Array]:
+        """Realizations of all seeds, one seed after the other.
+
+        Parameters
+        ----------
+        plan
+            How many.
+        scale
+            Of the number of realizations, for what takes long.
+        more
+            Ends of further parameters, or other ends for restitution and amplitude.
+        """
+        size = max(2, round(plan.realizations * self.part * scale))
+        ranges = {**self.ranges, **more}
+        rows = [
+            [random.uniform(*ends, size) for ends in ranges.values()] for random in plan.random()
+        ]
+        return dict(zip(ranges, np.concatenate(rows, axis=1), strict=True))
+
+
+FIRST: Final = Setting("e 0.80 to 0.98, A 0.2 to 3.5 m/s", RANGES, part=1.0)
+_OTHERS: Final = (
+    Setting("e 0.85 to 0.95, A 0.9 to 1.5 m/s", NEAR_TABLE_1),
+    Setting("e 0.50 to 0.99, A 0.1 to 6 m/s", WIDE),
+    Setting("contact time 0.03 ms", RANGES, {"contact_time": 3e-5}),
+    Setting("contact time 0.3 ms", RANGES, {"contact_time": 3e-4}),
+)
+_MASSES: Final = tuple(
+    Setting(f"particle of {mass:g} of the mass of the base", RANGES, {"mass_ratio": mass})
+    for mass in (0.001, 0.01)
+)
+
+
+def settings_of(base: str) -> tuple[Setting, ...]:
+    """The settings under which a claim is tested; this package's ranges first."""
+    return (FIRST, *_OTHERS, *(_MASSES if base == SPRUNG else ()))
+
+
+def measured(
+    plan: Plan, base: str, columns: Mapping[str, Array], constants: Mapping[str, float], **keys: Any
+) -> xr.Dataset:
+    """Measure drawn realizations over a base.
+
+    Parameters
+    ----------
+    plan
+        Threads to use.
+    base
+        Key of a base; a sprung one gets this package's mount unless `constants` say otherwise.
+    columns
+        Physical parameters by name, shape (realization,).
+    constants
+        Physical parameters that all realizations share.
+    keys
+        As `vibrosweep.sweep` takes them.
+    """
+    return sweep(
+        design=dict(columns),
+        base=base,
+        impact_budget=IMPACT_BUDGET,
+        threads=plan.threads,
+        progress=False,
+        **(mount(base) | dict(constants)),
+        **keys,
+    )
+
+
+def records(
+    plan: Plan, base: str, columns: Mapping[str, Array], constants: Mapping[str, float], **keys: Any
+) -> Iterator[xr.Dataset]:
+    """Every landing of drawn realizations, the record of some at a time to spare memory.
+
+    Parameters
+    ----------
+    plan, base, columns, constants
+        As `measured` takes them.
+    keys
+        As `vibrosweep.simulate` takes them.
+    """
+    size = next(iter(columns.values())).size
+    for start in range(0, size, TOGETHER):
+        some: dict[str, Any] = {n: v[start : start + TOGETHER] for n, v in columns.items()}
+        yield simulate(
+            **some,
+            base=base,
+            threads=plan.threads,
+            **(mount(base) | dict(constants)),
+            **keys,
+        )
+
+
+def mount(base: str) -> dict[str, Any]:
+    """The mount of this package's base of finite mass; nothing for other bases."""
+    return dict(MOUNT) if base == SPRUNG else {}
+
+
+def by_seed(plan: Plan, values: NDArray[Any]) -> NDArray[Any]:
+    """Values of drawn realizations as (seed, realization, ...)."""
+    return values.reshape(plan.seeds, -1, *values.shape[1:])
