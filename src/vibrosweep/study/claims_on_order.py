@@ -261,9 +261,9 @@ def _invariant(plan: Plan, base: str) -> Evidence:
                 duration=end,
                 separation=True,
             )["collision_free"].values
-            for begin, end in ((0.0, 12.0), (12.0, 60.0))
+            for begin, end in ((0.0, 12.0), (12.0, 36.0))
         )
-        what = "share of populations free of collisions for 12 s that remain so until 60 s"
+        what = "share of populations free of collisions for 12 s that remain so until 36 s"
         kept = share(later[first == 1] == 1)
         checks.append(check(what, kept, "at least", NEARLY_ALL, setting=setting.name))
     own = [own_slots(n, base, plan, impacts=100) for n in populations(base, 20)]

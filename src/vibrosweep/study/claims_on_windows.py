@@ -219,7 +219,7 @@ def _strong(plan: Plan, base: str) -> Evidence:
         found = measured(
             plan,
             base,
-            setting.drawn(plan, amplitude=STRONG, phase=ANY_PHASE),
+            setting.drawn(plan, scale=4.0, amplitude=STRONG, phase=ANY_PHASE),
             setting.constants,
             particles=1,
             duration=1000.0,
