@@ -44,7 +44,8 @@ def rows(claims):
     for claim in claims:
         found = {one.base: one.verdict.value for one in claim.outcome.evidence}
         cells = [found.get(base, found.get(ANY_BASE, "")) for base in BASES]
-        yield [claim.key, plain(claim.sentence), *cells]
+        if_so = f" *Condition: {'; or '.join(claim.conditions)}.*" if claim.conditions else ""
+        yield [claim.key, plain(claim.sentence) + if_so, *cells]
 
 
 def main():

@@ -133,8 +133,8 @@ def balance(plan: Plan) -> Outcome:
             Picture(
                 "claim02_energy_balance",
                 "Imbalance of each particle against the share of its landings that end in a rest, "
-                "with the study's equations: without rests what is left is the effect of the ends of "
-                "the window.",
+                "with the study's equations: without rests what is left is the effect of the ends "
+                "of the window.",
                 balance_against_rests(energy_balance(record, since=30.0)),
             )
         ],

@@ -101,13 +101,8 @@ def _summary_row(claim: Claim) -> str:
             f"{_badge(found[base]) if base in found else NO_VERDICT}</td>"
             for base, name in BASES.items()
         )
-    names = dict.fromkeys(
-        reading.name
-        for one in claim.outcome.evidence
-        if one.verdict is Verdict.CONDITIONAL
-        for reading in one.holding
-    )
-    if_so = f"<small>if {marked_up('; or '.join(names))}</small>" if names else ""
+    names = marked_up("; or ".join(claim.conditions))
+    if_so = f"<small>condition: {names}</small>" if names else ""
     link = f'<a href="#claim-{claim.key}">{claim.key}</a>'
     return f'<tr><th scope="row">{link} {marked_up(claim.sentence)}{if_so}</th>{cells}</tr>'
 

@@ -203,6 +203,17 @@ class Claim:
     reason: str
     outcome: Outcome
 
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Under which it holds on some base, where it does not without."""
+        names = (
+            reading.name
+            for one in self.outcome.evidence
+            if one.verdict is Verdict.CONDITIONAL
+            for reading in one.holding
+        )
+        return tuple(dict.fromkeys(names))
+
 
 def check(
     what: str,
