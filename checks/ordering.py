@@ -37,7 +37,7 @@ IMAGES = ROOT / "docs" / "images"
 LARGEST = 0.3  # mass of all particles in units of that of the base
 BANDS = (1e-3, 1e-2, 3e-2, 1e-1, LARGEST)
 PIECE = 150  # realizations at a time
-COLOURS = 64  # of a picture
+COLOURS = 256  # of a picture
 
 
 def percent(share):

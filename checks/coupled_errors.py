@@ -1,0 +1,124 @@
+"""Errors over a base of finite mass against proved landings, and the estimates that verify uses.
+
+    python checks/coupled_errors.py [--realizations 40] [--seed 1] [--write]
+
+So many random realizations of 2, 4 and 10 particles; each is followed in ball arithmetic, and again
+with changed parameters (`vibrosweep.proof.coupled`).  Errors are given in units of that change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from accuracy import provenance, table, write_section
+from vibrosweep import simulate
+from vibrosweep.proof.coupled import FACTOR, prove
+from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
+from vibrosweep.proof.sample import Realization
+
+PAGE = Path(__file__).parents[1] / "docs" / "evidence.md"
+PARTICLES = (2, 4, 10)
+DURATION = 6.0  # s
+MOST = 1000  # landings
+
+
+def draw(rng):
+    """Physical parameters, as keywords."""
+    return {
+        "restitution": rng.uniform(0.3, 0.98),
+        "amplitude": rng.uniform(0.2, 3.5),
+        "frequency": 1.0,
+        "phase": rng.uniform(-1.0, 1.0),
+        "gravity": 9.81,
+        "launch_velocity": rng.uniform(2.0, 8.0),
+        "contact_time": 0.01,
+        "mass_ratio": 10.0 ** rng.uniform(-3.0, -0.3),
+        "mount_frequency": 10.0 ** rng.uniform(-0.7, 0.5),
+        "mount_damping": 10.0 ** rng.uniform(-2.0, 0.5),
+    }
+
+
+def compare(parameters, particles):
+    """How a realization was judged, how many landings it has, and the largest error."""
+    launches = [j / particles for j in range(particles)]
+    found = simulate(base="sprung", launch_time=launches, duration=DURATION, **parameters)
+    landings = int(found.impact_count.sum())
+    realization = Realization(
+        parameters=parameters,
+        launch_times=tuple(map(Fraction, launches)),
+        transient=0.0,
+        duration=DURATION,
+        windowed=False,
+        launch_rounding=0.0,
+        rebound="rest",
+        base="sprung",
+    )
+    try:
+        proved, estimate = prove(realization, MOST)
+    except UndecidableError:
+        return "undecided", landings, 0.0
+    if estimate is None:
+        return "not claimed", landings, 0.0
+    worst = 0.0
+    with ctx.workprec(max(one.precision_bits for one in proved)):
+        for p, one in enumerate(proved):
+            own = found.isel(realization=0, particle=p)
+            rested = own.rested.values[: len(one.impacts)].tolist()
+            if int(own.impact_count) != len(one.impacts) or rested != [
+                int(impact.rested) for impact in one.impacts
+            ]:
+                return "different", landings, np.inf
+            for k, impact in enumerate(one.impacts):
+                pairs = (
+                    (own.landing_time.values[k], impact.landing_time, estimate.time),
+                    (own.liftoff_time.values[k], impact.liftoff_time, estimate.time),
+                    (own.rebound_velocity.values[k], impact.rebound_velocity, estimate.velocity),
+                )
+                for value, ball, claim in pairs:
+                    if ball is None:
+                        continue
+                    if not np.isfinite(value):
+                        return "different", landings, np.inf
+                    error = float((arb(float(value)) - ball).abs_upper())
+                    worst = max(worst, FACTOR * error / claim)
+    return "compared", landings, worst
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--realizations", type=int, default=40, help="of each number of particles")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--write", action="store_true", help="write the table into the page")
+    options = parser.parse_args()
+    began, rng, rows = time.perf_counter(), np.random.default_rng(options.seed), []
+    for particles in PARTICLES:
+        each = [compare(draw(rng), particles) for _ in range(options.realizations)]
+        states = [state for state, _, _ in each]
+        counts = (states.count(s) for s in ("compared", "not claimed", "undecided", "different"))
+        landings = sum(landings for _, landings, _ in each)
+        largest = max(worst for _, _, worst in each)
+        rows.append((particles, landings, *counts, f"{largest:.1f}"))
+        print(rows[-1], flush=True)
+    head = (
+        "particles",
+        "landings",
+        "realizations compared",
+        "not claimed",
+        "undecided",
+        "different",
+        "largest error over the change",
+    )
+    text = table(head, rows)
+    text += f"\n\n{provenance(time.perf_counter() - began, options.seed)}"
+    write_section("coupled", text, PAGE) if options.write else print(text)
+
+
+if __name__ == "__main__":
+    main()
