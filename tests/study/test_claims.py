@@ -162,6 +162,7 @@ def experiment(errors, spread=0.0, repeats=20):
     [
         (experiment([[1.0, 7.9]]), Verdict.HOLDS),
         (experiment([[1.0, 7.9], [1.0, 9.0]]), Verdict.CONDITIONAL),
+        (experiment([[5.0, 3.0]]), Verdict.FAILS),
         (experiment([[1.0, 9.0], [3.0, 2.0]]), Verdict.FAILS),
         (experiment([[1.0, 9.0], [3.0, 3.5]], spread=2.0), Verdict.UNDECIDED),
         (experiment([[1.0, 9.0], [3.0, 3.5]], repeats=1), Verdict.UNDECIDED),
