@@ -6,6 +6,7 @@ prediction is that of the perfect experiment.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -27,6 +28,8 @@ from vibrosweep.lab.experiment import (
 )
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import METHODS, impacts_of
+from vibrosweep.model.forcing import ACCELERATION
+from vibrosweep.model.parameters import BASES
 
 __all__ = ["IMPERFECTIONS", "Imperfection", "in_band", "study_imperfections", "verdict"]
 
@@ -61,7 +64,8 @@ class Imperfection:
     sizes
         From small to large.
     key
-        Field of `Camera` or of `Variation` that takes the size.
+        Field of `Camera` or of `Variation` that takes the size; or the acceleration of a base that
+        moves, with heights counted from where it is at rest.
     always
         Fields that go with it.
     """
@@ -74,6 +78,11 @@ class Imperfection:
 
     def applied(self, experiment: Experiment, size: float) -> Experiment:
         """The experiment with this imperfection."""
+        if self.key == ACCELERATION:
+            scene = dict(experiment.scene)
+            turn = 2.0 * math.pi * scene["frequency"]
+            scene["amplitude"] = (1.0 + scene["restitution"]) * size * scene["gravity"] / turn
+            return replace(experiment, base=BASES[1], scene=scene)
         changes = {self.key: size, **self.always}
         camera = {k: v for k, v in changes.items() if k in Camera.__dataclass_fields__}
         variation = {k: v for k, v in changes.items() if k in Variation.__dataclass_fields__}
@@ -95,6 +104,7 @@ IMPERFECTIONS: Final = (
     Imperfection("frequency_setting", "1", (0.01, 0.03, 0.05), "frequency_setting"),
     Imperfection("amplitude_setting", "1", (0.05, 0.1), "amplitude_setting"),
     Imperfection("restitution_spread", "1", (0.01, 0.02, 0.03), "restitution_spread"),
+    Imperfection("moving_base", "1", (0.4,), ACCELERATION),
     Imperfection(
         "all_together_by_pixel",
         "m",
@@ -207,7 +217,9 @@ def _tried(
 
 def _repeats(experiment: Experiment) -> Iterator[tuple[float, dict[str, list[list[float]]]]]:
     """Share of particles compared, and errors by quantity as [method][reading], of each repeat."""
-    predicted = predicted_means(experiment, ideal_record(experiment))
+    # the study's model, whatever the base does
+    model = replace(experiment, base=BASES[0])
+    predicted = predicted_means(model, ideal_record(model))
     gravity = experiment.scene["gravity"]
     for trial in perform_trials(experiment):
         try:
@@ -219,6 +231,9 @@ def _repeats(experiment: Experiment) -> Iterator[tuple[float, dict[str, list[lis
             yield 0.0, dict.fromkeys(QUANTITIES, nothing)
             continue
         by_method = [impacts_of(trial.tracks, fitted, gravity, method) for method in METHODS]
+        if experiment.base != BASES[0]:  # the zero of the film is the base at rest
+            for one in by_method:
+                one["rebound_height"] = one["rebound_height"] + one.attrs["base"]
         among = comparable(by_method[0])
         each = [errors(impacts, predicted, among) for impacts in by_method]
         yield (
