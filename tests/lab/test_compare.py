@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.agreement import agreement, phases, quantities
@@ -110,14 +111,19 @@ def test_quantities_of_a_locked_orbit(locked):
     assert np.nanmax(phases(impacts, 20.0)) < 1.0
 
 
-def test_dt_min_is_that_of_the_closest_pair(found):
-    best = np.inf
+def test_dt_min_is_that_of_the_closest_pair_unless_its_error_is_larger(found):
+    apart = found.copy(deep=True)
+    apart["landing_time"] = found["landing_time"] + 3e-4 * (found["particle"] + 0.1) ** 2
     known = np.isin(found["quality"].values, [BOUNCED, STAYED])
-    times = [t[k] for t, k in zip(found["landing_time"].values, known, strict=True)]
+    times = [t[k] for t, k in zip(apart["landing_time"].values, known, strict=True)]
+    best = np.inf
     for i in range(3):
         for j in range(i):
             best = min(best, np.abs(times[i][:, np.newaxis] - times[j]).min())
-    assert float(quantities(found)["dt_min"]) == best
+    assert best > 0.0
+    for error, expected in ((0.1, best), (1.0, np.nan)):
+        apart["landing_time_error"] = xr.full_like(found["landing_time"], error * best)
+        np.testing.assert_equal(float(quantities(apart)["dt_min"]), expected)
 
 
 def test_agreement_over_repeats_is_judged_at_eight_per_cent(found):

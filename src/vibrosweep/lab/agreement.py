@@ -28,7 +28,7 @@ QUANTITY_UNITS: Final = {
     "impact_phase": ("1", "mean phase of impact, in turns"),
     "phase_lock": ("1", "length of the mean phase vector; 1 where all impacts share one phase"),
     "phase_difference": ("1", "mean separation in phase of neighbouring particles, in turns"),
-    "dt_min": ("s", "smallest separation of landings of different particles"),
+    "dt_min": ("s", "smallest separation of landings of different particles, if above its error"),
 }
 # The zero of a phase is arbitrary, so a coefficient of variation of it has no meaning.
 _ANGLES: Final = ("impact_phase", "phase_difference")
@@ -105,16 +105,25 @@ def _neighbours(vectors: NDArray[np.complex128]) -> float:
 
 
 def _closest(impacts: xr.Dataset) -> float:
-    """Smallest separation in s of landings of different particles."""
+    """Smallest separation in s of landings of different particles.
+
+    NaN where it is below the standard error of that difference: nothing is known of it then.
+    """
     known = (impacts["quality"].values >= BOUNCED) & (impacts["quality"].values != DOUBTFUL)
     time = np.where(known, impacts["landing_time"].values, np.nan)
     owner = np.broadcast_to(np.arange(time.shape[0])[:, np.newaxis], time.shape)
     there = np.isfinite(time)
     order = np.argsort(time[there])
     times, owners = time[there][order], owner[there][order]
+    errors = impacts["landing_time_error"].values[there][order]
     # the closest pair of different particles are neighbours in time
-    different = np.diff(owners) != 0
-    return float(np.diff(times)[different].min()) if different.any() else float("nan")
+    different = np.flatnonzero(np.diff(owners) != 0)
+    if not different.size:
+        return float("nan")
+    gaps = np.diff(times)[different]
+    pair = different[gaps.argmin()]
+    known_to = float(np.hypot(errors[pair], errors[pair + 1]))
+    return float(gaps.min()) if gaps.min() > known_to else float("nan")
 
 
 def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
