@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from vibrosweep.figures.cells import Cells, commonest, grid_cells
 __all__ = ["Raster", "View", "nearest", "raster"]
 
 Array = NDArray[np.float64]
+FIRST: Final = 1000  # points that tell whether there may be a grid
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,9 @@ def raster(x: Array, y: Array, values: Array, view: View, codes: Array | None = 
     codes
         The values that occur, if they are codes.
     """
-    cells = grid_cells(x, y)
+    # along an axis of a grid the other one stays; to sort a million values takes a second
+    repeats = any(np.unique(v[:FIRST]).size < v[:FIRST].size for v in (x, y))
+    cells = grid_cells(x, y) if repeats else None
     if cells is None or not (_even(cells.x_edges) and _even(cells.y_edges)):
         edges_x = np.linspace(*view.x, view.columns + 1)
         edges_y = np.linspace(*view.y, view.rows + 1)
