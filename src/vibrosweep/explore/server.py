@@ -14,7 +14,7 @@ from bokeh.server.server import Server
 
 from vibrosweep.errors import RunError
 from vibrosweep.explore.facts import facts_html
-from vibrosweep.explore.page import Page
+from vibrosweep.explore.live import Page
 from vibrosweep.explore.points import Points
 
 __all__ = ["HOST", "serve"]

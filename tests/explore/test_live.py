@@ -9,7 +9,7 @@ from bokeh.document import Document
 
 import vibrosweep as vs
 from vibrosweep.explore import pictures, plane_view
-from vibrosweep.explore.page import Page
+from vibrosweep.explore.live import Page
 from vibrosweep.explore.points import Column
 from vibrosweep.explore.table import TABLE, table
 
