@@ -157,6 +157,9 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
     residual = np.where(used, (samples.height - model) / (flights.noise * left), np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         within = np.where(used, (samples.time - up[member]) / (down - up)[member], np.nan)
+    lasted = joint.landing - fits.centre[joint.before]
+    slope = fits.slope[joint.before] - 0.5 * flights.curvature * lasted
+    landed = fits.level[joint.before] + lasted * slope
     names = tracks["particle"].values
     columns = {
         "time": ("sample", samples.time, "s", "time"),
@@ -169,7 +172,7 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
         "rise": ("flight", rise, "m", "its height there"),
         "landing_time": ("landing", joint.landing, "s", "time of landing"),
         "landing_error": ("landing", joint.landing_error, "s", "its standard error"),
-        "landing_height": ("landing", joint.height, "m", "height at which the flights meet"),
+        "landing_height": ("landing", landed, "m", "its height"),
     }
     variables = {
         name: (dim, values, {"units": units, "long_name": words})

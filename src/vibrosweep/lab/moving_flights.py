@@ -82,6 +82,10 @@ def flights_over(
         poor = poor_flights(fits, noise)
         sound = ~(junctions.stayed | junctions.overlapping)
         sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
+        # a ball is lifted without a kink: frames before that bend the flight that follows
+        lifted = np.zeros(poor.size, bool)
+        lifted[junctions.before[junctions.stayed] + 1] = True
+        sound &= ~lifted[junctions.before]
         contacts = contacts_between(samples, member, fits, junctions.before[sound], (noise, fall))
         shaken = fit_shaken(
             contacts, shaken.oscillation.frequency, free=free, moves=True, trace=trace
