@@ -22,9 +22,11 @@ def flights():
             "start": ("flight", [0.0, 0.1, 0.0]),
             "end": ("flight", [0.1, 0.18, 0.1]),
             "speed": ("flight", [0.4905, 0.3924, 0.4905]),
+            "rise": ("flight", [0.0, 0.002, 0.0]),
             "owner": ("flight", [0, 0, 1]),
             "landing_time": ("landing", [0.1]),
             "landing_error": ("landing", [1e-3]),
+            "landing_height": ("landing", [0.002]),
             "landing_owner": ("landing", [0]),
         },
         attrs={"noise": 1e-4, "base": 0.0, "curvature": 9.81, "frame_rate": 100.0},
@@ -39,6 +41,7 @@ def test_the_track_shows_samples_flights_and_landings(flights):
     ]
     assert len(curves) == 2  # of the particle that flies longest
     assert max(curves[0].get_ydata()) == pytest.approx(1e3 * 9.81 * 0.1**2 / 8.0, rel=1e-3)
+    assert curves[1].get_ydata()[0] == pytest.approx(2.0)  # where the base is by then
     assert "height $y$ (mm)" in top.get_ylabel()
     dots = residuals.lines[0].get_ydata()
     assert len(dots) == 10
@@ -71,6 +74,8 @@ def test_errors_stand_beside_the_range_of_the_study():
     ]
     box = heights.patches[0].get_extents().transformed(heights.transData.inverted())
     assert (box.y0, box.y1) == pytest.approx((3.8, 7.1))
+    own = errors_by_case(comparison().drop_attrs())  # of another experiment than the study's
+    assert not own.axes[0].patches
 
 
 def test_imperfections_are_rows():
