@@ -15,8 +15,8 @@ import time
 from pathlib import Path
 
 from accuracy import provenance, table, write_section
+from vibrosweep.study.claims_page import BASES, plain
 from vibrosweep.study.collect import judge_all
-from vibrosweep.study.page import BASES, plain
 from vibrosweep.study.samples import Plan
 from vibrosweep.study.verdict import ANY_BASE, Verdict
 

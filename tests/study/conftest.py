@@ -8,8 +8,8 @@ from vibrosweep.study import (
     claims_on_contact,
     claims_on_laboratory,
     claims_on_order,
+    claims_page,
     collect,
-    page,
 )
 from vibrosweep.study.samples import Plan
 
@@ -40,4 +40,4 @@ def outcomes(claims):
 
 @pytest.fixture(scope="session")
 def shown(claims):
-    return page.as_html(claims, {"source": "vibrosweep"})
+    return claims_page.as_html(claims, {"source": "vibrosweep"})

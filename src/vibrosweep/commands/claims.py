@@ -29,8 +29,8 @@ def perform(options: argparse.Namespace) -> None:
     """Carry the command out."""
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.runs.progress import reporting
+    from vibrosweep.study.claims_page import BASES, plain
     from vibrosweep.study.collect import judge_all
-    from vibrosweep.study.page import BASES, plain
     from vibrosweep.study.report import prepare, write
     from vibrosweep.study.samples import Plan
 

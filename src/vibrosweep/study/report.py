@@ -16,9 +16,9 @@ import matplotlib as mpl
 from vibrosweep.errors import OutputError
 from vibrosweep.figures import style
 from vibrosweep.store.provenance import provenance
+from vibrosweep.study.claims_page import as_html, plain
 from vibrosweep.study.collect import texts
 from vibrosweep.study.estimates import Estimate
-from vibrosweep.study.page import as_html, plain
 from vibrosweep.study.verdict import Check, Claim, Evidence, Picture, Reading
 
 __all__ = ["as_json", "prepare", "write"]

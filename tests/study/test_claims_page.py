@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 import pytest
 from matplotlib.figure import Figure
 
-from vibrosweep.study import page
+from vibrosweep.study import claims_page
 from vibrosweep.study.collect import texts
 from vibrosweep.study.estimates import Estimate
 from vibrosweep.study.samples import FIRST, RANGES
@@ -67,20 +67,20 @@ def test_the_page_shows_every_verdict_reading_and_figure(claims, shown):
         assert re.findall(r'class="badge \w+">([^<]*)<', row) == verdicts
         assert re.findall(r'class="badge \w+">([^<]*)<', section) == verdicts
         readings = [r for one in claim.outcome.evidence for r in (*one.readings, *one.conditions)]
-        marks = [page.MARKS[reading.passed][1] for reading in readings]
+        marks = [claims_page.MARKS[reading.passed][1] for reading in readings]
         assert re.findall(r'class="mark \w+">([^<]*)<', section) == marks
         assert section.count("<figure") == len(claim.outcome.pictures)
 
 
 def test_what_no_base_enters_spans_them_all():
-    row = page.as_html([made_up([check("a", 1.0, "at most", 2.0)], ANY_BASE)], {})
+    row = claims_page.as_html([made_up([check("a", 1.0, "at most", 2.0)], ANY_BASE)], {})
     assert 'colspan="3"' in row
 
 
 def test_texts_are_escaped():
     picture = Picture("plain", 'with "quotes" & <tags>', Figure(figsize=(1, 1)))
     claim = made_up([check("a < b & 'c'", float("nan"), "at most", 1e-8, "s")], pictures=[picture])
-    made = page.as_html([claim], {"cpu": "<b>"})
+    made = claims_page.as_html([claim], {"cpu": "<b>"})
     checker = Reader()
     checker.feed(made)
     assert checker.open == []
@@ -98,7 +98,7 @@ def test_a_test_is_one_line_with_its_range_over_other_settings():
         *(Check("share", Estimate(*v), "at least", 0.9, setting=s) for s, v in values.items()),
         Check("share", nothing, "at least", 0.9, setting="fourth"),
     ]
-    made = page.as_html([made_up(checks)], {})
+    made = claims_page.as_html([made_up(checks)], {})
     assert (
         "share: <b>0.5 (0.4 to 0.6)</b>, bound at least 0.9; other settings: 0.2 to 0.3, "
         "not defined in 1" in made
@@ -118,7 +118,7 @@ def test_a_test_is_one_line_with_its_range_over_other_settings():
     ],
 )
 def test_numbers_are_written_for_people(value, units, shown):
-    assert page.quantity(value, units) == shown
+    assert claims_page.quantity(value, units) == shown
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_numbers_are_written_for_people(value, units, shown):
     ],
 )
 def test_marks_become_subscripts_and_superscripts(text, shown):
-    assert page.marked_up(text) == shown
+    assert claims_page.marked_up(text) == shown
 
 
 def test_the_ranges_of_samples_are_named_and_said_to_be_this_packages():
