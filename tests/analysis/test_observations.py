@@ -24,7 +24,7 @@ IMPACTS = xr.Dataset(
         "liftoff_time": (("particle", "impact"), np.arange(3.0)[:, np.newaxis] / [3.0, 3.0]),
         "impact_speed": (("particle", "impact"), np.full((3, 2), 5.0)),
     },
-    attrs={"end": 60.0},
+    attrs={"end": 60.0, "base_motion": "level"},
 )
 ANALYSES = {
     **{

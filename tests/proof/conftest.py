@@ -109,7 +109,8 @@ def changed(tmp_path):
         with h5py.File(path, "r+") as file:
             if realization is None:  # the one of which most is known
                 realization = int(np.argmin(file["landing_time_error"][...]))
-            where = (realization, place)[: file[name].ndim]
+            of_grid = np.unravel_index(realization, file["status"].shape)
+            where = (*map(int, of_grid), place)[: file[name].ndim]
             file[name][where] = new(file[name][where])
         return SimpleNamespace(path=path, place=f"realization {realization}", where=where)
 

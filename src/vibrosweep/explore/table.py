@@ -62,7 +62,7 @@ def in_polygon(x: Array, y: Array, corners_x: Array, corners_y: Array) -> Rows:
     x1, y1 = corners_x, corners_y
     x0, y0 = np.roll(x1, 1), np.roll(y1, 1)
     for xa, ya, xb, yb in zip(x0, y0, x1, y1, strict=True):
-        crosses = (ya > py) != (yb > py)
-        if ya != yb:
-            inside ^= crosses & (px < xa + (xb - xa) * (py - ya) / (yb - ya))
+        crosses = np.flatnonzero((ya > py) != (yb > py))
+        along = (py[crosses] - ya) / (yb - ya)  # from 0 to 1, as these points lie between the ends
+        inside[crosses] ^= px[crosses] < xa + (xb - xa) * along
     return near[inside]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import BASES, LAWS, MOUNT, PARAMETERS, STAGGERED
@@ -129,7 +130,12 @@ def _record(file: Any, sample: Sample) -> Sample:
         observation=observation,
         own=sample.own,
         stored={name: group.variables[name][...] for name in RECORD},
-        coordinates={n: v[...] for n, v in group.variables.items() if n in RECORD_COORDINATES},
+        # beside a grid, a parameter that is one of its axes is written along the one realization
+        coordinates={
+            n: np.asarray(v[0] if n in INPUTS and v.shape else v[...])
+            for n, v in group.variables.items()
+            if n in RECORD_COORDINATES
+        },
         others=_others(group, (*RECORD, *RECORD_COORDINATES)),
     )
 
