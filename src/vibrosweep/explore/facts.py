@@ -38,6 +38,7 @@ def facts(choice: Choice, observed: xr.Dataset) -> Iterator[tuple[str, str]]:
         As `Choice.observe` returns it.
     """
     one = observed.isel(realization=0)
+    yield "base", choice.base
     yield "observed", _period_text(float(one["duration"]) * choice.inputs["frequency"])
     yield "acceleration of the base Γ", f"{float(one['base_acceleration']):.5g}"
     if choice.base == SPRUNG:

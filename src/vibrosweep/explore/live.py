@@ -116,7 +116,7 @@ class Page:
             name="left",
         )
         right = column(
-            *(motion.layout for motion in self.motions),
+            row(*(m.layout for m in self.motions), sizing_mode="stretch_width", styles=wrap),
             self.facts,
             row(self.picture, copy, styles={**wrap, "align-items": "end"}),
             self.code,
@@ -198,27 +198,28 @@ class Page:
         second = bool(self.controls.both.active)
         if second and choice.base not in BASES[:2]:
             choice = choice.over(BASES[0])
+        shown = [choice]
+        if second:
+            shown.append(choice.over(BASES[1 - BASES.index(choice.base)]))
         try:
-            self.motions[0].show(choice.simulate(), named(choice))
-            if second:
-                other = choice.over(BASES[1 - BASES.index(choice.base)])
-                self.motions[1].show(other.simulate(), named(other))
+            for motion, one in zip(self.motions, shown, strict=False):
+                motion.show(one.simulate(), named(one))
         except VibrosweepError as error:
             self.status.text = f"<b>not computed:</b> {html.escape(str(error))}"
             return
         self.motions[1].layout.visible = second
         self.status.text = html.escape(f"Shown: {what}. {self.plane.why_no_curves}")
         self._show_code()
-        self._later(choice)
+        self._later(shown)
 
-    def _later(self, choice: Choice) -> None:
+    def _later(self, shown: list[Choice]) -> None:
         """Compute regimes and exponents once nothing moves any more."""
         if self._waiting is not None:
             self.document.remove_timeout_callback(self._waiting)
 
         def tell() -> None:
             self._waiting = None
-            self.facts.text = facts_html(choice)
+            self.facts.text = "".join(map(facts_html, shown))
 
         self._waiting = self.document.add_timeout_callback(tell, PATIENCE)
 

@@ -78,6 +78,7 @@ class MotionView:
             self.figures["height"],
             beneath,
             sizing_mode="stretch_width",
+            styles={"flex": "1 1 320px"},  # two of them side by side where there is room
             name=f"motion {key}",
         )
 

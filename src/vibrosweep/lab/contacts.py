@@ -129,13 +129,22 @@ def contacts_between(
     place = place[clear[place] & clear[place + 1]]
     before, after = fits.take(place), fits.take(place + 1)
     met = meet(before, after, (before.centre + after.centre) / 2.0, fall)
-    opening = met.closing > 0.0
+    arrival = before.slope - fall * (met.time - before.centre)
+    departure = arrival + met.closing
+    opening = departure > arrival  # beyond rounding: one flight cut in two is no contact
     place, before, after = place[opening], before.take(opening), after.take(opening)
-    time, height, closing = met.time[opening], met.height[opening], met.closing[opening]
     owner = np.zeros(fits.number.size, np.intp)
     owner[member[member >= 0]] = samples.particle[member >= 0]
     linked = np.append(np.diff(place) == 1, False)[: place.size]
-    arrival = before.slope - fall * (time - before.centre)
     return Contacts(
-        before, after, owner[place], linked, time, height, arrival, arrival + closing, noise, fall
+        before=before,
+        after=after,
+        particle=owner[place],
+        linked=linked,
+        time=met.time[opening],
+        height=met.height[opening],
+        arrival=arrival[opening],
+        departure=departure[opening],
+        noise=noise,
+        gravity=fall,
     )
