@@ -1,10 +1,12 @@
-"""The free motion of a mount against its closed form in ball arithmetic."""
+"""A base of finite mass: its free motion against ball arithmetic, its impacts against budgets."""
 
 import numpy as np
 import pytest
 from flint import acb, arb, ctx
+from hypothesis import given
+from hypothesis import strategies as st
 
-from vibrosweep.kernels.bases.sprung import Mount, bounds, free_motion, loaded, move
+from vibrosweep.kernels.bases.sprung import Mount, bounds, free_motion, loaded, move, recoil
 
 EPS = 2.0**-52
 
@@ -59,3 +61,24 @@ def test_bounds_hold(damping):
             assert forced + load.level + moved.d <= limit.height + 1e-12
             assert abs(moved.pull) <= limit.pull * (1.0 + 1e-9)
             assert abs(moved.jerk) <= limit.jerk * (1.0 + 1e-9)
+
+
+@given(
+    st.floats(1e-6, 1.0),
+    st.floats(0.0, 1.0),
+    st.integers(0, 5),
+    st.floats(1e-6, 10.0),
+    st.booleans(),
+)
+def test_an_impact_keeps_momentum_and_takes_the_energy_that_restitution_says(
+    mu, e, riders, c, sticks
+):
+    """The particle arrives at -c on a base at rest, in units of the mass of the base."""
+    taken = recoil(Mount(e, 0.3, 1e-4, mu, 1.0, 0.05), riders, c, sticks)
+    e = 0.0 if sticks else e
+    mass, leaves = 1.0 + riders * mu, -taken + e * c
+    before, after = -mu * c, mu * leaves - mass * taken
+    assert after == pytest.approx(before, rel=1e-13)
+    lost = 0.5 * mu * c**2 - 0.5 * (mu * leaves**2 + mass * taken**2)
+    reduced = mu * mass / (mu + mass)
+    assert lost == pytest.approx(0.5 * reduced * (1.0 - e**2) * c**2, abs=1e-13 * mu * c**2)
