@@ -104,3 +104,11 @@ def test_changed_coordinates_of_the_mount_are_found(sprung, tmp_path):
 def test_command_leaves_out_what_is_too_long(sprung, capsys):
     assert main(["verify", str(sprung), "--max-landings", "2"]) == 0
     assert "2 left out: too many landings" in capsys.readouterr().out
+
+
+def test_landings_before_the_window_count_as_too_many(sprung):
+    with h5py.File(sprung) as file:
+        in_window = int(file["impact_count"][...].max())
+    report = verify(sprung, max_landings=in_window)
+    assert report.count(State.TOO_LONG) > 0
+    assert report.count(State.TOO_LONG) + report.count(State.COMPARED) == 2

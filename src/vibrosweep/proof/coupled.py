@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 from vibrosweep.proof.measured import Measured
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx, exact
 from vibrosweep.proof.reference.ball import Trajectory
-from vibrosweep.proof.reference.coupled import Coupled, coupled
+from vibrosweep.proof.reference.coupled import Coupled, TooManyLandingsError, coupled
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import EPS, Landing, Proved, landings_of
 from vibrosweep.proof.tolerances import reaches
@@ -115,6 +115,8 @@ def prove(
     ------
     UndecidableError
         The reference cannot decide.
+    TooManyLandingsError
+        More landings than these come before the end.
     """
     proved = _followed(realization, realization.parameters, max_landings, 0)
     changed = {
@@ -124,7 +126,7 @@ def prove(
     changed["restitution"] = min(changed["restitution"], 1.0)
     try:
         other = _followed(realization, changed, 2 * max_landings, proved.precision_bits)
-    except UndecidableError:
+    except (UndecidableError, TooManyLandingsError):
         return proved.particles, None
     pairs = list(zip(proved.particles, other.particles, strict=True))
     if any(_decisions(a) != _decisions(b) for a, b in pairs):

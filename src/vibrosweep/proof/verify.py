@@ -31,6 +31,7 @@ from vibrosweep.proof.judgement import Judgement, judge
 from vibrosweep.proof.judges import judge_row
 from vibrosweep.proof.recorded import judge_record
 from vibrosweep.proof.reference.ball import Trajectory, UndecidableError, trajectory
+from vibrosweep.proof.reference.coupled import TooManyLandingsError
 from vibrosweep.proof.sample import Realization, Sample
 from vibrosweep.proof.sampling import read_sample
 from vibrosweep.proof.setting import Setting
@@ -233,6 +234,8 @@ def _proved(sample: Sample, row: int, bounds: Bounds, landings: int, max_landing
         trajectories, estimate = prove(realization, max_landings)
     except UndecidableError:
         return _Proof(State.UNDECIDED)
+    except TooManyLandingsError:  # those before the window count here, too
+        return _Proof(State.TOO_LONG)
     if estimate is None:
         return _Proof(State.NO_CLAIM)
     return _Proof(State.COMPARED, trajectories, estimate)

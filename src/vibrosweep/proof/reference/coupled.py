@@ -25,10 +25,14 @@ from vibrosweep.proof.reference.mount import Mount
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.reference.sprung import System
 
-__all__ = ["Coupled", "bodies_of", "coupled"]
+__all__ = ["Coupled", "TooManyLandingsError", "bodies_of", "coupled"]
 
 GUARD_BITS: Final = 64
 ZERO: Final = arb(0)
+
+
+class TooManyLandingsError(ParameterError):
+    """More landings come before the end than may be proved."""
 
 
 @dataclass(frozen=True)
@@ -261,7 +265,7 @@ def _attempt(problem: _Problem, bits: int) -> Coupled:
                 own[event.particle].add(event, after)
                 counted += not after
             if system.landings > problem.max_landings:
-                raise ParameterError(
+                raise TooManyLandingsError(
                     f"max_landings = {problem.max_landings!r}: more come before the end; raise it "
                     f"or shorten the duration"
                 )
