@@ -69,7 +69,7 @@ def _joint(one: xr.Dataset) -> Iterator[tuple[str, str]]:
     codes = np.atleast_1d(attributes["flag_values"]).tolist()
     meanings = dict(zip(codes, str(attributes["flag_meanings"]).split(), strict=True))
     yield "regime of all together", meanings[int(one["joint_regime"])].replace("_", " ")
-    exponent = float(one["joint_lyapunov"])
+    exponent = float(one["joint_exponent"])
     yield "largest Lyapunov exponent per period", f"{exponent:.5g}"
 
 

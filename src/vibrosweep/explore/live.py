@@ -214,6 +214,7 @@ class Page:
 
     def _later(self, shown: list[Choice]) -> None:
         """Compute regimes and exponents once nothing moves any more."""
+        self.facts.text = "Regimes and exponents are being computed."  # not those of another motion
         if self._waiting is not None:
             self.document.remove_timeout_callback(self._waiting)
 

@@ -1,0 +1,26 @@
+"""What is said in words is what a sweep of the same realization measures."""
+
+import pytest
+
+from vibrosweep.explore.choice import Choice
+from vibrosweep.explore.facts import facts, facts_html
+from vibrosweep.model.parameters import BASES, PARAMETERS
+
+TABLE_1 = {name: one.default for name, one in PARAMETERS.items()}
+MOUNTED = {**TABLE_1, "mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_facts_are_those_of_the_observation(base):
+    choice = Choice(MOUNTED, particles=2).over(base)
+    observed = choice.observe()
+    said = dict(facts(choice, observed))
+    one = observed.isel(realization=0)
+    assert said["base"] == base
+    assert said["largest rebound height"] == f"{float(one['rebound_height_max']):.5g} m"
+    if base == "sprung":
+        exponent = float(one["joint_exponent"])
+        assert said["largest Lyapunov exponent per period"] == f"{exponent:.5g}"
+    else:
+        assert said["orbits, slots"].startswith(f"{int(one['orbit_count'])}, ")
+    assert f"<td>{base}</td>" in facts_html(choice)
