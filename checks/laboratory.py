@@ -19,7 +19,7 @@ from vibrosweep.figures.laboratory import errors_by_case, fitted_track, imperfec
 from vibrosweep.figures.registry import save_formats
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare
-from vibrosweep.lab.estimate import estimate
+from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, perform_trials
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.flight_search import find_flights

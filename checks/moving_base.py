@@ -17,7 +17,7 @@ import numpy as np
 
 from laboratory import differences
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.estimate import estimate
+from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import impacts_of

@@ -8,7 +8,7 @@ from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.agreement import agreement, phases, quantities
 from vibrosweep.lab.compare import compare
 from vibrosweep.lab.comparison import READINGS, comparable, errors, measured_means
-from vibrosweep.lab.estimate import estimate
+from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 from vibrosweep.lab.prediction import draw, predict

@@ -9,7 +9,7 @@ import pytest
 
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.compare import compare_tracks
-from vibrosweep.lab.estimate import estimate
+from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts

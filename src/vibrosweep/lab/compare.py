@@ -19,7 +19,7 @@ from vibrosweep.lab.comparison import (
     errors,
     measured_means,
 )
-from vibrosweep.lab.estimate import estimate, fit_phase
+from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.fitting import MOTIONS, View, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.oscillation import Trace

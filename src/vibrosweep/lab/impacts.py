@@ -70,7 +70,7 @@ def find_impacts(
     frequency
         Of the forcing in Hz; sought where the base moves and it is not given.
     trace
-        A measured motion of the base, from `vibrosweep.lab.traces.read_trace`.
+        A measured motion of the base, from `vibrosweep.lab.read_trace`.
 
     Returns
     -------

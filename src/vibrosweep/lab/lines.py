@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.lab.comparison import READINGS
-from vibrosweep.lab.estimate import estimate
+from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.fitting import Fitted
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, STAYED

@@ -240,10 +240,15 @@ def fit_shaken(
         )
         values = found.x
     misfit = 2.0 * found.cost / max(2 * kept.sum() - values.size, 1)
+    # each in a unit of its own: a trace without noise determines some by many orders better
     slopes = np.asarray(found.jac)
+    size = np.linalg.norm(slopes, axis=0)
+    size[size == 0.0] = 1.0  # a level whose contacts all disagree
+    slopes = slopes / size
+    inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True) / np.outer(size, size)
     return Shaken(
         values,
-        np.linalg.pinv(slopes.T @ slopes, hermitian=True) * max(1.0, misfit),
+        inverse * max(1.0, misfit),
         Oscillation(values[1], values[2], float(values[3]) if free else frequency),
         float(values[0]),
         particles,

@@ -24,14 +24,37 @@ NO_SINE: Final = 0.1
 
 
 def read_trace(path: str | os.PathLike[str]) -> Trace:
-    """Read the motion of a base: a CSV of time (s) and height (m) or acceleration (m s-2).
+    """Read a measured motion of the base, from a track of it or from an accelerometer.
 
-    Times are on the clock of the tracks that the trace is used with.
+    Parameters
+    ----------
+    path
+        A CSV file with the columns ``time`` (s, on the clock of the tracks that the trace is used
+        with) and ``height`` (m) or ``acceleration`` (m s-2).
+
+    Returns
+    -------
+    Trace
+        Of the sine that was fitted, ``values`` S, C (m s-1) and f (Hz), shape (3,), and their
+        ``covariance``, shape (3, 3); the base has the velocity S sin 2 pi f t + C cos 2 pi f t.
+        For the argument `trace` of `find_impacts`.
 
     Raises
     ------
     TrackError
         The file cannot be read, has other columns, or holds no sine.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> import vibrosweep as vs
+    >>> time = np.arange(0.0, 2.0, 1e-3)
+    >>> shaken = pd.DataFrame({"time": time, "acceleration": 4.0 * np.sin(40.0 * np.pi * time)})
+    >>> shaken.to_csv("base.csv", index=False)
+    >>> sine, cosine, frequency = vs.lab.read_trace("base.csv").values
+    >>> round(float(frequency), 6)
+    20.0
     """
     import pandas as pd
 
@@ -99,8 +122,9 @@ def make_trace(
     if not variance < NO_SINE * seen.var():
         raise TrackError(
             f"{source}: a sine leaves {100.0 * variance / seen.var():.0f} % of the variance of the "
-            f"{quantity}; at most {100.0 * NO_SINE:.0f} % is taken for noise: check the columns, "
-            f"or leave the trace out"
+            f"{quantity}; at most {100.0 * NO_SINE:.0f} % is taken for noise. Only a base that "
+            f"moves as a sine can be used: check the columns, or leave the trace out and let the "
+            f"landings tell"
         )
     slopes = np.asarray(found.jac)
     covariance = variance * np.linalg.inv(slopes.T @ slopes)

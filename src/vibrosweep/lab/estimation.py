@@ -88,10 +88,9 @@ def estimate(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.lab.estimate import estimate
     >>> from vibrosweep.lab.experiment import Experiment, perform_trials
     >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
-    >>> found = estimate(vs.lab.find_impacts(film[0].tracks), frequency=20.0)
+    >>> found = vs.lab.estimate(vs.lab.find_impacts(film[0].tracks), frequency=20.0)
     >>> found.parameter.values.tolist()
     ['restitution', 'amplitude', 'phase']
     """

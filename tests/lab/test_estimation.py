@@ -5,7 +5,7 @@ import pytest
 
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.bounces import bounces_of
-from vibrosweep.lab.estimate import estimate, fit_phase
+from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.impacts import find_impacts
 
 TRUTH = {"restitution": 0.85, "amplitude": 0.12, "phase": 0.0, "frequency": 20.0}
