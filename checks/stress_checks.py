@@ -50,8 +50,10 @@ class Case:
 class Findings:
     """What a case came to; errors in units of the last place, and faults in words."""
 
+    cases: int = 1
+    failures: int = 0  # of cases, where several are summed
     landings: int = 0
-    refused: bool = False
+    refused: int = 0
     ended: set[str] = field(default_factory=set)
     phase_ulp: float = 0.0  # error of one step, ulp of a turn
     flight_ulp: float = 0.0  # error of one step, ulp of the larger of its terms
@@ -78,7 +80,7 @@ def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
         measured = measure(parameters, watched, workers)
         record = record_landings(parameters, plain, workers)
     except ParameterError:
-        found.refused = True
+        found.refused = 1
         return found
     except Exception as error:  # anything else is what this suite looks for
         found.faults.append(f"{type(error).__name__}: {error}")

@@ -36,8 +36,8 @@ def _keys() -> Iterator[str]:
 
 def _variables() -> Iterator[str]:
     """Give every variable under the key that has it measured."""
-    yield "| variable | of each | unit | meaning |"
-    yield "|---|---|---|---|"
+    yield "| variable | meaning |"
+    yield "|---|---|"
     yield from _rows("always", ALWAYS)
     for key, measure in MEASURES.items():
         yield from _rows(f"`{key} = true`", measure.variables)
@@ -45,12 +45,20 @@ def _variables() -> Iterator[str]:
 
 
 def _rows(asked: str, variables: Iterable[Variable]) -> Iterator[str]:
-    yield f"| **{asked}** | | | |"
+    yield f"| **{asked}** | |"
     for variable in variables:
-        codes = ", ".join(f"{value} `{meaning}`" for value, meaning in variable.flags)
-        meaning = "; ".join(filter(None, (variable.long_name, _comment(variable), codes)))
-        unit = "code" if codes else variable.units
-        yield f"| `{variable.name}` | {variable.dims[-1]} | {unit} | {meaning} |"
+        dim = variable.dims[-1]
+        named = [variable.units] * (variable.units != "1") + [dim] * (dim != "realization")
+        brackets = f" ({', '.join(named)})" if named else ""
+        comment, codes = _comment(variable), []
+        for value, name in variable.flags:
+            code = f"{value} `{name}`"
+            if f"{name}: " in comment:
+                comment = comment.replace(f"{name}: ", f"{code}: ")
+            else:
+                codes.append(code)
+        meaning = "; ".join(filter(None, (variable.long_name, ", ".join(codes), comment)))
+        yield f"| `{variable.name}`{brackets} | {meaning} |"
 
 
 def _comment(variable: Variable) -> str:

@@ -306,7 +306,7 @@ _REGIMES: Final = Measure(
             _RP,
             "regime of the particle's orbit",
             (*_UNDECIDED, *((int(r), r.meaning) for r in Regime)),
-            "; ".join(f"{r.meaning}: {r.sentence}" for r in Regime),
+            " ".join(f"{r.meaning}: {r.sentence}" for r in Regime),
             judged="regime",
         ),
         _count("cycle_impacts", _RP, "impacts in a cycle", _WITHOUT, judged="cycle"),
