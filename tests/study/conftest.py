@@ -6,21 +6,32 @@ from vibrosweep.model.orbit_theory import FIXED
 from vibrosweep.study import (
     claims_on_attraction,
     claims_on_contact,
+    claims_on_energy,
+    claims_on_heights,
     claims_on_laboratory,
     claims_on_order,
+    claims_on_windows,
     claims_page,
     collect,
 )
 from vibrosweep.study.samples import Plan
 
+ON_EVERY_BASE = (
+    claims_on_attraction,
+    claims_on_contact,
+    claims_on_energy,
+    claims_on_heights,
+    claims_on_order,
+    claims_on_windows,
+)
 SMALL = {"seeds": 3, "realizations": 8}
 
 
 @pytest.fixture(scope="session", autouse=True)
 def small_campaign():
-    """Two bases: coupled particles have a test of their own; and the smallest experiment."""
+    """Two bases: the base of finite mass has tests of its own; and the smallest experiment."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (claims_on_attraction, claims_on_contact, claims_on_order):
+        for module in ON_EVERY_BASE:
             patch.setattr(module, "BASES", FIXED)
         size = claims_on_laboratory.SIZE
         small = {"cases": {"A": 1, "B": 5}, "imperfections": size["imperfections"][:1]}

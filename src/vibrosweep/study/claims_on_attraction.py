@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 from vibrosweep import simulate, theory
 from vibrosweep.model import coupled_theory
 from vibrosweep.model.mount import SPRUNG
-from vibrosweep.study.claims_on_order import BASES, FEW, SETTLED, SMALLER, slots_name
+from vibrosweep.study.claims_on_order import SETTLED, slots_name
 from vibrosweep.study.estimates import share
 from vibrosweep.study.figures.pairs import fates
 from vibrosweep.study.samples import (
     ANY_PHASE,
+    BASES,
+    FEW,
     FIRST,
     MOUNT,
+    SMALLER,
     TAU_C,
     Plan,
     Setting,
@@ -157,7 +160,7 @@ def _staggered(plan: Plan, base: str) -> Evidence:
     for setting in settings_of(base):
         contact = setting.constants.get("contact_time", TAU_C)
         for particles, checks in ((2, two), (many, population)):
-            late = _late(plan, base, setting, {"particles": particles}, 0.25)["dt_min"].values
+            late = _late(plan, base, setting, {"particles": particles}, 0.125)["dt_min"].values
             what = f"share of {particles} staggered particles that bounce on more than τ_c apart"
             checks.append(_share(what, late > contact, setting.name))
         dt = _late(plan, base, setting, _pair(base))["dt_min"].values

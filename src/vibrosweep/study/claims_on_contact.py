@@ -16,12 +16,15 @@ from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.separations import separation_distribution
 from vibrosweep.figures.separations import decay_in_a_slot, distributions
 from vibrosweep.model.mount import SPRUNG
-from vibrosweep.study.claims_on_order import BASES, FEW, SMALLER, slots_name
+from vibrosweep.study.claims_on_order import slots_name
 from vibrosweep.study.estimates import Estimate, share
 from vibrosweep.study.figures.crossings import heights_and_crossings
 from vibrosweep.study.samples import (
+    BASES,
+    FEW,
     FIRST,
     FOLLOWED,
+    SMALLER,
     TAU_C,
     Plan,
     Setting,

@@ -15,8 +15,10 @@ from vibrosweep.study.estimates import share
 from vibrosweep.study.figures.balance import balance_against_rests, energy_decay
 from vibrosweep.study.samples import (
     ANY_PHASE,
+    BASES,
     FIRST,
     FOLLOWED,
+    SMALLER,
     Plan,
     Setting,
     measured,
@@ -233,7 +235,7 @@ def _imbalance(record: xr.Dataset, impacts: int) -> Array:
 
 def weak_excitation(plan: Plan) -> Outcome:
     """If the excitation is too small, dissipation dominates and the motion decays."""
-    return Outcome([_weak(plan, base) for base in theory.FIXED])
+    return Outcome([_weak(plan, base) for base in BASES])
 
 
 def _weak(plan: Plan, base: str) -> Evidence:
@@ -242,7 +244,7 @@ def _weak(plan: Plan, base: str) -> Evidence:
         late = measured(
             plan,
             base,
-            setting.drawn(plan, amplitude=WEAK, phase=ANY_PHASE),
+            setting.drawn(plan, scale=SMALLER[base], amplitude=WEAK, phase=ANY_PHASE),
             setting.constants,
             particles=1,
             transient=400.0,

@@ -11,11 +11,16 @@ from numpy.typing import NDArray
 from vibrosweep import sobol, theory
 from vibrosweep.figures.restitution import height_against_restitution
 from vibrosweep.figures.sensitivity import sobol_bars
+from vibrosweep.model.mount import SPRUNG
+from vibrosweep.study import light_particle
 from vibrosweep.study.estimates import Estimate, magnitude, mean, share
 from vibrosweep.study.samples import (
     ANY_PHASE,
+    BASES,
+    FEW,
     FIRST,
     RANGES,
+    SMALLER,
     Plan,
     Setting,
     by_seed,
@@ -52,10 +57,11 @@ WINDOWS: Final = {
     "from the launch on": (0.0, 12.0),
     "the first 200 s left out": (200.0, 212.0),
 }
+MANY: Final = "the highest of twenty (of five on the base of finite mass)"
 LAUNCHES: Final[dict[str, dict[str, Any]]] = {
     "one particle launched at t = 0": {"particles": 1},
     "one particle launched at any phase": {"particles": 1, "phase": ANY_PHASE},
-    "the highest of twenty": {"particles": 20},
+    MANY: {"particles": 20},
 }
 FORCINGS: Final[dict[str, dict[str, Any]]] = {
     "A of Table 1": {"amplitude": (1.2, 1.2)},
@@ -77,7 +83,7 @@ def plateau(plan: Plan) -> Outcome:
     )
     indices = sobol(**AROUND_TABLE_1, particles=5, separation=True, seed=3, threads=plan.threads)
     return Outcome(
-        [_plateau(plan, base) for base in theory.FIXED],
+        [_plateau(plan, base) for base in BASES],
         [
             Picture(
                 "claim07_from_launch",
@@ -116,18 +122,19 @@ def _plateau(plan: Plan, base: str) -> Evidence:
         readings.append(Reading(f"{launch}; {window}; {forcing}", checks))
     e = np.linspace(*RANGES["restitution"], 37)
     height = _mode_height(base, e, 1.2)
+    locked = light_particle.landing_phase if base == SPRUNG else theory.locked_phase
     followed = measured(
         plan,
         base,
         {
             "restitution": e,
             "launch_velocity": np.full(e.size, float(theory.locked_velocity(1))),
-            "phase": 2.0 * np.pi * theory.locked_phase(1, e, 1.2),
+            "phase": 2.0 * np.pi * locked(1, e, 1.2),
         },
         {"amplitude": 1.2},
         particles=1,
-        transient=200.0,
-        duration=212.0,
+        transient=2000.0,
+        duration=2012.0,
     )["rebound_height_max"].values
     return Evidence(
         base,
@@ -162,6 +169,8 @@ def _mode_height(base: str, restitution: Array, amplitude: float) -> Array:
     """Maximum rebound height of mode 1 in m."""
     if base == theory.FIXED[0]:
         return np.full(restitution.shape, float(theory.locked_height(1)))
+    if base == SPRUNG:
+        return light_particle.apex(restitution, amplitude)
     return np.asarray(theory.locked_apex(1, restitution, amplitude))
 
 
@@ -170,8 +179,10 @@ def _changes(
 ) -> list[float]:
     """Relative change of the median height over the range of e, for each seed."""
     scene = dict(LAUNCHES[launch])
+    if base == SPRUNG and launch == MANY:
+        scene["particles"] = FEW
     more = FORCINGS[forcing] | ({"phase": scene.pop("phase")} if "phase" in scene else {})
-    drawn = setting.drawn(plan, **more)
+    drawn = setting.drawn(plan, scale=SMALLER[base], **more)
     begin, end = WINDOWS[window]
     found = measured(plan, base, drawn, setting.constants, transient=begin, duration=end, **scene)
     heights = by_seed(plan, found["rebound_height_max"].values)
@@ -194,7 +205,7 @@ def _change(e: Array, height: Array) -> float:
 
 def larger_amplitude(plan: Plan) -> Outcome:
     """A larger amplitude increases flight height and separation, sec. 2.1.1."""
-    return Outcome([_larger(plan, base) for base in theory.FIXED])
+    return Outcome([_larger(plan, base) for base in BASES])
 
 
 def _larger(plan: Plan, base: str) -> Evidence:
@@ -215,14 +226,14 @@ def _larger(plan: Plan, base: str) -> Evidence:
 def _gains(plan: Plan, base: str, setting: Setting, window: str) -> dict[str, Estimate]:
     """Share of realizations that gain height, and separation, from a larger amplitude."""
     begin, end = WINDOWS[window]
-    drawn = setting.drawn(plan)
+    drawn = setting.drawn(plan, scale=SMALLER[base] * (0.5 if base == SPRUNG else 1.0))
     lower, higher = (
         measured(
             plan,
             base,
             drawn | {"amplitude": factor * drawn["amplitude"]},
             setting.constants,
-            particles=5,
+            particles=FEW,
             transient=begin,
             duration=end,
             separation=True,

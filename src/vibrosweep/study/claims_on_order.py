@@ -19,7 +19,18 @@ from vibrosweep.analysis.scene import Scene
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.study.estimates import mean, share
 from vibrosweep.study.figures.pairs import separations_in_time
-from vibrosweep.study.samples import FOLLOWED, Plan, by_seed, measured, mount, records, settings_of
+from vibrosweep.study.samples import (
+    BASES,
+    FEW,
+    FOLLOWED,
+    SMALLER,
+    Plan,
+    by_seed,
+    measured,
+    mount,
+    records,
+    settings_of,
+)
 from vibrosweep.study.slots import (
     height_needed,
     own_slots,
@@ -38,14 +49,10 @@ from vibrosweep.study.verdict import (
     number,
 )
 
-__all__ = ["BASES", "FEW", "SMALLER", "bounded_and_ordered", "invariant", "preserved", "slots_name"]
+__all__ = ["bounded_and_ordered", "invariant", "preserved", "slots_name"]
 
 Array = NDArray[np.float64]
 
-BASES: Final = (*theory.FIXED, SPRUNG)
-FEW: Final = 5
-# Coupled particles cost a thousand times as much as others: a quarter of the realizations
-SMALLER: Final = {base: 0.25 if base == SPRUNG else 1.0 for base in BASES}
 # Impacts in which an offset of 1 ms falls below 1e-9 s at e = 0.98, by sqrt(e) each
 SETTLED: Final = 1400
 TABLE_1: Final[dict[str, Any]] = {"restitution": 0.9, "amplitude": 1.2}

@@ -14,15 +14,18 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep import simulate, sweep
+from vibrosweep import simulate, sweep, theory
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import PARAMETERS
 
 __all__ = [
     "ANY_PHASE",
+    "BASES",
+    "FEW",
     "FIRST",
     "FOLLOWED",
     "RANGES",
+    "SMALLER",
     "TAU_C",
     "Plan",
     "Setting",
@@ -39,6 +42,10 @@ IMPACT_BUDGET: Final = 1_000_000
 # Part of the realizations where every landing is looked at
 FOLLOWED: Final = 0.1
 TOGETHER: Final = 100  # realizations in a record
+FEW: Final = 5  # particles
+BASES: Final = (*theory.FIXED, SPRUNG)
+# Coupled particles cost a thousand times as much as others: an eighth of the realizations
+SMALLER: Final = {base: 0.125 if base == SPRUNG else 1.0 for base in BASES}
 TAU_C: Final = PARAMETERS["contact_time"].default
 # Of restitution (1) and amplitude (m s-1)
 RANGES: Final = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
@@ -66,7 +73,7 @@ class Plan:
     threads: int = 1
     first_seed: int = 0
     seeds: int = 20
-    realizations: int = 100
+    realizations: int = 200
 
     def random(self) -> list[np.random.Generator]:
         """A source of random numbers for each seed."""
@@ -158,7 +165,7 @@ def measured(
         impact_budget=IMPACT_BUDGET,
         threads=plan.threads,
         progress=False,
-        **(mount(base) | dict(constants)),
+        **_fixed(base, columns, constants),
         **keys,
     )
 
@@ -182,9 +189,17 @@ def records(
             **some,
             base=base,
             threads=plan.threads,
-            **(mount(base) | dict(constants)),
+            **_fixed(base, columns, constants),
             **keys,
         )
+
+
+def _fixed(
+    base: str, columns: Mapping[str, Array], constants: Mapping[str, float]
+) -> dict[str, Any]:
+    """What all realizations share: the mount, unless it is drawn, and the constants."""
+    own = {name: value for name, value in mount(base).items() if name not in columns}
+    return own | dict(constants)
 
 
 def mount(base: str) -> dict[str, Any]:
