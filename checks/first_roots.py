@@ -347,14 +347,14 @@ def campaign(
         largest = [max(a, float(np.nanmax(b))) for a, b in zip(largest, errors, strict=True)]
     refuted, error = (0, 0.0) if proofs == 0 else proved(given, np.arange(given.x.size)[:proofs])
     checked = f"{min(proofs, given.x.size):,}" if proofs else "-"
-    row = [draw.__doc__, f"{number:,}", str(missed), str(early), f"{len(named):,}",
+    row = [draw.__doc__, f"{number:,}", str(missed + early), f"{len(named):,}",
            *(f"{v:.2f}" for v in largest), checked, str(refuted), f"{error:.2f}"]  # fmt: skip
     rough = sum(not value <= LARGEST_ERROR for value in largest)
     return Campaign(row, named, missed + early + refuted + rough)
 
 
-HEAD = ("flights", "number", "later", "earlier", "undecided", "largest error",
-        "of the speed", "proved", "refuted", "largest error, proved")  # fmt: skip
+HEAD = ("flights", "number", "wrong", "undecided", "largest error", "of the speed", "proved",
+        "refuted", "largest error, proved")  # fmt: skip
 
 
 def main() -> int:

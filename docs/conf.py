@@ -6,6 +6,7 @@ python -m sphinx -W --keep-going docs build/site
 from __future__ import annotations
 
 import os
+import re
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import unescape
 
@@ -46,6 +47,11 @@ nb_merge_streams = True
 autosummary_generate = True
 numpydoc_show_class_members = False
 
+SENTENCE = 50  # characters of a table's cell
+FUNCTION = re.compile(r"<mi>(sin|cos|tan|ln|log)</mi>(<mo[^>]*>&#x00028;)?")
+NUMBER = re.compile(r"[-+\d.,e]+( %)?")
+BAR = re.compile("<mo[^>]*>&#x0007C;</mo>")
+
 html_theme = "pydata_sphinx_theme"
 html_title = "vibrosweep"
 html_static_path = ["_static"]
@@ -77,10 +83,33 @@ def _write(translator: HTML5Translator, node: Element, shown: str) -> None:
     from docutils.nodes import SkipNode
 
     formula = convert(unescape(node.astext()), display=shown)
+    # the spacing of TeX: around the names of functions, and none beside bars
+    formula = FUNCTION.sub(_spaced, formula)
+    formula = BAR.sub('<mo lspace="0" rspace="0" stretchy="false">|</mo>', formula)
     translator.body.append(f'<div class="formula">{formula}</div>' if shown == "block" else formula)
     raise SkipNode
 
 
+def _spaced(found: re.Match[str]) -> str:
+    after = "0" if found[2] else "0.17em"
+    function = f'<mo form="prefix" lspace="0.17em" rspace="{after}">{found[1]}</mo>'
+    return function + (found[2] or "")
+
+
+def mark_tables(app: Sphinx, document: Element, name: str) -> None:
+    """Tell tables of sentences, which wrap on a phone, from others, and numbers, which never do."""
+    from docutils import nodes
+
+    for table in document.findall(nodes.table):
+        cells = list(table.findall(nodes.entry))
+        if any(len(cell.astext()) > SENTENCE for cell in cells):
+            table["classes"].append("prose")
+        for cell in cells:
+            if NUMBER.fullmatch(cell.astext()):
+                cell["classes"].append("number")
+
+
 def setup(app: Sphinx) -> None:
-    """Draw formulas as MathML."""
+    """Draw formulas as MathML, and mark tables."""
     app.add_html_math_renderer("mathml", (inline, None), (display, None))
+    app.connect("doctree-resolved", mark_tables)

@@ -70,7 +70,7 @@ def test_windows_of_another_forcing_have_its_axis_and_curves():
 def test_curves_of_the_reflect_law_are_said_to_be_of_one_orbit():
     found = find_windows(Scene(rebound="reflect"), [0.8], [0.5, 1.0, 4.0], ["locked(1)"])
     (axes,) = stability_windows(found).axes
-    assert "curves: orbits that are not turned back" in axes.get_legend().get_title().get_text()
+    assert "curves: orbits without reflection" in axes.get_legend().get_title().get_text()
 
 
 def heights_of(axes):

@@ -109,7 +109,7 @@ def test_compare_prints_the_table(filmed, vibrosweep, tmp_path):
     assert "case     N  repeats  compared" in text
     assert "the study" not in text  # two particles are none of its cases
     assert re.search(r"restitution 0\.8\d* ± 0\.00\d+, amplitude 0\.1\d* ± ", text)
-    assert "the base that the landings speak for: level" in text
+    assert "base favoured by the landings: level" in text
     with xr.open_dataset(out) as table:
         assert table["case"].values.tolist() == ["N=2"]
     assert (tmp_path / "lab_table4.png").exists()

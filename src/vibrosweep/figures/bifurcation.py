@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["NEEDS", "bifurcation_diagram"]
 
 NEEDS: Final = data.Needs(("amplitude", "direction", "lyapunov_largest"))
-# down under up: what only the way down shows stays visible
+# upwards over downwards, so that what occurs only downwards stays visible
 ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.7))
 
 

@@ -46,7 +46,7 @@ FLIGHTS_PER_PATH: Final = 200
 # Vector files with more flights are larger than the same picture in pixels.
 VECTOR_FLIGHTS: Final = 20_000
 REST: Final = "black"
-# As many forcing periods are told apart across a page.
+# Forcing periods that can be distinguished across a page.
 READABLE_PERIODS: Final = 40.0
 # Points of a moving base in a forcing period, and altogether.
 SAMPLES: Final = 48

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["errors_by_case", "fitted_track", "imperfections"]
 
-# Flights that can be told apart across a page.
+# Flights that can be distinguished across a page.
 SHOWN_FLIGHTS: Final = 10
 CURVE_POINTS: Final = 60
 LARGEST_SHOWN: Final = 30.0

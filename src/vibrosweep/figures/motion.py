@@ -18,7 +18,7 @@ __all__ = ["Motion", "highest", "motions", "parabolas"]
 
 @dataclass(frozen=True)
 class Motion:
-    """One particle's motion up to some instant, as straight facts: flights, rests, landings.
+    """One particle's motion up to some instant, as plain arrays: flights, rests, landings.
 
     Attributes
     ----------

@@ -110,7 +110,7 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
 
 
 def plateaus(one_height: float, top: float) -> tuple[Array, Array]:
-    """Return modes k and heights of the plateaus below ``top`` that can be told apart."""
+    """Return modes k and heights of the plateaus below ``top`` that can be distinguished."""
     modes = np.arange(1, min(int(np.sqrt(top / one_height)), 1000) + 1, dtype=np.float64)
     heights = one_height * modes**2
     kept: list[int] = []

@@ -36,8 +36,8 @@ def stability_windows(windows: xr.Dataset) -> Figure:
     All locked orbits share the first panel, every other condition has its own.  Where orbits were
     continued along the forcing, both directions are drawn over each other: where only one of
     them is seen, the window is hysteretic.  A bar that reaches the end of the scan may go on beyond
-    it.  Curves are the closed forms of locked orbits that are not turned back: solid from where
-    they exist, dashed up to where they are stable.
+    it.  Curves are the closed forms of locked orbits without reflection: solid from where they
+    exist, dashed up to where they are stable.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def stability_windows(windows: xr.Dataset) -> Figure:
     >>> from vibrosweep.figures.stability_windows import stability_windows
     >>> found = vs.windows(restitution=[0.8, 0.9], amplitude=[0.1, 1.0, 2.0, 4.0])
     >>> stability_windows(found).axes[0].get_xlabel()
-    'coefficient of restitution $e$'
+    'restitution $e$'
     """
     symbol = FORCINGS[_scanned(windows)].symbol
     needs = data.Needs((f"{symbol}_min", f"{symbol}_max", *NEEDS))
@@ -74,7 +74,7 @@ def stability_windows(windows: xr.Dataset) -> Figure:
     all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, panel in zip(all_axes, panels, strict=True):
         _panel(axes, windows, panel, is_locked=panel is locked)
-    all_axes[-1].set_xlabel("coefficient of restitution $e$")
+    all_axes[-1].set_xlabel("restitution $e$")
     return figure
 
 
@@ -108,7 +108,7 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     # with their remark only two entries fit beside each other
     lack = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
     turned = is_locked and windows.attrs.get("rebound") == "reflect"
-    remark = "; curves: orbits that are not turned back" if turned else ""
+    remark = "; curves: orbits without reflection" if turned else ""
     style.head(axes, _conditions(windows) + remark, columns=2 if lack else 4)
 
 

@@ -48,7 +48,7 @@ SEQUENTIAL_MAP: Final = "viridis"
 DENSITY_MAP: Final = "cividis_r"
 GREY: Final = "0.45"
 
-# Okabe and Ito's palette, told apart with every common colour blindness.  Its yellow is left out:
+# Okabe and Ito's palette, distinct with every common colour blindness.  Its yellow is left out:
 # thin yellow lines vanish on white paper.
 OKABE_ITO: Final = (
     "#0072B2",  # blue

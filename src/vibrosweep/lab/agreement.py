@@ -1,4 +1,4 @@
-"""What landings say of a recording, and how far recordings of the same experiment agree.
+"""Summary quantities of a recording, and their repeatability over recordings of one experiment.
 
 The study repeats each case four times and accepts a quantity whose coefficient of variation over
 the repeats is below 8 %.
@@ -107,7 +107,7 @@ def _neighbours(vectors: NDArray[np.complex128]) -> float:
 def _closest(impacts: xr.Dataset) -> float:
     """Smallest separation in s of landings of different particles.
 
-    NaN where it is below the standard error of that difference: nothing is known of it then.
+    NaN where it is below the standard error of that difference.
     """
     known = (impacts["quality"].values >= BOUNCED) & (impacts["quality"].values != DOUBTFUL)
     time = np.where(known, impacts["landing_time"].values, np.nan)
@@ -137,9 +137,9 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Dim quantity: ``mean``, ``sd``, ``variation`` (sd / mean; NaN for phases, for which the sd
-        speaks), and ``accepted``: 1 below the study's criterion of 8 %, 0 above, -1 where there
-        is nothing to judge.
+        Dim quantity: ``mean``, ``sd``, ``variation`` (sd / mean; NaN for phases, where only
+        the sd has a meaning), and ``accepted``: 1 below the study's criterion of 8 %, 0 above, -1
+        where there is nothing to judge.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Recordings against prediction, in the form of the study's Table 4, with what explains it."""
+"""Recordings compared with prediction, as in the study's Table 4, and what errors consist of."""
 
 from __future__ import annotations
 
@@ -89,11 +89,10 @@ def compare_tracks(
     -------
     xarray.Dataset
         Dims (case, quantity, reading): ``error`` in per cent, ``|measured - predicted| /
-        measured``, the mean over the repeats, and what of it ``frames``, ``pixels`` and
-        ``parameters`` explain by themselves (in per cent of the measured value); they add in
-        squares.  Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats,
-        ``predicted`` (m, s).  Dim case: ``particles``, ``repeats``, ``compared``, and the
-        parameters used.
+        measured``, the mean over the repeats, and the contributions of ``frames``, ``pixels``
+        and ``parameters``, each alone (in per cent of the measured value); their squares add.
+        Dims (case, quantity): ``measured``, ``measured_sd`` over the repeats, ``predicted`` (m, s).
+        Dim case: ``particles``, ``repeats``, ``compared``, and the parameters used.
 
     Raises
     ------
@@ -177,7 +176,7 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
 
 
 def _errors(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
-    """Variables of dims (case, quantity, reading): the errors, and what explains them."""
+    """Variables of dims (case, quantity, reading): the errors and their contributions."""
     found = np.empty((1 + len(SHARES), len(rows), len(QUANTITIES), len(READINGS)))
     for i, row in enumerate(rows):
         for j, q in enumerate(QUANTITIES):
@@ -241,7 +240,7 @@ def _means(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
 
 
 def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:
-    """Measure, predict and explain one recording."""
+    """Measure and predict one recording, and split its errors into contributions."""
     fitted = fit_tracks(tracks, how.gravity, how.view)
     seen = impacts_of(tracks, fitted, how.gravity, "fit")
     impacts = impacts_of(tracks, fitted, how.gravity, how.method)

@@ -32,7 +32,7 @@ class Contacts(NamedTuple):
     before, after
         The flights.
     particle
-        Who bounces.
+        The particle of each.
     linked
         Whether the next contact ends the flight that this one begins.
     time, height
@@ -89,7 +89,7 @@ def find_contacts(samples: Samples, gravity: float) -> tuple[Contacts, Indices]:
     for _ in range(2):
         member, noise = stretches(samples, fall)
         start = np.flatnonzero(np.diff(member, prepend=-1))
-        # the high ones, which are no stays
+        # high stretches, which are no stays on the base
         extent = np.maximum.reduceat(samples.height, start)
         extent -= np.minimum.reduceat(samples.height, start)
         high = extent > np.quantile(extent, HIGH) / 2.0
@@ -131,7 +131,9 @@ def contacts_between(
     met = meet(before, after, (before.centre + after.centre) / 2.0, fall)
     arrival = before.slope - fall * (met.time - before.centre)
     departure = arrival + met.closing
-    opening = departure > arrival  # beyond rounding: one flight cut in two is no contact
+    opening = (
+        departure > arrival
+    )  # above rounding: between the halves of one flight there is no contact
     place, before, after = place[opening], before.take(opening), after.take(opening)
     owner = np.zeros(fits.number.size, np.intp)
     owner[member[member >= 0]] = samples.particle[member >= 0]

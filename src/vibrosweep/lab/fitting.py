@@ -31,7 +31,7 @@ class View(NamedTuple):
     exposure
         Time for which the shutter is open, s.
     motion
-        One of `MOTIONS`: whether the base moves, or that this is to be found out.
+        One of `MOTIONS`: the base moves, stays at its level, or this is decided from the contacts.
     frequency
         Of the forcing in Hz; sought where None and needed.
     trace
@@ -55,8 +55,8 @@ class Fitted(NamedTuple):
     swaps
         Swapped identities: the first frame with them, and the two particles.
     speaks_for
-        The base that the contacts speak for: ``"moving"``, ``"level"`` or ``"undetermined"``; what
-        was said of it where nothing was to be found out.
+        The base that the contacts favour: ``"moving"``, ``"level"`` or ``"undetermined"``; the
+        one that was given where it was.
     """
 
     samples: Samples
@@ -95,7 +95,7 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitte
 
 
 def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str]:
-    """Flights over the base that the view tells or the contacts speak for, and what they say."""
+    """Flights over the base that is given or that the contacts favour, and which that is."""
     level = view.motion == "level" or (view.motion == "detect" and view.base is not None)
     if level and view.trace is None:
         return find_flights(samples, gravity, view.base, view.exposure), "level"

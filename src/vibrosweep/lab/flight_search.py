@@ -65,7 +65,7 @@ class Flights(NamedTuple):
     curvature
         Acceleration of the parabolas: the true one, or that of the tracks where they contradict it.
     shaken
-        What the contacts say of a base that moves; None where it stays at its level.
+        Motion of the base, fitted to the contacts; None where it stays at its level.
     """
 
     fits: Fits
@@ -224,7 +224,7 @@ def flight_noise(fits: Fits, extent: float) -> float:
 
 
 def poor_flights(fits: Fits, noise: float) -> NDArray[np.bool_]:
-    """Tell which flights have residuals larger than the noise (m) allows."""
+    """Whether residuals of each flight are larger than the noise (m) allows."""
     largest = _chi_square(POOR, np.maximum(fits.number - 2.0, 1.0))
     return np.asarray(fits.residue > noise**2 * largest)
 

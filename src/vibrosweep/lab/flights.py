@@ -106,7 +106,7 @@ def curvatures(samples: Samples, flight: Indices, flights: int) -> tuple[Array, 
     count = np.bincount(of, minlength=flights)
 
     def project(values: Array, since: Array) -> Array:
-        """Take the straight line of each flight out."""
+        """Subtract from the heights the straight line of each flight."""
         level = np.bincount(of, values, flights) / count
         slope = np.bincount(of, since * values, flights) / np.bincount(of, since**2, flights)
         return values - level[of] - slope[of] * since

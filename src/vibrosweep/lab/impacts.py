@@ -80,16 +80,16 @@ def find_impacts(
         ``flight_time``, ``impact_speed``, ``rebound_height`` of the flight that follows, NaN where
         its landing is not seen or one of its ends is doubtful; ``quality``.  By particle what was
         seen of it, and the level of the base below it (m).  Attributes: the noise of a position
-        (m), the base (m), the acceleration that the tracks show, the base that the landings speak
-        for.  Over a base that moves also restitution, S, C (m s-1) and frequency (Hz), where it was
-        sought, with covariance: `shaken` and `shaken_covariance`; the base has the velocity
+        (m), the base (m), the acceleration that the tracks show, the base that the landings
+        favour.  Over a base that moves also restitution, S, C (m s-1) and frequency (Hz), where it
+        was sought, with covariance: `shaken` and `shaken_covariance`; the base has the velocity
         S sin 2 pi f t + C cos 2 pi f t.
 
     Raises
     ------
     TrackError
-        Nothing bounces, nothing falls with gravity, the base is not below the tracks, or it is said
-        to move and the landings do not determine how.
+        Nothing bounces, nothing falls with gravity, the base is not below the tracks, or
+        `motion` is ``"moving"`` and the landings do not determine how.
 
     Examples
     --------

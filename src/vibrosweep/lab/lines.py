@@ -120,7 +120,7 @@ def table_lines(table: xr.Dataset) -> list[str]:
     parameters = [_with_error(table, n) for n in ("restitution", forcing, "frequency")]
     base = "moves" if moves else "stays at its level"
     lines.append(f"predicted over a base that {base}, with {', '.join(parameters)}")
-    lines.append(f"the base that the landings speak for: {table.attrs['speaks_for']}")
+    lines.append(f"base favoured by the landings: {table.attrs['speaks_for']}")
     return lines + ([table.attrs["warning"]] if table.attrs["warning"] else [])
 
 

@@ -1,4 +1,4 @@
-"""Flights over a base that moves: told from stays by their height, and cut where they meet it."""
+"""Flights over a base that moves: distinguished from stays by height, cut where they meet it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def flights_over(
     free: bool = False,
     trace: Trace | None = None,
 ) -> Flights:
-    """Flights over a base that moves as fitted, which is then fitted to them once more.
+    """Find the flights over a moving base from a first fit of it, and fit it to them again.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def flights_over(
         poor = poor_flights(fits, noise)
         sound = ~(junctions.stayed | junctions.overlapping)
         sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
-        # a ball is lifted without a kink: frames before that bend the flight that follows
+        # a ball lifts off from rest without a kink: frames before that would bend the fitted flight
         lifted = np.zeros(poor.size, bool)
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]

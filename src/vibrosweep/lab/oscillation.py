@@ -29,8 +29,8 @@ __all__ = ["Oscillation", "Shaken", "Trace", "first_guess", "fit_shaken"]
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-# Scales of the loss that bends over from squares to logarithms, in standard errors: first all
-# contacts count, as the few that differ from a locked orbit tell most, then those that fit.
+# Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
+# the few contacts off a locked orbit, which determine most, then narrow, against outliers.
 BENDS: Final = (30.0, 3.0)
 OUTLIER: Final = 4.5
 RIDGE: Final = 1e-9
@@ -63,7 +63,7 @@ class Oscillation(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """What a measured motion of the base says of S, C (m s-1) and f (Hz)."""
+    """S, C (m s-1) and f (Hz) of a measured motion of the base, with their covariance."""
 
     values: Array
     covariance: Array
@@ -117,7 +117,7 @@ class _Problem(NamedTuple):
         return 4 if self.frequency is None else 3
 
     def equations(self, values: Array) -> tuple[Array, Array, Array]:
-        """What is left of height and velocity, and its derivatives by the errors of both flights.
+        """Residuals of height and velocity, and their derivatives by the errors of both flights.
 
         Shapes (contact, 2) and (contact, 2, 2): by level and slope in their standard errors.
         """
@@ -145,7 +145,7 @@ class _Problem(NamedTuple):
         return np.stack([left, bounce], axis=1), parts[0], parts[1]
 
     def apart(self, values: Array) -> Array:
-        """What is left in standard errors, without correlations; shape (contact, 2)."""
+        """Residuals in standard errors, without correlations; shape (contact, 2)."""
         left, before, after = self.equations(values)
         return np.asarray(left / np.sqrt((before**2).sum(axis=2) + (after**2).sum(axis=2)))
 
@@ -154,7 +154,7 @@ class _Problem(NamedTuple):
         return self.apart(values).ravel()
 
     def whitened(self, values: Array, kept: Flags, *, slopes: bool = False) -> Array:
-        """What is left with unit covariance; or its derivatives by the levels."""
+        """Whitened residuals, of unit covariance; or their derivatives by the levels."""
         left, before, after = self.equations(values)
         chosen = np.flatnonzero(kept)
         left, before, after = left[chosen], before[chosen], after[chosen]
@@ -162,7 +162,7 @@ class _Problem(NamedTuple):
         linked = self.contacts.linked[chosen[:-1]] & (np.diff(chosen) == 1)
         following = before[1:] @ after[:-1].transpose(0, 2, 1) * linked[:, np.newaxis, np.newaxis]
         band = np.zeros((4, 2 * chosen.size))
-        # a little more, for rounding: flights that determine each other are nearly dependent
+        # a small ridge against rounding: the errors of linked flights are nearly dependent
         band[0] = (1.0 + RIDGE) * np.stack([own[:, 0, 0], own[:, 1, 1]], axis=1).ravel()
         band[1, 0::2] = own[:, 1, 0]
         band[1, 1:-1:2] = following[:, 0, 1]
@@ -181,7 +181,7 @@ class _Problem(NamedTuple):
         return np.concatenate([solved, root @ (values[1:4] - self.trace.values)])
 
     def derivatives(self, values: Array, kept: Flags) -> Array:
-        """Of `whitened` by all parameters."""
+        """Derivatives of `whitened` by all parameters."""
         columns = []
         for k, step in enumerate(STEPS[: self.own]):
             ends = [values + sign * step * (np.arange(values.size) == k) for sign in (1.0, -1.0)]
@@ -227,7 +227,7 @@ def fit_shaken(
         ).x
     for _ in range(ROUNDS):
         apart = np.abs(problem.apart(values))
-        # what all contacts share, as a restitution that falls with speed, is no outlier
+        # what all contacts share, such as restitution that falls with speed, is no outlier
         width = np.maximum(1.4826 * np.median(apart, axis=0), 1.0)
         kept = np.asarray((apart < OUTLIER * width).all(axis=1))
         found = least_squares(
@@ -240,7 +240,7 @@ def fit_shaken(
         )
         values = found.x
     misfit = 2.0 * found.cost / max(2 * kept.sum() - values.size, 1)
-    # each in a unit of its own: a trace without noise determines some by many orders better
+    # scaled: a trace without noise determines some parameters by many orders better than others
     slopes = np.asarray(found.jac)
     size = np.linalg.norm(slopes, axis=0)
     size[size == 0.0] = 1.0  # a level whose contacts all disagree

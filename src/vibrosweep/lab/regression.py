@@ -1,4 +1,4 @@
-"""Bounces as a plain regression: where the frequency lies, and whether they determine anything."""
+"""Linear regression of bounces: a scan for the frequency, and whether they determine parameters."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 With a base below it a particle is either in flight or pushed upwards: y + g t^2 / 2 is a straight
 line in flight, bends upwards on a base, and has a kink at a bounce.  The cut into straight lines
-that makes residuals and number of lines least, each line at a fixed price, is found exactly
+that minimises chi-square plus a fixed penalty for each line is found exactly
 (optimal partitioning, Jackson et al. 2005, IEEE Signal Process. Lett. 12, 105).
 """
 
@@ -24,7 +24,7 @@ __all__ = ["clear_flights", "stretches"]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-# Price of a line in units of chi-square: noise makes one cut too many in hundreds of flights.
+# Penalty of a line in units of chi-square: noise makes one cut too many in hundreds of flights.
 PRICE: Final = 25.0
 # Standard deviations of chi-square beyond which a stretch is no line.
 BENT: Final = 6.0
@@ -40,7 +40,7 @@ SEEN: Final = 5.0
 def _partition(
     time: Floats, height: Floats, variance: float, gravity: float, out: Integers
 ) -> None:
-    """Write for each sample the first one of the best last line that ends with it."""
+    """Write for each sample where the last line begins in the best partition that ends with it."""
     cost = np.full(time.size + 1, np.inf)
     cost[0] = 0.0
     for last in range(time.size):
@@ -111,7 +111,7 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
 def clear_flights(
     samples: Samples, member: Indices, fits: Fits, noise: float, fall: float
 ) -> Flags:
-    """Tell which stretches fall as nothing on a base does; shape (stretch,).
+    """Whether each stretch falls faster than anything on a base can; shape (stretch,).
 
     Parameters
     ----------

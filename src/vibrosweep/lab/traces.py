@@ -19,7 +19,7 @@ __all__ = ["QUANTITIES", "make_trace", "read_trace"]
 
 QUANTITIES: Final = ("height", "acceleration")
 FEWEST: Final = 20
-# Share of the variance that may be left by a sine before the motion is called something else.
+# Largest share of the variance that a sine may leave.
 NO_SINE: Final = 0.1
 
 
@@ -89,7 +89,7 @@ def make_trace(
     quantity
         One of `QUANTITIES`.
     source
-        What messages call it.
+        Name in messages.
 
     Raises
     ------

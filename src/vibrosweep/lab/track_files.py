@@ -121,7 +121,7 @@ def tracks_from_frame(
     frame_rate, scale, axis, base
         As in `read_tracks`.
     source
-        What messages call the table.
+        Name of the table in messages.
 
     Returns
     -------

@@ -29,7 +29,7 @@ def make_tracks(
     particle
         Names or numbers of the particles; 0, 1, ... by default.
     source
-        What messages call the tracks.
+        Name of the tracks in messages.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def table_to_tracks(
     height
         m, upwards, shape (row,); NaN where the particle is not seen.
     source
-        What messages call the tracks.
+        Name of the tracks in messages.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""The twin of a recording: the predicted motion, filmed and measured as the real one was.
+"""A simulated copy of a recording: the predicted motion, filmed and measured as the real one was.
 
-Whatever error its measurement makes is the camera's, for the motion is the prediction itself.
+Its errors are those of the camera alone, since the motion is the prediction itself.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def camera_shares(
             predicted["height"][p] = np.mean(motion.apex[whole])
             predicted["period"][p] = np.mean((motion.end - motion.start)[whole])
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
-    # the fit of a base that moves weighs what it sees with its noise: that cannot be zero
+    # the fit of a moving base is weighted by the noise, which therefore cannot be zero
     least = 0.0 if impacts.attrs["base_motion"] == "level" else 0.01
     sharp = Camera(rate, pixel=noise, noise=least, whole_pixels=False)
     rough = Camera(rate, pixel=noise, noise=1.0, whole_pixels=False)

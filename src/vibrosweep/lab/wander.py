@@ -1,10 +1,10 @@
-"""Particles on a base whose period is not quite steady: the map with a phase that drifts.
+"""Particles on a base whose period fluctuates: the map with a phase that drifts.
 
 The lengths of the forcing periods vary independently, so that the phase of the forcing performs a
-random walk, the same for all particles of a repeat.  Within a period the phase grows evenly.  A
-base that moves must not wander: its flights are those of a steady oscillation.  The impact itself
-is that of `vibrosweep.kernels.impact`; without imperfections this is the record of the engine to
-the last bit.
+random walk, the same for all particles of a repeat.  Within a period the phase grows evenly.  This
+cannot be combined with a base that moves, whose flights are those of a steady oscillation.  The
+impact itself is that of `vibrosweep.kernels.impact`; without imperfections this is the record of
+the engine to the last bit.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
 
 @jit
 def _wandered(n: float, x: float, walk: Floats) -> float:
-    """How far the phase has wandered, in turns, at n + x mean periods."""
+    """Deviation of the phase in turns at n + x mean periods."""
     whole = np.floor(x)
     j = min(max(int(n + whole) + 1, 0), walk.size - 2)
     return float(walk[j] + (x - whole) * (walk[j + 1] - walk[j]))
@@ -114,7 +114,7 @@ def _fill(
 def wandering_record(
     batch: Batch, walk: Floats, frequency: float, gravity: float, softening: float = 0.0
 ) -> Record:
-    """Every landing of particles that may differ in restitution, on one wandering forcing.
+    """Every landing of particles that may differ in restitution, under one fluctuating forcing.
 
     Parameters
     ----------

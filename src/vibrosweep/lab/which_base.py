@@ -1,4 +1,4 @@
-"""Whether the base of a recording moves or stays at its level: what its contacts speak for."""
+"""Whether the contacts of a recording favour a base that moves, or one that stays at its level."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["FREQUENCIES", "LEAST_SIGNAL", "Judgement", "signal_of", "which_base"
 Array = NDArray[np.float64]
 
 FREQUENCIES: Final = (1.0, 100.0)
-# Contacts that are looked at: many more decide nothing that these leave open.
+# Contacts that are used: more hardly change the decision.
 MOST: Final = 1000
 # Difference of chi-square at which one base is preferred: likelihoods in the ratio of 2e4.
 DECIDED: Final = 20.0
@@ -27,7 +27,7 @@ LEAST_SIGNAL: Final = 3.0
 
 
 class Judgement(NamedTuple):
-    """What contacts say of the base.
+    """Outcome of the comparison of both bases.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Judgement(NamedTuple):
 def which_base(
     contacts: Contacts, frequency: float | None = None, trace: Trace | None = None
 ) -> Judgement:
-    """Hold contacts against a base that moves and against one that stays at its level and kicks.
+    """Fit contacts with a base that moves and with one that stays at its level, and compare both.
 
     Both have the same number of parameters.  Neither is preferred where the contacts do not
     determine how the base moves, as those of a locked orbit, which all happen at one phase.

@@ -352,7 +352,8 @@ _LYAPUNOV: Final = Measure(
         _count(
             "slot_count",
             _R,
-            "distinct slots, of all orbits, that particles occupy",
+            "slots that particles occupy",
+            "of all orbits; each counted once",
             judged="slot_count",
         ),
         _real(
