@@ -8,7 +8,7 @@ import pytest
 from bokeh.document import Document
 
 import vibrosweep as vs
-from vibrosweep.explore import pictures, plane_view
+from vibrosweep.explore import motion_view, pictures, plane_view
 from vibrosweep.explore.live import Page
 from vibrosweep.explore.points import Column
 from vibrosweep.explore.table import TABLE, table
@@ -21,20 +21,40 @@ def page(points):
     return made
 
 
-def assert_shows(view, record):
+def drawings(record):
     found = pictures.heights(record)
-    expected = {
+    return {
         "flights": found.flights,
         "stays": found.stays,
         "return map": pictures.return_map(record),
         "phases": pictures.landing_phases(record),
         "separations": pictures.separations(record),
     }
-    for source, columns in expected.items():
-        for name, values in columns.items():
-            shown = view.sources[source].data[name]
-            assert len(shown) == len(values)
-            assert all(np.array_equal(a, b) for a, b in zip(shown, values, strict=True))
+
+
+def rows(columns, names):
+    return set(zip(*(columns[name].tolist() for name in names), strict=True))
+
+
+def farthest(values, shown):
+    """Largest distance from a value to the next one that is shown."""
+    if not len(values):
+        return 0.0
+    return np.abs(np.subtract.outer(np.asarray(values), np.asarray(shown))).min(axis=1).max()
+
+
+def assert_shows(view, record):
+    """What is drawn is of this record, value for value; what is not is within a pixel of that."""
+    content = view.content
+    base = pictures.heights(record).base
+    assert all(np.array_equal(content["base"][name], base[name]) for name in base)
+    for source, columns in drawings(record).items():
+        shown = content[source]
+        assert rows(shown, shown) <= rows(columns, shown)
+        across = next(name for name in ("start", "time", "speed") if name in columns)
+        left, right, _, _ = content["views"].get(source, content["views"]["height"])
+        pixel = (right - left) / motion_view.GUESS[0]
+        assert farthest(columns[across], shown[across]) <= pixel
 
 
 def test_a_click_on_a_point_shows_its_realization(page, points):
@@ -67,10 +87,10 @@ def test_a_slider_changes_the_pictures_once_for_all_its_movements(page):
 
 
 def test_both_bases_are_shown_side_by_side(page):
-    assert not page.motions[1].layout.visible
+    assert not page.motions[1].heading.visible
     page.controls.both.active = [0]
     page._follow()
-    assert page.motions[1].layout.visible
+    assert page.motions[1].heading.visible
     choice = page.controls.choice
     assert_shows(page.motions[0], choice.simulate())
     assert_shows(page.motions[1], choice.over("moving").simulate())
@@ -83,6 +103,28 @@ def test_sliders_of_the_mount_appear_with_the_sprung_base(page):
     assert sliders["mass_ratio"].visible
     page._follow()
     assert_shows(page.motions[0], page.controls.choice.simulate())
+
+
+def window(page, name, *ends):
+    """What is drawn of a picture in another window."""
+    ranges = dict(zip(("x0", "x1", "y0", "y1"), ends, strict=True))
+    page.motions[0]._moved(name, SimpleNamespace(**ranges))
+    return page.motions[0].content
+
+
+def test_a_window_that_is_moved_gets_all_that_is_seen_in_it(page):
+    page.controls.set(page.controls.choice.lasting(100.0))
+    page._follow()
+    record = page.controls.choice.simulate()
+    columns = drawings(record)
+    sent = window(page, "phases", 3.0, 3.2, 0.0, 1.0)
+    assert set(sent) == {"phases"}
+    time = columns["phases"]["time"]
+    assert set(time[(time > 3.0) & (time < 3.2)]) <= set(sent["phases"]["time"])
+    flights = window(page, "height", 3.0, 3.2, 0.0, 1.0)["flights"]
+    over = (columns["flights"]["start"] < 3.2) & (columns["flights"]["end"] > 3.0)
+    assert set(columns["flights"]["start"][over]) <= set(flights["start"])
+    assert len(flights["start"]) < over.size
 
 
 def test_what_cannot_be_computed_is_told(page):

@@ -54,22 +54,15 @@ def test_stays_are_on_the_base():
         restitution=0.5, base_acceleration=1.3, base="moving", launch_time=[0.0, 0.3]
     )
     stays = pictures.heights(record).stays
-    assert len(stays["time"]) == int(record.rested.sum()) > 0
+    rests = int(record.rested.sum())
+    assert rests > 0
+    assert stays["start"].size == rests * (pictures.OF_STAY - 1)
+    landed = known(record.landing_time.values[record.rested.values == 1])
+    assert np.isin(landed, stays["start"]).all()
     displacement = float(record.amplitude) / 1.5 / (2.0 * np.pi)
-    for time, height in zip(stays["time"], stays["height"], strict=True):
-        assert np.allclose(height, -displacement * np.cos(2.0 * np.pi * time), atol=1e-12)
-
-
-def test_the_shortest_of_too_many_flights_are_left_out_and_counted(monkeypatch):
-    record = vs.simulate(**LOCKED)
-    every = pictures.heights(record).flights
-    monkeypatch.setattr(pictures, "MOST_FLIGHTS", 5)
-    found = pictures.heights(record)
-    length = every["end"] - every["start"]
-    assert found.left_out == length.size - 5
-    assert np.array_equal(
-        np.sort(found.flights["end"] - found.flights["start"]), np.sort(length)[-5:]
-    )
+    for time, height in (("start", "y_start"), ("end", "y_end")):
+        there = -displacement * np.cos(2.0 * np.pi * stays[time])
+        assert np.allclose(stays[height], there, atol=1e-12)
 
 
 def test_the_view_holds_all_flights(record):

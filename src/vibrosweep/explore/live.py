@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 from bokeh.document import Document
-from bokeh.events import SelectionGeometry, Tap
-from bokeh.layouts import column, row
+from bokeh.events import DocumentReady, SelectionGeometry, Tap
+from bokeh.layouts import row
 from bokeh.models import (
     Button,
     ColumnDataSource,
@@ -24,7 +24,7 @@ from vibrosweep.explore import python_lines as lines
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.controls import Controls
 from vibrosweep.explore.facts import facts_html, named
-from vibrosweep.explore.layout import TEMPLATE, picker
+from vibrosweep.explore.layout import TEMPLATE, parts, picker
 from vibrosweep.explore.motion_view import MotionView
 from vibrosweep.explore.plane_view import PlaneView
 from vibrosweep.explore.points import Points
@@ -50,6 +50,7 @@ if (text) {
   URL.revokeObjectURL(link.href);
 }
 """
+PLACE: Final = "document.getElementById('motion-2').hidden = !cb_obj.visible"
 COPY: Final = "navigator.clipboard.writeText(code.text)"
 
 
@@ -71,7 +72,9 @@ class Page:
         self.index = points.count // 2
         self.controls = Controls(points, points.choice(self.index).shortened(), self._moved)
         self.motions = (MotionView("first"), MotionView("second"))
-        self.motions[1].layout.visible = False
+        second = self.motions[1].heading
+        second.visible = False
+        second.js_on_change("visible", CustomJS(code=PLACE))
         self.rows: NDArray[np.int64] = np.empty(0, np.int64)
         self._waiting: Any = None
         self._asked = self._painting = False
@@ -102,28 +105,19 @@ class Page:
         copy = Button(label="Copy")
         copy.js_on_click(CustomJS(args={"code": self.code}, code=COPY))
         remark = html.escape(self.points.remark)
-        note = Div(text=remark, visible=bool(remark), sizing_mode="stretch_width")
+        note = Div(text=remark, visible=bool(remark), sizing_mode="stretch_width", name="remark")
         wrap = {"flex-wrap": "wrap"}
-        left = column(
-            row(*self.pickers.values(), styles=wrap, sizing_mode="stretch_width"),
+        left = [
+            row(*self.pickers.values(), styles=wrap, sizing_mode="stretch_width", name="pickers"),
             self.plane.figure,
             self.status,
             note,
             self.controls.layout,
             self.selection,
             self.save,
-            sizing_mode="stretch_width",
-            name="left",
-        )
-        right = column(
-            row(*(m.layout for m in self.motions), sizing_mode="stretch_width", styles=wrap),
-            self.facts,
-            row(self.picture, copy, styles={**wrap, "align-items": "end"}),
-            self.code,
-            sizing_mode="stretch_width",
-            name="right",
-        )
-        self.roots = (left, right)
+        ]
+        lines_of = row(self.picture, copy, styles={**wrap, "align-items": "end"}, name="lines of")
+        self.roots, self.places = parts(left, self.motions, [self.facts, lines_of, self.code])
 
     def _listen(self) -> None:
         for name, one in self.pickers.items():
@@ -146,9 +140,10 @@ class Page:
         """Make this the content of the document."""
         for root in self.roots:
             self.document.add_root(root)
+        self.document.js_on_event(DocumentReady, *(motion.script for motion in self.motions))
         self.document.title = f"{self.points.title} ({self.points.path.name})"
         self.document.template = TEMPLATE
-        self.document.template_variables.update(heading=self.points.title)
+        self.document.template_variables.update(self.places)
 
     def click(self, x: float, y: float) -> None:
         """Take the realization at a place: that of a point there, or, between points, the place."""
@@ -207,7 +202,7 @@ class Page:
         except VibrosweepError as error:
             self.status.text = f"<b>not computed:</b> {html.escape(str(error))}"
             return
-        self.motions[1].layout.visible = second
+        self.motions[1].heading.visible = second
         self.status.text = html.escape(f"Shown: {what}. {self.plane.why_no_curves}")
         self._show_code()
         self._later(shown)

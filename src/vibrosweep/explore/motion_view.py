@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import xarray as xr
-from bokeh.layouts import column, row
+from bokeh.events import RangesUpdate
 from bokeh.models import (
+    ColumnDataSource,
+    CustomJS,
     Div,
     HoverTool,
     LinearColorMapper,
     Range1d,
 )
 from bokeh.plotting import figure
+from numpy.typing import NDArray
 
 from vibrosweep.explore import pictures
 from vibrosweep.explore.colours import particle_colours
-from vibrosweep.explore.sources import empty_source
+from vibrosweep.explore.pictures import Columns
+from vibrosweep.explore.seen import Axis, seen
+from vibrosweep.explore.sources import empty_source, inner_pixels
 
 __all__ = ["TITLES", "MotionView"]
+
+Array = NDArray[np.float64]
+View = tuple[float, float, float, float]  # x and y, each from where to where
+
+SCRIPT: Final = (Path(__file__).parent / "motion.js").read_text("utf-8")
 
 TITLES: Final = {
     "height": "Height against time",
@@ -39,6 +50,10 @@ DOTS: Final = {
     "separations": ("time", "gap"),
 }
 FLIGHT: Final = ("start", "y_start", "end", "y_end", "cx", "cy")
+STAY: Final = FLIGHT[:4]
+ENDS: Final = ("start", "end")
+# Pixels of a picture until the browser has told them, more than most have
+GUESS: Final = (1000, 500)
 
 
 class MotionView:
@@ -48,39 +63,42 @@ class MotionView:
     ----------
     key
         Distinguishes the pictures of one view from those of another on the same page.
+    whole
+        Whether all is in the browser, also what is not seen in the present window.  Otherwise that
+        is sent when the window changes.
+
+    Attributes
+    ----------
+    holder
+        What was sent last to be shown, as its one entry ``content``.  All of it is one message,
+        and the browser draws each picture once: of every change of a model Bokeh makes a message.
     """
 
-    def __init__(self, key: str) -> None:
+    def __init__(self, key: str, *, whole: bool = False) -> None:
+        self.whole = whole
         self.mapper = LinearColorMapper(palette=["#000000"], low=-0.5, high=0.5)
-        self.flights = empty_source(*FLIGHT, "particle", "velocity")
-        self.stays = empty_source("time", "height", "particle")
-        self.base = empty_source("time", "height", "floor")
-        self.dots = {
-            "return map": empty_source("speed", "next", "particle", "time"),
+        self.sources = {
+            "base": empty_source("time", "height", "floor"),
+            "flights": empty_source(*FLIGHT, "particle"),
+            "stays": empty_source(*STAY, "particle"),
+            "return map": empty_source("speed", "next", "particle"),
             "phases": empty_source("time", "phase", "particle"),
             "separations": empty_source("time", "gap", "particle", "other"),
         }
-        self.sources = {
-            "flights": self.flights,
-            "stays": self.stays,
-            "base": self.base,
-            **self.dots,
-        }
+        self._columns: dict[str, Columns] = {}
+        self._views: dict[str, View] = {}
         self.figures = {name: self._figure(name, key) for name in TITLES}
         self._draw_heights()
         for name in DOTS:
             self._draw_dots(name)
-        self.heading = Div(text="", sizing_mode="stretch_width")
-        small = [self.figures[name] for name in DOTS]
-        beneath = row(*small, sizing_mode="stretch_width", styles={"flex-wrap": "wrap"})
-        self.layout = column(
-            self.heading,
-            self.figures["height"],
-            beneath,
-            sizing_mode="stretch_width",
-            styles={"flex": "1 1 320px"},  # two of them side by side where there is room
-            name=f"motion {key}",
+        self.heading = Div(text="", sizing_mode="stretch_width", name=f"heading {key}")
+        self.holder = ColumnDataSource({"content": [{}]}, name=f"shown {key}")
+        self.heading.tags = [self.holder]  # a browser is told only of what belongs to a widget
+        shown = {"holder": self.holder, "sources": self.sources, "figures": self.figures}
+        self.script = CustomJS(
+            args={**shown, "particles": self.mapper, "heading": self.heading}, code=SCRIPT
         )
+        self.holder.js_on_change("data", self.script)
 
     def _figure(self, name: str, key: str) -> Any:
         large = name == "height"
@@ -102,83 +120,111 @@ class MotionView:
         )
         plot.toolbar.logo = None
         plot.toolbar.autohide = not large
+        if not self.whole:
+            plot.on_event(RangesUpdate, lambda event: self._moved(name, event))
         return plot
 
     def _colour(self) -> dict[str, Any]:
         return {"field": "particle", "transform": self.mapper}
 
     def _draw_heights(self) -> None:
-        plot = self.figures["height"]
-        plot.varea("time", "floor", "height", source=self.base, fill_color="#e6e6e6")
-        plot.line("time", "height", source=self.base, line_color="#888888")
-        x0, y0, x1, y1, cx, cy = FLIGHT
-        plot.quadratic(
-            x0, y0, x1, y1, cx, cy, source=self.flights, line_color=self._colour(), line_width=1.2
-        )
-        plot.multi_line(
-            "time", "height", source=self.stays, line_color=self._colour(), line_width=4
+        plot, colour, base = self.figures["height"], self._colour(), self.sources["base"]
+        plot.varea("time", "floor", "height", source=base, fill_color="#e6e6e6")
+        plot.line("time", "height", source=base, line_color="#888888")
+        # lines of one pixel are drawn twice as fast as wider ones
+        plot.quadratic(*FLIGHT, source=self.sources["flights"], line_color=colour, line_width=1)
+        plot.segment(
+            *STAY, source=self.sources["stays"], line_color=colour, line_width=4, line_cap="round"
         )
 
     def _draw_dots(self, name: str) -> None:
         plot, (x, y) = self.figures[name], DOTS[name]
-        source = self.dots[name]
+        source = self.sources[name]
         if name == "return map":
             plot.line(x=[-1e6, 1e6], y=[-1e6, 1e6], line_color="#bbbbbb")
-        drawn = plot.scatter(x, y, source=source, size=3.5, color=self._colour())
+        drawn = plot.scatter(
+            x, y, source=source, marker="square", size=3, fill_color=self._colour(), line_color=None
+        )
         tips = [(AXES[name][0], f"@{x}{{0.000000}}"), (AXES[name][1], f"@{y}{{0.00000000}}")]
         others = [("particle", "@particle")]
         others += [("after particle", "@other")] if "other" in source.data else []
         plot.add_tools(HoverTool(renderers=[drawn], tooltips=[*tips, *others]))
 
+    @property
+    def roots(self) -> list[Any]:
+        """What the page places, in this order."""
+        return [self.heading, *self.figures.values()]
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """What was sent last: columns of `sources` by their names, and ``views`` and words."""
+        return dict(self.holder.data["content"][0])
+
     def show(self, record: xr.Dataset, words: str) -> None:
         """Show a record; `words` say of what."""
         found = pictures.heights(record)
-        count = record.sizes["particle"]
-        self.mapper.update(palette=particle_colours(count), high=count - 0.5)
-        (begin, end), (bottom, top) = found.span
-        room = 0.06 * (top - bottom)
-        floor = bottom - room
-        self.flights.data = found.flights
-        self.stays.data = found.stays
-        self.base.data = {**found.base, "floor": np.full(found.base["time"].shape, floor)}
-        self._see("height", (begin, end), (floor, top + room))
-        drawn = {
+        self._columns = {
+            "flights": found.flights,
+            "stays": found.stays,
             "return map": pictures.return_map(record),
             "phases": pictures.landing_phases(record),
             "separations": pictures.separations(record),
         }
-        for name, columns in drawn.items():
-            self.dots[name].data = columns
-        speeds = np.concatenate([drawn["return map"][name] for name in ("speed", "next")])
+        span, (bottom, top) = found.span
+        room = 0.06 * (top - bottom)
+        speeds = np.concatenate([self._columns["return map"][name] for name in ("speed", "next")])
         fastest, slowest = float(speeds.max(initial=0.1)), float(speeds.min(initial=0.0))
         view = (slowest - 0.04 * fastest, 1.06 * fastest)
-        self._see("return map", view, view)
-        self._see("phases", (begin, end), (-0.02, 1.02))
-        gaps = drawn["separations"]["gap"]
+        gaps = self._columns["separations"]["gap"]
         known = gaps[gaps > 0.0]
         low, high = (float(known.min()), float(known.max())) if known.size else (1e-3, 1.0)
-        self._see("separations", (begin, end), (low / 2.0, high * 2.0))
-        self._head(words, found.left_out, int(np.count_nonzero(gaps == 0.0)))
+        self._views = {
+            "height": (*span, bottom - room, top + room),
+            "return map": (*view, *view),
+            "phases": (*span, -0.02, 1.02),
+            "separations": (*span, low / 2.0, high * 2.0),
+        }
+        together = int(np.count_nonzero(gaps == 0.0))
+        note = f"; {together} landings coincide with another one, and have no separation"
+        floor = np.full(found.base["time"].shape, bottom - room)
+        content = {
+            "base": {**found.base, "floor": floor},
+            "views": {name: list(view) for name, view in self._views.items()},
+            "palette": particle_colours(record.sizes["particle"]),
+            "heading": f"<b>{words}</b>{note if together else ''}",
+        }
+        for name in TITLES:
+            content.update(self._seen(name))
+        self._send(content)
 
-    def shown(self) -> dict[str, Any]:
-        """What is shown, as `page.js` shows it again."""
-        ranges = {n: (plot.x_range, plot.y_range) for n, plot in self.figures.items()}
+    def _send(self, content: dict[str, Any]) -> None:
+        self.holder.data = {"content": [content]}
+
+    def _moved(self, name: str, event: RangesUpdate) -> None:
+        """Send what is seen now that the window of a picture was moved."""
+        self._views[name] = (event.x0, event.x1, event.y0, event.y1)
+        self._send(self._seen(name))
+
+    def _seen(self, name: str) -> dict[str, Columns]:
+        """Columns of what is seen in the window of a picture."""
+        if name != "height":
+            x, y = (self._columns[name][column] for column in DOTS[name])
+            return {name: self._taken(name, name, [x], y)}
+        flights, stays = self._columns["flights"], self._columns["stays"]
+        middles = {
+            "flights": (flights["y_start"] + 2.0 * flights["cy"] + flights["y_end"]) / 4.0,
+            "stays": (stays["y_start"] + stays["y_end"]) / 2.0,
+        }
         return {
-            **{name: dict(source.data) for name, source in self.sources.items()},
-            "views": {n: [x.start, x.end, y.start, y.end] for n, (x, y) in ranges.items()},
-            "palette": list(self.mapper.palette),
-            "heading": self.heading.text,
+            source: self._taken(name, source, [self._columns[source][e] for e in ENDS], middle)
+            for source, middle in middles.items()
         }
 
-    def _see(self, name: str, across: tuple[float, float], up: tuple[float, float]) -> None:
-        plot = self.figures[name]
-        for view, (low, high) in ((plot.x_range, across), (plot.y_range, up)):
-            view.update(start=low, end=high, reset_start=low, reset_end=high)
+    def _taken(self, name: str, source: str, across: list[Array], up: Array) -> Columns:
+        rows = np.arange(up.size) if self.whole else seen(across, up, *self._axes(name))
+        return {n: self._columns[source][n][rows] for n in self.sources[source].data}
 
-    def _head(self, words: str, left_out: int, together: int) -> None:
-        notes = [words]
-        if left_out:
-            notes.append(f"the {left_out} shortest flights are not drawn")
-        if together:
-            notes.append(f"{together} landings coincide with another one, and have no separation")
-        self.heading.text = f"<b>{notes[0]}</b>" + "".join(f"; {note}" for note in notes[1:])
+    def _axes(self, name: str) -> tuple[Axis, Axis]:
+        columns, rows = inner_pixels(self.figures[name], GUESS)
+        left, right, low, high = self._views[name]
+        return Axis(left, right, columns), Axis(low, high, rows, log=name == "separations")

@@ -3,15 +3,7 @@ const get = (from, key) => (from instanceof Map ? from.get(key) : from[key])
 const size = (range, pixels) => Math.abs(range.end - range.start) / (pixels || 400)
 const show = (index) => {
   const motion = motions[index]
-  for (const [name, source] of Object.entries(sources)) source.data = get(motion, name)
-  for (const [name, plot] of Object.entries(figures)) {
-    const [x0, x1, y0, y1] = get(get(motion, "views"), name)
-    plot.x_range.setv({start: x0, end: x1, reset_start: x0, reset_end: x1})
-    plot.y_range.setv({start: y0, end: y1, reset_start: y0, reset_end: y1})
-  }
-  const palette = get(motion, "palette")
-  particles.setv({palette: palette, high: palette.length - 0.5})
-  heading.text = get(motion, "heading")
+  holder.data = {content: [motion]}
   facts.text = get(motion, "facts")
   const parts = get(around, picture.value)
   code.text = parts[1] ? parts[0] + get(motion, "call") + parts[1] : parts[0]

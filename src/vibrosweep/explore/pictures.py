@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.base_motion import BaseMotion, base_motion, course
+from vibrosweep.analysis.base_motion import BaseMotion, base_motion, course, recoils
 from vibrosweep.analysis.returns import return_points
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = [
-    "MOST_FLIGHTS",
+    "Columns",
     "Heights",
     "heights",
     "landing_phases",
@@ -25,9 +25,7 @@ __all__ = [
 Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
-# More are too many to be drawn at once: the shortest are left out, and the page says so.
-MOST_FLIGHTS: Final = 20_000
-# Points of the base in a forcing period, and altogether; points of a stay on it
+# Points of the base in a forcing period, and altogether; points of a stay on one that moves
 SAMPLES: Final = 48
 MOST_SAMPLES: Final = 20_000
 OF_STAY: Final = 24
@@ -43,20 +41,18 @@ class Heights(NamedTuple):
         ``y_end`` (m), of each flight; ``cx``, ``cy``, the control point with which the flight, a
         parabola, is a quadratic Bezier curve.
     stays
-        ``particle``, and ``time`` (s) and ``height`` (m) of each stay on the base, as lists.
+        ``particle``, and ``start``, ``end`` (s), ``y_start`` and ``y_end`` (m), of the straight
+        pieces that stays on the base are drawn with.
     base
         ``time`` (s) and ``height`` (m) of the base.
     span
         Time (s) from beginning to end, as two numbers, and so the height (m).
-    left_out
-        Number of flights that are not given, the shortest of more than `MOST_FLIGHTS`.
     """
 
     flights: Columns
-    stays: dict[str, list[NDArray[Any]]]
+    stays: Columns
     base: Columns
     span: tuple[tuple[float, float], tuple[float, float]]
-    left_out: int
 
 
 def heights(record: xr.Dataset) -> Heights:
@@ -72,11 +68,6 @@ def heights(record: xr.Dataset) -> Heights:
     base = base_motion(one, "heights")
     found = course(one, base, end)
     particle, flight = np.nonzero(found.flies)
-    left_out = max(particle.size - MOST_FLIGHTS, 0)
-    if left_out:
-        length = (found.end - found.start)[particle, flight]
-        kept = np.sort(np.argsort(length, kind="stable")[left_out:])
-        particle, flight = particle[kept], flight[kept]
     at = (particle, flight)
     start, stop = found.start[at], found.end[at]
     velocity, low = found.velocity[at], found.height[at]
@@ -98,20 +89,22 @@ def heights(record: xr.Dataset) -> Heights:
     levels = moved["height"]
     top, bottom = max(float(tops.max(initial=0.0)), float(levels.max())), float(levels.min())
     span = ((begin, end), (bottom, top if top > bottom else bottom + 1.0))
-    return Heights(flights, _stays(one, base, end), moved, span, left_out)
+    return Heights(flights, _stays(one, base, end), moved, span)
 
 
-def _stays(one: xr.Dataset, base: BaseMotion, end: float) -> dict[str, list[NDArray[Any]]]:
+def _stays(one: xr.Dataset, base: BaseMotion, end: float) -> Columns:
     landing = one["landing_time"].values
     leaves = np.fmin(one["liftoff_time"].values, end)  # a particle at rest for good stays
-    particle, impact = np.nonzero((one["rested"].values == 1) & (landing < end))
-    pairs = zip(landing[particle, impact], leaves[particle, impact], strict=True)
-    moving = base.speed > 0.0
-    times = [np.linspace(*pair, OF_STAY) if moving else np.array(pair) for pair in pairs]
+    at = np.nonzero((one["rested"].values == 1) & (landing < end))
+    count = OF_STAY if base.speed > 0.0 else 2
+    time = np.linspace(landing[at], leaves[at], count, axis=1)
+    height = base.height(time)
     return {
-        "particle": [np.asarray(number) for number in particle],
-        "time": [np.asarray(t) for t in times],
-        "height": [base.height(t) for t in times],
+        "particle": np.repeat(at[0], count - 1),
+        "start": time[:, :-1].ravel(),
+        "end": time[:, 1:].ravel(),
+        "y_start": height[:, :-1].ravel(),
+        "y_end": height[:, 1:].ravel(),
     }
 
 
@@ -120,13 +113,15 @@ def _base(one: xr.Dataset, base: BaseMotion, begin: float, end: float) -> Column
         time = np.array([begin, end])
     else:
         count = int(min(SAMPLES * base.frequency * (end - begin), MOST_SAMPLES)) + 2
-        landing = one["landing_time"].values  # where a base of finite mass has a kink
-        time = np.union1d(np.linspace(begin, end, count), landing[np.isfinite(landing)])
+        time = np.linspace(begin, end, count)
+        if recoils(one):  # it has a kink at each impact
+            landing = one["landing_time"].values
+            time = np.union1d(time, landing[np.isfinite(landing)])
     return {"time": time, "height": base.height(time)}
 
 
 def return_map(record: xr.Dataset) -> Columns:
-    """Speed of arrival at each landing and at the next (m s-1), with particle and time (s).
+    """Speed of arrival at each landing and at the next (m s-1), with the particle.
 
     Parameters
     ----------
@@ -136,8 +131,7 @@ def return_map(record: xr.Dataset) -> Columns:
     one = record.isel(realization=0)
     before, after, known = return_points(one)
     particle, _ = np.nonzero(known)
-    time = one["landing_time"].values[known]
-    return {"speed": before[known], "next": after[known], "particle": particle, "time": time}
+    return {"speed": before[known], "next": after[known], "particle": particle}
 
 
 def landing_phases(record: xr.Dataset) -> Columns:

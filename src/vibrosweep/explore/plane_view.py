@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.models import (
     BoxSelectTool,
     ColorBar,
@@ -21,7 +20,7 @@ from vibrosweep.explore.curves import WindowEnd, window_ends
 from vibrosweep.explore.labels import SYMBOLS
 from vibrosweep.explore.points import Points
 from vibrosweep.explore.raster import View, nearest, raster
-from vibrosweep.explore.sources import empty_source
+from vibrosweep.explore.sources import empty_source, inner_pixels
 
 __all__ = ["MANY", "MARKERS", "NO_MARKER", "PlaneView", "limits"]
 
@@ -35,6 +34,7 @@ MARGIN: Final = 0.03
 # Pixels within which a click means a point
 REACH: Final = 12.0
 HEIGHT: Final = 430
+GUESS: Final = (HEIGHT, HEIGHT)  # pixels until the browser has told them
 SMALL: Final = {"text_font_size": "11px", "text_baseline": "middle"}
 SUBSCRIPTS: Final = {False: "min", True: "max"}
 
@@ -137,7 +137,7 @@ class PlaneView:
         view = View(
             (plot.x_range.start, plot.x_range.end),
             (plot.y_range.start, plot.y_range.end),
-            *self._pixels(),
+            *inner_pixels(plot, GUESS),
         )
         names = self._coloured.names
         codes = np.arange(len(names), dtype=np.float64) if names else None
@@ -153,7 +153,7 @@ class PlaneView:
     def hit(self, place: tuple[float, float]) -> tuple[int, bool]:
         """Number of the point nearest to a place, and whether it is within `REACH` of it."""
         plot = self.figure
-        columns, rows = self._pixels()
+        columns, rows = inner_pixels(plot, GUESS)
         unit = (
             abs(plot.x_range.end - plot.x_range.start) / columns,
             abs(plot.y_range.end - plot.y_range.start) / rows,
@@ -162,13 +162,6 @@ class PlaneView:
         index = nearest(x, y, place, unit)
         far = np.hypot((x[index] - place[0]) / unit[0], (y[index] - place[1]) / unit[1])
         return index, bool(far <= REACH)
-
-    def _pixels(self) -> tuple[int, int]:
-        """Columns and rows of the view; a guess until the browser has told them."""
-        try:
-            return max(self.figure.inner_width, 1), max(self.figure.inner_height, 1)
-        except UnsetValueError:
-            return HEIGHT, HEIGHT
 
     def mark(self, x: float, y: float) -> None:
         """Put a ring around what is chosen."""

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from bokeh.document import Document
 from bokeh.embed import file_html
-from bokeh.events import Tap
-from bokeh.layouts import column, row
+from bokeh.events import DocumentReady, Tap
+from bokeh.layouts import row
 from bokeh.models import Button, ColumnDataSource, CustomJS, Div, PreText, Select
 from bokeh.resources import INLINE
 
@@ -17,7 +17,7 @@ from vibrosweep.errors import OutputError
 from vibrosweep.explore import python_lines as lines
 from vibrosweep.explore.colours import colouring
 from vibrosweep.explore.facts import facts_html, named
-from vibrosweep.explore.layout import TEMPLATE, picker
+from vibrosweep.explore.layout import TEMPLATE, parts, picker
 from vibrosweep.explore.motion_view import MotionView
 from vibrosweep.explore.plane_view import PlaneView, limits
 from vibrosweep.explore.points import Points
@@ -76,7 +76,7 @@ class _Page:
     def __init__(self, points: Points, most: int) -> None:
         self.points = points.taken(evenly(points.count, MOST_POINTS))
         self.plane = PlaneView(self.points)
-        self.motion = MotionView("first")
+        self.motion = MotionView("first", whole=True)
         self.kept: list[int] = []
         self.motions: list[dict[str, Any]] = []
         self._compute(most)
@@ -92,7 +92,7 @@ class _Page:
         for index in spread_out(*(self.plane.values(name) for name in self.points.axes)):
             choice = self.points.choice(index).shortened(PERIODS)
             self.motion.show(choice.simulate(), named(choice))
-            found = self.motion.shown()
+            found = self.motion.content
             room -= _bytes(found)
             if self.motions and (room < 0 or len(self.motions) == most):
                 break
@@ -110,17 +110,21 @@ class _Page:
     def html(self) -> str:
         """Return the page."""
         document = Document()
-        for root in self._roots():
+        roots, places = self._parts()
+        for root in roots:
             document.add_root(root)
+        document.js_on_event(DocumentReady, self.motion.script)
         title = f"{self.points.title} ({self.points.path.name})"
-        return str(file_html(document, INLINE, title, template=TEMPLATE))
+        return str(file_html(document, INLINE, title, template=TEMPLATE, template_variables=places))
 
-    def _roots(self) -> tuple[Any, Any]:
+    def _parts(self) -> tuple[list[Any], dict[str, Any]]:
         plane, points = self.plane, self.points
         pickers = [picker(plane, name) for name in ("x", "y", "colour")]
         around = {name: list(lines.around(name)) for name in lines.PICTURES}
         around[PLANE] = [lines.plane_lines(points, plane.x, plane.y, plane.colour), ""]
-        self.picture = Select(title="Python lines of", value="height", options=[*around])
+        self.picture = Select(
+            title="Python lines of", value="height", options=[*around], name="picture"
+        )
         self.selection = Div(text="The lasso and the box choose points.", name="selection")
         self.save = Button(label=f"Save the table as {TABLE}", disabled=True, name="save")
         kept = {name: plane.values(name)[self.kept] for name in points.axes}
@@ -129,24 +133,15 @@ class _Page:
         self._listen({**self._arguments(pickers, marks), "around": around}, pickers)
         wrap = {"flex-wrap": "wrap"}
         needs = f"Other parameters need the program: vibrosweep explore {points.path.name}"
-        left = column(
-            row(*pickers, styles=wrap, sizing_mode="stretch_width"),
+        said = html.escape(f"{self.said}. {needs}. {points.remark}")
+        left = [
+            row(*pickers, styles=wrap, sizing_mode="stretch_width", name="pickers"),
             plane.figure,
-            Div(text=html.escape(f"{self.said}. {needs}. {points.remark}"), name="said"),
+            Div(text=said, sizing_mode="stretch_width", name="said"),
             self.selection,
             self.save,
-            sizing_mode="stretch_width",
-            name="left",
-        )
-        right = column(
-            self.motion.layout,
-            self.facts,
-            self.picture,
-            self.code,
-            sizing_mode="stretch_width",
-            name="right",
-        )
-        return left, right
+        ]
+        return parts(left, [self.motion], [self.facts, self.picture, self.code])
 
     def _arguments(self, pickers: list[Select], marks: ColumnDataSource) -> dict[str, Any]:
         plane, points = self.plane, self.points
@@ -154,10 +149,7 @@ class _Page:
         return {
             "motions": self.motions,
             "kept": self.kept,
-            "sources": self.motion.sources,
-            "figures": self.motion.figures,
-            "particles": self.motion.mapper,
-            "heading": self.motion.heading,
+            "holder": self.motion.holder,
             "facts": self.facts,
             "code": self.code,
             "picture": self.picture,

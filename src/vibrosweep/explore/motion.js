@@ -1,0 +1,20 @@
+// Shows all that was sent, at once; nothing of it goes back to a server.  Bokeh hands over Map or
+// object.
+const get = (from, key) => (from instanceof Map ? from.get(key) : from[key])
+const show = (model, changes) => model.setv(changes, {sync: false})
+const [content] = holder.data.content
+for (const [name, source] of Object.entries(sources)) {
+  const data = get(content, name)
+  if (data) show(source, {data: data})
+}
+const views = get(content, "views")
+if (views) {
+  for (const [name, plot] of Object.entries(figures)) {
+    const [x0, x1, y0, y1] = get(views, name)
+    show(plot.x_range, {start: x0, end: x1, reset_start: x0, reset_end: x1})
+    show(plot.y_range, {start: y0, end: y1, reset_start: y0, reset_end: y1})
+  }
+  const palette = get(content, "palette")
+  show(particles, {palette: palette, high: palette.length - 0.5})
+  show(heading, {text: get(content, "heading")})
+}
