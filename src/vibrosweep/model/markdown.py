@@ -7,11 +7,19 @@ their markers.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final
 
-from vibrosweep.model.measures import ALWAYS, KEYS, MEASURES, OPTIONS, RECORD, Variable
+from vibrosweep.model.measures import (
+    ALWAYS,
+    KEYS,
+    MEASURES,
+    OF_EACH,
+    OPTIONS,
+    RECORD,
+    Variable,
+)
 
 __all__ = ["TABLES", "insert"]
 
@@ -44,9 +52,13 @@ def _variables() -> Iterator[str]:
     yield from _rows("`[record]`", RECORD.values())
 
 
-def _rows(asked: str, variables: Iterable[Variable]) -> Iterator[str]:
+def _rows(asked: str, variables: Collection[Variable]) -> Iterator[str]:
     yield f"| **{asked}** | |"
-    for variable in variables:
+    each = [v for v in variables if v.long_name.endswith(OF_EACH)]
+    if each:
+        names = ", ".join(f"`{v.name}`" for v in each)
+        yield f"| {names} (particle) | the same variables of each particle |"
+    for variable in (v for v in variables if v not in each):
         dim = variable.dims[-1]
         named = [variable.units] * (variable.units != "1") + [dim] * (dim != "realization")
         brackets = f" ({', '.join(named)})" if named else ""

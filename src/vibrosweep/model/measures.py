@@ -25,6 +25,7 @@ __all__ = [
     "KEYS",
     "MEASURES",
     "MEASURE_OF",
+    "OF_EACH",
     "OF_REALIZATIONS",
     "OPTIONS",
     "RECORD",
@@ -40,6 +41,7 @@ __all__ = [
 ]
 
 UNDETERMINED: Final = -1
+OF_EACH: Final = ", of each particle"  # ends the long name of a statistic by particle
 COUPLES: Final = BASES[2]  # the base over which particles are coupled
 TRANSIENT_PERIODS: Final = "transient_periods"
 # Forcing periods.  A landing phase is rounded to 2**-54, and orbits that contract by 2**-12 or more
@@ -264,7 +266,7 @@ _PER_PARTICLE: Final = Measure(
                 v,
                 name=f"particle_{v.name}",
                 dims=_RP,
-                long_name=f"{v.long_name}, of each particle",
+                long_name=v.long_name + OF_EACH,
                 judged="measure",
             )
             for v in _STATISTICS
