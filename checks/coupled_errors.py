@@ -45,23 +45,22 @@ def draw(rng):
     }
 
 
-def compare(parameters, particles):
+def compare(parameters, launches, duration, most=MOST):
     """How a realization was judged, how many landings it has, and the largest error."""
-    launches = [j / particles for j in range(particles)]
-    found = simulate(base="sprung", launch_time=launches, duration=DURATION, **parameters)
+    found = simulate(base="sprung", launch_time=launches, duration=duration, **parameters)
     landings = int(found.impact_count.sum())
     realization = Realization(
         parameters=parameters,
         launch_times=tuple(map(Fraction, launches)),
         transient=0.0,
-        duration=DURATION,
+        duration=duration,
         windowed=False,
         launch_rounding=0.0,
         rebound="rest",
         base="sprung",
     )
     try:
-        proved, estimate = prove(realization, MOST)
+        proved, estimate = prove(realization, most)
     except TooManyLandingsError:
         return "too many landings", landings, 0.0
     except UndecidableError:
@@ -103,7 +102,8 @@ def main() -> None:
     options = parser.parse_args()
     began, rng, rows = time.perf_counter(), np.random.default_rng(options.seed), []
     for particles in PARTICLES:
-        each = [compare(draw(rng), particles) for _ in range(options.realizations)]
+        launches = [j / particles for j in range(particles)]
+        each = [compare(draw(rng), launches, DURATION) for _ in range(options.realizations)]
         states = [state for state, _, _ in each]
         counts = (states.count(s) for s in STATES)
         landings = sum(landings for _, landings, _ in each)

@@ -66,13 +66,21 @@ restitution = 0.9
 amplitude = 1.2
 launch = [0.0, 0.125]
 """
-MOVING = SPEC.replace(
-    'duration = 3.0\nrebound = "rest"', 'duration_periods = 3.0\nbase = "moving"'
-).replace("amplitude = [0.2, 3.5]", "base_acceleration = [0.2, 5.0]")
-SPRUNG = (
-    MOVING.replace('base = "moving"', 'base = "sprung"\nmass_ratio = 0.01\nmount_frequency = 1.5')
-    .replace("regimes = true\ntrust = true\ntolerance = 1e-9\n", "")
-)  # fmt: skip
+MOTIONS = {
+    "high-bounce": SPEC,
+    "moving": SPEC.replace('rebound = "rest"', 'base = "moving"'),
+    "sprung": (
+        SPEC.replace(
+            'rebound = "rest"', 'base = "sprung"\nmass_ratio = 0.01\nmount_frequency = 1.5'
+        ).replace("regimes = true\ntrust = true\ntolerance = 1e-9\n", "joint = true\n")
+    ),
+}
+FORCINGS = {  # at 1 Hz: up to twice gravity, and to fifty times
+    "amplitude": (3.5, 150.0),
+    "base_velocity": (3.0, 78.0),
+    "base_displacement": (0.5, 12.4),
+    "base_acceleration": (2.0, 50.0),
+}
 TABLE = "restitution,amplitude,frequency\n0.9,1.2,1.0\n0.8,0.4,2.0\n0.95,3.0,1.5\n"
 VALUES = (
     "0", "-1", "1e308", "-1e308", "1e-320", "nan", "inf", "-inf", "9" * 400, "9" * 5000, "2**3",
@@ -129,6 +137,17 @@ def attempt(*words: object) -> tuple[str, str]:
     if code == 2 and not messages.getvalue().startswith("vibrosweep: "):
         return "no message", messages.getvalue()
     return {0: "accepted", 1: "found wrong", 2: "refused"}.get(code, f"code {code}"), out.getvalue()
+
+
+def random_sweep(rng: np.random.Generator, base: str) -> str:
+    """A valid sweep over a base, driven by any forcing, with times in seconds or in periods."""
+    forcing = str(rng.choice(list(FORCINGS)))
+    text = MOTIONS[base].replace(
+        "amplitude = [0.2, 3.5]", f"{forcing} = [0.2, {rng.choice(FORCINGS[forcing])}]"
+    )
+    for key in ("duration", "transient"):
+        text = text.replace(f"{key} =", str(rng.choice([f"{key} =", f"{key}_periods ="])))
+    return text
 
 
 def spoilt_text(rng: np.random.Generator, text: str, values: tuple[str, ...] = VALUES) -> bytes:
@@ -220,7 +239,7 @@ def fuzz_specs(directory: Path, rng: np.random.Generator, number: int) -> Findin
     findings = Findings()
     (directory / "table.csv").write_text(TABLE)
     for _ in range(number):
-        data = spoilt_text(rng, (SPEC, MOVING, SPRUNG)[rng.integers(3)])
+        data = spoilt_text(rng, random_sweep(rng, str(rng.choice(list(MOTIONS)))))
         (directory / "sweep.toml").write_bytes(data)
         try_spec(directory, findings, data)
     return findings
@@ -248,21 +267,30 @@ def fuzz_tables(directory: Path, rng: np.random.Generator, number: int) -> Findi
 def fuzz_results(directory: Path, rng: np.random.Generator, number: int) -> Findings:
     """Damaged results through the commands that read them."""
     findings = Findings()
-    (directory / "sweep.toml").write_text(SPEC)
-    sound = directory / "sound.h5"
-    attempt("run", directory / "sweep.toml", "-o", sound)
-    whole = sound.read_bytes()
     commands: list[tuple[str, tuple[object, ...]]] = [
         ("info", ()),
         ("verify", ("--sample", 1)),
         ("figures", ("-o", directory / "figures")),
     ]
 
+    def sound(base: str) -> Path:
+        return directory / f"{base}.h5"
+
     @functools.cache
-    def expected(name: str) -> str:
-        return attempt(name, sound, *dict(commands)[name])[1]
+    def contents(base: str) -> bytes:
+        (directory / "sweep.toml").write_text(random_sweep(rng, base))
+        end, said = attempt("run", directory / "sweep.toml", "-o", sound(base))
+        if end != "accepted":
+            raise RuntimeError(f"a sound sweep: {end}: {said}")
+        return sound(base).read_bytes()
+
+    @functools.cache
+    def expected(name: str, base: str) -> str:
+        return attempt(name, sound(base), *dict(commands)[name])[1]
 
     for round_number in range(number):
+        base = str(rng.choice(list(MOTIONS)))
+        whole = contents(base)
         name, words = commands[0 if round_number % 10 else rng.integers(len(commands))]
         path = directory / "damaged.h5"
         sealed = bool(rng.random() < 0.7)  # what has no seal is read in a process of its own first
@@ -276,7 +304,7 @@ def fuzz_results(directory: Path, rng: np.random.Generator, number: int) -> Find
         end, said = attempt(name, path, *words)
         note(findings, end, said, f"{name} of attempt {round_number}")
         accepted = sealed and end == "accepted"
-        if accepted and said.replace(str(path), str(sound)) != expected(name):
+        if accepted and said.replace(str(path), str(sound(base))) != expected(name, base):
             findings.failures.append(f"{name}, attempt {round_number}: accepted, other numbers")
     return findings
 

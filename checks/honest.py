@@ -22,79 +22,104 @@ from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec
 
 DESIGNS = ("uniform", "latin", "sobol", "grid")
+FORCINGS = {  # of an amplitude of 1 m/s at e = 0.9 and 1 Hz, and its power of the frequency
+    "amplitude": (1.0, -1),
+    "base_velocity": (1.0 / 1.9, -1),
+    "base_displacement": (1.0 / 1.9 / (2.0 * np.pi), -2),
+    "base_acceleration": (2.0 * np.pi / 1.9 / 9.81, 0),
+}
+LONGEST_COUPLED = 30.0  # periods: of more landings than come in them verify proves none
 
 
 def random_spec(rng: np.random.Generator, longest: float = 300.0) -> str:
-    """Text of a small sweep: any base, law, window and measures, few realizations."""
+    """Text of a small sweep: any base, law, forcing, window and measures, few realizations."""
 
     def truth(probability: float = 0.5) -> str:
         return "true" if rng.random() < probability else "false"
 
     frequency = float(rng.choice([1.0, 1.0, rng.uniform(0.2, 40.0)]))
-    particles, realizations = int(rng.integers(1, 5)), int(rng.integers(1, 4))
-    periods = float(np.exp(rng.uniform(0.0, np.log(longest))))
-    duration = periods / frequency
-    if rng.random() < 0.3:
-        duration = round(duration, 2) + 0.01
+    period = 1.0 / frequency
+    particles = int(rng.integers(1, 5))
+    base = str(rng.choice(["high-bounce", "moving", "sprung"], p=(0.4, 0.4, 0.2)))
+    rebound = str(rng.choice(["rest", "reflect"])) if base == "high-bounce" else "rest"
+    most = min(longest, LONGEST_COUPLED) if base == "sprung" else longest
+    duration = float(np.exp(rng.uniform(0.0, np.log(most))))
+    in_periods = bool(rng.random() < 0.3)
+    if not in_periods:
+        duration *= period
+        if rng.random() < 0.3:
+            duration = round(duration, 2) + 0.01
+    times_are = "_periods" if in_periods else ""
     launch = '"staggered"'
     if rng.random() < 0.5:
-        times = rng.uniform(-1.0, 2.0, particles) / frequency
+        times = rng.uniform(-1.0, 2.0, particles) * period
         if rng.random() < 0.3:
-            times = np.round(times * frequency) / frequency
+            times = np.round(times * frequency) * period
         launch = "[" + ", ".join(repr(float(t)) for t in times) + "]"
-    transient = rng.choice([0.0, rng.uniform(0.0, 0.95)]) * duration
-    design = str(rng.choice(DESIGNS, p=(0.4, 0.1, 0.1, 0.4)))
-    scale = 1.0 / frequency  # the kick in periods is that of 1 Hz
-    base = str(rng.choice(["high-bounce", "moving"]))
-    rebound = str(rng.choice(["rest", "reflect"])) if base == "high-bounce" else "rest"
-    largest = 4.0 if base == "high-bounce" else float(rng.choice([4.0, 30.0]))
+    transient = float(rng.choice([0.0, rng.uniform(0.0, 0.95)])) * duration
+    if base == "sprung":
+        mount = f"""mass_ratio = {float(rng.choice([0.0, 10.0 ** rng.uniform(-4.0, 0.0)]))!r}
+mount_frequency = {frequency * 10.0 ** rng.uniform(-1.0, 0.7)!r}
+mount_damping = {float(rng.choice([0.0, 0.05, 1.0, rng.uniform(0.0, 3.0)]))!r}
+"""
+        measures = f"joint = {truth()}"
+    else:
+        mount = ""
+        measures = f"regimes = {truth(0.7)}\nlyapunov = {truth(0.7)}\ntrust = {truth()}"
+    sampled, recorded = random_sample(rng, base, frequency)
+    record = f"[record]\n{recorded}{mount}" if rng.random() < 0.2 else ""
+    return f"""title = "Honest"
+[scene]
+frequency = {frequency!r}
+phase = {float(rng.choice([0.0, rng.uniform(-10.0, 10.0)]))!r}
+launch_velocity = {float(period * rng.choice([5.0, rng.uniform(0.0, 20.0)]))!r}
+contact_time = {float(period * rng.choice([1e-4, 1e-2, 1e-6, 1e-9]))!r}
+particles = {particles}
+launch = {launch}
+duration{times_are} = {duration!r}
+rebound = "{rebound}"
+base = "{base}"
+{mount}[sample]
+{sampled}
+[measure]
+transient{times_are} = {transient!r}
+separation = {truth()}
+per_particle = {truth()}
+{measures}
+{record}"""
+
+
+def random_sample(rng: np.random.Generator, base: str, frequency: float) -> tuple[str, str]:
+    """Keys of [sample], and of a [record] at the end of its ranges."""
+    forcing = str(rng.choice(list(FORCINGS)))
+    factor, power = FORCINGS[forcing]
+    scale = factor * frequency**power  # the kick in periods is that of 1 Hz
+    largest = 4.0 if base == "high-bounce" else float(rng.choice([4.0, 30.0, 148.0]))
     low = float(rng.choice([0.0, 0.3, 0.8, 0.95])) if rng.random() < 0.8 else 0.999
     restitution = (low, float(rng.uniform(low, 1.0)) if rng.random() < 0.9 else 1.0)
-    amplitude = sorted((scale * rng.uniform(0.0, largest, 2)).tolist())
+    strength = sorted((scale * rng.uniform(0.0, largest, 2)).tolist())
     if rng.random() < 0.1:
-        amplitude[0] = 0.0
+        strength[0] = 0.0
+    design = str(rng.choice(DESIGNS, p=(0.4, 0.1, 0.1, 0.4)))
     if design == "grid":
         # not e = 0 or 1 themselves more often than by chance
         axes = [
             sorted(set(rng.uniform(*ends, int(rng.integers(1, 3))).tolist()))
-            for ends in (restitution, amplitude)
+            for ends in (restitution, strength)
         ]
         if rng.random() < 0.15:
             axes[0] = [float(rng.choice([0.0, 1.0, 0.5]))]
         if rng.random() < 0.15:
             axes[1] = [0.0]
-        sampled = f"restitution = {axes[0]}\namplitude = {axes[1]}"
+        ranges = f"restitution = {axes[0]}\n{forcing} = {axes[1]}"
     else:
-        sampled = (
-            f"realizations = {realizations}\nseed = {int(rng.integers(1000))}\n"
+        ranges = (
+            f"realizations = {int(rng.integers(1, 4))}\nseed = {int(rng.integers(1000))}\n"
             f"restitution = [{restitution[0]!r}, {restitution[1]!r}]\n"
-            f"amplitude = [{amplitude[0]!r}, {amplitude[1] + 1e-3!r}]"
+            f"{forcing} = [{strength[0]!r}, {strength[1] + 1e-3 * scale!r}]"
         )
-    record = ""
-    if rng.random() < 0.2:
-        record = f"[record]\nrestitution = {restitution[1]!r}\namplitude = {amplitude[1]!r}\n"
-    return f"""title = "Honest"
-[scene]
-frequency = {frequency!r}
-phase = {float(rng.choice([0.0, rng.uniform(-10.0, 10.0)]))!r}
-launch_velocity = {float(scale * rng.choice([5.0, rng.uniform(0.0, 20.0)]))!r}
-contact_time = {float(scale * rng.choice([1e-4, 1e-2, 1e-6, 1e-9]))!r}
-particles = {particles}
-launch = {launch}
-duration = {duration!r}
-rebound = "{rebound}"
-base = "{base}"
-[sample]
-design = "{design}"
-{sampled}
-[measure]
-transient = {float(transient)!r}
-separation = {truth()}
-per_particle = {truth()}
-regimes = {truth(0.7)}
-lyapunov = {truth(0.7)}
-trust = {truth()}
-{record}"""
+    recorded = f"restitution = {restitution[1]!r}\n{forcing} = {strength[1]!r}\n"
+    return f'design = "{design}"\n{ranges}', recorded
 
 
 def main() -> int:

@@ -44,7 +44,18 @@ amplitude = [0.2, 3.5]
 [measure]
 separation = true
 """
-SWEEPS = {"high-bounce": SWEEP, "moving": SWEEP.replace("[scene]", '[scene]\nbase = "moving"')}
+SPRUNG = """[scene]
+base = "sprung"
+mass_ratio = 0.01
+mount_frequency = 0.37
+duration_periods = 4.0"""
+SWEEPS = {
+    "high-bounce": SWEEP,
+    "moving": SWEEP.replace("[scene]", '[scene]\nbase = "moving"').replace(
+        "amplitude = [0.2, 3.5]", "base_acceleration = [0.1, 5.0]"
+    ),
+    "sprung": SWEEP.replace("[scene]", SPRUNG).replace("particles = 20", "particles = 4"),
+}
 PHASES = ("start", "chunks", "result", "end")
 
 

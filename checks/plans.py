@@ -45,6 +45,40 @@ per_particle = true
 regimes = true
 trust = true
 """,
+    "all measures, moving base": """
+title = "Everything that can be measured, over a base that throws"
+[scene]
+base = "moving"
+particles = 20
+duration_periods = 12.0
+[sample]
+realizations = 20_000
+restitution = [0.50, 0.98]
+base_acceleration = [0.1, 50.0]
+[measure]
+separation = true
+per_particle = true
+regimes = true
+lyapunov = true
+trust = true
+""",
+    "all measures, sprung base": """
+title = "Everything that can be measured of coupled particles"
+[scene]
+base = "sprung"
+particles = 20
+duration_periods = 40.0
+[sample]
+realizations = 500
+restitution = [0.80, 0.98]
+base_acceleration = [0.1, 5.0]
+mass_ratio = [0.0001, 0.02]
+mount_frequency = [0.2, 2.0]
+[measure]
+separation = true
+per_particle = true
+joint = true
+""",
     "long orbits": """
 title = "A million periods, most of them skipped"
 [scene]

@@ -41,9 +41,22 @@ REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
 Tables = dict[str, dict[str, Any]]
 # where a run may be interrupted: what is called, and where it stands
 PLACES = ((Parts, "write"), (Parts, "read"), (Rows, "add"), (run, "write_record"))
-MODELS = ({"rebound": "rest"}, {"rebound": "reflect"}, {"base": "moving"})
-OTHER = {"rest": "reflect", "reflect": "rest", "moving": "high-bounce"}
+MODELS = (
+    {"rebound": "rest"},
+    {"rebound": "reflect"},
+    {"base": "moving"},
+    {"base": "sprung", "mass_ratio": 0.02, "mount_frequency": 0.6},
+)
+MOUNT = ("mass_ratio", "mount_frequency")
+OTHER = {"rest": "reflect", "reflect": "rest", "moving": "high-bounce", "sprung": "moving"}
 SWITCHES = ("separation", "per_particle", "regimes", "lyapunov", "trust")
+COUPLED_SWITCHES = ("separation", "per_particle", "joint")
+FORCINGS = {  # at 1 Hz, up to fifty times gravity
+    "amplitude": (0.1, 3.5, 150.0),
+    "base_velocity": (0.1, 2.0, 78.0),
+    "base_displacement": (0.01, 0.3, 12.4),
+    "base_acceleration": (0.05, 3.0, 50.0),
+}
 BUDGET = "impact_budget"
 
 
@@ -81,29 +94,38 @@ def random_tables(rng: np.random.Generator) -> Tables:
     particles = int(rng.integers(1, 5))
     launch = [round(float(t), 3) for t in rng.uniform(0.0, 2.0, particles)]
     grid = rng.random() < 0.2
-    ends = np.sort(rng.uniform(0.1, 3.5, 2)).round(4).tolist()
+    model, forcing = MODELS[rng.integers(len(MODELS))], str(rng.choice(list(FORCINGS)))
+    coupled = model.get("base") == "sprung"
+    low, high, highest = FORCINGS[forcing]
+    if rng.random() < 0.2:
+        high = highest
+    ends = np.sort(rng.uniform(low, high, 2)).round(4).tolist()
+    in_periods = "_periods" if rng.random() < 0.5 else ""
     tables: Tables = {
         "": {"title": "A sweep to be interrupted"},
         "scene": {
             "particles": particles,
-            "duration": float(rng.choice([6.0, 40.0, 400.0])),
-            **MODELS[rng.integers(len(MODELS))],
+            f"duration{in_periods}": float(rng.choice([6.0, 40.0, 400.0])),
+            **model,
             "frequency": round(float(rng.uniform(0.5, 3.0)), 3),
             "launch": launch if rng.random() < 0.5 else "staggered",
         },
         "sample": {
             "design": "grid" if grid else str(rng.choice(["uniform", "latin", "sobol"])),
             "restitution": [0.6, 0.8, 0.9, 0.97] if grid else [0.5, 0.98],
-            "amplitude": [*ends, 4.0] if grid else ends,
+            forcing: [*ends, 2.0 * high] if grid else ends,
         },
-        "measure": {name: bool(rng.random() < 0.4) for name in SWITCHES},
+        "measure": {
+            name: bool(rng.random() < 0.4) for name in (COUPLED_SWITCHES if coupled else SWITCHES)
+        },
     }
     if not grid:
         tables["sample"] |= {"realizations": int(rng.integers(4, 30)), "seed": 7}
-    tables["measure"]["transient"] = float(rng.choice([0.0, 3.0]))
+    tables["measure"][f"transient{in_periods}"] = float(rng.choice([0.0, 3.0]))
     tables["measure"][BUDGET] = int(rng.choice([24, 200, 10**6]))
     if rng.random() < 0.3:
         tables["record"] = {"restitution": 0.9, "amplitude": 1.2, "duration": 8.0}
+        tables["record"] |= {name: model[name] for name in MOUNT if name in model}
     return tables
 
 
@@ -130,11 +152,17 @@ def changed(tables: Tables, rng: np.random.Generator) -> tuple[Tables, str]:
     key = str(rng.choice(list(now[section])))
     value = now[section][key]
     if key in ("design", "launch"):
-        section, key, value = "measure", "regimes", now["measure"]["regimes"]
+        section, key = "measure", "separation"
+        value = now[section][key]
     if isinstance(value, bool):
         now[section][key] = not value
     elif isinstance(value, str):
         now[section][key] = OTHER[value]
+        for one in MOUNT if value == "sprung" else ():
+            del now["scene"][one]
+            now.get("record", {}).pop(one, None)
+        if value == "sprung":
+            now["measure"].pop("joint", None)
     elif isinstance(value, list):
         now[section][key] = [value[0] * 0.75, *value[1:]]
     elif key == "particles":
@@ -143,8 +171,9 @@ def changed(tables: Tables, rng: np.random.Generator) -> tuple[Tables, str]:
         now[section][key] = value + 1 if isinstance(value, int) else value * 0.9375 + 0.001
     if key == "regimes" and now["measure"].get("lyapunov"):  # which includes them
         return now, ""
-    known = key in ("restitution", "amplitude", "frequency") and section != "record"
-    return now, key if known else f"{section}.{key}"
+    parameters = {"restitution", "frequency", *FORCINGS, *MOUNT}
+    known = key in parameters and section != "record"
+    return now, key if known else f"{section}.{key.removesuffix('_periods')}"
 
 
 class _Counted:

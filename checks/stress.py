@@ -6,8 +6,9 @@ Every case is computed by the whole engine (statistics, recurrence, separations,
 record) and checked: numbers finite or documented as absent, landings in order and before the end,
 impacts in the strip |v' - e v| <= A, speeds below max(v0, A / (1 - e)), or the bound of the moving
 base, the budget respected, each single step within rounding of ball arithmetic, on the moving base
-each landing the first root, and the landings within their bounds of the proved reference.  Nothing
-but `ParameterError` may be raised.
+each landing the first root, and the landings within their bounds of the proved reference (of a
+base of finite mass, within the estimate of `vibrosweep.proof.coupled`).  Nothing but
+`ParameterError` may be raised.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from stress_checks import Case, Findings, examine
 from stress_exact import EXACT
 from trust_check import KINDS
 from vibrosweep.engine.workers import Workers
+from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import LAWS
 
 RESTITUTION = (0.0, 1e-12, 0.5, 1.0 - 1e-12, 1.0)
@@ -35,6 +37,9 @@ GRAVITY = (1e-3, 1.0, 9.81, 1e3)
 FLIGHT = (0.0, 1e-300, 1e-17, 1e-12, 1e-6, 1.0, 1e3, 1e6, 1e9, 1e12, 1e15)
 START = (0.0, -0.25, -1e6, 1e6, -1e9, 1e9, 2.0**50, -(2.0**50))  # periods
 ACCELERATION = (1e-12, 1.0 - 2.0**-53, 1.0, 1.0 + 2.0**-52, 1.0 + 1e-12, 1.0 + 1e-6, 1e3)
+MASS_RATIO = (0.0, 1e-12, 1e-3, 1.0, 1e3)
+MOUNT_FREQUENCY = (1e-3, 0.37, 1.0 - 2.0**-53, 1.0, 7.3, 1e3)  # of the forcing
+DAMPING = (0.0, 1e-12, 0.05, 1.0 - 2.0**-53, 1.0, 1.0 + 2.0**-52, 1e3)
 HANGS = 600  # s, after which a case is one that hangs
 
 Family = Callable[[np.random.Generator, str], Case]
@@ -215,9 +220,24 @@ MOVING_FAMILIES: dict[str, Family] = {
 }
 
 
+ENDLESS = ("1e9 periods", "endless chatter, 2 to 200 particles")
+
+
 def families_of(base: str) -> Mapping[str, Family]:
     """What is tried on a base."""
+    if base == SPRUNG:  # followed landing by landing, however long
+        return {name: one for name, one in FAMILIES.items() if name not in ENDLESS}
     return FAMILIES | MOVING_FAMILIES if base == "moving" else FAMILIES
+
+
+def with_mount(rng: np.random.Generator, drawn: Case) -> Case:
+    """The same on a base of finite mass: heavy, as light as a particle, and lighter; any mount."""
+    mount = {
+        "mass_ratio": float(rng.choice([*MASS_RATIO, 10.0 ** rng.uniform(-4.0, 0.0)])),
+        "mount_frequency": drawn.scene["frequency"] * float(rng.choice(MOUNT_FREQUENCY)),
+        "mount_damping": float(rng.choice([*DAMPING, rng.uniform(0.0, 2.0)])),
+    }
+    return replace(drawn, scene=drawn.scene | mount)
 
 
 def gather(total: Findings, found: Findings) -> None:
@@ -237,6 +257,8 @@ def run_family(
     for number in range(cases):
         rng = np.random.default_rng([seed, number])
         drawn = replace(family(rng, law), base=base)
+        if base == SPRUNG:
+            drawn = with_mount(rng, drawn)
         faulthandler.dump_traceback_later(HANGS, exit=True)
         found = examine(drawn, workers)
         faulthandler.cancel_dump_traceback_later()
@@ -279,7 +301,7 @@ HEAD = (
 def bounded(options: argparse.Namespace, workers: Workers) -> dict[str, Findings]:
     """Try every family on every base under its laws; sums over the families."""
     sums = {}
-    for base, law in KINDS:
+    for base, law in (*KINDS, (SPRUNG, LAWS[0])):
         sums[f"{base}, {law}"] = Findings(cases=0)
         for name, family in families_of(base).items():
             if options.only in f"{base} {name}":

@@ -11,6 +11,7 @@ from flint import arb, ctx
 from numba import njit
 
 from accuracy import ULP, arrays_of, batch_of, orbit
+from coupled_errors import compare as compare_coupled
 from first_roots import LARGEST_ERROR, Flights, judge
 from trust_check import compare, kernel_jobs
 from vibrosweep.engine.landings import record_landings
@@ -20,17 +21,21 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.impact import impact, launch, launch_speed
+from vibrosweep.model.mount import SPRUNG
+from vibrosweep.model.parameters import MOUNT
 from vibrosweep.model.status import Status
+from vibrosweep.proof.coupled import FACTOR
 from vibrosweep.runs.driver import record_observation
 
 BITS = 256
 CAPACITY = 24  # landings of the first particle that are compared with the proved reference
 TINY = 1e-300  # below, doubles lose digits
+COUPLED_LANDINGS = 40  # up to which the landings of coupled particles are proved
 
 
 @dataclass
 class Case:
-    """One realization of some particles, and how it is watched."""
+    """One realization of some particles, and how it is watched; of a sprung base the mount too."""
 
     scene: dict[str, float]
     launch: tuple[float, ...]
@@ -71,11 +76,15 @@ def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
     plain = record_observation(
         len(case.launch), case.launch, case.duration, case.law, case.budget, case.base
     )
+    coupled = case.base == SPRUNG
+    alone = {"joint": True} if coupled else {"regimes": True, "trust": True}
     watched = plain.measuring(
-        transient=case.transient, separation=True, per_particle=True, regimes=True,
-        trust=True, tolerance=1e-9 / case.scene["frequency"],
+        transient=case.transient, separation=True, per_particle=True,
+        tolerance=1e-9 / case.scene["frequency"], **alone,
     )  # fmt: skip
     parameters = arrays_of(case.scene)
+    if coupled:
+        parameters |= {name: np.array([case.scene[name]]) for name in MOUNT}
     try:
         measured = measure(parameters, watched, workers)
         record = record_landings(parameters, plain, workers)
@@ -91,7 +100,9 @@ def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
     found.faults += check_measures(case, measured, record)
     for p in range(len(case.launch)):
         found.faults += check_record(case, {n: v[0, p] for n, v in record.items()})
-    if proved and found.ended != {"NON_FINITE"}:
+    if coupled and proved and found.ended == {"COMPLETED"}:
+        check_coupled(case, found)
+    elif not coupled and proved and found.ended != {"NON_FINITE"}:
         (check_landings if case.base == "moving" else check_steps)(case, found)
         check_bounds(case, found)
     return found
@@ -125,8 +136,9 @@ def check_record(case: Case, record: dict[str, np.ndarray]) -> Iterator[str]:
     moved = liftoff[:leaving] - landing[:leaving]
     if np.any(moved < -slack) or np.any(moved[rested[:leaving] == 0] != 0.0):
         yield "a lift-off is not where its landing is"
-    check = check_absolute_speeds if case.base == "moving" else check_speeds
-    yield from check(case, speed[:leaving])
+    if case.base != SPRUNG:
+        check = check_absolute_speeds if case.base == "moving" else check_speeds
+        yield from check(case, speed[:leaving])
 
 
 def check_speeds(case: Case, speed: np.ndarray) -> Iterator[str]:
@@ -172,22 +184,43 @@ def check_measures(
     count = int(measured["impact_count"][0])
     if not least <= count <= most:
         yield f"{count} landings counted, {least} to {most} recorded"
-    rests = int(measured["rest_count"][0])
-    still = not case.scene["amplitude"] > 0.0 or lifts_never(case)
-    flights = count - (rests if still else 0)
+    flies = count > resting_for_good(case, measured, record)
     for name in ("rebound_height_mean", "rebound_height_max", "flight_time_mean"):
         value = float(measured[name][0])
-        if np.isnan(value) != (flights == 0) or np.isinf(value):
-            yield f"{name} = {value} with {flights} flights"
+        if np.isnan(value) == flies or np.isinf(value):
+            yield f"{name} = {value} with flights: {flies}"
     for name in ("dt_min", "dt_min_same_index"):
         value = float(measured[name][0])
         if value < 0.0 or np.isinf(value):
             yield f"{name} = {value}"
 
 
-def lifts_never(case: Case) -> bool:
-    batch = batch_of([case.single], case.law, case.base)
-    return not bases.lifts(batch.base, batch.problem)[0]
+def resting_for_good(
+    case: Case, measured: dict[str, np.ndarray], record: dict[str, np.ndarray]
+) -> int:
+    """Landings in the window that no flight follows."""
+    if case.base == SPRUNG:  # such a particle may ride the base at the end without a lift-off
+        last = ~np.isfinite(record["liftoff_time"][0])
+        return int((last & (record["landing_time"][0] >= case.transient)).sum())
+    if case.scene["amplitude"] > 0.0:
+        batch = batch_of([case.single], case.law, case.base)
+        if bases.lifts(batch.base, batch.problem)[0]:
+            return 0
+    return int(measured["rest_count"][0])
+
+
+def check_coupled(case: Case, found: Findings) -> None:
+    """All landings of a short realization against proved ones."""
+    if found.landings > COUPLED_LANDINGS or case.duration <= 0.0:
+        return
+    state, landings, worst = compare_coupled(
+        case.scene, case.launch, case.duration, COUPLED_LANDINGS
+    )
+    if state == "compared":
+        found.compared += landings
+        found.bound_share = worst / FACTOR
+    if state == "different" or worst > FACTOR:
+        found.faults.append(f"coupled landings: {state}, {worst:.3g} times the change")
 
 
 def check_steps(case: Case, found: Findings) -> None:

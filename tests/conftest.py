@@ -88,13 +88,14 @@ def record(workers):
 @pytest.fixture
 def compute(tmp_path):
     """Compute the text of a sweep file; gives the path of the result."""
-    from vibrosweep import run
+    from vibrosweep.runs.driver import run_sweep
+    from vibrosweep.spec.sweep import read_spec
 
-    def result(text, **options):
+    def result(text, threads=2, **options):
         count = len(list(tmp_path.glob("*.toml")))
         spec = tmp_path / f"sweep{count}.toml"
         spec.write_text(f'title = "A sweep of a test"\n{text}', encoding="utf-8")
-        run(spec, spec.with_suffix(".h5"), **options).close()
+        run_sweep(read_spec(spec), spec.with_suffix(".h5"), threads=threads, **options)
         return spec.with_suffix(".h5")
 
     return result

@@ -349,21 +349,21 @@ def test_an_interrupted_run_leaves_nothing(spec, tmp_path, ending):
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_keeps_what_is_finished(spec, vibrosweep, tmp_path, ending):
     output = tmp_path / "out.h5"
-    words = ("run", spec(CHUNKS.replace("10_000_000", "1_000_000")), "-o", output)
-    process = start(*words, "--chunk", 1000)
+    words = ("run", spec(CHUNKS.replace("10_000_000", "100_000")), "-o", output)
+    process = start(*words, "--chunk", 200)
     wait_for(process, tmp_path, PARTS, 3)
     process.send_signal(ending)
     messages = process.communicate(timeout=20)[1]
     finished = len(list(tmp_path.glob(PARTS)))
-    assert 3 <= finished < 1000
+    assert 3 <= finished < 500
     assert process.returncode == 130
-    assert messages.startswith(f"vibrosweep: interrupted; {finished} of 1000 chunks are finished")
+    assert messages.startswith(f"vibrosweep: interrupted; {finished} of 500 chunks are finished")
     assert messages.endswith(": run the same command again to continue\n")
     assert messages.count("\n") == 1
     assert not output.exists()
     code, text, _ = vibrosweep("info", output)
     assert code == 0
-    assert text.startswith(f"{output}: is not finished: {finished} of 1000 chunks are in ")
+    assert text.startswith(f"{output}: is not finished: {finished} of 500 chunks are in ")
     assert vibrosweep(*words)[0] == 0
     assert {p.name for p in tmp_path.iterdir()} == {"sweep.toml", "out.h5"}
     assert vibrosweep("run", words[1], "-o", tmp_path / "whole.h5")[0] == 0

@@ -1,6 +1,7 @@
 """Finished datasets, small, and copies of them with something changed by hand."""
 
 import shutil
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import h5py
@@ -9,6 +10,7 @@ import pytest
 
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.store.seal import append_seal
 
 CLAIMED = """
 title = "Everything that can be measured, over a late window"
@@ -100,13 +102,31 @@ def bare(computed):
 
 
 @pytest.fixture
-def changed(tmp_path):
+def edited(tmp_path):
+    """Copy a file and open the copy, to be changed; it is sealed as if a run had written it so.
+
+    A file without a seal would be read in another process first, which takes a second.
+    """
+
+    @contextmanager
+    def editing(source):
+        path = tmp_path / "changed.h5"
+        if source != path:
+            shutil.copy(source, path)
+        with h5py.File(path, "r+") as file:
+            yield path, file
+        with path.open("r+b") as file:
+            append_seal(file)
+
+    return editing
+
+
+@pytest.fixture
+def changed(edited):
     """Copy a file and change one number: gives the copy and where it was changed."""
 
     def change(source, name, new, realization=None, place=0):
-        path = tmp_path / "changed.h5"
-        shutil.copy(source, path)
-        with h5py.File(path, "r+") as file:
+        with edited(source) as (path, file):
             if realization is None:  # the one of which most is known
                 realization = int(np.argmin(file["landing_time_error"][...]))
             of_grid = np.unravel_index(realization, file["status"].shape)

@@ -1,8 +1,5 @@
 """Whatever is changed in a dataset by hand is found, and named."""
 
-import shutil
-
-import h5py
 import numpy as np
 import pytest
 
@@ -55,14 +52,12 @@ def caught(change, name):
 
 
 @pytest.fixture
-def all_caught(many, tmp_path):
+def all_caught(many, edited):
     """Change each of some variables in a realization of its own; every one is found, there only."""
 
     def change_all(names, new):
-        path = tmp_path / "changed.h5"
-        shutil.copy(many, path)
         places = {}
-        with h5py.File(path, "r+") as file:
+        with edited(many) as (path, file):
             rows = list(np.argsort(file["landing_time_error"][...]))  # the best known first
             for name in names:
                 values = file[name]
@@ -113,11 +108,9 @@ def test_changed_number_of_a_locked_orbit(locked, changed, name):
     caught(changed(locked, name, lambda value: moved(value) if value % 1 else value + 1), name)
 
 
-def test_changed_coordinates(claimed, tmp_path):
-    path = tmp_path / "changed.h5"
-    shutil.copy(claimed, path)
+def test_changed_coordinates(claimed, edited):
     present, recorded = set(SWEEP_COORDINATES) - OTHERS, set(RECORD_COORDINATES) - OTHERS
-    with h5py.File(path, "r+") as file:
+    with edited(claimed) as (path, file):
         for group, names in ((file, present), (file["record"], recorded)):
             for variable in (group[name] for name in names):
                 where = (1,) * variable.ndim
@@ -142,10 +135,8 @@ def test_changed_number_without_bounds(bare, changed, name):
 
 
 @pytest.mark.parametrize("name", RECORD)
-def test_changed_record(claimed, tmp_path, name):
-    path = tmp_path / "changed.h5"
-    shutil.copy(claimed, path)
-    with h5py.File(path, "r+") as file:
+def test_changed_record(claimed, edited, name):
+    with edited(claimed) as (path, file):
         variable = file["record"][name]
         where = (0, 1, 1)[: variable.ndim]
         integer = np.issubdtype(variable.dtype, np.integer)
@@ -155,10 +146,8 @@ def test_changed_record(claimed, tmp_path, name):
     assert next(report.complaints()).startswith("record, particle 1: ")
 
 
-def test_invented_landing_in_record(claimed, tmp_path):
-    path = tmp_path / "changed.h5"
-    shutil.copy(claimed, path)
-    with h5py.File(path, "r+") as file:
+def test_invented_landing_in_record(claimed, edited):
+    with edited(claimed) as (path, file):
         last = file["record"]["landing_time"][0]
         particle = int(np.argmax(np.isnan(last[:, -1])))
         file["record"]["landing_time"][0, particle, -1] = 7.9
@@ -166,10 +155,8 @@ def test_invented_landing_in_record(claimed, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["landing_time_error", "rebound_velocity_error"])
-def test_bound_that_is_too_small_is_disproved(claimed, tmp_path, name):
-    path = tmp_path / "changed.h5"
-    shutil.copy(claimed, path)
-    with h5py.File(path, "r+") as file:
+def test_bound_that_is_too_small_is_disproved(claimed, edited, name):
+    with edited(claimed) as (path, file):
         file.attrs["source"] = "vibrosweep 0.0.1"  # which may have bounded otherwise
         known_worst = int(np.argmax(file[name][...]))
         file[name][known_worst] = 1e-18
@@ -178,18 +165,16 @@ def test_bound_that_is_too_small_is_disproved(claimed, tmp_path, name):
     assert max(found.errors) > 1e-18
 
 
-def test_bounds_of_another_version_may_differ(claimed, changed):
+def test_bounds_of_another_version_may_differ(claimed, changed, edited):
     change = changed(claimed, "landing_time_error", lambda bound: 3.0 * bound)
     assert not everything(change.path).passed
-    with h5py.File(change.path, "r+") as file:
+    with edited(change.path) as (_, file):
         file.attrs["source"] = "vibrosweep 0.0.1"
     assert everything(change.path).passed
 
 
-def test_tolerance_that_is_not_kept(claimed, tmp_path):
-    path = tmp_path / "changed.h5"
-    shutil.copy(claimed, path)
-    with h5py.File(path, "r+") as file:
+def test_tolerance_that_is_not_kept(claimed, edited):
+    with edited(claimed) as (path, file):
         file.attrs["tolerance"] = 1e-18
         file["landing_time_error"][...] = np.maximum(file["landing_time_error"][...], 1e-15)
     assert everything(path).variables()["trusted_until"].outside

@@ -1,7 +1,6 @@
 """A sound dataset passes; what cannot be compared, or read, is said."""
 
 import math
-import shutil
 import subprocess
 import sys
 from importlib.metadata import version
@@ -107,18 +106,14 @@ def test_no_claim(computed, budget, state):
     assert f"not compared: orbit: {state.value}" in lines
 
 
-def test_what_follows_is_compared_without_a_proof(computed, tmp_path):
-    path = tmp_path / "changed.h5"
-    shutil.copy(computed(CHAOS.format(budget=10**6)), path)
-    with h5py.File(path, "r+") as file:
+def test_what_follows_is_compared_without_a_proof(computed, edited):
+    with edited(computed(CHAOS.format(budget=10**6))) as (path, file):
         file["orbit_count"][0] += 1
     assert list(everything(path).lines())[-1].endswith("orbit_count")
 
 
-def test_variable_that_no_registry_has(claimed, tmp_path):
-    path = tmp_path / "changed.h5"
-    shutil.copy(claimed, path)
-    with h5py.File(path, "r+") as file:
+def test_variable_that_no_registry_has(claimed, edited):
+    with edited(claimed) as (path, file):
         file["label"] = np.zeros(3)
         file["record/label"] = np.zeros(3)
     report = everything(path)
@@ -296,10 +291,8 @@ def with_particle_status(file):
 @pytest.mark.parametrize(
     "harm", [without_status, with_restitution, with_duration, with_rebound, with_particle_status]
 )
-def test_what_no_sweep_writes(claimed, tmp_path, harm):
-    path = tmp_path / "harmed.h5"
-    shutil.copy(claimed, path)
-    with h5py.File(path, "r+") as file:
+def test_what_no_sweep_writes(claimed, edited, harm):
+    with edited(claimed) as (path, file):
         harm(file)
     what = harm.__name__.partition("_")[2]
     with pytest.raises(DataError, match=f"{what}.*: is not what vibrosweep run writes"):
@@ -409,8 +402,13 @@ def moving(computed):
     return computed(MOVING)
 
 
-def test_sound_dataset_of_the_moving_base(moving):
-    report = everything(moving)
+@pytest.fixture(scope="module")
+def moving_report(moving):
+    return everything(moving)
+
+
+def test_sound_dataset_of_the_moving_base(moving, moving_report):
+    report = moving_report
     assert not list(report.complaints())
     # one that a graze leaves undecided claims nothing
     assert report.count(State.COMPARED) >= 6
@@ -423,12 +421,10 @@ def test_sound_dataset_of_the_moving_base(moving):
     assert regimes >= {Regime.AT_REST, Regime.RESTING, Regime.LOCKED}
 
 
-def test_changes_of_a_dataset_of_the_moving_base_are_found(moving, tmp_path):
-    path = tmp_path / "changed.h5"
-    shutil.copy(moving, path)
-    proved = [o.realization for o in everything(moving).outcomes if o.state is State.COMPARED]
+def test_changes_of_a_dataset_of_the_moving_base_are_found(moving, moving_report, edited):
+    proved = [o.realization for o in moving_report.outcomes if o.state is State.COMPARED]
     places = {}
-    with h5py.File(path, "r+") as file:
+    with edited(moving) as (path, file):
         for name in ("rebound_height_mean", "flight_time_mean", "lyapunov_sum"):
             values = file[name][...]
             rows = values.reshape(8, -1)

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -40,8 +41,9 @@ DESIGNS = {
 
 def bits(path):
     """Every variable and coordinate of a result, to the last bit."""
-    with open_sweep(path) as sweep:
-        return {name: (v.dims, v.dtype, v.values.tobytes()) for name, v in sweep.variables.items()}
+    with h5py.File(path) as file:
+        found = {n: v for n, v in file.items() if isinstance(v, h5py.Dataset)}
+        return {n: (v.shape, v.dtype, v[()].tobytes()) for n, v in found.items()}
 
 
 @pytest.mark.parametrize("physics", ['rebound = "reflect"', 'rebound = "rest"', 'base = "moving"'])
@@ -49,9 +51,8 @@ def test_bits_depend_on_neither_threads_nor_chunks(compute, physics):
     text = DRAWN.replace("particles", f"{physics}\nparticles").replace("= 40", "= 11")
     text += ALL_MEASURES
     expected = bits(compute(text, threads=2))
-    for threads in (1, 2):
-        for chunk in (1, 7, 1000, None):
-            assert bits(compute(text, threads=threads, chunk=chunk)) == expected
+    for threads, chunk in ((1, 1), (1, None), (2, 7), (2, 1000)):
+        assert bits(compute(text, threads=threads, chunk=chunk)) == expected
 
 
 @pytest.mark.parametrize("design", DESIGNS)
@@ -168,6 +169,8 @@ def test_a_bad_table_leaves_nothing(compute, tmp_path):
 
 # long ones, and those that are drawn by commands of their own
 NOT_RUN = re.compile("million|plane|basins|bifurcation|windows|shaker")
+# the same sweep for another number of particles, whose figures are drawn once
+NUMBERED = re.compile(r"_\d+$")
 
 
 @pytest.mark.parametrize("spec", SWEEPS, ids=lambda p: p.stem)
@@ -186,11 +189,11 @@ def test_every_sweep_of_the_repository(spec, tmp_path):
         assert (sweep["status"] == 0).all()
         assert sweep["impact_count"].sum() == summary.landings > 0
         drawn = available(sweep, record)
-        sampled = SAMPLED.get(re.sub(r"_\d+$", "", spec.stem), ())
+        sampled = SAMPLED.get(NUMBERED.sub("", spec.stem), ())
         separated = ("separation_distribution",) if "dt_min" in sweep else ()
         recorded = RECORDED if record is not None else ()
         assert drawn == [name for name in FIGURES if name in (*recorded, *sampled, *separated)]
-        for name in drawn:
+        for name in () if NUMBERED.search(spec.stem) else drawn:
             entry = FIGURES[name]
             figure = entry.draw(sweep if entry.source == "sweep" else record)
             figure.savefig(tmp_path / f"{name}.png", dpi=30)

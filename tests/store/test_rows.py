@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import vibrosweep as vs
 from vibrosweep.proof.sampling import read_sample
 from vibrosweep.runs.describe import describe
+from vibrosweep.store import rows
 from vibrosweep.store.rows import boxes, flat, read_rows, row_count, row_dims
 
 GRID = {
@@ -87,7 +88,9 @@ def test_flat_numbers_realizations_as_the_design_does(path):
         assert plane.frequency.item() == 10.0
 
 
-def test_rows_are_those_of_the_stacked_dataset(path):
+@pytest.mark.parametrize("block", [7, rows.ROWS_AT_A_TIME])
+def test_rows_are_those_of_the_stacked_dataset(path, monkeypatch, block):
+    monkeypatch.setattr(rows, "ROWS_AT_A_TIME", block)
     rng = np.random.default_rng(3)
     with h5netcdf.File(path, "r") as file, xr.open_dataset(path) as found:
         assert row_dims(file) == found.impact_count.dims

@@ -51,17 +51,26 @@ def require_readable(path: Path) -> None:
 
 
 def _read(group: Any) -> None:
-    """Read all attributes and variables of a group and of those inside it."""
+    """Read all attributes and variables of a group of h5py and of those inside it."""
     dict(group.attrs)
+    for member in group.values():
+        if hasattr(member, "values"):
+            _read(member)
+        elif hasattr(member, "shape"):  # a type that has a name has none
+            dict(member.attrs)
+            if member.shape:
+                for start in range(0, member.shape[0], ROWS_AT_A_TIME):
+                    member[start : start + ROWS_AT_A_TIME]
+            elif member.shape is not None:  # else it holds nothing
+                member[()]
+
+
+def _resolve(group: Any) -> None:
+    """Find the dimensions of all variables of a group of h5netcdf and of those inside it."""
     for variable in group.variables.values():
-        dict(variable.attrs)
-        if variable.shape:
-            for start in range(0, variable.shape[0], ROWS_AT_A_TIME):
-                variable[start : start + ROWS_AT_A_TIME]
-        else:
-            variable[()]
+        _ = variable.dimensions
     for inside in group.groups.values():
-        _read(inside)
+        _resolve(inside)
 
 
 def _limit_memory() -> None:
@@ -79,11 +88,14 @@ def _limit_memory() -> None:
 
 if __name__ == "__main__":
     import h5netcdf
+    import h5py
 
     _limit_memory()
     try:
-        with h5netcdf.File(sys.argv[1], "r", phony_dims="access") as file:
+        with h5py.File(sys.argv[1], "r") as file:  # h5netcdf takes five times as long to read all
             _read(file)
+        with h5netcdf.File(sys.argv[1], "r", phony_dims="access") as file:
+            _resolve(file)
     except Exception as error:
         print(" ".join(str(error).split())[:300])
         raise SystemExit(1) from None
