@@ -1,5 +1,6 @@
 """The page without a browser: what it shows is what `simulate` gives, value for value."""
 
+from concurrent.futures import Future
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,14 +10,27 @@ from bokeh.document import Document
 
 import vibrosweep as vs
 from vibrosweep.explore import motion_view, pictures, plane_view
+from vibrosweep.explore.background import Background
 from vibrosweep.explore.live import Page
 from vibrosweep.explore.points import Column
 from vibrosweep.explore.table import TABLE, table
 
 
+class Foreground(Background):
+    """Computes at once."""
+
+    def call(self, work):
+        future = Future()
+        future.set_result(work())
+        return future
+
+    def prepare(self, choice):
+        return self.call(lambda: None)
+
+
 @pytest.fixture
 def page(points):
-    made = Page(points, Document())
+    made = Page(points, Document(), Foreground())
     made.attach()
     return made
 
@@ -134,6 +148,20 @@ def test_what_cannot_be_computed_is_told(page):
     assert "amplitude" in page.status.text
 
 
+def test_kernels_that_are_not_ready_are_waited_for_with_a_message(page, monkeypatch):
+    waits = Future()
+    monkeypatch.setattr(page.background, "prepare", lambda choice: waits)
+    before = page.motions[0].content
+    page.controls.base.active = 1
+    page._follow()
+    assert "kernels of the moving base are being loaded" in page.status.text
+    assert page.motions[0].content["heading"] == before["heading"]
+    waits.set_result(None)
+    (callback,) = (c for c in page.document.session_callbacks if "_prepares" in repr(c.callback))
+    callback.callback()
+    assert_shows(page.motions[0], page.controls.choice.simulate())
+
+
 def geometry(**given):
     return SimpleNamespace(final=True, geometry=given)
 
@@ -172,7 +200,7 @@ def test_very_many_points_are_gathered_in_pixels(points, monkeypatch):
     rng = np.random.default_rng(0)
     column = replace(points.columns["dt_min"], values=rng.random(30))
     many = replace(points, columns={**points.columns, "dt_min": column})
-    page = Page(many, Document())
+    page = Page(many, Document(), Foreground())
     image = page.plane.image.data["image"][0]
     assert np.isfinite(image).sum() == 30
     plot = page.plane.figure
@@ -185,6 +213,8 @@ def test_very_many_points_are_gathered_in_pixels(points, monkeypatch):
 def test_numbers_that_are_missing_have_no_colour(points):
     values = np.where(np.arange(30) < 3, np.nan, 1.0)
     column = Column("something", values)
-    found = Page(replace(points, columns={**points.columns, "dt_min": column}), Document())
+    found = Page(
+        replace(points, columns={**points.columns, "dt_min": column}), Document(), Foreground()
+    )
     assert found.plane.source.data["said"][:4] == ["not known"] * 3 + ["1"]
     assert np.isnan(found.plane.source.data["value"][:3]).all()

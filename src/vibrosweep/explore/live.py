@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +23,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.explore import python_lines as lines
+from vibrosweep.explore.background import Background
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.controls import Controls
 from vibrosweep.explore.facts import facts_html, named
@@ -40,6 +43,14 @@ SHOWN_ROWS: Final = 6
 PATIENCE: Final = 250
 # ms between two looks at whether the view of a raster has changed
 LOOK: Final = 120
+PREPARING: Final = (
+    "<b>The kernels of the {} base are being loaded</b>, or compiled, which takes up to a minute "
+    "at the first use of an installation. The pictures follow."
+)
+COMPUTING: Final = (
+    "Regimes and exponents are being computed; at the first use of an installation their kernels "
+    "are compiled, which takes up to a minute."
+)
 DOWNLOAD: Final = """
 const text = holder.data.text[0];
 if (text) {
@@ -63,11 +74,14 @@ class Page:
         Of the result.
     document
         Of the visitor.
+    background
+        Computes what would keep the visitor waiting.
     """
 
-    def __init__(self, points: Points, document: Document) -> None:
+    def __init__(self, points: Points, document: Document, background: Background) -> None:
         self.points = points
         self.document = document
+        self.background = background
         self.plane = PlaneView(points)
         self.index = points.count // 2
         self.controls = Controls(points, points.choice(self.index).shortened(), self._moved)
@@ -77,6 +91,7 @@ class Page:
         second.js_on_change("visible", CustomJS(code=PLACE))
         self.rows: NDArray[np.int64] = np.empty(0, np.int64)
         self._waiting: Any = None
+        self._shown: list[Choice] = []
         self._asked = self._painting = False
         self._build()
         self._listen()
@@ -138,8 +153,9 @@ class Page:
 
     def attach(self) -> None:
         """Make this the content of the document."""
-        for root in self.roots:
-            self.document.add_root(root)
+        with self.document.models.freeze():  # else each would have all models gathered again
+            for root in self.roots:
+                self.document.add_root(root)
         self.document.js_on_event(DocumentReady, *(motion.script for motion in self.motions))
         self.document.title = f"{self.points.title} ({self.points.path.name})"
         self.document.template = TEMPLATE
@@ -196,6 +212,8 @@ class Page:
         shown = [choice]
         if second:
             shown.append(choice.over(BASES[1 - BASES.index(choice.base)]))
+        if self._prepares(shown, what):
+            return
         try:
             for motion, one in zip(self.motions, shown, strict=False):
                 motion.show(one.simulate(), named(one))
@@ -207,17 +225,39 @@ class Page:
         self._show_code()
         self._later(shown)
 
+    def _prepares(self, shown: list[Choice], what: str) -> bool:
+        """Whether kernels are not ready; they are shown once they are, unless others are then."""
+        self._shown = shown
+        futures = [self.background.prepare(one) for one in shown]
+        late = [future for future in futures if not future.done()]
+        if late:
+            bases = " and ".join(one.base for one in shown)
+            self.status.text = PREPARING.format(html.escape(bases))
+            self.facts.text = ""
+            self._after(late[-1], lambda: self._show(what) if self._shown is shown else None)
+        return bool(late)
+
+    def _after(self, future: Future[Any], then: Callable[[], object]) -> None:
+        """Do something in the thread of the page once the background has done its work."""
+        future.add_done_callback(lambda done: self.document.add_next_tick_callback(then))
+
     def _later(self, shown: list[Choice]) -> None:
         """Compute regimes and exponents once nothing moves any more."""
-        self.facts.text = "Regimes and exponents are being computed."  # not those of another motion
+        self.facts.text = COMPUTING  # not those of another motion
         if self._waiting is not None:
             self.document.remove_timeout_callback(self._waiting)
 
-        def tell() -> None:
+        def ask() -> None:
             self._waiting = None
-            self.facts.text = "".join(map(facts_html, shown))
+            future = self.background.call(lambda: "".join(map(facts_html, shown)))
 
-        self._waiting = self.document.add_timeout_callback(tell, PATIENCE)
+            def tell() -> None:
+                if self._shown is shown:
+                    self.facts.text = future.result()
+
+            self._after(future, tell)
+
+        self._waiting = self.document.add_timeout_callback(ask, PATIENCE)
 
     def _show_code(self) -> None:
         picture = self.picture.value

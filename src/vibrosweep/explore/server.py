@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
+import sys
 from collections.abc import Callable
 from typing import Final
 
@@ -13,7 +15,7 @@ from bokeh.document import Document
 from bokeh.server.server import Server
 
 from vibrosweep.errors import RunError
-from vibrosweep.explore.facts import facts_html
+from vibrosweep.explore.background import Background
 from vibrosweep.explore.live import Page
 from vibrosweep.explore.points import Points
 
@@ -40,9 +42,13 @@ def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
     RunError
         The port cannot be had.
     """
+    background = Background()
+    background.prepare(
+        points.choice(points.count // 2).shortened()
+    )  # while the browser loads the page
 
     def show(document: Document) -> None:
-        Page(points, document).attach()
+        Page(points, document, background).attach()
 
     try:
         with socket.create_server((HOST, port)):
@@ -54,7 +60,6 @@ def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
         ) from error
     # a page of any other origin is refused its connection: bokeh allows this address alone
     server = Server({"/": Application(FunctionHandler(show))}, port=port, address=HOST)
-    facts_html(Page(points, Document()).controls.choice)  # compiles what a click needs
     loop = server.io_loop
     for name in ENDINGS:
         number = getattr(signal, name, None)
@@ -65,3 +70,6 @@ def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
     started(f"http://{HOST}:{server.port}/")
     loop.start()
     server.stop()
+    if background.busy:  # Python would wait for a compilation, and it ends with a traceback
+        sys.stdout.flush()
+        os._exit(0)

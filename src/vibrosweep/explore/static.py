@@ -111,8 +111,9 @@ class _Page:
         """Return the page."""
         document = Document()
         roots, places = self._parts()
-        for root in roots:
-            document.add_root(root)
+        with document.models.freeze():  # else each would have all models gathered again
+            for root in roots:
+                document.add_root(root)
         document.js_on_event(DocumentReady, self.motion.script)
         title = f"{self.points.title} ({self.points.path.name})"
         return str(file_html(document, INLINE, title, template=TEMPLATE, template_variables=places))
