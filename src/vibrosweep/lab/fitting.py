@@ -10,6 +10,7 @@ import xarray as xr
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.contacts import find_contacts
 from vibrosweep.lab.flight_search import Flights, find_flights
+from vibrosweep.lab.levels import flights_on_levels
 from vibrosweep.lab.moving_flights import flights_over
 from vibrosweep.lab.oscillation import Trace, fit_shaken
 from vibrosweep.lab.quality import find_swaps
@@ -79,7 +80,7 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitte
     try:
         samples = samples_of(time, height, cuts)
         flights, says = _flights(samples, gravity, view)
-        highest = flights.base
+        highest = float(flights.levels.max())
         if flights.shaken is not None:
             base = flights.shaken.oscillation
             highest += float(np.hypot(base.sine, base.cosine)) / (2.0 * np.pi * base.frequency)
@@ -97,9 +98,12 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitte
 def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str]:
     """Flights over the base that is given or that the contacts favour, and which that is."""
     level = view.motion == "level" or (view.motion == "detect" and view.base is not None)
-    if level and view.trace is None:
+    level = level and view.trace is None
+    if level and view.base is not None:
         return find_flights(samples, gravity, view.base, view.exposure), "level"
     contacts, member = find_contacts(samples, gravity)
+    if level:
+        return flights_on_levels(samples, contacts, gravity, view.exposure), "level"
     says, shaken = "moving", None
     if view.trace is None:
         says, shaken, _ = which_base(contacts, view.frequency)
@@ -125,7 +129,7 @@ def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str
             "the same phases and speeds; film the approach to the orbit, or give a trace of the "
             "base"
         )
-    return find_flights(samples, gravity, view.base, view.exposure), says
+    return flights_on_levels(samples, contacts, gravity, view.exposure), says
 
 
 def _check_base(tracks: xr.Dataset, base: float | None) -> None:

@@ -14,7 +14,7 @@ from vibrosweep.lab.junctions import Junctions, base_level, join
 from vibrosweep.lab.oscillation import Shaken
 from vibrosweep.lab.segments import Samples, first_noise, low_points
 
-__all__ = ["Flights", "find_flights", "flight_noise", "poor_flights", "share_out"]
+__all__ = ["POOR", "Flights", "find_flights", "flight_noise", "poor_flights", "share_out"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -57,7 +57,7 @@ class Flights(NamedTuple):
     levels
         Height of the base below each particle, m; of one that moves, its mean.
     base, base_error
-        Mean of the levels and its standard error, m.
+        Mean of the levels, and the standard error of a level, m.
     noise
         Standard deviation of a sample, m.
     gravity, gravity_error
@@ -129,7 +129,7 @@ def _settle(
         ends = crossings(fits, base, gravity)
         junctions = join(fits, piece, ends, noise, gravity)
         if given is None:
-            base, error = base_level(junctions, base)
+            base, error = base_level(junctions.height, junctions.height_error, base)
             ends = crossings(fits, base, gravity)
             junctions = join(fits, piece, ends, noise, gravity)
         if turn < ROUNDS - 1:

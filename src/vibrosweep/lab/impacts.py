@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -216,14 +217,14 @@ def _turned(
     samples: Samples, flights: Flights, interval: float, gravity: float
 ) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
     """The same by frames: the lowest is taken for the landing, the highest for the apex."""
-    low, _ = low_points(samples, flights.noise, flights.base)
+    above = replace(samples, height=samples.height - flights.levels[samples.particle])
+    low, _ = low_points(above, flights.noise, 0.0)
     time, owner = samples.time[low], samples.particle[low]
     linked = np.flatnonzero(np.diff(samples.piece[low]) == 0)
     duration, height = np.full((2, low.size), np.nan)
     duration[linked] = time[linked + 1] - time[linked]
     if low.size:
-        tops = np.maximum.reduceat(samples.height, low)
-        height[linked] = tops[linked] - flights.base
+        height[linked] = np.maximum.reduceat(above.height, low)[linked]
     error = np.full(low.size, interval / np.sqrt(12.0))
     columns = {
         "landing_time": time,

@@ -107,14 +107,14 @@ def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -
     )
 
 
-def base_level(junctions: Junctions, first: float) -> tuple[float, float]:
+def base_level(height: Array, spread: Array, first: float) -> tuple[float, float]:
     """Height of the base in m, and its standard error.
 
     The weighted mean of the heights at which flights meet, without those that do not meet on the
-    base; `first`, with the error NaN, where too few do.
+    base; `first`, with the error NaN, where too few do.  Their standard errors are `spread`.
     """
-    sound = np.isfinite(junctions.height) & np.isfinite(junctions.height_error)
-    height, spread = junctions.height[sound], junctions.height_error[sound]
+    sound = np.isfinite(height) & np.isfinite(spread)
+    height, spread = height[sound], spread[sound]
     if height.size < FEWEST:
         return first, float("nan")
     level, error = float(np.quantile(height, FROM_ABOVE)), float("nan")
