@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.lab.flights import Ends, Fits, line_variance, meet
 
-__all__ = ["Junctions", "base_level", "join"]
+__all__ = ["ON_BASE", "Junctions", "base_level", "join"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

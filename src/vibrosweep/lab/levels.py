@@ -1,7 +1,9 @@
 """A base that stays at its level, but at another one below each particle: a tilted base or view.
 
 Free flight does not depend on the level: each particle's track is moved by the difference of its
-level to the common one, the flights are found, and everything is moved back.
+level to the common one, the flights are found, and everything is moved back.  Flights that a stay
+on the base parts meet below it, all at one height on a periodic orbit: where all bounces of a
+particle are alike and low, a low level cannot be told from stays, and the common one is taken.
 """
 
 from __future__ import annotations
@@ -16,23 +18,24 @@ from scipy.special import chdtri
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.flight_search import POOR, Flights, find_flights
 from vibrosweep.lab.flights import meet
-from vibrosweep.lab.junctions import base_level
+from vibrosweep.lab.junctions import ON_BASE, base_level
 from vibrosweep.lab.segments import Samples
 
 __all__ = ["flights_on_levels"]
 
 Array = NDArray[np.float64]
 
-ROUNDS: Final = 2
+# Bounces differ if their speeds scatter by this share: many times what noise makes of them
+DIFFERENT: Final = 0.05
 
 
 def flights_on_levels(
     samples: Samples, contacts: Contacts, gravity: float, exposure: float = 0.0
 ) -> Flights:
-    """Find flights, with a level for each particle where the landings contradict a common one.
+    """Find flights, with a level for each particle where the bounces contradict a common one.
 
     They do so where the chi-square of the levels about their mean has a probability below that of a
-    poor flight.  A particle of which too little is seen gets the mean level.
+    poor flight.
 
     Parameters
     ----------
@@ -46,44 +49,43 @@ def flights_on_levels(
     TrackError
         As of `find_flights`.
     """
+    level, error, alike = _levels(contacts, int(samples.particle[-1]) + 1)
+    known = np.isfinite(error) & ~alike
+    known |= alike & (level > _mean(level[known], error[known]))
+    off = level - _mean(level[known], error[known])
+    chi_square = float(np.sum((off[known] / error[known]) ** 2))
+    if known.sum() < 2 or chi_square < chdtri(known.sum() - 1.0, POOR):
+        return find_flights(samples, gravity, None, exposure)
+    shift = np.where(known, off, 0.0)
+    moved = replace(samples, height=samples.height - shift[samples.particle])
+    found = find_flights(moved, gravity, None, exposure)
+    own, joint = shift[found.particle], found.junctions
+    return found._replace(
+        fits=found.fits._replace(level=found.fits.level + own),
+        junctions=joint._replace(height=joint.height + own[joint.before]),
+        levels=found.levels + shift,
+        base=float(np.mean(found.levels + shift)),
+        base_error=float(np.mean(error[known])),
+    )
+
+
+def _mean(level: Array, error: Array) -> float:
+    return float(np.average(level, weights=error**-2.0)) if level.size else float("nan")
+
+
+def _levels(contacts: Contacts, count: int) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Level at which each particle bounces, its standard error, and whether all bounces are alike.
+
+    In m; NaN where there are too few.
+    """
     seen = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
     spread = contacts.noise * np.sqrt(seen.height_variance)
-    count = int(samples.particle[-1]) + 1
-    shift, error = _levels(contacts.particle, contacts.height, spread, count)
-    if not error.any():
-        return find_flights(samples, gravity, None, exposure)
-    for _ in range(ROUNDS):
-        moved = replace(samples, height=samples.height - shift[samples.particle])
-        flights = _raised(find_flights(moved, gravity, None, exposure), shift)
-        joint = flights.junctions
-        owner = flights.particle[joint.before]
-        shift, error = _levels(owner, joint.height, joint.height_error, count)
-    middle = np.mean(error[error > 0.0]) if error.any() else flights.base_error
-    return flights._replace(base_error=float(middle))
-
-
-def _levels(
-    owner: NDArray[np.intp], height: Array, spread: Array, count: int
-) -> tuple[Array, Array]:
-    """Level below each particle less their mean, and its standard error; 0 where they agree."""
-    each = [base_level(height[owner == p], spread[owner == p], np.nan) for p in range(count)]
-    level, error = np.array(each).T
-    known = np.isfinite(error)
-    weight = error[known] ** -2.0
-    off = level - (weight @ level[known] / weight.sum() if known.any() else np.nan)
-    chi_square = float(weight @ off[known] ** 2)
-    if known.sum() < 2 or chi_square < chdtri(known.sum() - 1.0, POOR):
-        return np.zeros(count), np.zeros(count)
-    return np.where(known, off, 0.0), np.where(known, error, 0.0)
-
-
-def _raised(flights: Flights, shift: Array) -> Flights:
-    """Flights of moved tracks, where the tracks are."""
-    own, joint = shift[flights.particle], flights.junctions
-    levels = flights.levels + shift
-    return flights._replace(
-        fits=flights.fits._replace(level=flights.fits.level + own),
-        junctions=joint._replace(height=joint.height + own[joint.before]),
-        levels=levels,
-        base=float(levels.mean()),
-    )
+    level, error = np.full((2, count), np.nan)
+    alike = np.zeros(count, np.bool_)
+    for p in range(count):
+        own = contacts.particle == p
+        height, speed = contacts.height[own], (contacts.departure - contacts.arrival)[own]
+        level[p], error[p] = base_level(height, spread[own], np.nan)
+        speed = speed[np.abs(height - level[p]) < ON_BASE * spread[own]]
+        alike[p] = speed.size > 0 and speed.std() < DIFFERENT * speed.mean()
+    return level, error, alike
