@@ -46,7 +46,10 @@ def draw(rng):
 
 
 def compare(parameters, launches, duration, most=MOST):
-    """How a realization was judged, how many landings it has, and the largest error."""
+    """How a realization was judged, how many landings it has, and the largest error.
+
+    The error comes in units of the change, and of what verify grants each number.
+    """
     found = simulate(base="sprung", launch_time=launches, duration=duration, **parameters)
     landings = int(found.impact_count.sum())
     realization = Realization(
@@ -62,12 +65,12 @@ def compare(parameters, launches, duration, most=MOST):
     try:
         proved, estimate = prove(realization, most)
     except TooManyLandingsError:
-        return "too many landings", landings, 0.0
+        return "too many landings", landings, 0.0, 0.0
     except UndecidableError:
-        return "undecided", landings, 0.0
+        return "undecided", landings, 0.0, 0.0
     if estimate is None:
-        return "not claimed", landings, 0.0
-    worst = 0.0
+        return "not claimed", landings, 0.0, 0.0
+    worst = share = 0.0
     with ctx.workprec(max(one.precision_bits for one in proved)):
         for p, one in enumerate(proved):
             own = found.isel(realization=0, particle=p)
@@ -75,21 +78,23 @@ def compare(parameters, launches, duration, most=MOST):
             if int(own.impact_count) != len(one.impacts) or rested != [
                 int(impact.rested) for impact in one.impacts
             ]:
-                return "different", landings, np.inf
+                return "different", landings, np.inf, np.inf
             for k, impact in enumerate(one.impacts):
-                pairs = (
-                    (own.landing_time.values[k], impact.landing_time, estimate.time),
-                    (own.liftoff_time.values[k], impact.liftoff_time, estimate.time),
-                    (own.rebound_velocity.values[k], impact.rebound_velocity, estimate.velocity),
-                )
-                for value, ball, claim in pairs:
+                claims = {
+                    "landing_time": estimate.time,
+                    "liftoff_time": estimate.time,
+                    "rebound_velocity": estimate.velocity,
+                }
+                for name, claim in claims.items():
+                    value, ball = float(own[name].values[k]), getattr(impact, name)
                     if ball is None:
                         continue
                     if not np.isfinite(value):
-                        return "different", landings, np.inf
-                    error = float((arb(float(value)) - ball).abs_upper())
+                        return "different", landings, np.inf, np.inf
+                    error = float((arb(value) - ball).abs_upper())
                     worst = max(worst, FACTOR * error / claim)
-    return "compared", landings, worst
+                    share = max(share, error / estimate.record_claims(realization, value)[name])
+    return "compared", landings, worst, share
 
 
 def main() -> None:
@@ -104,10 +109,10 @@ def main() -> None:
     for particles in PARTICLES:
         launches = [j / particles for j in range(particles)]
         each = [compare(draw(rng), launches, DURATION) for _ in range(options.realizations)]
-        states = [state for state, _, _ in each]
+        states = [state for state, *_ in each]
         counts = (states.count(s) for s in STATES)
-        landings = sum(landings for _, landings, _ in each)
-        largest = max(worst for _, _, worst in each)
+        landings = sum(landings for _, landings, *_ in each)
+        largest = max(worst for _, _, worst, _ in each)
         rows.append((particles, landings, *counts, f"{largest:.1f}"))
         print(rows[-1], flush=True)
     head = (

@@ -27,7 +27,7 @@ from stress_exact import EXACT
 from trust_check import KINDS
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import LAWS
+from vibrosweep.model.parameters import LAWS, MOUNT
 
 RESTITUTION = (0.0, 1e-12, 0.5, 1.0 - 1e-12, 1.0)
 KICK = (0.0, 1e-300, 1e-18, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
@@ -234,7 +234,10 @@ def with_mount(rng: np.random.Generator, drawn: Case) -> Case:
     """The same on a base of finite mass: heavy, as light as a particle, and lighter; any mount."""
     mount = {
         "mass_ratio": float(rng.choice([*MASS_RATIO, 10.0 ** rng.uniform(-4.0, 0.0)])),
-        "mount_frequency": drawn.scene["frequency"] * float(rng.choice(MOUNT_FREQUENCY)),
+        "mount_frequency": min(
+            drawn.scene["frequency"] * float(rng.choice(MOUNT_FREQUENCY)),
+            MOUNT["mount_frequency"].high,
+        ),
         "mount_damping": float(rng.choice([*DAMPING, rng.uniform(0.0, 2.0)])),
     }
     return replace(drawn, scene=drawn.scene | mount)

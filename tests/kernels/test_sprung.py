@@ -24,7 +24,9 @@ def exact(load, s):
     return [float(x.real) for x in (even - 1, fell, odd - t, turned - 1)]
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e-9, 0.05, 0.9, 1.0 - 1e-9, 1.0, 1.3, 20.0])
+@pytest.mark.parametrize(
+    "damping", [0.0, 1e-9, 0.05, 0.9, 1.0 - 1e-9, 1.0, 1.0 + 2.0**-52, 1.0 + 1e-9, 1.3, 20.0]
+)
 def test_free_motion_is_accurate_however_short(damping):
     rng = np.random.default_rng(7)
     with ctx.workprec(400):

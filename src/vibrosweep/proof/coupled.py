@@ -64,7 +64,10 @@ class Estimate(NamedTuple):
         """Largest error of a recorded number of that size, by the variable that it belongs to."""
         rounding = 4.0 * EPS * (abs(number) if math.isfinite(number) else 0.0)
         period = 1.0 / realization.parameters["frequency"]
-        time = self.time + rounding + 8.0 * EPS * period
+        # the time from one event to the next, perhaps from one launch to another, is one double
+        times = (realization.duration, *realization.launch_times)
+        longest = max(abs(float(time)) for time in times)
+        time = self.time + 4.0 * EPS * longest + 8.0 * EPS * period
         velocity = self.velocity + rounding
         return {
             "landing_time": time,

@@ -164,6 +164,16 @@ def test_first_flight_after_a_lift_off(gamma):
         assert first.flight.speed == 0
 
 
+@pytest.mark.parametrize("gamma", [1.0 + 2.0**-51, 1.0 + 1e-14, 1.0 + 1e-9])
+def test_a_base_that_throws_for_a_moment(gamma):
+    # for short flights that law is 1 + (q / 4)^2 = Gamma^2
+    first = in_periods(gamma, 0.0, 0.0, 1e-3).impacts[0]
+    with ctx.workprec(300):
+        exact = arb.pi() * arb(gamma / math.pi)
+        q = 2 * arb.pi() * first.flight.duration
+        assert abs(q / (4 * (exact**2 - 1).sqrt()) - 1) < q * q
+
+
 def test_at_rest_for_good_where_the_base_never_falls_faster_than_gravity():
     result = in_periods(math.nextafter(1.0, 0.0), 0.5, 0.3, 2.0, duration=1e6)
     assert result.at_rest

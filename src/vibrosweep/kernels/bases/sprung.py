@@ -245,12 +245,13 @@ def _overdamped(load: Load, d: float, v: float, s: float) -> tuple[float, float]
     """Return what `free_motion` does, of a mount that does not swing."""
     if s * (2.0 * load.drag + load.own) <= SERIES:
         return _series(load, d, v, s)
-    rate = math.sqrt(load.drag * load.drag - load.stiffness)
+    rate = math.sqrt(max(fma(load.drag, load.drag, -load.stiffness), 0.0))
     slow, fast = -load.stiffness / (load.drag + rate), -(load.drag + rate)
     even = 0.5 * (math.exp(slow * s) + math.exp(fast * s))
     odd = s * math.exp(slow * s)
     if rate > 0.0:
-        odd = -math.exp(slow * s) * math.expm1((fast - slow) * s) / (2.0 * rate)
+        # not fast - slow, whose digits are lost where the damping is hardly above critical
+        odd = -math.exp(slow * s) * math.expm1(-2.0 * rate * s) / (2.0 * rate)
     then = d * (even + load.drag * odd) + v * odd
     speed = v * (even - load.drag * odd) - load.stiffness * d * odd
     return then - d - v * s, speed - v

@@ -5,14 +5,15 @@ speed y, the particle is
 
     G(s) = s (y - s) / 2 + alpha / (4 pi) (sin(2 pi x) (q - sin q) - cos(2 pi x) (1 - cos q))
 
-above the base after s periods, q = 2 pi s.  G'' >= -(1 + Gamma), and |G'''| <= 2 pi Gamma gives a
-better bound of G'' for a while; a base of finite mass (`vibrosweep.proof.reference.mount`) has such
-bounds too.  So from any s with G(s) >= 0 a parabola of this curvature passes
-no root; steps to where it comes down converge to the first root from below.  While the particle is
-above every height of the base there is none, and a step goes to the end of that time at once.  The
-root at s = 0 is left by a step that is proved beforehand.  Once G > 0 at one end of an interval,
-G < 0 at the other and G' < 0 throughout, there is one root inside, and the interval Newton operator
-(Moore 1966) narrows it.
+above the base after s periods, q = 2 pi s.  G'' >= -(1 + Gamma), and for a while G'', G''' and a
+bound of the next derivative, (2 pi)^2 Gamma, give a better bound, also where both are close to 0: a
+base of little more than 1 g throws a particle for a moment.  A base of finite mass
+(`vibrosweep.proof.reference.mount`) has such bounds too.  So from any s with G(s) >= 0 a parabola
+of this curvature passes no root; steps to where it comes down converge to the first root from
+below.  While the particle is above every height of the base there is none, and a step goes to the
+end of that time at once.  The root at s = 0 is left by a step that is proved beforehand.  Once
+G > 0 at one end of an interval, G < 0 at the other and G' < 0 throughout, there is one root inside,
+and the interval Newton operator (Moore 1966) narrows it.
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ class Course(Protocol):
     def slope(self, s: arb) -> arb:
         """Derivative."""
 
-    def curvature(self, s: arb) -> tuple[arb, arb, arb]:
-        """Minus the second derivative, a bound of it from then on, and one of its growth."""
+    def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
+        """Minus the second derivative; its rate; bounds of the rate of that, and of itself."""
 
     def above_all(self) -> tuple[arb, arb] | None:
         """Interval of time without a root, where one is known."""
@@ -96,9 +97,11 @@ class Clearance:
         """Positive where the base presses what lies on it: minus the second derivative."""
         return 1 + self.gamma * (2 * (self.x + s)).cos_pi()
 
-    def curvature(self, s: arb) -> tuple[arb, arb, arb]:
-        """`bend`, a bound of it, and one of its growth."""
-        return self.bend(s), 1 + self.gamma, 2 * arb.pi() * self.gamma
+    def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
+        """As `Course.curvature`."""
+        turn = 2 * arb.pi()
+        rate = -turn * self.gamma * (2 * (self.x + s)).sin_pi()
+        return self.bend(s), rate, turn * turn * self.gamma, 1 + self.gamma
 
     def start(self) -> arb | None:
         """Time before which there is no root; None where that is open."""
@@ -169,11 +172,12 @@ def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
 
 def _step(c: Course, s: arb, height: arb, slope: arb) -> arb:
     """Step that passes no root, from lower bounds of G(s), which is positive, and G'(s)."""
-    now, largest, rate = c.curvature(s)
+    now, rate, growth, largest = c.curvature(s)
     tried = step = _down(height, slope, largest)
     while tried < 1:
         tried = 4 * tried
-        bend = now + rate * tried  # at most, for as long as is tried
+        then = now + tried * (rate + growth * tried / 2)
+        bend = now.max(then).min(largest)  # at most, for as long as is tried
         down = _down(height, slope, bend)
         if not down > tried:
             return step.max(down.min(tried))

@@ -24,7 +24,7 @@ __all__ = ["Above", "Arc", "Mount", "Pressure", "contact_free"]
 
 ZERO = arb(0)
 # Derivatives of the base's height that anything asks for, and bounds of these.
-ORDERS: Final = 6
+ORDERS: Final = 7
 
 
 class Mount(NamedTuple):
@@ -219,10 +219,15 @@ class Above:
         """Speed relative to the base."""
         return self._speed - 2 * s - self._arc.since(s)[1]
 
-    def curvature(self, s: arb) -> tuple[arb, arb, arb]:
-        """Minus the second derivative; the largest it becomes later; how fast it may grow."""
+    def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
+        """As `vibrosweep.proof.reference.landing.Course.curvature`."""
         arc = self._arc
-        return 2 + arc.derivative(2, s), 2 + arc.most(2, s), arc.most(3, s)
+        return (
+            2 + arc.derivative(2, s),
+            arc.derivative(3, s),
+            arc.most(4, s),
+            2 + arc.most(2, s),
+        )
 
     def above_all(self) -> tuple[arb, arb] | None:
         """Interval of time in which the particle is above every height of the base."""
@@ -281,9 +286,10 @@ class Pressure:
         """Its rate."""
         return self._arc.derivative(3, s)
 
-    def curvature(self, s: arb) -> tuple[arb, arb, arb]:
+    def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
         """As `Above.curvature`."""
-        return -self._arc.derivative(4, s), self._arc.most(4, s), self._arc.most(5, s)
+        arc = self._arc
+        return -arc.derivative(4, s), -arc.derivative(5, s), arc.most(6, s), arc.most(4, s)
 
     def above_all(self) -> None:
         """No time is known to be free of roots."""
