@@ -43,7 +43,7 @@ def turned(first, second):
 def rows(claims):
     for claim in claims:
         found = {one.base: one.verdict.value for one in claim.outcome.evidence}
-        cells = [found.get(base, found.get(ANY_BASE, "")) for base in BASES]
+        cells = [found.get(base, found.get(ANY_BASE, "not computed")) for base in BASES]
         if_so = f" *Condition: {'; or '.join(claim.conditions)}.*" if claim.conditions else ""
         yield [claim.key, plain(claim.sentence) + if_so, *cells]
 

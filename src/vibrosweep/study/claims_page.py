@@ -44,7 +44,7 @@ CLASSES: Final = {
     Verdict.UNDECIDED: "open",
 }
 MARKS: Final = {True: ("holds", "passed"), False: ("fails", "missed"), None: ("open", "open")}
-NO_VERDICT: Final = "\N{EN DASH}"
+NO_VERDICT: Final = "<small>not computed</small>"
 MINUS: Final = "\N{MINUS SIGN}"
 # Glyphs as outlines: the page looks the same wherever it is opened; a fixed salt gives the same
 # names to the same clip paths in every run.
