@@ -92,7 +92,8 @@ def compare(parameters, launches, duration, most=MOST):
                     if not np.isfinite(value):
                         return "different", landings, np.inf, np.inf
                     error = float((arb(value) - ball).abs_upper())
-                    worst = max(worst, FACTOR * error / claim)
+                    if error > 0.0:  # a parameter of zero does not change
+                        worst = max(worst, FACTOR * error / claim if claim > 0.0 else np.inf)
                     share = max(share, error / estimate.record_claims(realization, value)[name])
     return "compared", landings, worst, share
 

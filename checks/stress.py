@@ -232,12 +232,11 @@ def families_of(base: str) -> Mapping[str, Family]:
 
 def with_mount(rng: np.random.Generator, drawn: Case) -> Case:
     """The same on a base of finite mass: heavy, as light as a particle, and lighter; any mount."""
+    allowed = MOUNT["mount_frequency"]
+    natural = drawn.scene["frequency"] * rng.choice(MOUNT_FREQUENCY)
     mount = {
         "mass_ratio": float(rng.choice([*MASS_RATIO, 10.0 ** rng.uniform(-4.0, 0.0)])),
-        "mount_frequency": min(
-            drawn.scene["frequency"] * float(rng.choice(MOUNT_FREQUENCY)),
-            MOUNT["mount_frequency"].high,
-        ),
+        "mount_frequency": float(np.clip(natural, allowed.low, allowed.high)),
         "mount_damping": float(rng.choice([*DAMPING, rng.uniform(0.0, 2.0)])),
     }
     return replace(drawn, scene=drawn.scene | mount)
