@@ -34,7 +34,9 @@ FLAGS = (
     "--disable-component-update",
     "--disable-sync",
 )
-READY = "() => window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle"
+# the first pictures are there, which may have waited for a compilation
+READY = """() => window.Bokeh && Bokeh.documents.length === 1 && Bokeh.documents[0].is_idle
+  && Bokeh.documents[0].get_model_by_name("heading first").text !== "" """
 # left, top, width, height of the view of the plane in the window
 VIEW = """() => {
   const plot = Bokeh.documents[0].get_model_by_name("plane")
@@ -103,7 +105,7 @@ def opened(browser):
         page.on("request", lambda request: asked.append(request.url))
         pages.append(context)
         page.goto(address)
-        page.wait_for_function(READY)
+        page.wait_for_function(READY, timeout=120_000)
         return page
 
     yield show
