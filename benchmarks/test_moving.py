@@ -127,7 +127,7 @@ def test_an_impact_of_the_moving_base_against_one_of_the_high_bounce_base(
 @njit(nogil=True, error_model="numpy")
 def passes(s, repetitions, base):
     for _ in range(repetitions):
-        _step(s, LANES_OF_KERNEL, base, np.inf, None)
+        _step(s, LANES_OF_KERNEL, base, np.inf, None, None, LANES_OF_KERNEL)
 
 
 def filled(ranges):

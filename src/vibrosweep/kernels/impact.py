@@ -20,6 +20,7 @@ from vibrosweep.kernels.bases import (
     leave,
     lift_off,
     moving_errors,  # noqa: F401 -- more answers of the moving base
+    moving_lanes,  # noqa: F401
     rebound,
 )
 from vibrosweep.kernels.bases.high_bounce import HighBounce

@@ -17,7 +17,7 @@ from vibrosweep.kernels._jit import Floats
 
 __all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "LaneRows", "aligned"]
 
-LANES: Final = 192
+LANES: Final = 96
 VECTOR: Final = 8
 STRIDE: Final = LANES + VECTOR
 OF_CONSTANTS: Final = 5  # rows that a base has for its constants
@@ -47,6 +47,8 @@ class LaneRows(NamedTuple):
     SINE: int  # of the phase of its lift-off, with the cosine
     COSINE: int
     SURE: int  # whether it has only one root
+    GUESS: int  # a time near it
+    RISE: int  # until it is above every height of the base
     NEXT: int  # the time that is tried next, negative where a flight begins
     REACHED: int  # the time that is tried, and there
     TURNED: int  # sin(2 pi s), 2 pi s - sin(2 pi s), and 1 - cos(2 pi s)
@@ -56,6 +58,10 @@ class LaneRows(NamedTuple):
     CLEAR_SLOPE: int
     SINE_THEN: int
     COSINE_THEN: int
+    NEWTON: int  # the terms of the series
+    Q: int
+    Q3: int
+    Q4: int
     TIME: int  # at which it lands, or is to be tried; the speed of arrival, and whether it lands
     SPEED: int
     LANDED: int

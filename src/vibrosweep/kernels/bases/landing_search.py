@@ -45,10 +45,16 @@ from vibrosweep.kernels.sine import (
 
 __all__ = [
     "Clearance",
+    "Guess",
     "Start",
+    "Terms",
     "absolute",
+    "apex",
     "clearance",
+    "first_guess",
     "first_try",
+    "rough_clearance",
+    "series_terms",
     "start",
     "try_landing",
     "turn",
@@ -58,6 +64,7 @@ TWO_PI = 2.0 * math.pi
 # speeds: a faster particle is tried first as over a base at rest, no other beyond the second
 FAST = 0.6
 SLOW = 0.15
+AHEAD = 0.25  # periods beyond the flight over a base at rest, while the base falls away
 # A step of the iteration ends it where the terms of its series fall so fast that what is left out
 # is below half an ulp of the step, and of the flight.
 LAST = 2.0**-12
@@ -86,6 +93,25 @@ class Start(NamedTuple):
     cosine: float
 
 
+class Guess(NamedTuple):
+    """What is known of a landing from the beginning of the flight alone.
+
+    Attributes
+    ----------
+    sure
+        Whether the flight has one root for sure.
+    time
+        A time near it.
+    rise
+        Time from which on it is above every height of the base, until as long before the end of
+        the flight over a base at rest; of use with arcs only.
+    """
+
+    sure: bool
+    time: float
+    rise: float
+
+
 class Clearance(NamedTuple):
     """Height above the base during a flight.
 
@@ -103,6 +129,15 @@ class Clearance(NamedTuple):
     cosine: float
 
 
+class Terms(NamedTuple):
+    """Newton's step, and the second, third and fourth derivative relative to it."""
+
+    newton: float
+    q: float
+    q3: float
+    q4: float
+
+
 @jit
 def start(alpha: float, x_lift: float, x: float, y: float) -> Start:
     """Beginning of the flight that leaves phase x with speed y."""
@@ -113,6 +148,14 @@ def start(alpha: float, x_lift: float, x: float, y: float) -> Start:
 def absolute(begin: Start) -> float:
     """Absolute speed at the lift-off."""
     return fma(begin.alpha, begin.sine, begin.y)
+
+
+@jit
+def apex(begin: Start) -> float:
+    """Height of the apex above the lowest level of the base; of one that falls, of its start."""
+    u = absolute(begin)
+    rising = u if u > 0.0 else 0.0
+    return fma(rising, rising, (2.0 / math.pi) * begin.alpha * (1.0 - begin.cosine))
 
 
 @jit
@@ -130,6 +173,23 @@ def clearance(begin: Start, s: float, turned: float, lag: float, c: float) -> Cl
 
 
 @jit
+def series_terms(begin: Start, clear: Clearance) -> Terms:
+    """Newton's step from where the clearance is known, and the further terms of the series."""
+    f, f1, sine, cosine = clear
+    gamma = math.pi * begin.alpha
+    inverse = 1.0 / f1
+    newton = -f * inverse
+    once = newton * inverse
+    twice = once * newton
+    return Terms(
+        newton,
+        0.5 * once * fma(-gamma, cosine, -1.0),
+        (math.pi / 3.0 * gamma) * twice * sine,
+        (math.pi * math.pi / 6.0 * gamma) * twice * newton * cosine,
+    )
+
+
+@jit
 def turn(s: float) -> tuple[float, float, float]:
     """What `clearance` needs of s: sin(2 pi s), 2 pi s - sin(2 pi s) and 1 - cos(2 pi s)."""
     part = s - np.rint(s)
@@ -139,38 +199,57 @@ def turn(s: float) -> tuple[float, float, float]:
 
 
 @jit
-def first_try(begin: Start, arcs: int | None) -> tuple[bool, float]:
-    """Whether the flight has one root for sure, and the time to be tried first.
+def first_guess(begin: Start, arcs: int | None) -> Guess:
+    """Guess when the flight ends.
 
-    One step of Halley's method with rough terms comes near it.  Without arcs, None, what only
-    flights with Gamma > 1 need is not compiled.
+    Without arcs, None, what only flights with Gamma > 1 need is not compiled.
     """
     alpha, x_lift, x, y, _, cosine = begin
     gamma, u = math.pi * alpha, absolute(begin)
     pull = fma(gamma, cosine, 1.0)
     parabola = y / pull if pull > 0.0 else np.inf
-    sure, most = True, u if u > SLOW else SLOW
-    to_fall = x_lift - x
+    sure, most, rise = True, u if u > SLOW else SLOW, np.inf
     if arcs is not None:
         w = math.pi * u
         fast = (u > 0.0) & (w * w >= gamma * (gamma + 2.0 * (1.0 + cosine)))
         sure = fast | (gamma <= 1.0)
-        most = most if sure else to_fall
+        most = most if sure else (u + AHEAD if abs(x) >= x_lift else x_lift - x)
+        rise = (alpha / math.pi) * (1.0 + cosine) / u if u > 0.0 else np.inf
     s = parabola if parabola < most else most
-    s = u if (u > FAST) & sure else s
+    return Guess(sure, u if (u > FAST) & sure else s, rise)
+
+
+@jit
+def rough_clearance(begin: Start, s: float) -> Clearance:
+    """Clearance after s periods, to a few units of its fifth digit: enough to guess from."""
     whole = np.rint(s)
     part = s - whole
     lag, c = rough_lag_and_versine(part)
-    rough = clearance(begin, s, fma(TWO_PI, part, -lag), fma(TWO_PI, whole, lag), c)
-    f, f1, f2 = rough.f, rough.f1, fma(-gamma, rough.cosine, -1.0)
-    step = -f * f1 / fma(f1, f1, -0.5 * f * f2)
+    return clearance(begin, s, fma(TWO_PI, part, -lag), fma(TWO_PI, whole, lag), c)
+
+
+@jit
+def first_try(begin: Start, guess: Guess, rough: Clearance, arcs: int | None) -> float:
+    """The time to be tried first, from a guess and the clearance then.
+
+    One step of Householder's method of third order comes near the root.
+    """
+    alpha, x_lift, x, y, _, _ = begin
+    sure, s, _ = guess
+    f, f1, f2 = rough.f, rough.f1, fma(-math.pi * alpha, rough.cosine, -1.0)
+    bend, square = 0.5 * f * f2, f1 * f1
+    third = (math.pi * math.pi / 3.0) * alpha * rough.sine * (f * f)
+    step = -f * (square - bend) / fma(f1, fma(-2.0, bend, square), third)
     far = 0.5 * s if s < 0.5 else 0.25
     s = s + step if (f1 < 0.0) & (abs(step) < far) else s
     if arcs is not None:
+        # a stretch in which the base presses: the present one, or the next one
+        falls = abs(x) >= x_lift
         to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
+        to_fall = to_press + 2.0 * x_lift if falls else x_lift - x
         s = s if sure | (s < to_fall) else to_fall
-        s = to_press if (abs(x) >= x_lift) & (not sure) else s
-    return sure, 0.0 if y < 0.0 else s  # pushed into the base, it lands at once
+        s = to_press if falls & (not (sure | (s > to_press))) else s
+    return 0.0 if y < 0.0 else s  # pushed into the base, it lands at once
 
 
 @jit
@@ -189,7 +268,9 @@ def _ends(x: float, x_lift: float) -> tuple[bool, float, float]:
 
 
 @jit
-def _across(begin: Start, s: float, clear: Clearance, newton: float, step: float) -> float:
+def _across(
+    begin: Start, rise: float, s: float, clear: Clearance, newton: float, step: float
+) -> float:
     """Time to be tried next after s, of a flight that may have several roots.
 
     The clearance at s is positive, and so it is before s.
@@ -208,31 +289,24 @@ def _across(begin: Start, s: float, clear: Clearance, newton: float, step: float
     convex = step if falls else newton
     convex = convex if nears & (convex < to_press) else to_press
     tried = s + (into if presses else convex)
-    # once the particle is above every height of the base, it is so until the time `until`
-    u = absolute(begin)
-    highest = (0.25 / math.pi) * begin.alpha
-    free = fma(0.5 * s, u - s, -highest * begin.cosine) > highest
-    until = u - 4.0 * highest * (1.0 + begin.cosine) / u
-    return until if free & (until > tried) else tried
+    until = absolute(begin) - rise  # until then it is above every height of the base
+    return until if (s > rise) & (until > tried) else tried
 
 
 @jit
 def try_landing(
-    begin: Start, sure: bool, s: float, clear: Clearance, arcs: int | None
+    begin: Start, guess: Guess, s: float, clear: Clearance, terms: Terms, arcs: int | None
 ) -> tuple[float, float, bool]:
     """Try the time s: the next one to be tried, or the landing, its speed, and which of both.
 
-    `clear` is the clearance at that time.
+    `clear` is the clearance at that time, of which `terms` are those of the series.
     """
     f, f1, sine, cosine = clear
+    newton, q, q3, q4 = terms
+    sure, _, rise = guess
     gamma = math.pi * begin.alpha
     f2 = fma(-gamma, cosine, -1.0)
     f3, f4 = (TWO_PI * gamma) * sine, (TWO_PI * TWO_PI * gamma) * cosine
-    inverse = 1.0 / f1
-    newton = -f * inverse
-    once = newton * inverse
-    twice = once * newton
-    q, q3, q4 = 0.5 * once * f2, (1.0 / 6.0) * twice * f3, (1.0 / 24.0) * twice * newton * f4
     third = fma(q, q, -q3)
     series = 1.0 - q + (fma(q, q, third) - fma(5.0 * q, third, q4))  # in steps of Newton's
     nears, above = f1 < 0.0, f > 0.0
@@ -249,7 +323,7 @@ def try_landing(
     third, fourth = f3 * fma(turned, -1.0 / 24.0, 0.5), f4 * fma(turned, -1.0 / 120.0, 1.0 / 6.0)
     arrival = -2.0 * fma(step, fma(step, fma(step, fourth, third), f2), f1)
     if arcs is not None:
-        across = _across(begin, s, clear, newton, step)
+        across = _across(begin, rise, s, clear, newton, step)
         tried = across if above & (not sure) & (not last) else tried
         swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s
         noise = NOISE * s * (begin.alpha * swept + 0.5 * (abs(begin.y) + s))

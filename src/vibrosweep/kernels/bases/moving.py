@@ -14,28 +14,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import Floats, answer, fma, jit, wide_vectors
+from vibrosweep.kernels._jit import Floats, answer, fma
 from vibrosweep.kernels.bases import Counted, Flight
 from vibrosweep.kernels.bases.landing_search import (
-    Clearance,
-    Start,
-    absolute,
+    apex,
     clearance,
+    first_guess,
     first_try,
+    rough_clearance,
+    series_terms,
     start,
     try_landing,
     turn,
 )
-from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.laws import Law
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless
 
-__all__ = ["Moving", "MovingConstants"]
+__all__ = ["TRIES", "Moving", "MovingConstants"]
 
 TWO_PI = 2.0 * math.pi
 AT_LANDING = 2.0**-20  # periods; a landing on the way is farther than that from the end of a flight
-FRESH = -1.0  # instead of the time that has been reached: the flight has just begun
 TRIES = 20000.0  # passes after which the search for a landing is given up
 LARGEST_GAMMA = 1e9  # beyond it a slow particle meets the base more often than can be searched
 TINY = 1e-300  # of a speed: pushed into the base, if ever so little
@@ -91,137 +90,6 @@ def _(base: Moving, problem: Dimensionless, i: int) -> MovingConstants:
     return MovingConstants(base, e, alpha, problem.rest_flight[i], x_lift)
 
 
-@answer(bases.put, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int) -> None:
-    row = ROW.CONSTANTS + j
-    s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
-    s[row + 3 * STRIDE] = fixed.x_lift
-    s[ROW.NEXT + j], s[ROW.COUNTS + j] = FRESH, 0.0
-    s[ROW.TRIES + j], s[ROW.AGE_SEEN + j] = 0.0, 0.0
-
-
-@answer(bases.take, Moving)
-def _(base: Moving, s: Floats, j: int) -> MovingConstants:
-    row = ROW.CONSTANTS + j
-    e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
-    return MovingConstants(base, e, alpha, r, s[row + 3 * STRIDE])
-
-
-@answer(bases.prepare, Moving)
-def _(base: Moving, s: Floats, lanes: int) -> None:
-    # many short loops: a processor computes several lanes at once where their chains of dependent
-    # operations are short enough to be under way together
-    _begin(base, s, lanes)
-    _guess(base, s, lanes)
-    _turn(base, s, lanes)
-    _look(base, s, lanes)
-    _try(base, s, lanes)
-
-
-@jit
-def _begin(base: Moving, s: Floats, lanes: int) -> None:
-    """Compute sine and cosine where the flight of each lane begins."""
-    wide_vectors()
-    for j in range(lanes):
-        x = s[ROW.X + j]
-        s[ROW.SINE + j] = sin_turns(x)
-        s[ROW.COSINE + j] = cos_turns(x)
-
-
-@jit
-def _guess(base: Moving, s: Floats, lanes: int) -> None:
-    """Compute what is to be tried first in a flight that has just begun."""
-    wide_vectors()
-    for j in range(lanes):
-        sure, tried = first_try(_begun(bases.take(base, s, j), s, j), base.arcs)
-        following = s[ROW.NEXT + j]
-        s[ROW.REACHED + j] = tried if following < 0.0 else following
-        s[ROW.SURE + j] = 1.0 if sure else 0.0
-
-
-@jit
-def _turn(base: Moving, s: Floats, lanes: int) -> None:
-    """Compute how far the base turns until the time that is to be tried."""
-    wide_vectors()
-    for j in range(lanes):
-        s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j] = turn(s[ROW.REACHED + j])
-
-
-@jit
-def _look(base: Moving, s: Floats, lanes: int) -> None:
-    """Compute the clearance of each lane at the time that is to be tried."""
-    wide_vectors()
-    for j in range(lanes):
-        begin = _begun(bases.take(base, s, j), s, j)
-        turned, lag, c = s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j]
-        clear = clearance(begin, s[ROW.REACHED + j], turned, lag, c)
-        s[ROW.CLEAR + j] = clear.f
-        s[ROW.CLEAR_SLOPE + j] = clear.f1
-        s[ROW.SINE_THEN + j] = clear.sine
-        s[ROW.COSINE_THEN + j] = clear.cosine
-
-
-@jit
-def _try(base: Moving, s: Floats, lanes: int) -> None:
-    """Judge the clearance: the landing of each lane, or what is to be tried next."""
-    wide_vectors()
-    for j in range(lanes):
-        clear = Clearance(
-            s[ROW.CLEAR + j],
-            s[ROW.CLEAR_SLOPE + j],
-            s[ROW.SINE_THEN + j],
-            s[ROW.COSINE_THEN + j],
-        )
-        sure, reached = s[ROW.SURE + j] != 0.0, s[ROW.REACHED + j]
-        begin = _begun(bases.take(base, s, j), s, j)
-        time, v, landed = try_landing(begin, sure, reached, clear, base.arcs)
-        s[ROW.TIME + j] = time
-        s[ROW.SPEED + j] = v
-        s[ROW.LANDED + j] = 1.0 if landed else 0.0
-
-
-@jit
-def _begun(fixed: MovingConstants, s: Floats, j: int) -> Start:
-    """Return the beginning of the flight of lane j, as `prepare` left it."""
-    x, y = s[ROW.X + j], s[ROW.U + j]
-    return Start(fixed.alpha, fixed.x_lift, x, y, s[ROW.SINE + j], s[ROW.COSINE + j])
-
-
-@answer(bases.approach, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int) -> tuple[float, float, bool]:
-    return s[ROW.TIME + j], s[ROW.SPEED + j], s[ROW.LANDED + j] != 0.0
-
-
-@answer(bases.may_land, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int, budget: float) -> bool:
-    return bool(s[ROW.AGE + j] < budget)
-
-
-@answer(bases.keep, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
-    counts = s[ROW.COUNTS + j] != 0.0
-    s[ROW.AGE + j] += 1.0 if landed else 0.0
-    s[ROW.COUNTS + j] = (1.0 if seen else 0.0) + (0.0 if landed else s[ROW.COUNTS + j])
-    s[ROW.NEXT + j] = FRESH if landed else time
-    return bool(landed & counts)
-
-
-@answer(bases.gives_up, Moving)
-def _(base: Moving, s: Floats, j: int, passes: int) -> bool:
-    stays = s[ROW.AGE + j] == s[ROW.AGE_SEEN + j]
-    s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
-    s[ROW.TRIES + j] = s[ROW.TRIES + j] + passes if stays else 0.0
-    clear = s[ROW.CLEAR + j]
-    lost = (clear != clear) & (abs(s[ROW.X + j]) <= 0.5)  # not one at rest for good
-    return bool((s[ROW.TRIES + j] >= TRIES) | lost)
-
-
-@answer(bases.pending, Moving)
-def _(base: Moving, s: Floats, j: int) -> bool:
-    # no flight follows on a rest for good, which leaves no phase
-    return bool((s[ROW.COUNTS + j] != 0.0) & (abs(s[ROW.X + j]) <= 0.5))
-
-
 @answer(bases.fly, MovingConstants)
 def _(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
     if not abs(x) <= 0.5:  # after a rest for good
@@ -230,11 +98,12 @@ def _(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
         return 0.0, 0.0
     begin = start(fixed.alpha, fixed.x_lift, x, u)
     arcs = fixed.base.arcs
-    sure, time = first_try(begin, arcs)
+    guess = first_guess(begin, arcs)
+    time = first_try(begin, guess, rough_clearance(begin, guess.time), arcs)
     v, landed, tries = 0.0, False, 0.0
     while not landed and tries <= TRIES:
         clear = clearance(begin, time, *turn(time))
-        time, v, landed = try_landing(begin, sure, time, clear, arcs)
+        time, v, landed = try_landing(begin, guess, time, clear, series_terms(begin, clear), arcs)
         tries += 1.0 if clear.f == clear.f else TRIES
     return time if landed else np.nan, v
 
@@ -272,28 +141,10 @@ def _(fixed: MovingConstants, x: float, u: float) -> float:
     return fma(fixed.alpha, sin_turns(x), u)
 
 
-@jit
-def _apex(begin: Start) -> float:
-    """Height of the apex above the lowest level of the base; of one that falls, of its start."""
-    u = absolute(begin)
-    rising = u if u > 0.0 else 0.0
-    return fma(rising, rising, (2.0 / math.pi) * begin.alpha * (1.0 - begin.cosine))
-
-
 @answer(bases.counted, MovingConstants)
 def _(fixed: MovingConstants, flight: Flight, u_off: float) -> Counted:
     begin = start(fixed.alpha, fixed.x_lift, flight.x, flight.u)
-    return flight.time, _apex(begin), 1.0
-
-
-@answer(bases.counted_now, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int, time: float, u_off: float) -> Counted:
-    return time, _apex(_begun(fixed, s, j)), 1.0
-
-
-@answer(bases.common_age, Moving)
-def _(base: Moving) -> float:
-    return 0.0
+    return flight.time, apex(begin), 1.0
 
 
 @bases.lifts.register(Moving)

@@ -1,0 +1,216 @@
+"""The moving base in the vector kernel: a pass looks once at the flight of each lane.
+
+Many short loops: a processor computes several lanes at once where their chains of dependent
+operations are short enough to be under way together.
+"""
+
+from __future__ import annotations
+
+from vibrosweep.kernels import bases
+from vibrosweep.kernels._jit import Floats, answer, jit, wide_vectors
+from vibrosweep.kernels.bases import Counted
+from vibrosweep.kernels.bases.landing_search import (
+    Clearance,
+    Guess,
+    Start,
+    Terms,
+    apex,
+    clearance,
+    first_guess,
+    first_try,
+    rough_clearance,
+    series_terms,
+    try_landing,
+    turn,
+)
+from vibrosweep.kernels.bases.moving import TRIES, Moving, MovingConstants
+from vibrosweep.kernels.lanes import ROW, STRIDE
+from vibrosweep.kernels.sine import cos_turns, sin_turns
+
+__all__: list[str] = []
+
+FRESH = -1.0  # instead of the time that has been reached: the flight has just begun
+
+
+@answer(bases.put, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int) -> None:
+    row = ROW.CONSTANTS + j
+    s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
+    s[row + 3 * STRIDE] = fixed.x_lift
+    s[ROW.NEXT + j], s[ROW.COUNTS + j] = FRESH, 0.0
+    s[ROW.TRIES + j], s[ROW.AGE_SEEN + j] = 0.0, 0.0
+
+
+@answer(bases.take, Moving)
+def _(base: Moving, s: Floats, j: int) -> MovingConstants:
+    row = ROW.CONSTANTS + j
+    e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
+    return MovingConstants(base, e, alpha, r, s[row + 3 * STRIDE])
+
+
+@answer(bases.prepare, Moving)
+def _(base: Moving, s: Floats, lanes: int) -> None:
+    _begin(base, s, lanes)
+    _near(base, s, lanes)
+    _rough(base, s, lanes)
+    _guess(base, s, lanes)
+    _turn(base, s, lanes)
+    _look(base, s, lanes)
+    _try(base, s, lanes)
+
+
+@jit
+def _begin(base: Moving, s: Floats, lanes: int) -> None:
+    """Compute sine and cosine where the flight of each lane begins."""
+    wide_vectors()
+    for j in range(lanes):
+        x = s[ROW.X + j]
+        s[ROW.SINE + j] = sin_turns(x)
+        s[ROW.COSINE + j] = cos_turns(x)
+
+
+@jit
+def _near(base: Moving, s: Floats, lanes: int) -> None:
+    """Guess when the flight of each lane ends."""
+    wide_vectors()
+    for j in range(lanes):
+        guess = first_guess(_begun(bases.take(base, s, j), s, j), base.arcs)
+        s[ROW.SURE + j] = 1.0 if guess.sure else 0.0
+        s[ROW.GUESS + j] = guess.time
+        s[ROW.RISE + j] = guess.rise
+
+
+@jit
+def _rough(base: Moving, s: Floats, lanes: int) -> None:
+    """Compute the clearance of each lane at that time, roughly."""
+    wide_vectors()
+    for j in range(lanes):
+        begin = _begun(bases.take(base, s, j), s, j)
+        _keep_clearance(s, j, rough_clearance(begin, s[ROW.GUESS + j]))
+
+
+@jit
+def _guess(base: Moving, s: Floats, lanes: int) -> None:
+    """Compute what is to be tried first in a flight that has just begun."""
+    wide_vectors()
+    for j in range(lanes):
+        begin = _begun(bases.take(base, s, j), s, j)
+        tried = first_try(begin, _guessed(s, j), _cleared(s, j), base.arcs)
+        following = s[ROW.NEXT + j]
+        s[ROW.REACHED + j] = tried if following < 0.0 else following
+
+
+@jit
+def _turn(base: Moving, s: Floats, lanes: int) -> None:
+    """Compute how far the base turns until the time that is to be tried."""
+    wide_vectors()
+    for j in range(lanes):
+        s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j] = turn(s[ROW.REACHED + j])
+
+
+@jit
+def _look(base: Moving, s: Floats, lanes: int) -> None:
+    """Compute the clearance of each lane at the time that is to be tried, and its series."""
+    wide_vectors()
+    for j in range(lanes):
+        begin = _begun(bases.take(base, s, j), s, j)
+        turned, lag, c = s[ROW.TURNED + j], s[ROW.LAG + j], s[ROW.VERSINE + j]
+        clear = clearance(begin, s[ROW.REACHED + j], turned, lag, c)
+        _keep_clearance(s, j, clear)
+        terms = series_terms(begin, clear)
+        s[ROW.NEWTON + j] = terms.newton
+        s[ROW.Q + j] = terms.q
+        s[ROW.Q3 + j] = terms.q3
+        s[ROW.Q4 + j] = terms.q4
+
+
+@jit
+def _try(base: Moving, s: Floats, lanes: int) -> None:
+    """Judge the clearance: the landing of each lane, or what is to be tried next."""
+    wide_vectors()
+    for j in range(lanes):
+        clear = _cleared(s, j)
+        terms = Terms(s[ROW.NEWTON + j], s[ROW.Q + j], s[ROW.Q3 + j], s[ROW.Q4 + j])
+        reached = s[ROW.REACHED + j]
+        begin = _begun(bases.take(base, s, j), s, j)
+        time, v, landed = try_landing(begin, _guessed(s, j), reached, clear, terms, base.arcs)
+        s[ROW.TIME + j] = time
+        s[ROW.SPEED + j] = v
+        s[ROW.LANDED + j] = 1.0 if landed else 0.0
+
+
+@jit
+def _begun(fixed: MovingConstants, s: Floats, j: int) -> Start:
+    """Return the beginning of the flight of lane j, as `prepare` left it."""
+    x, y = s[ROW.X + j], s[ROW.U + j]
+    return Start(fixed.alpha, fixed.x_lift, x, y, s[ROW.SINE + j], s[ROW.COSINE + j])
+
+
+@jit
+def _guessed(s: Floats, j: int) -> Guess:
+    """Return the guess of lane j, as `prepare` left it."""
+    return Guess(s[ROW.SURE + j] != 0.0, s[ROW.GUESS + j], s[ROW.RISE + j])
+
+
+@jit
+def _keep_clearance(s: Floats, j: int, clear: Clearance) -> None:
+    s[ROW.CLEAR + j] = clear.f
+    s[ROW.CLEAR_SLOPE + j] = clear.f1
+    s[ROW.SINE_THEN + j] = clear.sine
+    s[ROW.COSINE_THEN + j] = clear.cosine
+
+
+@jit
+def _cleared(s: Floats, j: int) -> Clearance:
+    """Return the clearance of lane j that has been kept."""
+    return Clearance(
+        s[ROW.CLEAR + j],
+        s[ROW.CLEAR_SLOPE + j],
+        s[ROW.SINE_THEN + j],
+        s[ROW.COSINE_THEN + j],
+    )
+
+
+@answer(bases.approach, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int) -> tuple[float, float, bool]:
+    return s[ROW.TIME + j], s[ROW.SPEED + j], s[ROW.LANDED + j] != 0.0
+
+
+@answer(bases.may_land, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int, budget: float) -> bool:
+    return bool(s[ROW.AGE + j] < budget)
+
+
+@answer(bases.keep, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
+    counts = s[ROW.COUNTS + j] != 0.0
+    s[ROW.AGE + j] += 1.0 if landed else 0.0
+    s[ROW.COUNTS + j] = (1.0 if seen else 0.0) + (0.0 if landed else s[ROW.COUNTS + j])
+    s[ROW.NEXT + j] = FRESH if landed else time
+    return bool(landed & counts)
+
+
+@answer(bases.gives_up, Moving)
+def _(base: Moving, s: Floats, j: int, passes: int) -> bool:
+    stays = s[ROW.AGE + j] == s[ROW.AGE_SEEN + j]
+    s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
+    s[ROW.TRIES + j] = s[ROW.TRIES + j] + passes if stays else 0.0
+    clear = s[ROW.CLEAR + j]
+    lost = (clear != clear) & (abs(s[ROW.X + j]) <= 0.5)  # not one at rest for good
+    return bool((s[ROW.TRIES + j] >= TRIES) | lost)
+
+
+@answer(bases.pending, Moving)
+def _(base: Moving, s: Floats, j: int) -> bool:
+    # no flight follows on a rest for good, which leaves no phase
+    return bool((s[ROW.COUNTS + j] != 0.0) & (abs(s[ROW.X + j]) <= 0.5))
+
+
+@answer(bases.counted_now, MovingConstants)
+def _(fixed: MovingConstants, s: Floats, j: int, time: float, u_off: float) -> Counted:
+    return time, apex(_begun(fixed, s, j)), 1.0
+
+
+@answer(bases.common_age, Moving)
+def _(base: Moving) -> float:
+    return 0.0
