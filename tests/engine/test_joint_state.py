@@ -9,10 +9,12 @@ from vibrosweep.engine.coupled import Neighbours, carry_on, measure_coupled
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.coupled.follow import Coupled
+from vibrosweep.kernels.coupled.settling import empty_joint, notes, settle_jointly
 from vibrosweep.model.coupled_cycles import CoupledBase, monodromy, spectral_radius, staggered
 from vibrosweep.model.forcing import completed, only_parameters
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches, mounts
 
 
 def parameters_of(base):
@@ -149,3 +151,20 @@ def test_a_locked_joint_state_recurs_and_its_neighbours_approach():
     if found["joint_cycle_impacts"] > 0:
         assert found["joint_regime"] in (1, 2)
         assert found["joint_recurrent_from"] < 1500.0
+
+
+def test_rest_after_the_last_landing_that_the_budget_allows_is_seen():
+    scene = {"restitution": 0.5, "amplitude": 0.1, "mass_ratio": 0.05}
+    scene |= {"mount_frequency": 0.4, "mount_damping": 0.1}
+    parameters = all_parameters({name: np.array([v]) for name, v in scene.items()})
+    launch = launches((0.0, 0.3), 2, parameters["frequency"])
+    batch = Coupled(dimensionless(parameters, 60.0), mounts(parameters), launch)
+
+    def found(budget):
+        out = empty_joint(1)
+        settle_jointly(0, 1, batch, budget, notes(2), out)
+        return out
+
+    landings = int(found(10_000).landings[0])
+    assert 0 < landings < 10_000
+    assert found(landings).at_rest[0] == found(10_000).at_rest[0] == 1

@@ -154,7 +154,7 @@ def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: Jo
         deviation[row, 0] = 1.0
     growth, landed, rests, mark, seen_at, rested = 0.0, 0, 0, 1, 0, 0
     _keep(of, kept)
-    while landed < budget:
+    while landed <= budget:  # after the last one allowed it may come to rest for good
         until = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
         event, load = follow_event(
             of, fixed, load, problem.launch_flight[i], until, rode, deviation
