@@ -13,7 +13,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMANDS = {
     "Install and run": "python -m pip install . && vibrosweep run sweeps/paper.toml"
     " && vibrosweep figures paper.h5 -o figures",
-    "Install and test": "python -m pip install '.[test]' && python -m pytest -n 2",
+    "Install and test": "python -m pip install '.[test]' && python -m pytest -n 2 --dist=loadfile",
 }
 
 
