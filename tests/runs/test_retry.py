@@ -185,3 +185,21 @@ def test_a_retry_with_any_other_measure_is_refused(tmp_path, output):
             RunError, match=rf"another sweep or version:\n(.*\n)*  measure.{field.name}: "
         ):
             retry_failed(spec, output, threads=1, impact_budget=1000)
+
+
+def test_a_record_that_alone_lacks_landings_is_computed_again(tmp_path, output):
+    def spec(budget):
+        return parse_spec(
+            'title = "Only the record is long"\n[scene]\nparticles = 2\nduration = 2.0\n'
+            "[sample]\nrealizations = 5\nrestitution = [0.5, 0.9]\n"
+            f"[measure]\nimpact_budget = {budget}\n[record]\nrestitution = 0.9\nduration = 100.0\n"
+        )
+
+    whole = tmp_path / "whole.h5"
+    run_sweep(spec(10_000), whole, threads=1)
+    run_sweep(spec(36), output, threads=1)
+    with xr.open_dataset(output) as result, xr.open_dataset(output, group="record") as record:
+        assert (result.status == 0).all()
+        assert (record.status != 0).any()
+    retry_failed(spec(36), output, threads=1, impact_budget=10_000)
+    assert bits(output) == bits(whole)

@@ -116,12 +116,18 @@ def retry_failed(
 
 
 def _rows(spec: SweepSpec, output: Path) -> tuple[int, ...]:
-    """Indices of the realizations to retry, in a result of this sweep."""
+    """Indices of the realizations to retry, in a result of this sweep.
+
+    The first one is among them where the record lacks landings.
+    """
     with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
         before = json.loads(identity_in(file))
         budget = int(before[BUDGET])
         names = [name for name in SETTLING if name in file.variables]
         failed = unsettled({name: read_rows(file, name, slice(None)) for name in names})
+        if spec.record is not None:  # it is written anew with any row
+            status = file.groups["record"].variables["status"][...]
+            failed[:1] |= np.any(unsettled({"status": status}))
     now = identity(spec)
     changes = differences({**before, BUDGET: ""}, {**now, BUDGET: ""})
     if changes:
