@@ -169,6 +169,10 @@ MISTAKES = {
         ["record.frequency = 0", "at least 1e-30 and at most 1e+09 Hz"],
     ),
     "particles": ("[scene]\nparticles = 0", ["scene.particles = 0", "whole number, at least 1"]),
+    "too many particles": (
+        f"[scene]\nparticles = 1{400 * '0'}",
+        ["scene.particles = a huge number", "at least 1 and at most 1000000000"],
+    ),
     "particles type": ("[scene]\nparticles = 2.0", ["scene.particles = 2.0", "whole number"]),
     "launch word": ('[scene]\nlaunch = "now"', ['scene.launch = "now"', '"staggered" or a list']),
     "launch value": ("[scene]\nlaunch = [0.0, inf]", ["scene.launch = [0.0, inf]", "finite"]),

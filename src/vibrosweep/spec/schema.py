@@ -37,8 +37,9 @@ __all__ = [
 DRAWN: Final = ("uniform", "latin", "sobol")
 TABLES: Final = (".csv", ".nc")
 
-# Far beyond any disk; indices of realizations and of drawn values stay far below 2**63.
+# Far beyond any disk or memory; indices of realizations and of drawn values stay far below 2**63.
 MAX_REALIZATIONS: Final = 10**12
+MAX_PARTICLES: Final = 10**9
 # An axis is held in memory.
 MAX_STEPS: Final = 10**6
 
@@ -315,7 +316,7 @@ def _steps(parameter: Parameter, value: Mapping[str, object]) -> Steps:
 
 _SCENE: Final[Mapping[str, Check]] = {
     **{name: partial(_within, parameter) for name, parameter in INPUTS.items()},
-    "particles": partial(_whole, ", at least 1", 1, None),
+    "particles": partial(_whole, f", at least 1 and at most {MAX_PARTICLES}", 1, MAX_PARTICLES),
     "launch": _launch,
     "duration": partial(_positive, "s"),
     "duration_periods": partial(_positive, "forcing periods"),
