@@ -131,9 +131,8 @@ def contacts_between(
     met = meet(before, after, (before.centre + after.centre) / 2.0, fall)
     arrival = before.slope - fall * (met.time - before.centre)
     departure = arrival + met.closing
-    opening = (
-        departure > arrival
-    )  # above rounding: between the halves of one flight there is no contact
+    # above rounding: between the halves of one flight there is no contact
+    opening = departure > arrival
     place, before, after = place[opening], before.take(opening), after.take(opening)
     owner = np.zeros(fits.number.size, np.intp)
     owner[member[member >= 0]] = samples.particle[member >= 0]

@@ -243,7 +243,7 @@ def first_try(begin: Start, guess: Guess, rough: Clearance, arcs: int | None) ->
     far = 0.5 * s if s < 0.5 else 0.25
     s = s + step if (f1 < 0.0) & (abs(step) < far) else s
     if arcs is not None:
-        # a stretch in which the base presses: the present one, or the next one
+        # F is concave in the present stretch, or in the next one, before which it has no root
         falls = abs(x) >= x_lift
         to_press = (1.0 if x > 0.0 else 0.0) - x_lift - x
         to_fall = to_press + 2.0 * x_lift if falls else x_lift - x
