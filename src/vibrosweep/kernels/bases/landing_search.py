@@ -48,7 +48,6 @@ __all__ = [
     "Guess",
     "Start",
     "Terms",
-    "absolute",
     "apex",
     "clearance",
     "first_guess",
