@@ -13,10 +13,10 @@ import numpy as np
 
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
+from vibrosweep.engine.asked import observation_of
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model import theory
-from vibrosweep.runs.driver import observation_of
 from vibrosweep.spec.sweep import read_spec
 
 PLANE = Path(__file__).parents[1] / "sweeps" / "plane.toml"

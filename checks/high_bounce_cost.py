@@ -34,10 +34,10 @@ from high_bounce_scenes import (
 from vibrosweep import simulate
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
+from vibrosweep.engine.asked import observation_of
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model import theory
 from vibrosweep.model.status import Regime
-from vibrosweep.runs.driver import observation_of
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "what-high-bounce-costs.md"

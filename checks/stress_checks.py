@@ -14,6 +14,7 @@ from accuracy import ULP, arrays_of, batch_of, orbit
 from coupled_errors import compare as compare_coupled
 from first_roots import LARGEST_ERROR, Flights, judge
 from trust_check import compare, kernel_jobs
+from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
@@ -24,7 +25,6 @@ from vibrosweep.kernels.impact import impact, launch, launch_speed
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import MOUNT
 from vibrosweep.model.status import Status
-from vibrosweep.runs.driver import record_observation
 
 BITS = 256
 CAPACITY = 24  # landings of the first particle that are compared with the proved reference

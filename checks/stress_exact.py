@@ -14,6 +14,7 @@ import numpy as np
 from flint import arb, ctx
 
 from accuracy import ULP, bare_problem, batch_of, orbit
+from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
@@ -23,7 +24,6 @@ from vibrosweep.kernels.impact import base_of, land
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Status
-from vibrosweep.runs.driver import record_observation
 
 Outcome = tuple[int, list[str]]
 CAPACITY = 400

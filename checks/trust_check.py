@@ -19,8 +19,9 @@ import numpy as np
 from accuracy import batch_of, orbit, provenance, table, write_section
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.status import Status
-from vibrosweep.proof.reference import ball
-from vibrosweep.proof.reference._flint import arb, ctx
+from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
+from vibrosweep.proof.reference.ball import trajectory
+from vibrosweep.proof.reference.results import Trajectory
 
 KINDS = (("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest"))
 CAPACITY = 2000  # landings of one trajectory that are compared
@@ -165,7 +166,7 @@ def upper(ball_error: object) -> float:
     return float(ball_error.abs_upper())
 
 
-def truth_of(job: Job, complete: bool) -> tuple[ball.Trajectory, int]:
+def truth_of(job: Job, complete: bool) -> tuple[Trajectory, int]:
     """The proved trajectory, and the number of its landings that the kernel claims to know.
 
     The decision after the last of them may be a tie, at which the reference ends too.
@@ -174,12 +175,12 @@ def truth_of(job: Job, complete: bool) -> tuple[ball.Trajectory, int]:
     limit = known + 1 if complete else known
     kind = {"base": job.base, "rebound": job.law}
     try:
-        return ball.trajectory(**job.scene, **kind, max_impacts=limit, digits=22), known
-    except ball.UndecidableError as error:
+        return trajectory(**job.scene, **kind, max_impacts=limit, digits=22), known
+    except UndecidableError as error:
         if complete or error.impact < known or known == 1:
             raise
     known -= 1
-    return ball.trajectory(**job.scene, **kind, max_impacts=known, digits=22), known
+    return trajectory(**job.scene, **kind, max_impacts=known, digits=22), known
 
 
 def compare(job: Job) -> Verdict:
@@ -190,7 +191,7 @@ def compare(job: Job) -> Verdict:
         return verdict
     try:
         truth, known = truth_of(job, complete)
-    except ball.UndecidableError as error:
+    except UndecidableError as error:
         if complete or job.prefixes[-1][1] > 1:
             verdict.faults.append(f"undecided: {error.decision}")
         return verdict

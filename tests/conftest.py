@@ -60,7 +60,7 @@ def random_scenes(parameters):
 @pytest.fixture(scope="session")
 def observe():
     """An observation of 12 s that measures separations and each particle, unless said otherwise."""
-    from vibrosweep.runs.driver import record_observation
+    from vibrosweep.engine.asked import record_observation
 
     def make(launch="staggered", particles=20, **changes):
         if not isinstance(launch, str):

@@ -12,12 +12,12 @@ from methods.scenes import Point, table
 from methods.sweeps import Sweep
 from methods.timing import timed
 from methods.truth import Orbit, worst
+from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.runs.driver import record_observation
 
 STATISTICS = "vibrosweep, statistics"
 NOTHING_SKIPPED = "vibrosweep, nothing skipped"

@@ -24,8 +24,6 @@ from vibrosweep._version import __version__
 from vibrosweep.commands import COMMANDS
 from vibrosweep.errors import OPTIONS, VibrosweepError
 
-__all__ = ["main"]
-
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
 OBJECTS_BETWEEN_SEARCHES: Final = 50_000  # for garbage
 PATIENCE: Final = 2.0  # seconds for which a second interruption is not one more

@@ -16,8 +16,6 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["available_memory", "locked", "physical_memory", "resident_memory"]
-
 POLL: Final = 0.05  # s, between two looks at a lock of Windows
 # Windows lets nobody read a byte that is locked: this one lies behind all that a lock file says.
 LOCKED_BYTE: Final = 1 << 30

@@ -11,7 +11,8 @@ import pytest
 from vibrosweep import simulate
 from vibrosweep.model.parameters import dimensionless
 from vibrosweep.model.status import Status
-from vibrosweep.proof.reference.ball import UndecidableError, trajectory
+from vibrosweep.proof.reference._flint import UndecidableError
+from vibrosweep.proof.reference.ball import trajectory
 
 LAWS = ["rest", "reflect"]
 LANDINGS = 64

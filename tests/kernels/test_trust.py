@@ -5,7 +5,8 @@ import pytest
 
 from vibrosweep.engine.measure import measure
 from vibrosweep.model import theory
-from vibrosweep.proof.reference.ball import UndecidableError, trajectory
+from vibrosweep.proof.reference._flint import UndecidableError
+from vibrosweep.proof.reference.ball import trajectory
 
 LAWS = ["rest", "reflect"]
 HALF_ULP = 2.0**-53

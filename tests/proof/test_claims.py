@@ -11,9 +11,10 @@ from vibrosweep.model.measures import MEASURES, VARIABLES
 from vibrosweep.proof.judgement import judge
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.measured import Measured
+from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.tolerances import EPS, Bounds, claims
+from vibrosweep.proof.tolerances import Bounds, claims
 
 SCENE = Realization(
     parameters={

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.model.times import Periods
 from vibrosweep.spec.keywords import keyword_spec
-from vibrosweep.spec.sweep import Axis, Range, parse_spec
+from vibrosweep.spec.rules import Axis, Range
+from vibrosweep.spec.sweep import parse_spec
 
 DRAWN = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "realizations": 20}
 

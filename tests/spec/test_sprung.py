@@ -12,7 +12,8 @@ from vibrosweep.model.parameters import MOUNT, PARAMETERS
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import silent_defaults
 from vibrosweep.spec.design import open_design
-from vibrosweep.spec.sweep import Range, parse_spec
+from vibrosweep.spec.rules import Range
+from vibrosweep.spec.sweep import parse_spec
 
 SCENE = 'title = "x"\n[scene]\nbase = "sprung"\n'
 MOUNTED = SCENE + "mass_ratio = 0.004\nmount_frequency = 3.0\n"

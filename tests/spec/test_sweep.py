@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from vibrosweep.errors import SpecError
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.spec.rules import Axis, Range
 from vibrosweep.spec.schema import SECTIONS
-from vibrosweep.spec.sweep import Axis, Range, parse_spec, read_spec
+from vibrosweep.spec.sweep import parse_spec, read_spec
 
 SWEEPS = sorted((Path(__file__).parents[2] / "sweeps").glob("*.toml"))
 TITLE = 'title = "x"\n'

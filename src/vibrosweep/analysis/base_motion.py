@@ -17,18 +17,6 @@ from vibrosweep.model.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "BaseMotion",
-    "Course",
-    "arrival_speeds",
-    "base_motion",
-    "base_name",
-    "course",
-    "moves",
-    "recoils",
-    "refuse_recoil",
-]
-
 Array = NDArray[np.float64]
 
 NEEDS: Final = ("restitution", "amplitude", "frequency", "phase")

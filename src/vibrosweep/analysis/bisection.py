@@ -12,8 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Edges", "Evaluate", "find_edges", "windows_of_row"]
-
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 

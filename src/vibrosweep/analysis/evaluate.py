@@ -34,18 +34,6 @@ from vibrosweep.model.parameters import (
     launches,
 )
 
-__all__ = [
-    "HOLDING",
-    "batch_from",
-    "continued",
-    "launch_states",
-    "launched",
-    "lift_off_speeds",
-    "locked",
-    "reached",
-    "settle_from",
-]
-
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 States = NDArray[np.float64]

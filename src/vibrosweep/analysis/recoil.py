@@ -22,8 +22,6 @@ from vibrosweep.model.parameters import MOUNT, PARAMETERS, STAGGERED
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Periods
 
-__all__ = ["Recoiling", "recoiling"]
-
 Array = NDArray[np.float64]
 
 NEEDS: Final = (*PARAMETERS, *MOUNT, "launch_time", "impact_count", "status", "duration")

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.base_motion import base_motion, course
 from vibrosweep.analysis.requirements import require
 
-__all__ = ["FLIGHTS", "Array", "Flights", "flights", "per_realization", "variable"]
-
 Array = NDArray[np.float64]
 
 FLIGHTS = (

@@ -10,8 +10,6 @@ from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["remedy", "require"]
-
 
 def require(dataset: xr.Dataset, analysis: str, *names: str) -> None:
     """Make sure that a dataset holds the variables or coordinates that an analysis needs.

@@ -18,9 +18,8 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS, completed, forcing_of, inputs_of, only_parameters
 from vibrosweep.model.measures import MEASURE_OF
 from vibrosweep.model.mount import require_mount
-from vibrosweep.spec.sweep import Range, SweepSpec
-
-__all__ = ["OUTPUTS", "sobol_indices", "sobol_of_spec"]
+from vibrosweep.spec.rules import Range
+from vibrosweep.spec.sweep import SweepSpec
 
 OUTPUTS: Final = ("rebound_height_max", "rebound_height_mean", "flight_time_mean", "dt_min")
 RESAMPLES: Final = 400

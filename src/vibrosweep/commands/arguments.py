@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-__all__ = ["positive", "some", "whole"]
-
 
 def positive(text: str) -> int:
     """Read a whole number of at least 1."""

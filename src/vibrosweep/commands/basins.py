@@ -7,8 +7,6 @@ from typing import Final
 
 from vibrosweep.commands.picture import add_common, produce
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "basins"
 HELP: Final = "tell which attractor each launch leads to"
 

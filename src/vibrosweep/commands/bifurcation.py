@@ -8,8 +8,6 @@ from typing import Final
 from vibrosweep.commands.arguments import positive
 from vibrosweep.commands.picture import add_common, produce
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "bifurcation"
 HELP: Final = "draw what orbits do along the amplitude"
 

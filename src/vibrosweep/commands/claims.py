@@ -10,8 +10,6 @@ from typing import Final
 
 from vibrosweep.commands.arguments import positive
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "claims"
 HELP: Final = "judge every claim of the study by computation; write a page and a JSON file"
 

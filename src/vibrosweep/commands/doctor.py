@@ -8,8 +8,6 @@ from typing import Final
 
 from vibrosweep.commands.arguments import some
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "doctor"
 HELP: Final = "examine the installation and this machine; exit code 1 if anything is wrong"
 

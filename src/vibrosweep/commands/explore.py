@@ -9,8 +9,6 @@ from typing import Final
 from vibrosweep.commands.arguments import whole
 from vibrosweep.errors import VibrosweepError
 
-__all__ = ["HELP", "NAME", "MissingBokehError", "add_arguments", "perform"]
-
 NAME: Final = "explore"
 HELP: Final = "look at a result in a browser, and at the motion behind every point of it"
 

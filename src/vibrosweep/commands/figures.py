@@ -12,8 +12,6 @@ from vibrosweep.errors import DataError
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "figures"
 HELP: Final = "draw the figures of a result file"
 

@@ -6,8 +6,6 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "info"
 HELP: Final = "show what a result file holds"
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from vibrosweep.lab.fitting import View
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "lab"
 HELP: Final = "measure camera tracks and compare them with prediction"
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from vibrosweep.spec.sweep import SweepSpec
 
-__all__ = ["add_common", "drawing", "produce"]
-
 
 def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
     """Add the arguments of such a command; `spec` says what the sweep file must hold."""

@@ -13,8 +13,6 @@ from vibrosweep.commands.arguments import positive, some
 if TYPE_CHECKING:
     from vibrosweep.runs.chunks import Runner
 
-__all__ = ["Place", "add_place", "opened_place"]
-
 
 def add_place(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that choose the place."""

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from vibrosweep.runs.forecast import Needs
     from vibrosweep.runs.plan import Plan
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "plan"
 HELP: Final = "say what a sweep will take, from a few of its realizations"
 

@@ -14,8 +14,6 @@ from vibrosweep.commands.place import add_place, opened_place
 if TYPE_CHECKING:
     from vibrosweep.spec.sweep import SweepSpec
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "run"
 HELP: Final = "compute a sweep file"
 

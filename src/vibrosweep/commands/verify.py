@@ -9,8 +9,6 @@ from typing import Final
 
 from vibrosweep.commands.arguments import positive, whole
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "verify"
 HELP: Final = "hold a result file against proved values"
 

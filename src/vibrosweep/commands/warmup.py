@@ -8,8 +8,6 @@ from typing import Final
 
 from vibrosweep.commands.arguments import some
 
-__all__ = ["HELP", "NAME", "add_arguments", "perform"]
-
 NAME: Final = "warmup"
 HELP: Final = "compile every variant of the kernels once and keep the machine code"
 

@@ -16,8 +16,6 @@ from vibrosweep.kernels._cache import variants
 from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.vectors import VARIABLE, vector_bits
 
-__all__ = ["kernel_cache", "threads", "vector_registers"]
-
 # Modules of numba that hold a threading layer, and files of OpenMP libraries.
 LAYERS: Final = {"tbbpool": "TBB", "omppool": "OpenMP", "workqueue": "workqueue"}
 # Features of processors, as LLVM calls them: bits of a vector, and a multiply-add of vectors.

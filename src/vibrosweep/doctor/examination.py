@@ -10,8 +10,6 @@ from vibrosweep.doctor.finding import Finding
 from vibrosweep.doctor.libraries import hdf5_libraries, versions
 from vibrosweep.doctor.machine import disk, memory, processors
 
-__all__ = ["examine"]
-
 
 def examine(directory: Path) -> Iterator[Finding]:
     """Check everything that a run in `directory` depends on, in about two seconds."""

@@ -17,8 +17,6 @@ from packaging.requirements import Requirement
 from vibrosweep._version import __version__
 from vibrosweep.doctor.finding import Finding
 
-__all__ = ["hdf5_libraries", "versions"]
-
 LIBRARIES: Final = ("numpy", "numba", "llvmlite", "scipy", "xarray", "h5py", "h5netcdf")
 # what the extras of the package add, and what it is needed for
 OPTIONAL: Final = {"python-flint": "verify", "distributed": "cluster", "netCDF4": "test"}

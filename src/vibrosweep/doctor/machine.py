@@ -14,8 +14,6 @@ from vibrosweep.runs.driver import available_threads
 from vibrosweep.runs.plan import BYTES_PER_TRAJECTORY
 from vibrosweep.system import available_memory, physical_memory
 
-__all__ = ["disk", "memory", "processors"]
-
 GROUP: Final = Path("/sys/fs/cgroup")
 # About the size of the results of a sweep of a million realizations.
 LITTLE_DISK: Final = 1 << 28

@@ -37,8 +37,6 @@ from vibrosweep.model.measures import Measures
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import LAWS
 
-__all__ = ["KERNELS", "Compiled", "warm_up"]
-
 KERNELS: Final[tuple[Any, ...]] = (
     advance,
     combine,

@@ -22,16 +22,6 @@ from vibrosweep.model.parameters import BASES
 from vibrosweep.model.times import Periods, Time, in_seconds
 from vibrosweep.spec.sweep import SweepSpec
 
-__all__ = [
-    "given_forcing",
-    "observation_of",
-    "parameters_of",
-    "quantities_of",
-    "record_observation",
-    "varied_quantities",
-    "varying",
-]
-
 Array = NDArray[np.float64]
 
 

@@ -30,16 +30,6 @@ from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods
 
-__all__ = [
-    "BaseTrack",
-    "Neighbours",
-    "base_track",
-    "carry_on",
-    "count_coupled",
-    "measure_coupled",
-    "record_coupled",
-]
-
 Array = NDArray[np.float64]
 Measured = dict[str, NDArray[Any]]
 LANDINGS_OF_AN_EXPONENT = 64  # fewer tell nothing of how neighbours separate

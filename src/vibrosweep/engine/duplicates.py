@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.model.parameters import Dimensionless, Launches
 
-__all__ = ["find_equal"]
-
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 

@@ -26,15 +26,6 @@ from vibrosweep.model.parameters import (
 )
 from vibrosweep.system import physical_memory
 
-__all__ = [
-    "BYTES_PER_LANDING",
-    "all_parameters",
-    "launch_times",
-    "record_bytes",
-    "record_landings",
-    "require_room",
-]
-
 Array = NDArray[np.float64]
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag

@@ -24,8 +24,6 @@ from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, launches
 from vibrosweep.model.times import Periods, Time, amount, in_periods, in_seconds
 
-__all__ = ["measure"]
-
 Array = NDArray[np.float64]
 Measured = dict[str, NDArray[Any]]
 

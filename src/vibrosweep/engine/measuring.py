@@ -16,8 +16,6 @@ from vibrosweep.model.parameters import representable
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Time
 
-__all__ = ["measure_all"]
-
 Array = NDArray[np.float64]
 
 

@@ -12,8 +12,6 @@ from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import BASES
 from vibrosweep.model.times import Periods, Time, amount
 
-__all__ = ["Observation"]
-
 
 @dataclass(frozen=True)
 class Observation:

@@ -18,8 +18,6 @@ from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
 
-__all__ = ["observed"]
-
 Array = NDArray[np.float64]
 
 

@@ -17,15 +17,6 @@ if TYPE_CHECKING:
     from vibrosweep.engine.observation import Observation
     from vibrosweep.engine.workers import Workers
 
-__all__ = [
-    "NO_ORBIT",
-    "find_orbits",
-    "label_orbits",
-    "orbit_variables",
-    "slot_count",
-    "slots",
-]
-
 Codes = NDArray[np.int64]
 
 NO_ORBIT: Final = -1

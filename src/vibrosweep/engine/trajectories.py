@@ -21,14 +21,13 @@ from vibrosweep.kernels.bases import fitted
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.observing import Observer, observing_scratch
-from vibrosweep.kernels.separation import Separations, empty_separations, separate, workspace
+from vibrosweep.kernels.ordering import workspace
+from vibrosweep.kernels.separation import Separations, empty_separations, separate
 from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
 from vibrosweep.kernels.statistics import Statistics, combine, empty_statistics, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
-
-__all__ = ["PERIODS_TO_RECUR", "Followed", "follow", "settled", "statistics"]
 
 Array = NDArray[np.float64]
 Fields = TypeVar("Fields", bound=tuple[Any, ...])

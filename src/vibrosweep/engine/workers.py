@@ -10,8 +10,6 @@ from typing import Self
 from vibrosweep.kernels.cycles import Cycles, empty_cycles
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
 
-__all__ = ["TRAJECTORIES_PER_TASK", "Workers"]
-
 TRAJECTORIES_PER_TASK = 1 << 16
 # Range size of a stream: large against the cost of a call, small enough to balance the threads.
 PIECES_PER_THREAD = 16

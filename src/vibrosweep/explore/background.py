@@ -10,8 +10,6 @@ from typing import Any, TypeVar
 
 from vibrosweep.explore.choice import Choice
 
-__all__ = ["Background"]
-
 T = TypeVar("T")
 
 

@@ -17,8 +17,6 @@ from vibrosweep.model.times import Periods, Time, amount
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MOST_PERIODS", "OBSERVED_PERIODS", "Choice", "Spread"]
-
 # Forcing periods that are drawn of a longer observation, and that tell regimes and exponents
 MOST_PERIODS: Final = 100.0
 OBSERVED_PERIODS: Final = 2000.0

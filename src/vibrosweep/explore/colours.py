@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from vibrosweep.explore.points import Column
 from vibrosweep.figures.style import OKABE_ITO
 
-__all__ = ["GREY", "Colouring", "colouring", "particle_colours"]
-
 Array = NDArray[np.float64]
 GREY: Final = "#b5b5b5"
 NAMED: Final = (*OKABE_ITO, GREY)

@@ -16,8 +16,6 @@ from vibrosweep.explore.points import Points
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.parameters import BASES, MOUNT
 
-__all__ = ["MOUNT_VALUES", "Controls"]
-
 # Of a mount where the result has none: values at which bunching shows
 MOUNT_VALUES: Final = {"mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
 STEPS: Final = 400

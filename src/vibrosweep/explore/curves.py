@@ -14,8 +14,6 @@ from vibrosweep.model import theory
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.theory import FIXED
 
-__all__ = ["MODES", "WindowEnd", "window_ends"]
-
 Array = NDArray[np.float64]
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201

@@ -15,8 +15,6 @@ from vibrosweep.explore.labels import SYMBOLS, units_text
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.mount import SPRUNG
 
-__all__ = ["facts", "facts_html", "named"]
-
 
 def named(choice: Choice) -> str:
     """Parameters and base of a choice in one line."""

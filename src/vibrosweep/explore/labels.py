@@ -8,8 +8,6 @@ from typing import Final
 
 from vibrosweep.model.forcing import INPUTS
 
-__all__ = ["SYMBOLS", "input_label", "label", "units_text"]
-
 SYMBOLS: Final[Mapping[str, str]] = {
     "restitution": "e",
     "amplitude": "A",

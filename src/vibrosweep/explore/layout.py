@@ -11,8 +11,6 @@ from bokeh.models import Select
 from vibrosweep.explore.motion_view import MotionView
 from vibrosweep.explore.plane_view import NO_MARKER, PlaneView
 
-__all__ = ["TEMPLATE", "parts", "picker"]
-
 TEMPLATE: Final = (Path(__file__).parent / "page.html").read_text("utf-8")
 TITLES: Final = {"x": "horizontal", "y": "vertical", "colour": "colour", "marker": "marker"}
 

@@ -35,8 +35,6 @@ from vibrosweep.explore.table import TABLE, in_polygon, in_rectangle, table
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.parameters import BASES
 
-__all__ = ["Page"]
-
 PLANE: Final = "plane"
 SHOWN_ROWS: Final = 6
 # ms after the last movement of a slider until regimes and exponents are computed

@@ -25,8 +25,6 @@ from vibrosweep.explore.pictures import Columns
 from vibrosweep.explore.seen import Axis, seen
 from vibrosweep.explore.sources import empty_source, inner_pixels
 
-__all__ = ["TITLES", "MotionView"]
-
 Array = NDArray[np.float64]
 View = tuple[float, float, float, float]  # x and y, each from where to where
 

@@ -13,15 +13,6 @@ from vibrosweep.analysis.returns import return_points
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "Columns",
-    "Heights",
-    "heights",
-    "landing_phases",
-    "return_map",
-    "separations",
-]
-
 Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 

@@ -22,8 +22,6 @@ from vibrosweep.explore.points import Points
 from vibrosweep.explore.raster import View, nearest, raster
 from vibrosweep.explore.sources import empty_source, inner_pixels
 
-__all__ = ["MANY", "MARKERS", "NO_MARKER", "PlaneView", "limits"]
-
 Array = NDArray[np.float64]
 
 # More points than this are gathered in pixels

@@ -23,8 +23,6 @@ from vibrosweep.store.rows import REALIZATION, flat
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Column", "Points", "of_result", "open_points"]
-
 Array = NDArray[np.float64]
 
 # What colours the plane at first, if it was measured

@@ -9,8 +9,6 @@ from typing import Any, Final
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.points import Points
 
-__all__ = ["PICTURES", "around", "motion_lines", "plane_lines", "simulation", "table_lines"]
-
 WIDTH: Final = 79
 LEADING: Final = "import vibrosweep as vs"
 PLOT: Final = "import matplotlib.pyplot as plt"

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from vibrosweep.figures.cells import Cells, commonest, grid_cells
 
-__all__ = ["Raster", "View", "nearest", "raster"]
-
 Array = NDArray[np.float64]
 FIRST: Final = 1000  # points that tell whether there may be a grid
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from vibrosweep.explore.raster import nearest
 
-__all__ = ["evenly", "spread_out"]
-
 Array = NDArray[np.float64]
 FINEST = 32
 

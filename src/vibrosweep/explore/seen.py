@@ -8,8 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Axis", "seen"]
-
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 BEYOND = 8  # pixels outside the window to which a line or a dot within it may reach

@@ -19,8 +19,6 @@ from vibrosweep.explore.background import Background
 from vibrosweep.explore.live import Page
 from vibrosweep.explore.points import Points
 
-__all__ = ["HOST", "serve"]
-
 HOST: Final = "localhost"
 ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 

@@ -7,8 +7,6 @@ from typing import Any
 from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.models import ColumnDataSource
 
-__all__ = ["empty_source", "inner_pixels"]
-
 
 def empty_source(*names: str) -> ColumnDataSource:
     """Columns of these names, without rows."""

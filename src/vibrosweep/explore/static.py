@@ -25,8 +25,6 @@ from vibrosweep.explore.sample import evenly, spread_out
 from vibrosweep.explore.table import TABLE, table_columns
 from vibrosweep.store.disk import check_output, replacing
 
-__all__ = ["LARGEST", "write_page"]
-
 SCRIPT: Final = (Path(__file__).parent / "page.js").read_text("utf-8")
 LARGEST: Final = 10_000_000  # bytes of a page
 MOST_POINTS: Final = 5000

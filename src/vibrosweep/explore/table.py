@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from vibrosweep.explore.points import LAUNCHED, Points
 
-__all__ = ["TABLE", "in_polygon", "in_rectangle", "table", "table_columns"]
-
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 TABLE: Final = "selection.csv"  # name of the file that a browser saves

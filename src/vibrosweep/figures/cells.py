@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from vibrosweep.figures.data import Array
 
-__all__ = ["Cells", "commonest", "equal_cells", "grid_cells", "median"]
-
 PER_CELL: Final = 20
 MOST_CELLS: Final = 200
 

@@ -20,22 +20,6 @@ from vibrosweep.model.parameters import MOUNT, PARAMETERS
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "Array",
-    "Needs",
-    "conditions",
-    "drawn_forcing",
-    "fixed",
-    "format_units",
-    "kick",
-    "label",
-    "one_realization",
-    "pick",
-    "quantity",
-    "symbol",
-    "varies",
-]
-
 Array = NDArray[np.float64]
 
 KICK: Final = "kick"

@@ -25,8 +25,6 @@ from vibrosweep.figures.motion import Motion, highest, motions, parabolas
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "height_time", "readable_until"]
-
 NEEDS: Final = data.Needs(
     (
         "landing_time",

@@ -13,8 +13,6 @@ from vibrosweep.figures import style
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["errors_by_case", "fitted_track", "imperfections"]
-
 # Flights that can be distinguished across a page.
 SHOWN_FLIGHTS: Final = 10
 CURVE_POINTS: Final = 60

@@ -13,8 +13,6 @@ from vibrosweep.figures.data import Array
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Motion", "highest", "motions", "parabolas"]
-
 
 @dataclass(frozen=True)
 class Motion:

@@ -19,8 +19,6 @@ from vibrosweep.figures import style
 from vibrosweep.figures.cells import Cells
 from vibrosweep.figures.data import Array
 
-__all__ = ["Points", "paint_codes", "paint_numbers", "scatter_points"]
-
 ZERO_COLOUR: Final = "0.72"
 
 

@@ -18,8 +18,6 @@ from vibrosweep.store.rows import flat
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "parameter_plane"]
-
 CHOICES: Final = ("dt_min", "rebound_height_max")
 AXES: Final = ("restitution", "amplitude", "frequency", "gravity")
 NEEDS: Final = data.Needs(AXES, one_of=CHOICES, varied=("restitution", "kick"))

@@ -19,8 +19,6 @@ from vibrosweep.store.rows import flat
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["FIGURES", "FigureEntry", "available", "missing", "save", "save_all", "save_formats"]
-
 # Dates and versions would make two drawings of the same data differ.
 FORMATS: Final[Mapping[str, Mapping[str, None]]] = {
     "png": {"Software": None},

@@ -19,8 +19,6 @@ from vibrosweep.store.rows import flat
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "height_against_restitution", "plateaus"]
-
 NEEDS: Final = data.Needs(
     (
         "restitution",

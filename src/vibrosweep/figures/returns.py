@@ -17,8 +17,6 @@ from vibrosweep.model import theory
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "return_map"]
-
 NEEDS: Final = data.Needs(
     (
         "landing_time",

@@ -13,23 +13,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
-__all__ = [
-    "COLUMN",
-    "DENSITY_MAP",
-    "GREY",
-    "MANY",
-    "MEDIUM",
-    "OKABE_ITO",
-    "PAGE",
-    "RC",
-    "SEQUENTIAL_MAP",
-    "colours",
-    "halo",
-    "head",
-    "new_figure",
-    "styled",
-]
-
 P = ParamSpec("P")
 
 # Widths in inches: one column, one and a half, and two columns of a journal page.

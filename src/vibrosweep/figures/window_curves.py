@@ -14,8 +14,6 @@ from vibrosweep.figures import style
 from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
 
-__all__ = ["Curve", "draw_windows", "per_amplitude", "window_curves"]
-
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201
 

@@ -21,8 +21,6 @@ from numba.core.registry import cpu_target
 from vibrosweep.kernels.vectors import vector_bits
 from vibrosweep.system import locked
 
-__all__ = ["KernelCache", "Variants", "variants"]
-
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
     """The cache of one kernel; an unreadable file counts as missing."""

@@ -28,24 +28,6 @@ from numpy.typing import NDArray
 from vibrosweep.kernels._cache import KernelCache
 from vibrosweep.kernels.vectors import vector_bits
 
-__all__ = [
-    "Flags",
-    "Floats",
-    "Integers",
-    "answer",
-    "cache_directory",
-    "fma",
-    "jit",
-    "kernel",
-    "part",
-    "prefetch",
-    "question",
-    "sources_digest",
-    "uncached",
-    "uncounted",
-    "wide_vectors",
-]
-
 F = TypeVar("F", bound=Callable[..., Any])
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -64,8 +64,6 @@ from vibrosweep.kernels.statistics import (
 from vibrosweep.model.observables import Landing
 from vibrosweep.model.parameters import Dimensionless
 
-__all__ = ["LOOK_AFTER", "Options", "advance", "advance_observing"]
-
 LOOK_AFTER = 6  # impacts between two checks of which lanes are done
 
 

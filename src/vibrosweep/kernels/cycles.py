@@ -18,21 +18,6 @@ from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.statistics import OF_CYCLE, RUNNING, Cycle, add, no_impacts, repeat
 
-__all__ = [
-    "CYCLE",
-    "FIRST_ANCHOR",
-    "Cycles",
-    "Rests",
-    "close_cycle",
-    "empty_cycles",
-    "empty_rests",
-    "no_cycle",
-    "once_round",
-    "recurs",
-    "saves_work",
-    "stop_search",
-]
-
 FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
 # A cycle saves work if the remaining time is this many times the time since the anchor.
 WORTH = 4.0

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
 from vibrosweep.model.parameters import Launches
 
-__all__ = ["first_of_each"]
-
 Words = NDArray[np.uint64]
 
 SEED = np.uint64(88172645463325252)

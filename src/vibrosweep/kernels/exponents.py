@@ -27,8 +27,6 @@ from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.tangent import carry, stretch
 from vibrosweep.kernels.trust import Box, Frame, landing_error, spread_of, turn_box
 
-__all__ = ["State", "cycle_exponents", "leading_eigenvalue"]
-
 State = tuple[float, float, float]  # whole periods, phase, and the flight that follows
 
 TINY = 2.0**-500

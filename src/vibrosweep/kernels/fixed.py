@@ -24,17 +24,6 @@ from vibrosweep.kernels.laws import LAW_OF, speed_after
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.model.parameters import Dimensionless
 
-__all__ = [
-    "ABSENT",
-    "ATTRACTS",
-    "END_ERROR",
-    "REPELS",
-    "FixedOrbits",
-    "empty_fixed",
-    "find_fixed",
-    "may_push_back",
-]
-
 ABSENT, ATTRACTS, REPELS = 0, 1, 2  # in this order along the kick, see `find_fixed`
 SEEDS = 32  # phases from which the search starts, evenly over a period
 STEPS = 80  # towards a double root the distance only halves in each

@@ -16,8 +16,6 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
 
-__all__ = ["ROOM", "add", "count", "empty", "error", "logarithm", "mean"]
-
 BLOCKS = 32
 
 

@@ -28,18 +28,6 @@ from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.model.parameters import Dimensionless, Launches
 
-__all__ = [
-    "BASE_OF",
-    "Batch",
-    "Impact",
-    "Instant",
-    "base_of",
-    "impact",
-    "land",
-    "launch",
-    "launch_speed",
-]
-
 Instant = tuple[float, float]  # whole periods and phase
 
 BASE_OF: Final = {"high-bounce": HighBounce, "moving": Moving}

@@ -9,8 +9,6 @@ import numpy as np
 from vibrosweep.kernels._jit import Floats, jit
 from vibrosweep.kernels.cycles import CYCLE, Cycles
 
-__all__ = ["Joint", "affordable", "joint_cycle", "no_joint"]
-
 # Up to here quotients of two numbers are equal, in double precision, only if the fractions are.
 LONGEST = 2**25
 

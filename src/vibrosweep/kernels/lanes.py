@@ -15,8 +15,6 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats
 
-__all__ = ["LANES", "ROW", "ROWS", "STRIDE", "VECTOR", "LaneRows", "aligned"]
-
 LANES: Final = 96
 VECTOR: Final = 8
 STRIDE: Final = LANES + VECTOR

@@ -14,18 +14,6 @@ from typing import Any, Final, NamedTuple
 from vibrosweep.kernels._jit import answer, fma, question
 from vibrosweep.kernels.rounding import HALF_ULP, SMALLEST
 
-__all__ = [
-    "LAW_OF",
-    "Law",
-    "Reflect",
-    "Rest",
-    "curvature",
-    "kick_to_repeat",
-    "slopes",
-    "speed_after",
-    "speed_rounding",
-]
-
 Law = Any
 
 

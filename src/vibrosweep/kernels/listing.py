@@ -15,8 +15,6 @@ from vibrosweep.kernels.impact import Batch, Instant, impact, launch, launch_spe
 from vibrosweep.kernels.lanes import LANES
 from vibrosweep.kernels.ordering import LIST, ORDERED, STATE, Workspace
 
-__all__ = ["Latest", "compare", "due_first", "next_landings", "start"]
-
 Latest = tuple[float, float, float, float]  # whole periods, phase, stay, particle
 
 

@@ -18,8 +18,6 @@ from vibrosweep.kernels.lanes import ROW, STRIDE, aligned
 from vibrosweep.kernels.statistics import OF_LANE
 from vibrosweep.model.observables import Landing, Observable
 
-__all__ = ["Observer", "compiled", "note", "observe", "observing_scratch"]
-
 
 class Observer(NamedTuple):
     """A compiled function, and the totals of trajectories, of shape (trajectory, total)."""

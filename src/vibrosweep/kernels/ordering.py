@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from vibrosweep.kernels._jit import Floats, Integers, jit
 from vibrosweep.kernels.lanes import LANES, STRIDE, aligned
 
-__all__ = ["Workspace", "closest", "put_in_order", "workspace"]
-
 FEW = 24  # a cell with more landings is sorted by itself
 PERIODS_REMEMBERED = 64
 NARROWEST = 2.0**-40  # gap, in periods; over more than FARTHEST it could be lost by rounding

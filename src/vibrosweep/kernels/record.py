@@ -10,8 +10,6 @@ from vibrosweep.kernels._jit import Flags, Floats, kernel
 from vibrosweep.kernels.bases import constants, speed
 from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
 
-__all__ = ["Record", "Units", "empty_record", "record"]
-
 
 class Record(NamedTuple):
     """Landings of trajectories: each array has shape (trajectory, impact).

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["HALF_ULP", "KICK_ERROR", "LAUNCH_ERROR", "REST_ERROR", "ROUNDING", "SMALLEST"]
-
 HALF_ULP = 2.0**-53  # relative error of one rounding
 ROUNDING = 16.0 * HALF_ULP  # of a component of an image, relative to the sum of its terms
 SMALLEST = 2.0**-1020  # absolute, of a product or quotient that is subnormal

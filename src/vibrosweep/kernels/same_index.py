@@ -20,8 +20,6 @@ from vibrosweep.kernels.ordering import (
     put_in_order,
 )
 
-__all__ = ["same_index"]
-
 
 @jit
 def _append_all(

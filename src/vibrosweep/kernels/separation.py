@@ -13,18 +13,9 @@ from vibrosweep.kernels.cycles import Cycles
 from vibrosweep.kernels.impact import Batch, Instant
 from vibrosweep.kernels.joint import Joint, affordable, joint_cycle, no_joint
 from vibrosweep.kernels.listing import start
-from vibrosweep.kernels.ordering import Workspace, workspace
+from vibrosweep.kernels.ordering import Workspace
 from vibrosweep.kernels.same_index import same_index
 from vibrosweep.kernels.slabs import UNKNOWN, all_landings, earliest
-
-__all__ = [
-    "UNKNOWN",
-    "Separations",
-    "Workspace",
-    "empty_separations",
-    "separate",
-    "workspace",
-]
 
 
 class Separations(NamedTuple):

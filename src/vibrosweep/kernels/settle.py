@@ -31,9 +31,6 @@ from vibrosweep.kernels.tangent import stretch
 from vibrosweep.kernels.trust import is_certain
 from vibrosweep.model.status import Regime
 
-__all__ = ["SAME_ORBIT", "Orbits", "empty_orbits", "settle"]
-
-
 # Periods.  Two particles on the same orbit differ by the rounding error of an impact divided by 1 -
 # |leading multiplier|, and so do successive rounds of a cycle whose exact bits return only after
 # several rounds.  Distinct points of a cycle are never this close, except right after a period

@@ -7,17 +7,6 @@ import math
 from vibrosweep.kernels._jit import fma, jit
 from vibrosweep.kernels.rounding import HALF_ULP
 
-__all__ = [
-    "COSINE_ERROR",
-    "LAG_ERROR",
-    "SINE_ERROR",
-    "cos_turns",
-    "rough_lag_and_versine",
-    "sin_and_lag",
-    "sin_near",
-    "sin_turns",
-]
-
 # Relative error of `sin_turns`, proved: checks/sine_error.py finds 3.42 half ulps at most.
 SINE_ERROR = 3.5 * HALF_ULP
 # The cosine is the sine of 1/4 - |x|, itself rounded; absolute.

@@ -23,8 +23,6 @@ from vibrosweep.kernels.ordering import (
     put_in_order,
 )
 
-__all__ = ["UNKNOWN", "all_landings", "earliest"]
-
 UNKNOWN = -1
 
 # periods; when all particles rest for good, only the end is left to reach

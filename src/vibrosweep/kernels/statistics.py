@@ -27,26 +27,6 @@ from vibrosweep.kernels.impact import Impact, land
 from vibrosweep.kernels.lanes import ROW, ROWS, SPENT, STRIDE, aligned
 from vibrosweep.model.status import Status
 
-__all__ = [
-    "OF_CYCLE",
-    "OF_LANE",
-    "RUNNING",
-    "Cycle",
-    "Statistics",
-    "add",
-    "clear",
-    "combine",
-    "count",
-    "empty_statistics",
-    "expect",
-    "no_impacts",
-    "physical",
-    "repeat",
-    "scratch",
-    "sum_up",
-    "write",
-]
-
 LINE = 8  # numbers in a cache line
 
 COMPLETED = int(Status.COMPLETED)

@@ -8,8 +8,6 @@ from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import Jacobian
 from vibrosweep.kernels.rounding import ROUNDING
 
-__all__ = ["carry", "stretch"]
-
 
 @jit
 def carry(dx: float, du: float, jacobian: Jacobian) -> tuple[float, float]:

@@ -42,18 +42,6 @@ from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
 from vibrosweep.kernels.rounding import LAUNCH_ERROR, ROUNDING
 from vibrosweep.kernels.tangent import carry
 
-__all__ = [
-    "Box",
-    "Frame",
-    "Trust",
-    "empty_trust",
-    "is_certain",
-    "landing_error",
-    "spread_of",
-    "trust",
-    "turn_box",
-]
-
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40
 LOST = 0.125  # turns; beyond this, a linearisation is useless

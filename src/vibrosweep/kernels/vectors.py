@@ -15,8 +15,6 @@ from numba.core.registry import cpu_target
 
 from vibrosweep.errors import VibrosweepError
 
-__all__ = ["VARIABLE", "vector_bits"]
-
 VARIABLE: Final = "VIBROSWEEP_VECTOR_BITS"
 WIDTHS: Final = ("128", "256", "512")
 # LLVM's names of Skylake servers and of what followed with the same core

@@ -20,8 +20,6 @@ from scipy.sparse import csr_array
 
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
 
-__all__ = ["Bounces", "bounces_of"]
-
 Array = NDArray[np.float64]
 
 # Half bandwidth of the covariance of the equations: a bounce shares an instant with the second next

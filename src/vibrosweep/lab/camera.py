@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.surfaces import Surface
 
-__all__ = ["Camera", "Launch", "Motion", "film", "heights"]
-
 Array = NDArray[np.float64]
 
 

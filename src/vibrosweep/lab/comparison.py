@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from vibrosweep.lab.impacts import BOUNCED
 
-__all__ = ["CASES", "QUANTITIES", "READINGS", "STUDY", "comparable", "errors", "measured_means"]
-
 Array = NDArray[np.float64]
 
 # Cases of Table 4 by their number of particles, and the range of its errors in per cent.

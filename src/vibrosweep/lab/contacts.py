@@ -11,8 +11,6 @@ from vibrosweep.lab.flights import Fits, apparent_gravity, fit, meet
 from vibrosweep.lab.segments import Samples
 from vibrosweep.lab.stretches import clear_flights, stretches
 
-__all__ = ["Contacts", "contacts_between", "find_contacts"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]

@@ -17,8 +17,6 @@ from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import Samples, samples_of
 from vibrosweep.lab.which_base import which_base
 
-__all__ = ["MOTIONS", "Fitted", "View", "fit_tracks"]
-
 MOTIONS: Final = ("detect", "level", "moving")
 
 

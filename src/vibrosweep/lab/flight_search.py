@@ -14,8 +14,6 @@ from vibrosweep.lab.junctions import Junctions, base_level, join
 from vibrosweep.lab.oscillation import Shaken
 from vibrosweep.lab.segments import Samples, first_noise, low_points
 
-__all__ = ["POOR", "Flights", "find_flights", "flight_noise", "poor_flights", "share_out"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 

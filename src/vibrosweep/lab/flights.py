@@ -14,18 +14,6 @@ from numpy.typing import NDArray
 
 from vibrosweep.lab.segments import Samples
 
-__all__ = [
-    "Ends",
-    "Fits",
-    "Meetings",
-    "apparent_gravity",
-    "crossings",
-    "curvatures",
-    "fit",
-    "line_variance",
-    "meet",
-]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from vibrosweep.lab.flights import Ends, Fits, line_variance, meet
 
-__all__ = ["ON_BASE", "Junctions", "base_level", "join"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]

@@ -21,8 +21,6 @@ from vibrosweep.lab.flights import meet
 from vibrosweep.lab.junctions import ON_BASE, base_level
 from vibrosweep.lab.segments import Samples
 
-__all__ = ["flights_on_levels"]
-
 Array = NDArray[np.float64]
 
 # Bounces differ if their speeds scatter by this share: many times what noise makes of them

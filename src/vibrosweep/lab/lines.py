@@ -12,8 +12,6 @@ from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, STAYED
 from vibrosweep.lab.quality import remarks
 
-__all__ = ["agreement_lines", "flights_of", "impact_lines", "table_lines"]
-
 
 def impact_lines(impacts: xr.Dataset) -> list[str]:
     """Say what was found in a recording, and what is wrong with it."""

@@ -22,8 +22,6 @@ from vibrosweep.lab.junctions import join
 from vibrosweep.lab.oscillation import Shaken, Trace, fit_shaken
 from vibrosweep.lab.segments import Samples
 
-__all__ = ["flights_over"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 

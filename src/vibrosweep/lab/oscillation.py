@@ -24,8 +24,6 @@ from scipy.optimize import least_squares
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.regression import TURN
 
-__all__ = ["Oscillation", "Shaken", "Trace", "first_guess", "fit_shaken"]
-
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 

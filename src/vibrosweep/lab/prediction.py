@@ -9,15 +9,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import BASES, PARAMETERS
-from vibrosweep.runs.driver import record_observation
-
-__all__ = ["BASE_OF_MOTION", "DRAWS", "Prediction", "draw", "predict"]
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from vibrosweep.lab.segments import GAP_FRAMES
 
-__all__ = ["find_swaps", "remarks", "seen"]
-
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 

@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-__all__ = ["FEWEST", "TURN", "find_frequency", "weakest_signal"]
-
 Array = NDArray[np.float64]
 
 TURN: Final = 2.0 * np.pi

@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
-__all__ = ["GAP_FRAMES", "Samples", "first_noise", "low_points", "samples_of"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 

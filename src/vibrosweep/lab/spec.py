@@ -26,8 +26,6 @@ from vibrosweep.spec.messages import Mistakes, nearest, quoted
 from vibrosweep.spec.schema import is_plain
 from vibrosweep.spec.sweep import read_text
 
-__all__ = ["ExperimentSpec", "read_experiments"]
-
 Check = Callable[[object], Any]
 
 MOST_PARTICLES: Final = 1000

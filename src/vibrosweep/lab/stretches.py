@@ -19,8 +19,6 @@ from vibrosweep.kernels._jit import Floats, Integers, kernel
 from vibrosweep.lab.flights import Fits, curvatures, fit
 from vibrosweep.lab.segments import Samples, first_noise
 
-__all__ = ["clear_flights", "stretches"]
-
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 

@@ -12,8 +12,6 @@ from scipy.interpolate import CubicHermiteSpline
 
 from vibrosweep.engine.coupled import BaseTrack
 
-__all__ = ["LEVEL", "Surface", "oscillating", "recoiling"]
-
 Array = NDArray[np.float64]
 
 STEPS_PER_PERIOD: Final = 1000

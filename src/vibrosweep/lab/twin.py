@@ -26,8 +26,6 @@ from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
 from vibrosweep.model.parameters import BASES, PARAMETERS, Launches, dimensionless
 
-__all__ = ["Comparison", "camera_shares"]
-
 Array = NDArray[np.float64]
 
 

@@ -18,8 +18,6 @@ from vibrosweep.kernels.bases import constants, fly, lift_off, rebound, speed
 from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
 from vibrosweep.kernels.record import Record, empty_record
 
-__all__ = ["phase_walk", "wandering_record"]
-
 # Each step shrinks the error by the relative change of a period, which is far below 1.
 INVERSIONS: Final = 30
 # Speed, as a flight in forcing periods, below which the restitution does not rise further.

@@ -12,8 +12,6 @@ from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import Shaken, Trace, first_guess, fit_shaken
 from vibrosweep.lab.regression import FEWEST, find_frequency, weakest_signal
 
-__all__ = ["FREQUENCIES", "LEAST_SIGNAL", "Judgement", "signal_of", "which_base"]
-
 Array = NDArray[np.float64]
 
 FREQUENCIES: Final = (1.0, 100.0)

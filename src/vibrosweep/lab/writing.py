@@ -16,8 +16,6 @@ from vibrosweep.store.disk import check_output, replacing
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["write_experiments"]
-
 
 def write_experiments(
     experiments: Iterable[Experiment], directory: Path, name: str, *, force: bool

@@ -25,16 +25,6 @@ from scipy.optimize import root
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.coupled_theory import landing_phase, mount_propagator, recoil_deviation
 
-__all__ = [
-    "CoupledBase",
-    "Cycle",
-    "find_cycle",
-    "is_clear",
-    "monodromy",
-    "spectral_radius",
-    "staggered",
-]
-
 Array = NDArray[np.float64]
 TWO_PI = 2.0 * np.pi
 RESIDUAL = 1e-11  # of equations whose terms are of the size of k^2, k the periods of a flight

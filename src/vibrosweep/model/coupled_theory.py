@@ -38,17 +38,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.errors import ParameterError
 
-__all__ = [
-    "bunch",
-    "impact_damper",
-    "landing_phase",
-    "locked_acceleration_min",
-    "mount_propagator",
-    "recoil_deviation",
-    "reversing_separation",
-    "volume_contraction",
-]
-
 Array = NDArray[np.float64]
 TWO_PI = 2.0 * np.pi
 

@@ -22,21 +22,6 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, SPRUNG
 from vibrosweep.model.parameters import BASES, LARGEST, MOUNT, PARAMETERS, Parameter
 
-__all__ = [
-    "ACCELERATION",
-    "AMPLITUDE",
-    "FORCINGS",
-    "INPUTS",
-    "completed",
-    "differing",
-    "forcing_of",
-    "inputs_of",
-    "invalid_law",
-    "only_parameters",
-    "refuse_large",
-    "sources",
-]
-
 Array = NDArray[np.float64]
 
 AMPLITUDE: Final = "amplitude"

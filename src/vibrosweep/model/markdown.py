@@ -21,8 +21,6 @@ from vibrosweep.model.measures import (
     Variable,
 )
 
-__all__ = ["TABLES", "insert"]
-
 LONG: Final = 60  # characters of a comment that is not repeated
 _ALL: Final = (*ALWAYS, *(v for measure in MEASURES.values() for v in measure.variables))
 

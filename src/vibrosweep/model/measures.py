@@ -20,26 +20,6 @@ from vibrosweep.model.times import Time
 if TYPE_CHECKING:
     from vibrosweep.model.observables import Observable
 
-__all__ = [
-    "ALWAYS",
-    "KEYS",
-    "MEASURES",
-    "MEASURE_OF",
-    "OF_EACH",
-    "OF_REALIZATIONS",
-    "OPTIONS",
-    "RECORD",
-    "RESERVED",
-    "RESOLUTION",
-    "TRANSIENT_PERIODS",
-    "UNDETERMINED",
-    "VARIABLES",
-    "Measure",
-    "Measures",
-    "Option",
-    "Variable",
-]
-
 UNDETERMINED: Final = -1
 OF_EACH: Final = ", of each particle"  # ends the long name of a statistic by particle
 COUPLES: Final = BASES[2]  # the base over which particles are coupled

@@ -9,8 +9,6 @@ from typing import Final
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import BASES, LARGEST, MOUNT, SMALLEST, Parameter
 
-__all__ = ["MASSES", "MASS_RATIO", "OF_MOUNT", "SPRUNG", "mount_mistakes", "require_mount"]
-
 SPRUNG: Final = BASES[2]
 MASS_RATIO: Final = "mass_ratio"
 

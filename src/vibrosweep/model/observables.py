@@ -19,8 +19,6 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import RESERVED, Variable
 
-__all__ = ["Landing", "Observable", "observables_of"]
-
 Array = NDArray[np.float64]
 
 # How the totals of particles make those of a realization.

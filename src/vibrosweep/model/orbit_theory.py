@@ -8,19 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import BASES
 
-__all__ = [
-    "FIXED",
-    "HIGH_BOUNCE",
-    "exponent_sum",
-    "flight_time_bound",
-    "liftoff_flight",
-    "liftoff_speed_bound",
-    "moves",
-    "recognition_periods",
-    "unforced_rest_impact",
-    "unforced_rest_time",
-]
-
 Array = NDArray[np.float64]
 HIGH_BOUNCE, MOVING = FIXED = BASES[:2]  # bases that particles do not act on
 HALVINGS = 60  # of a bracket of the size of what is sought, to a rounding

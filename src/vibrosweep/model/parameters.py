@@ -18,26 +18,6 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.times import Periods, Time, amount, unit_of
 from vibrosweep.model.turns import reduced_turns, turns_of_radians
 
-__all__ = [
-    "BASES",
-    "LARGEST",
-    "LAWS",
-    "MAX_PERIODS",
-    "MOUNT",
-    "PARAMETERS",
-    "SMALLEST",
-    "STAGGERED",
-    "Dimensionless",
-    "Launches",
-    "Mounts",
-    "Parameter",
-    "dimensionless",
-    "launches",
-    "mounts",
-    "refuse_masked",
-    "representable",
-]
-
 Array = NDArray[np.float64]
 
 BASES: Final = ("high-bounce", "moving", "sprung")

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-__all__ = ["Regime", "Status"]
-
 
 class Status(IntEnum):
     """How the computation of one particle (or the worst of a realization) ended."""

@@ -9,18 +9,6 @@ from numpy.typing import NDArray
 
 from vibrosweep.errors import ParameterError
 
-__all__ = [
-    "Periods",
-    "Time",
-    "amount",
-    "fraction_of",
-    "in_periods",
-    "in_seconds",
-    "one_time",
-    "precedes",
-    "unit_of",
-]
-
 Array = NDArray[np.float64]
 
 

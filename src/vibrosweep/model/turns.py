@@ -7,8 +7,6 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["reduced_turns", "turns_of_radians"]
-
 Array = NDArray[np.float64]
 
 

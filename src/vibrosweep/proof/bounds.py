@@ -19,20 +19,10 @@ from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import MEASURE_OF, VARIABLES
 from vibrosweep.model.mount import SPRUNG
-from vibrosweep.proof.reference.ball import Trajectory
+from vibrosweep.proof.reference.motion import EPS
+from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Sample
-from vibrosweep.proof.tolerances import EPS, Bounds
-
-__all__ = [
-    "BOUNDS",
-    "Errors",
-    "change_of_bound",
-    "landing_errors",
-    "measure_again",
-    "measure_bounds",
-    "measure_orbits",
-    "untrusted",
-]
+from vibrosweep.proof.tolerances import Bounds
 
 Array = NDArray[np.float64]
 

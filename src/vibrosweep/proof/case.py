@@ -16,13 +16,10 @@ from vibrosweep.proof.cycle import largest_exponent
 from vibrosweep.proof.measured import Measured, measures
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
 from vibrosweep.proof.reference._flint import exact
-from vibrosweep.proof.reference.ball import Trajectory
-from vibrosweep.proof.reference.results import Impact
+from vibrosweep.proof.reference.results import Impact, Trajectory
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import Proved
 from vibrosweep.proof.tolerances import Bounds, claims
-
-__all__ = ["Case", "Exponents"]
 
 # Criteria of an aperiodic orbit: the number of landings in the window, and the standard errors by
 # which its exponent exceeds zero.

@@ -18,13 +18,12 @@ from typing import Final, NamedTuple
 
 from vibrosweep.proof.measured import Measured
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx, exact
-from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.reference.coupled import Coupled, TooManyLandingsError, coupled
+from vibrosweep.proof.reference.motion import EPS
+from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.statistics import EPS, Landing, Proved, landings_of
+from vibrosweep.proof.statistics import Landing, Proved, landings_of
 from vibrosweep.proof.tolerances import reaches
-
-__all__ = ["CHANGE", "FACTOR", "MAX_COUPLED", "Estimate", "prove", "with_order"]
 
 # Landings of a realization: some ten seconds, and more where few particles make all of them.
 MAX_COUPLED: Final = 1000

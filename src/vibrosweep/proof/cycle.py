@@ -16,8 +16,6 @@ from typing import Final, NamedTuple
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.motion import PeriodMap
 
-__all__ = ["MAX_CYCLE", "largest_exponent"]
-
 # Impacts; a longer cycle would take too long to verify.
 MAX_CYCLE: Final = 1000
 # Periods; if the cycle found by Newton's method is farther from the orbit, it is another one.

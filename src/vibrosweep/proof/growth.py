@@ -15,8 +15,6 @@ from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.motion import EPS, PeriodMap
 from vibrosweep.proof.reference.results import Flight
 
-__all__ = ["Mean", "mean_growth"]
-
 MOST_BLOCKS: Final = 32
 TURNED: Final = 1e-3  # error of the direction beyond which the first-order estimate is useless
 FIRST_ORDER: Final = 2.0

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from vibrosweep.proof.statistics import Proved
 
-__all__ = ["Judgement", "judge"]
-
 
 @dataclass(frozen=True)
 class Judgement:

@@ -18,8 +18,6 @@ from vibrosweep.proof.bounds import change_of_bound, untrusted
 from vibrosweep.proof.case import Case
 from vibrosweep.proof.judgement import Judgement, judge
 
-__all__ = ["JUDGES", "judge_row"]
-
 Judgements: TypeAlias = Iterator[Judgement]
 
 

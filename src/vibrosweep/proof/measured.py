@@ -14,8 +14,7 @@ from sys import float_info
 
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb, ctx, exact
-from vibrosweep.proof.reference.ball import Trajectory
-from vibrosweep.proof.reference.results import Flight
+from vibrosweep.proof.reference.results import Flight, Trajectory
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import (
     Flights,
@@ -28,8 +27,6 @@ from vibrosweep.proof.statistics import (
     launch_depth,
     statistics,
 )
-
-__all__ = ["Measured", "measures"]
 
 GUARD_BITS = 64
 

@@ -9,10 +9,8 @@ from typing import Any, Final
 
 from vibrosweep.model.measures import RECORD
 from vibrosweep.proof.judgement import Judgement, judge
-from vibrosweep.proof.reference.ball import Impact, Trajectory
+from vibrosweep.proof.reference.results import Impact, Trajectory
 from vibrosweep.proof.sample import Sample
-
-__all__ = ["RECORDED", "judge_record"]
 
 # Its variables share names with those of the sweep, but not their dimensions.
 RECORDED: Final = {f"record/{name}": variable for name, variable in RECORD.items()}

@@ -20,13 +20,11 @@ from vibrosweep.kernels.settle import SAME_ORBIT
 from vibrosweep.model.status import Regime
 from vibrosweep.proof.growth import Mean, mean_growth
 from vibrosweep.proof.reference._flint import arb, ctx
-from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.reference.decisions import nearest_integer
-from vibrosweep.proof.reference.motion import PeriodMap
+from vibrosweep.proof.reference.motion import EPS, PeriodMap
+from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.tolerances import EPS, Bounds
-
-__all__ = ["SAID", "Cycle", "Orbit", "State", "numbered"]
+from vibrosweep.proof.tolerances import Bounds
 
 # Bits of numbers that end as doubles
 FLOATING: Final = 128

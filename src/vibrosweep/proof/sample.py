@@ -15,8 +15,6 @@ from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.proof.reference.bases import REFERENCE_OF, Reference
 
-__all__ = ["Realization", "Sample"]
-
 Array = NDArray[np.float64]
 
 

@@ -11,6 +11,7 @@ import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
@@ -25,12 +26,9 @@ from vibrosweep.proof.setting import (
     Setting,
     asked,
 )
-from vibrosweep.runs.driver import record_observation
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rows import read_rows, row_count, row_dims
-
-__all__ = ["read_sample"]
 
 Array = NDArray[np.float64]
 

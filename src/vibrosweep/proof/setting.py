@@ -22,8 +22,6 @@ from vibrosweep.runs.result import identity_in, recorded_quantities
 from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
 
-__all__ = ["RECORD_COORDINATES", "SWEEP_COORDINATES", "Setting", "asked"]
-
 SWEEP_COORDINATES: Final = (*INPUTS, "launch_time", "duration", "transient")
 RECORD_COORDINATES: Final = (*INPUTS, "launch_time", "duration")
 # designs drawn by another library, whose versions may differ

@@ -12,25 +12,9 @@ from fractions import Fraction
 from typing import NamedTuple, TypeAlias
 
 from vibrosweep.proof.reference._flint import arb
-from vibrosweep.proof.reference.ball import Trajectory
 from vibrosweep.proof.reference.motion import EPS
-from vibrosweep.proof.reference.results import Flight
+from vibrosweep.proof.reference.results import Flight, Trajectory
 from vibrosweep.proof.sample import Realization
-
-__all__ = [
-    "EPS",
-    "Flights",
-    "Landing",
-    "Proved",
-    "Uncertainty",
-    "flights_of",
-    "landings_of",
-    "largest",
-    "largest_height",
-    "launch_depth",
-    "statistics",
-    "statistics_claims",
-]
 
 # A ball, an exact count, code or double, or None where the variable is undefined (NaN stored).
 Proved: TypeAlias = "arb | int | float | None"

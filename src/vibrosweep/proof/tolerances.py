@@ -28,12 +28,10 @@ from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 from vibrosweep.proof.measured import Measured
+from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.statistics import EPS, Proved, Uncertainty, statistics_claims
-
-__all__ = ["EPS", "Bounds", "claims", "reaches"]
-
+from vibrosweep.proof.statistics import Proved, Uncertainty, statistics_claims
 
 # for what the derivatives of a flight leave out
 FIRST_ORDER: Final = 2.0

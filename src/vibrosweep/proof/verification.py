@@ -16,8 +16,6 @@ from vibrosweep.proof.coupled import CHANGE, FACTOR
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.recorded import RECORDED
 
-__all__ = ["Outcome", "Report", "State", "VariableReport"]
-
 ALL: Final = {**VARIABLES, **RECORDED}
 UNITS: Final = {
     **dict.fromkeys(("launch_time", "duration", "transient"), "s"),

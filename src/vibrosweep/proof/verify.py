@@ -30,17 +30,18 @@ from vibrosweep.proof.coupled import MAX_COUPLED, Estimate, prove
 from vibrosweep.proof.judgement import Judgement, judge
 from vibrosweep.proof.judges import judge_row
 from vibrosweep.proof.recorded import judge_record
-from vibrosweep.proof.reference.ball import Trajectory, UndecidableError, trajectory
+from vibrosweep.proof.reference._flint import UndecidableError
+from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.coupled import TooManyLandingsError
+from vibrosweep.proof.reference.motion import EPS
+from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Realization, Sample
 from vibrosweep.proof.sampling import read_sample
 from vibrosweep.proof.setting import Setting
-from vibrosweep.proof.tolerances import EPS, Bounds
+from vibrosweep.proof.tolerances import Bounds
 from vibrosweep.proof.verification import Outcome, Report, State
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.store.kinds import read_kind
-
-__all__ = ["verify"]
 
 # About ten seconds for a realization, and half a gigabyte.
 MAX_LANDINGS: Final = 250_000

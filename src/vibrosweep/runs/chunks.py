@@ -18,18 +18,6 @@ from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.parts import Manifest, Parts, kinds
 
-__all__ = [
-    "Columns",
-    "Job",
-    "Runner",
-    "Tick",
-    "batch_size",
-    "column_kinds",
-    "compute_chunk",
-    "compute_rows",
-    "in_process",
-]
-
 Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 Tick = Callable[[int], object]

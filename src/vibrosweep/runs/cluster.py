@@ -22,15 +22,6 @@ from vibrosweep.runs.chunks import Job, Runner, Tick, compute_chunk
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-__all__ = [
-    "CHUNKS_PER_THREAD",
-    "MissingDaskError",
-    "connected",
-    "dask_setup",
-    "local_workers",
-    "on_dask",
-]
-
 # Seconds to wait for an answer of the scheduler.
 PATIENCE: Final = 30
 # Seconds to wait for a new worker once all have gone.  Dask restarts a local worker within seconds,

@@ -22,8 +22,6 @@ from vibrosweep.store.rows import read_rows, row_count
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import State, state_of
 
-__all__ = ["describe"]
-
 ROWS_AT_A_TIME: Final = 1 << 18
 # Largest number of incomplete realizations that are listed.
 LISTED: Final = 20

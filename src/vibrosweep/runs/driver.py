@@ -6,11 +6,6 @@ import os
 from numbers import Integral
 from pathlib import Path
 
-from vibrosweep.engine.asked import (
-    observation_of,
-    parameters_of,
-    record_observation,
-)
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, RunError, VibrosweepError
 from vibrosweep.runs.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
@@ -28,16 +23,6 @@ from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, reporting
 from vibrosweep.store.parts import Manifest, Parts, write_manifest
 from vibrosweep.store.rundir import abandon, empty, holding
-
-__all__ = [
-    "available_threads",
-    "observation_of",
-    "parameters_of",
-    "record_observation",
-    "require_whole",
-    "run_sweep",
-    "thread_count",
-]
 
 
 def available_threads() -> int:

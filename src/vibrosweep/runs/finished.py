@@ -14,8 +14,6 @@ from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.reading import reading
 
-__all__ = ["is_of", "origin"]
-
 
 def is_of(spec: SweepSpec, path: Path) -> bool:
     """Whether a file is the finished result of exactly this sweep and version."""

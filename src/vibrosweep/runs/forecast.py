@@ -20,13 +20,12 @@ from vibrosweep.runs.chunks import batch_size
 from vibrosweep.runs.pilot import memory_per_realization
 from vibrosweep.runs.plan import Plan, bytes_per_realization
 from vibrosweep.runs.result import Rows, declare, recorded, write_record
-from vibrosweep.spec.sweep import Axis, RecordSpec, SweepSpec
+from vibrosweep.spec.rules import Axis, RecordSpec
+from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import target_of
 from vibrosweep.store.parts import kinds
 from vibrosweep.system import physical_memory
-
-__all__ = ["Needs", "estimate", "has_room", "record_bytes", "require_disk", "require_memory"]
 
 SAMPLE_ROWS: Final = 1 << 15
 SAMPLE_BYTES: Final = 1 << 25

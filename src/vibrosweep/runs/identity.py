@@ -19,8 +19,6 @@ from vibrosweep.spec.columns import GivenTable
 from vibrosweep.spec.schema import SampleTable, SceneTable
 from vibrosweep.spec.sweep import SweepSpec
 
-__all__ = ["EXEMPT", "differences", "identity", "programs", "sources"]
-
 # Fields of a spec that are not part of the identity, each with the reason.
 EXEMPT: Final[Mapping[str, str]] = {
     "text": "wording and comments; the values of the text are in the other fields",

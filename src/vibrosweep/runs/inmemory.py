@@ -18,8 +18,6 @@ from vibrosweep.system import physical_memory
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["sweep_in_memory"]
-
 # Progress is told about as often; smaller pieces would cost time.
 PIECES: Final = 100
 TRAJECTORIES_PER_PIECE: Final = 1 << 14

@@ -17,8 +17,6 @@ from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Manifest, Parts, read_manifest
 from vibrosweep.store.rundir import abandon, empty
 
-__all__ = ["KeptRun", "continued"]
-
 
 def continued(
     output: Path, directory: Path, now: Callable[[], Mapping[str, str]]

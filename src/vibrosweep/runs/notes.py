@@ -10,9 +10,8 @@ from vibrosweep.model import theory
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.times import Periods, in_periods
 from vibrosweep.spec.design import Design
-from vibrosweep.spec.sweep import Range, SweepSpec
-
-__all__ = ["notes", "short_observation", "silent_defaults"]
+from vibrosweep.spec.rules import Range
+from vibrosweep.spec.sweep import SweepSpec
 
 
 def notes(spec: SweepSpec, design: Design) -> dict[str, str]:

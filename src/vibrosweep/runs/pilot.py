@@ -22,8 +22,6 @@ from vibrosweep.spec.schema import DRAWN
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.system import resident_memory
 
-__all__ = ["UNKNOWN", "Cost", "explore", "memory_per_realization"]
-
 Array = NDArray[np.float64]
 
 # Size of the first sample: this many trajectories over this many periods or impacts take 1-2 ms.

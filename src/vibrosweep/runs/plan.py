@@ -18,8 +18,6 @@ from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.system import physical_memory
 
-__all__ = ["Plan", "bytes_per_realization", "make_plan"]
-
 # A killed run loses at most the chunk it was computing; a sweep shorter than this is one chunk.
 SECONDS_PER_CHUNK: Final = 10.0
 # A chunk is held in memory and written at once, which limits it when realizations are quick.

@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, Final, Protocol, TextIO
 
-__all__ = ["Advance", "reporting", "showing", "silent"]
-
 SECONDS_BETWEEN_LINES: Final = 10.0
 SECONDS_BEFORE_BAR: Final = 0.5
 

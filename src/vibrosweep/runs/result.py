@@ -21,29 +21,14 @@ from vibrosweep.model.times import Periods, Time, in_seconds
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import notes, silent_defaults
 from vibrosweep.spec.design import Design
-from vibrosweep.spec.sweep import Axis, RecordSpec, SweepSpec
+from vibrosweep.spec.rules import Axis, RecordSpec
+from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.dataset import Group
 from vibrosweep.store.kinds import KIND, SWEEP
 from vibrosweep.store.memory import InMemory
 from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.rows import REALIZATION
-
-__all__ = [
-    "DURATION",
-    "LAUNCH_TIME",
-    "TRANSIENT",
-    "Rows",
-    "attributes_of",
-    "coordinate_attributes",
-    "declare",
-    "identity_in",
-    "periods_given",
-    "recorded",
-    "recorded_quantities",
-    "sign",
-    "write_record",
-]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]

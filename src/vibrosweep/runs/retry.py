@@ -33,8 +33,6 @@ from vibrosweep.store.reading import reading
 from vibrosweep.store.rows import read_rows
 from vibrosweep.store.rundir import abandon, empty, holding
 
-__all__ = ["retry_failed"]
-
 BUDGET = "measure.impact_budget"
 
 

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from vibrosweep.model.measures import OF_REALIZATIONS, UNDETERMINED, VARIABLES, Variable
 from vibrosweep.model.status import Status
 
-__all__ = ["SETTLING", "Summary", "unsettled"]
-
 # What tells whether a larger impact budget would give more, as far as a result holds it.
 SETTLING: Final = ("status", *(v.name for v in VARIABLES.values() if v.open_by_budget))
 

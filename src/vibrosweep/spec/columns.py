@@ -18,8 +18,6 @@ from vibrosweep.store.rows import REALIZATION, flat
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["GivenTable", "Label", "columns_of"]
-
 # Attributes of a label that go into the result.
 KEPT: Final = ("units", "long_name", "comment")
 

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from vibrosweep.errors import TableError
 from vibrosweep.spec.columns import Label
-from vibrosweep.spec.sweep import Axis, Range, SweepSpec
+from vibrosweep.spec.rules import Axis, Range
+from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.table import read_table
-
-__all__ = ["MAX_LATIN_VALUES", "Design", "chosen", "open_design"]
 
 Array = NDArray[np.float64]
 # (start, stop) -> one array of shape (stop - start,) for each sampled parameter

@@ -19,8 +19,6 @@ from vibrosweep.spec.messages import Mistakes, likely_parameter, nearest, toml
 from vibrosweep.spec.schema import DRAWN, MAX_STEPS, SECTIONS
 from vibrosweep.spec.sweep import SweepSpec, checked
 
-__all__ = ["keyword_spec"]
-
 # Where a keyword is looked for, in this order
 HOMES: Final = ("scene", "sample", "measure")
 # Evenly spaced values of at least this number are written as start, stop and num.

@@ -18,17 +18,6 @@ from vibrosweep.model.mount import OF_MOUNT, SPRUNG
 from vibrosweep.model.parameters import BASES
 from vibrosweep.spec.columns import GivenTable
 
-__all__ = [
-    "ABSENT",
-    "Mistakes",
-    "in_python",
-    "likely_parameter",
-    "nearest",
-    "quoted",
-    "shown",
-    "toml",
-]
-
 ABSENT = object()
 _LONGEST = 60
 # What a sweep file calls `sample.restitution` or `[low, high]` -> what Python does

@@ -34,25 +34,6 @@ from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
 from vibrosweep.spec.messages import Mistakes
 from vibrosweep.spec.schema import DRAWN, MAX_REALIZATIONS, SampleTable, SceneTable, Steps
 
-__all__ = [
-    "Axis",
-    "Range",
-    "RecordSpec",
-    "Setting",
-    "check_extremes",
-    "check_forcing",
-    "check_measures",
-    "check_mount",
-    "check_window",
-    "columns",
-    "fixed_numbers",
-    "kind",
-    "realizations",
-    "record",
-    "sampled",
-    "setting",
-]
-
 
 @dataclass(frozen=True)
 class Range:

@@ -22,18 +22,6 @@ from vibrosweep.spec.columns import GivenTable
 from vibrosweep.spec.messages import Mistakes, likely_parameter, nearest, quoted, shown
 from vibrosweep.spec.windows import WindowsTable, condition_names, tolerance
 
-__all__ = [
-    "DRAWN",
-    "MAX_REALIZATIONS",
-    "SECTIONS",
-    "SampleTable",
-    "SceneTable",
-    "SpecFile",
-    "Steps",
-    "is_plain",
-    "read_tables",
-]
-
 DRAWN: Final = ("uniform", "latin", "sobol")
 TABLES: Final = (".csv", ".nc")
 

@@ -22,17 +22,6 @@ from vibrosweep.spec.rules import Axis, Range, RecordSpec, Setting
 from vibrosweep.spec.schema import SpecFile, read_tables
 from vibrosweep.spec.windows import WindowsTable
 
-__all__ = [
-    "Axis",
-    "Range",
-    "RecordSpec",
-    "SweepSpec",
-    "checked",
-    "parse_spec",
-    "read_spec",
-    "read_text",
-]
-
 
 @dataclass(frozen=True)
 class SweepSpec:

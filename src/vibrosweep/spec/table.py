@@ -25,8 +25,6 @@ from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.units import KNOWN_UNITS, factor
 from vibrosweep.store.trial import require_readable
 
-__all__ = ["Table", "read_table"]
-
 Array = NDArray[np.float64]
 # Required columns: without them a sweep would silently run at the defaults.
 _EXPECTED: Final = ("restitution", "amplitude")

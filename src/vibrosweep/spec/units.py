@@ -8,8 +8,6 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Final
 
-__all__ = ["KNOWN_UNITS", "factor"]
-
 # Unit -> numerator and denominator of its size, and its dimension with an exponent. Two integers,
 # because to divide by 1000 is rounded once, to multiply by 0.001 twice.
 _UNITS: Final[Mapping[str, tuple[float, float, str, int]]] = {

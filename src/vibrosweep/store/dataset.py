@@ -20,8 +20,6 @@ from vibrosweep.store.disk import Disk, replacing, undisturbed
 from vibrosweep.store.rows import REALIZATION, along, boxes
 from vibrosweep.store.seal import append_seal
 
-__all__ = ["Group", "creating"]
-
 # Measured on 10^6 realizations: level 1 compresses counts and flags to a tenth and doubles the time
 # to write them; level 9 gains nothing more.  The digits of measured doubles are random: deflate
 # saves 14 % and takes 16 times as long, so doubles are stored uncompressed.

@@ -26,17 +26,6 @@ from vibrosweep.errors import ExistingOutputError, OutputError, TakenOutputError
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-__all__ = [
-    "Disk",
-    "check_output",
-    "flush_directory",
-    "replacing",
-    "reporting",
-    "target_of",
-    "undisturbed",
-    "unwritten",
-]
-
 # Signals that terminate a program, on systems that have them.
 ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["KIND", "KINDS", "SWEEP", "Kind", "kind_of", "load_dataset", "read_kind"]
-
 # Attribute of a file that names its kind.
 KIND: Final = "result"
 _PROVES: Final = "the reference proves landings of single trajectories from their launch, and"

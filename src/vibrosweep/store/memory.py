@@ -15,8 +15,6 @@ from vibrosweep.store.rows import REALIZATION, along
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["InMemory"]
-
 
 @dataclass
 class InMemory:

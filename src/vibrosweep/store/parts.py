@@ -23,8 +23,6 @@ from numpy.typing import NDArray
 from vibrosweep.errors import RunError
 from vibrosweep.store.disk import replacing
 
-__all__ = ["Manifest", "Parts", "kinds", "read_manifest", "write_manifest"]
-
 Columns = dict[str, NDArray[Any]]
 
 MANIFEST: Final = "manifest.json"

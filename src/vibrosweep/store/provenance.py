@@ -10,8 +10,6 @@ from typing import Final
 
 from vibrosweep._version import __version__
 
-__all__ = ["CONVENTIONS", "provenance"]
-
 CONVENTIONS: Final = "CF-1.11"
 LIBRARIES: Final = ("numpy", "numba", "llvmlite", "h5py", "h5netcdf")
 

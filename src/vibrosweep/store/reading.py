@@ -11,8 +11,6 @@ from vibrosweep.errors import DataError, VibrosweepError
 from vibrosweep.store.seal import State, state_of
 from vibrosweep.store.trial import require_readable
 
-__all__ = ["no_result", "reading"]
-
 
 @contextmanager
 def reading(path: str | os.PathLike[str]) -> Iterator[None]:

@@ -19,8 +19,6 @@ from vibrosweep.model.forcing import INPUTS
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["REALIZATION", "along", "boxes", "flat", "read_rows", "row_count", "row_dims"]
-
 REALIZATION: Final = "realization"
 # Of a grid: a call that reads a single one takes as long as one that reads thousands.
 ROWS_AT_A_TIME: Final = 1 << 14

@@ -15,8 +15,6 @@ from vibrosweep.store.disk import flush_directory, reporting, target_of, unwritt
 from vibrosweep.store.parts import MANIFEST, read_manifest
 from vibrosweep.system import locked
 
-__all__ = ["abandon", "empty", "holding", "replaces", "run_directory"]
-
 LOCK: Final = "lock"
 
 

@@ -13,8 +13,6 @@ from vibrosweep.store.seal import append_seal
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["save_dataset"]
-
 
 def save_dataset(dataset: xr.Dataset, path: Path, kind: Kind, *, force: bool) -> None:
     """Write a dataset as netCDF-4, with a seal like the result of a sweep.

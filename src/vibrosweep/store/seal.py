@@ -14,8 +14,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO, Final
 
-__all__ = ["State", "append_seal", "state_of"]
-
 DIGITS: Final = 64
 PATTERN: Final = re.compile(rb"\nvibrosweep seal sha256 ([0-9a-f]{%d})\n" % DIGITS)
 LENGTH: Final = len("\nvibrosweep seal sha256 \n") + DIGITS

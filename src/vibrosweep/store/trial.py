@@ -11,8 +11,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
-__all__ = ["require_readable"]
-
 # Far more than reading takes, even from a slow disk.
 PATIENCE: Final = 20.0  # s
 BYTES_PER_SECOND: Final = 1 << 24

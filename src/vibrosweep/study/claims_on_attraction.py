@@ -40,8 +40,6 @@ from vibrosweep.study.verdict import (
     number,
 )
 
-__all__ = ["staggered", "synchronous"]
-
 Flags = NDArray[np.bool_]
 
 # Launches nearly at once, s

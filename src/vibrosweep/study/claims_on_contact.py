@@ -46,8 +46,6 @@ from vibrosweep.study.verdict import (
     number,
 )
 
-__all__ = ["GROOVES", "grooves", "heights_differ", "separation_stays_positive"]
-
 Flags = NDArray[np.bool_]
 
 DURATIONS: Final = (12.0, 120.0, 1200.0)

@@ -36,8 +36,6 @@ from vibrosweep.study.verdict import (
     number,
 )
 
-__all__ = ["balance", "decay", "weak_excitation"]
-
 Array = NDArray[np.float64]
 
 RESTITUTIONS: Final = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)

@@ -38,8 +38,6 @@ from vibrosweep.study.verdict import (
     number,
 )
 
-__all__ = ["larger_amplitude", "plateau"]
-
 Array = NDArray[np.float64]
 
 FLAT: Final = 0.1

@@ -17,8 +17,6 @@ from vibrosweep.study.samples import Plan
 from vibrosweep.study.table4 import GROWTH, IMPERFECTIONS, study_imperfections
 from vibrosweep.study.verdict import ANY_BASE, Evidence, Outcome, Reading, check, number
 
-__all__ = ["camera_from_above", "height_uncertainty", "masses", "measured_and_predicted"]
-
 TOLERANCE: Final = 8.0  # per cent
 METHOD: Final = "sign_change"
 DIFFERENCES: Final = {

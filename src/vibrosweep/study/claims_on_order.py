@@ -49,8 +49,6 @@ from vibrosweep.study.verdict import (
     number,
 )
 
-__all__ = ["bounded_and_ordered", "invariant", "preserved", "slots_name"]
-
 Array = NDArray[np.float64]
 
 # Impacts in which an offset of 1 ms falls below 1e-9 s at e = 0.98, by sqrt(e) each

@@ -20,8 +20,6 @@ from vibrosweep.study.verdict import (
     check,
 )
 
-__all__ = ["repeatable", "steady"]
-
 Array = NDArray[np.float64]
 
 # Of the laboratory, Hz: amplitude and launch of Table 1 are scaled so that flights in forcing

@@ -14,8 +14,6 @@ from vibrosweep.study.rk4 import CONTACT, rk4
 from vibrosweep.study.samples import Plan
 from vibrosweep.study.verdict import Evidence, Outcome, Picture, Reading, check, number
 
-__all__ = ["step_of_one_millisecond"]
-
 STEP: Final = 1e-3
 STEPS: Final = (4e-3, 2e-3, STEP, 5e-4, 1e-4, 1e-5)
 # Of a period that is a whole number of steps, and of others

@@ -26,8 +26,6 @@ from vibrosweep.study.verdict import (
     number,
 )
 
-__all__ = ["linearised_update", "period_two"]
-
 ABOVE: Final = 1.01  # just above the window, relative to its upper end
 SHORT: Final = 0.2  # s
 LAUNCH_SPEEDS: Final = (0.5, 12.0)  # m s-1

@@ -38,8 +38,6 @@ from vibrosweep.study.verdict import (
     number,
 )
 
-__all__ = ["HORIZON", "RESTITUTIONS", "cycles", "returns", "strong_excitation", "windows"]
-
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 

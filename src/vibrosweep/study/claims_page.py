@@ -30,8 +30,6 @@ from vibrosweep.study.verdict import (
     Verdict,
 )
 
-__all__ = ["BASES", "as_html", "marked_up", "plain", "quantity"]
-
 BASES: Final = {
     HIGH_BOUNCE: "study's equations",
     MOVING: "moving base",

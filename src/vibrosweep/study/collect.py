@@ -23,8 +23,6 @@ from vibrosweep.study import (
 from vibrosweep.study.samples import Plan
 from vibrosweep.study.verdict import Claim, Outcome
 
-__all__ = ["TESTS", "judge_all", "texts"]
-
 TESTS: Final[Mapping[str, Callable[[Plan], Outcome]]] = {
     "1": claims_on_energy.decay,
     "2": claims_on_energy.balance,

@@ -8,8 +8,6 @@ from typing import Final, SupportsFloat
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["CONFIDENCE", "Estimate", "exact", "magnitude", "mean", "share"]
-
 CONFIDENCE: Final = 0.95
 
 

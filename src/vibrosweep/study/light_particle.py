@@ -21,8 +21,6 @@ from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Regime
 from vibrosweep.study.samples import MOUNT, Plan, measured
 
-__all__ = ["apex", "ends", "landing_phase", "regimes", "returns"]
-
 Array = NDArray[np.float64]
 
 STRETCH: Final = 60.0  # s at 1 Hz

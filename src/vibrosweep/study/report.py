@@ -21,8 +21,6 @@ from vibrosweep.study.collect import texts
 from vibrosweep.study.estimates import Estimate
 from vibrosweep.study.verdict import Check, Claim, Evidence, Picture, Reading
 
-__all__ = ["as_json", "prepare", "write"]
-
 DOTS_PER_INCH: Final = 150
 
 

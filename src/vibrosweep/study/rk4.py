@@ -31,8 +31,6 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import jit, kernel
 from vibrosweep.model.parameters import PARAMETERS
 
-__all__ = ["MAX_STEPS", "Landings", "rk4", "rk4_range"]
-
 Array = NDArray[np.float64]
 
 # Laws of rebound that the scheme knows, as the kernel takes them

@@ -18,24 +18,6 @@ from vibrosweep import simulate, sweep, theory
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import PARAMETERS
 
-__all__ = [
-    "ANY_PHASE",
-    "BASES",
-    "FEW",
-    "FIRST",
-    "FOLLOWED",
-    "RANGES",
-    "SMALLER",
-    "TAU_C",
-    "Plan",
-    "Setting",
-    "by_seed",
-    "measured",
-    "mount",
-    "records",
-    "settings_of",
-]
-
 Array = NDArray[np.float64]
 
 IMPACT_BUDGET: Final = 1_000_000

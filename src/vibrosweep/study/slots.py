@@ -12,17 +12,6 @@ from vibrosweep.model import coupled_theory
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.study.samples import MOUNT, Plan
 
-__all__ = [
-    "LIGHT",
-    "POPULATIONS",
-    "SCATTER",
-    "height_needed",
-    "landing_phase",
-    "own_slots",
-    "populations",
-    "smallest_separation",
-]
-
 POPULATIONS: Final = (5, 10, 20, 50, 100)
 RESTITUTION: Final = 0.98
 # On the base of finite mass, whose mount must not be in resonance with the mode

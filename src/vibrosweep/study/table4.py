@@ -31,8 +31,6 @@ from vibrosweep.lab.impacts import METHODS, impacts_of
 from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.parameters import BASES
 
-__all__ = ["GROWTH", "IMPERFECTIONS", "Imperfection", "in_band", "study_imperfections", "verdict"]
-
 # Without noise, rounding or blur; what frames alone do remains.
 PERFECT: Final = Camera(frame_rate=240.0, noise=0.0, whole_pixels=False)
 # At this phase the staggered launch of a single particle leads to a locked orbit, not to one that

@@ -16,23 +16,6 @@ from matplotlib.figure import Figure
 
 from vibrosweep.study.estimates import Estimate, exact
 
-__all__ = [
-    "ANY_BASE",
-    "NEARLY_ALL",
-    "SOME",
-    "Check",
-    "Claim",
-    "Evidence",
-    "Number",
-    "Outcome",
-    "Picture",
-    "Reading",
-    "Relation",
-    "Verdict",
-    "check",
-    "number",
-]
-
 Relation = Literal["at most", "at least"]
 # Of evidence that no base enters: geometry, weights, the film
 ANY_BASE: Final = "any"

@@ -10,7 +10,8 @@ from flint import arb, ctx
 
 from vibrosweep.errors import ParameterError, VibrosweepError
 from vibrosweep.model.status import Status
-from vibrosweep.proof.reference.ball import UndecidableError, sine, step, trajectory
+from vibrosweep.proof.reference._flint import UndecidableError
+from vibrosweep.proof.reference.ball import sine, step, trajectory
 
 TABLE_1 = {
     "restitution": 0.9,

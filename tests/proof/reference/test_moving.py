@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.proof.reference.ball import UndecidableError, trajectory
+from vibrosweep.proof.reference._flint import UndecidableError
+from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.moving import MovingMap, first_landing
 
 TABLE_1 = {

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.proof.reference.ball import UndecidableError, trajectory
+from vibrosweep.proof.reference._flint import UndecidableError
+from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.coupled import bodies_of, coupled
 from vibrosweep.proof.reference.events import LANDING, LAUNCH, LIFTOFF, Bodies, Launch
 from vibrosweep.proof.reference.mount import Mount

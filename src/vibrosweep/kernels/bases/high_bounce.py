@@ -38,8 +38,6 @@ from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLE
 from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless
 
-__all__ = ["Constants", "HighBounce"]
-
 # A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
 LANDING_ERROR = 0.5 * HALF_ULP
 # x_lift = asin(r / a) / 2 pi: four roundings of the ratio, then the function, of which libraries

@@ -43,22 +43,6 @@ from vibrosweep.kernels.sine import (
     sin_turns,
 )
 
-__all__ = [
-    "Clearance",
-    "Guess",
-    "Start",
-    "Terms",
-    "apex",
-    "clearance",
-    "first_guess",
-    "first_try",
-    "rough_clearance",
-    "series_terms",
-    "start",
-    "try_landing",
-    "turn",
-]
-
 TWO_PI = 2.0 * math.pi
 # speeds: a faster particle is tried first as over a base at rest, no other beyond the second
 FAST = 0.6

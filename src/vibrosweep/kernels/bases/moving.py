@@ -31,8 +31,6 @@ from vibrosweep.kernels.laws import Law
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless
 
-__all__ = ["TRIES", "Moving", "MovingConstants"]
-
 TWO_PI = 2.0 * math.pi
 AT_LANDING = 2.0**-20  # periods; a landing on the way is farther than that from the end of a flight
 TRIES = 20000.0  # passes after which the search for a landing is given up

@@ -21,19 +21,6 @@ from vibrosweep.kernels._jit import fma, jit, part
 from vibrosweep.kernels.bases.landing_search import turn
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
-__all__ = [
-    "Bounds",
-    "Load",
-    "Motion",
-    "Mount",
-    "bounds",
-    "free_motion",
-    "loaded",
-    "mount",
-    "move",
-    "recoil",
-]
-
 TWO_PI = 2.0 * math.pi
 LARGEST_GAMMA = 1e9  # as over the base of infinite mass
 SERIES = 1.0  # up to which the power series of overdamped motion is summed, in times of its rates

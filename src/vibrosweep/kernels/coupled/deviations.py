@@ -23,8 +23,6 @@ from vibrosweep.kernels.coupled.state import (
     acceleration,
 )
 
-__all__ = ["follow_event", "propagate"]
-
 
 @part
 def _ride(mode: Integers, deviations: Floats) -> None:

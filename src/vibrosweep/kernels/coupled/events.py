@@ -36,8 +36,6 @@ from vibrosweep.kernels.coupled.state import (
     under,
 )
 
-__all__ = ["next_event"]
-
 TRIES = 20000  # looks at particles after which the next event is given up
 SLACK = 1.25  # of the height that bounds the base, so that it is seldom exceeded
 

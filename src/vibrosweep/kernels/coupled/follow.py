@@ -40,8 +40,6 @@ from vibrosweep.kernels.record import Record, Units
 from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
 from vibrosweep.model.status import Status
 
-__all__ = ["Coupled", "Whole", "Written", "empty_whole", "follow"]
-
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
 NON_FINITE = int(Status.NON_FINITE)

@@ -13,18 +13,6 @@ from vibrosweep.kernels._jit import Floats, Integers, jit, part
 from vibrosweep.kernels.coupled.state import NOW, System
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
-__all__ = [
-    "HARMONICS",
-    "Landings",
-    "Order",
-    "clear",
-    "gap_median",
-    "lacks_room",
-    "landings",
-    "note",
-    "order_of",
-]
-
 GAPS = 4096  # of the last period; with more they are left undetermined
 INDICES = 256  # impact numbers remembered at first
 MOST_INDICES = 2**22

@@ -25,8 +25,6 @@ from vibrosweep.kernels._jit import fma, jit, part
 from vibrosweep.kernels.bases.sprung import Bounds, Load, Motion, bounds
 from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, motion_after
 
-__all__ = ["ROUNDING", "First", "crossings", "earliest", "is_first", "lift", "look"]
-
 NEAR = 2.0**-50  # relative error that ends Newton's iteration
 ROUNDING = 2.0**-40  # of speeds and clearances: a decision by less may be one of rounding
 

@@ -28,16 +28,6 @@ from vibrosweep.kernels.coupled.state import (
 )
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
-__all__ = [
-    "BLOCKS",
-    "JointOrbit",
-    "Notes",
-    "carry",
-    "empty_joint",
-    "notes",
-    "settle_jointly",
-]
-
 BLOCKS: Final = 16  # of equal time, from whose means the error of the exponent follows
 
 

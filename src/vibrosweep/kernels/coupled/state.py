@@ -17,23 +17,6 @@ from vibrosweep.kernels.impact import land, launch
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless, Launches
 
-__all__ = [
-    "EVENT",
-    "MODE",
-    "NOW",
-    "PARTICLE",
-    "Event",
-    "System",
-    "acceleration",
-    "begin",
-    "let_pass",
-    "locate",
-    "motion_after",
-    "since_now",
-    "system",
-    "under",
-]
-
 TWO_PI = 2.0 * math.pi
 
 

@@ -10,19 +10,6 @@ from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, part
 from vibrosweep.kernels.coupled.neighbours import Landings, landings
 from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, system
 
-__all__ = [
-    "Each",
-    "Room",
-    "add_up",
-    "apex",
-    "count_flight",
-    "empty_each",
-    "end_flight",
-    "forget",
-    "room",
-    "roomier",
-]
-
 
 class Each(NamedTuple):
     """Statistics of particles over the window, each array of shape (realization * particle,).

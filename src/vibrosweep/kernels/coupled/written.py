@@ -15,16 +15,6 @@ from vibrosweep.kernels.record import Record
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
-__all__ = [
-    "Scale",
-    "Track",
-    "empty_track",
-    "trace",
-    "write_base",
-    "write_landing",
-    "write_lift_off",
-]
-
 
 class Scale(NamedTuple):
     """Units and origin of time of one realization.

@@ -41,9 +41,7 @@ from vibrosweep.proof.reference.decisions import UncertainError, nearest_integer
 from vibrosweep.proof.reference.high_bounce import BallMap
 from vibrosweep.proof.reference.motion import Problem
 from vibrosweep.proof.reference.orbit import attempt
-from vibrosweep.proof.reference.results import Impact, Trajectory
-
-__all__ = ["Impact", "Trajectory", "UndecidableError", "sine", "step", "trajectory"]
+from vibrosweep.proof.reference.results import Trajectory
 
 GUARD_BITS: Final = 64
 

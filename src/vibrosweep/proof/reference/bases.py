@@ -8,8 +8,6 @@ from typing import Final, NamedTuple
 from vibrosweep.proof.reference import high_bounce, moving
 from vibrosweep.proof.reference.motion import Motion, PeriodMap, Problem
 
-__all__ = ["REFERENCE_OF", "Reference"]
-
 
 class Reference(NamedTuple):
     """What the reference knows of a base.

@@ -25,8 +25,6 @@ from vibrosweep.proof.reference.mount import Mount
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.reference.sprung import System
 
-__all__ = ["Coupled", "TooManyLandingsError", "bodies_of", "coupled"]
-
 GUARD_BITS: Final = 64
 ZERO: Final = arb(0)
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from vibrosweep.proof.reference._flint import arb
 
-__all__ = ["UncertainError", "certain_above", "nearest_integer"]
-
 HALF = arb(0.5)
 
 

@@ -6,8 +6,6 @@ from typing import Final, TypeAlias
 
 from vibrosweep.proof.reference._flint import arb, ctx
 
-__all__ = ["FRAME_BITS", "Enclosure", "Rows"]
-
 # Derivative of an image by a state: two rows of two.
 Rows: TypeAlias = tuple[tuple[arb, arb], tuple[arb, arb]]
 

@@ -13,19 +13,6 @@ from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.landing import END, Course, narrowed
 from vibrosweep.proof.reference.mount import Mount
 
-__all__ = [
-    "LANDING",
-    "LAUNCH",
-    "LIFTOFF",
-    "Bodies",
-    "Event",
-    "Flying",
-    "Launch",
-    "Next",
-    "Riders",
-    "latest_start",
-]
-
 LAUNCH, LANDING, LIFTOFF = "launch", "landing", "lift-off"
 
 

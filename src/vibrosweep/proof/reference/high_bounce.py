@@ -40,8 +40,6 @@ from vibrosweep.proof.reference.motion import (
 )
 from vibrosweep.proof.reference.results import Flight
 
-__all__ = ["BallMap", "Motion", "PeriodMap", "liftoff_error"]
-
 ZERO, ONE = arb(0), arb(1)
 
 

@@ -25,8 +25,6 @@ from typing import Final, Protocol
 from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.decisions import UncertainError
 
-__all__ = ["SHY", "Clearance", "Course", "first_root", "narrowed"]
-
 # Steps; a flight takes about ten, and one that passes close above the base some dozens.
 MOST_STEPS: Final = 1000
 SHY: Final = arb(1.0 - 2.0**-8)  # where the particle is still well above the base

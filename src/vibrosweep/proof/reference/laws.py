@@ -11,8 +11,6 @@ from typing import Final, NamedTuple
 
 from vibrosweep.proof.reference._flint import arb
 
-__all__ = ["LAW_OF", "Law"]
-
 
 class Law(NamedTuple):
     """A law of rebound.

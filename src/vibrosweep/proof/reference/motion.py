@@ -13,19 +13,6 @@ from vibrosweep.proof.reference._flint import arb, exact
 from vibrosweep.proof.reference.enclosure import Rows
 from vibrosweep.proof.reference.results import Flight
 
-__all__ = [
-    "EPS",
-    "Carried",
-    "Contraction",
-    "Landed",
-    "Left",
-    "Motion",
-    "Pair",
-    "PeriodMap",
-    "Problem",
-    "Step",
-]
-
 EPS: Final = 2.0**-53  # one rounding
 Pair: TypeAlias = tuple[float, float]
 # a mean logarithm, and a bound of its change by the errors of the speeds

@@ -20,8 +20,6 @@ from vibrosweep.proof.reference._flint import arb
 from vibrosweep.proof.reference.decisions import UncertainError
 from vibrosweep.proof.reference.landing import SHY
 
-__all__ = ["Above", "Arc", "Mount", "Pressure", "contact_free"]
-
 ZERO = arb(0)
 # Derivatives of the base's height that anything asks for, and bounds of these.
 ORDERS: Final = 7

@@ -39,8 +39,6 @@ from vibrosweep.proof.reference.motion import (
 )
 from vibrosweep.proof.reference.results import Flight
 
-__all__ = ["Motion", "MovingMap", "first_landing", "liftoff_error"]
-
 ZERO, ONE = arb(0), arb(1)
 
 

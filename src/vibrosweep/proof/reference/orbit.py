@@ -14,8 +14,6 @@ from vibrosweep.proof.reference.decisions import UncertainError, certain_above, 
 from vibrosweep.proof.reference.motion import Landed, Left, Motion, Problem
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 
-__all__ = ["attempt"]
-
 
 class _Narrow:
     """Whether what is reported is as narrow as a problem asks for."""

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb
 
-__all__ = ["Flight", "Impact", "Trajectory", "nearest_double"]
-
 Array = NDArray[np.float64]
 
 

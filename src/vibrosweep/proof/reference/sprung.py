@@ -41,8 +41,6 @@ from vibrosweep.proof.reference.events import (
 from vibrosweep.proof.reference.landing import Course, first_root
 from vibrosweep.proof.reference.mount import Above, Arc, Pressure, contact_free
 
-__all__ = ["System"]
-
 ZERO: Final = arb(0)
 # Periods for which a lift-off is looked for at a time.
 STRETCH: Final = arb(16)

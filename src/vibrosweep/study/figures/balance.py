@@ -12,8 +12,6 @@ from vibrosweep.figures import data, style
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["balance_against_rests", "energy_decay"]
-
 
 @style.styled
 def energy_decay(record: xr.Dataset, *, realization: int = 0, particle: int = 0) -> Figure:

@@ -12,8 +12,6 @@ from vibrosweep.figures.height_curves import height_time
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["heights_and_crossings"]
-
 
 @style.styled
 def heights_and_crossings(record: xr.Dataset, found: xr.Dataset, *, realization: int = 0) -> Figure:

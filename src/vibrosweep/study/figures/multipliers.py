@@ -13,8 +13,6 @@ from vibrosweep.model import theory
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["decay_per_impact"]
-
 
 @style.styled
 def decay_per_impact(restitution: float, measured: xr.Dataset) -> Figure:

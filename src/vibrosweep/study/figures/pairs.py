@@ -12,8 +12,6 @@ from vibrosweep.figures import data, style
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["fates", "separations_in_time"]
-
 # Where zero is drawn on a logarithmic axis, s
 ZERO: Final = 1e-17
 PARTNERS: Final = len(style.OKABE_ITO)  # that colours tell apart

@@ -12,8 +12,6 @@ from vibrosweep.figures import style
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["errors_in_time"]
-
 
 @style.styled
 def errors_in_time(errors: Sequence[xr.DataArray], names: Sequence[str]) -> Figure:
