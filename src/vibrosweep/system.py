@@ -22,24 +22,10 @@ LOCKED_BYTE: Final = 1 << 30
 
 
 def locked(descriptor: int, *, wait: bool) -> bool:
-    """Lock an open file, until it is closed or the process ends.
+    """Lock a file that is open for writing, until it is closed or the process ends.
 
-    Parameters
-    ----------
-    descriptor
-        Of the file, which is open for writing.
-    wait
-        Whether to wait while another holds the lock.
-
-    Returns
-    -------
-    bool
-        False if another holds it.
-
-    Raises
-    ------
-    OSError
-        The file system has no locks.
+    False if another holds the lock and is not waited for; an OSError where the file system has
+    none.
     """
     if fcntl is None:
         return _locked_on_windows(descriptor, wait=wait)

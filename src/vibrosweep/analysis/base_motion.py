@@ -102,13 +102,7 @@ def recoils(dataset: xr.Dataset) -> bool:
 
 
 def refuse_recoil(dataset: xr.Dataset, analysis: str) -> None:
-    """Refuse what holds for particles only that do not act on each other.
-
-    Raises
-    ------
-    DataError
-        The base is of finite mass.
-    """
+    """Refuse, with a DataError, what holds only for particles that do not act on each other."""
     if recoils(dataset):
         raise DataError(
             f"{analysis} holds for particles that do not act on each other, and over base = "
@@ -117,20 +111,11 @@ def refuse_recoil(dataset: xr.Dataset, analysis: str) -> None:
 
 
 def base_motion(one: xr.Dataset, analysis: str) -> BaseMotion:
-    """Motion of the base of one realization of a record.
+    """Motion of the base of one realization of a record, with all its particles.
 
-    Parameters
-    ----------
-    one
-        A record without the dim realization, with all its particles.
-    analysis
-        What the user asked for, as an error message names it.
-
-    Raises
-    ------
-    DataError
-        The base moves, and the record lacks a parameter of its motion; or particles move the base,
-        and the record is not of all.
+    Messages name the `analysis` that the user asked for.  Raises a DataError where the base moves
+    and the record lacks a parameter of its motion, or particles move it and the record is not of
+    all.
     """
     if not moves(one):
         return BaseMotion(0.0, 1.0, 0.0)
@@ -170,28 +155,12 @@ def course(one: xr.Dataset, base: BaseMotion, until: float) -> Course:
 
 
 def arrival_speeds(one: xr.Dataset, analysis: str) -> Array:
-    """Speed of arrival of every landing of one realization, m s-1 downwards.
+    """Speed of arrival of every landing of one realization, m s-1 downwards; (particle, impact).
 
     A flight over a base at rest lands as fast as it began.  Otherwise gravity has acted for the
     time of the flight, and a particle that a rising base catches up with may still be rising: its
-    speed of arrival is then below 0.
-
-    Parameters
-    ----------
-    one
-        A record without the dim realization.
-    analysis
-        What the user asked for, as an error message names it.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (particle, impact).
-
-    Raises
-    ------
-    DataError
-        The record lacks a variable.
+    speed of arrival is then below 0.  Raises a DataError that names the `analysis` where the record
+    lacks a variable.
     """
     require(one, analysis, "landing_time", "rebound_velocity", "launch_velocity")
     landing = one["landing_time"].values

@@ -112,10 +112,7 @@ def basins(
 def basins_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
     """Basins of a sweep file: the launches of its particles, with speeds from its grid.
 
-    Raises
-    ------
-    SpecError
-        The design is no grid, or has other axes than the launch velocity.
+    Raises a SpecError unless its design is a grid of launch velocities.
     """
     speeds = grid_axes(spec, "basins", "launch_velocity")["launch_velocity"]
     times = launch_times(spec.launch, spec.particles, spec.fixed["frequency"])

@@ -156,10 +156,7 @@ def bifurcation_of_spec(
 ) -> xr.Dataset:
     """Bifurcation diagram of a sweep file whose grid has an axis of the forcing, in any form.
 
-    Raises
-    ------
-    SpecError
-        The design is no grid, or has other axes.
+    Raises a SpecError unless the design is such a grid.
     """
     forcing = forcing_of(spec.sampled)
     values = grid_axes(spec, "bifurcation diagrams", forcing)[forcing]

@@ -59,28 +59,12 @@ def find_edges(
     start: Array | None = None,
     upward: bool = True,
 ) -> tuple[Codes, Edges]:
-    """Codes at the points of a scan, and all edges between neighbours of different code.
+    """Codes (row, position) at the points of a scan, and all edges between unlike neighbours.
 
-    Parameters
-    ----------
-    evaluate
-        Gives codes; all rows and edges are handed to it in one call.
-    rows
-        Number of rows.
-    axis
-        Positions of the scan, ascending.
-    tolerance
-        Width of a bracket relative to its position.
-    start
-        None: every point is evaluated by itself.  Else the states, one per row, from which the
-        scan goes on from point to point, and every bisection from the end that it reached first.
-    upward
-        The direction in which the scan goes on.
-
-    Returns
-    -------
-    codes, edges
-        Codes of shape (row, position).
+    `evaluate` is handed all rows and edges in one call.  The axis ascends; the tolerance is the
+    width of a bracket relative to its position.  With a `start`, the states of all rows, the scan
+    goes on from point to point, upwards or downwards, and every bisection from the end that it
+    reached first; without one every point is evaluated by itself.
     """
     codes, states = _scan(evaluate, rows, axis, start, upward)
     row, left = np.nonzero(codes[:, 1:] != codes[:, :-1])
@@ -150,11 +134,8 @@ def windows_of_row(
 ) -> list[tuple[float, float, float, float]]:
     """Return the windows of one row in which the code is one of those wanted.
 
-    Returns
-    -------
-    list of tuple
-        Lower end, upper end and the widths of their brackets; the middle of a bracket is its end.
-        Both are NaN where the window reaches an end of the scan.
+    Lower end, upper end and the widths of their brackets; the middle of a bracket is its end.  Both
+    are NaN where the window reaches an end of the scan.
     """
     windows = []
     begin = width = np.nan

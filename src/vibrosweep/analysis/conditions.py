@@ -153,13 +153,7 @@ NAMES: Final = ("locked(k)", *NAMED)
 
 
 def named(name: str) -> Condition | Locked:
-    """Return the condition of that name.
-
-    Raises
-    ------
-    ParameterError
-        There is none.
-    """
+    """Return the condition of that name; a ParameterError where there is none."""
     mode = re.fullmatch(r"locked\(([1-9][0-9]{0,8})\)", name)
     if mode:
         return Locked(int(mode[1]))

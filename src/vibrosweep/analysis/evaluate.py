@@ -106,14 +106,7 @@ def launched(scene: Scene, condition: Condition, points: Points, workers: Worker
 def lift_off_speeds(base: str, problem: Dimensionless, phase: Array, speed: Array) -> Array:
     """Absolute speed of states whose speed is relative to the base, in units of g / (2 f).
 
-    Parameters
-    ----------
-    base
-        One of `vibrosweep.model.parameters.BASES`.
-    problem
-        Of the states' realizations; its arrays must broadcast with the states.
-    phase, speed
-        Phase of the forcing in turns, and relative speed, at lift-off.
+    Phase in turns and speed are those of lift-off; the problem's arrays must broadcast with them.
     """
     if base == BASES[0]:
         return speed
@@ -124,17 +117,8 @@ def lift_off_speeds(base: str, problem: Dimensionless, phase: Array, speed: Arra
 def launch_states(scene: Scene, parameters: dict[str, Array]) -> States:
     """States of the scene's launches: phase of the forcing in turns, and speed at lift-off.
 
-    The speed is relative to the base, in units of g / (2 f).
-
-    Parameters
-    ----------
-    parameters
-        As of `Scene.parameters`, each of shape (point,).
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (point, particle, 2).
+    Shape (point, particle, 2).  The speed is relative to the base, in units of g / (2 f).  The
+    parameters are those of `Scene.parameters`, of shape (point,).
     """
     problem = dimensionless(parameters, scene.end)
     problem = Dimensionless(*(values[:, np.newaxis] for values in problem))
@@ -150,12 +134,7 @@ def batch_from(
 ) -> tuple[Dimensionless, Launches]:
     """Problem and launches of particles that go on from given states, each a realization.
 
-    Parameters
-    ----------
-    parameters
-        As of `Scene.parameters`, each of shape (point,).
-    states
-        Shape (point, particle, 2), as of `launch_states`.
+    Parameters and states are those of `launch_states`.
     """
     phase, speed = np.ascontiguousarray(states.reshape(-1, 2).T)
     repeated = {name: np.repeat(values, states.shape[1]) for name, values in parameters.items()}
@@ -191,10 +170,7 @@ def continued(
 ) -> tuple[Codes, States]:
     """Whether a condition holds for orbits continued from given states, and their final states.
 
-    Raises
-    ------
-    ParameterError
-        The condition is about launches, which a continued orbit has left behind.
+    Raises a ParameterError where it is about launches, which a continued orbit has left behind.
     """
     parameters = scene.parameters(**points)
     orbits = settle_from(scene, parameters, states, workers)

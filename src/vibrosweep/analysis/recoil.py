@@ -73,21 +73,10 @@ class Recoiling(BaseMotion):
 
 
 def recoiling(one: xr.Dataset, alone: BaseMotion, analysis: str) -> Recoiling:
-    """Motion of the base of one realization of a record.
+    """Motion of the base of one realization of a record, from its motion `alone`.
 
-    Parameters
-    ----------
-    one
-        A record without the dim realization, with all its particles.
-    alone
-        The motion without particles.
-    analysis
-        What the user asked for, as an error message names it.
-
-    Raises
-    ------
-    DataError
-        The record lacks a variable, or is not of all particles.
+    Messages name the `analysis` that the user asked for.  Raises a DataError where the record lacks
+    a variable, or is not of all particles.
     """
     require(one, analysis, *NEEDS)
     begin, end = float(one["launch_time"].min()), float(one["duration"])

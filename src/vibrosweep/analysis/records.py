@@ -67,19 +67,7 @@ def variable(
 def flights(record: xr.Dataset, realization: int, analysis: str) -> Flights:
     """Flights of one realization of a record, the first ones from the launch among them.
 
-    Parameters
-    ----------
-    record
-        Record of every landing, as `simulate` returns it.
-    realization
-        Which, by position.
-    analysis
-        What the user asked for, as an error message names it.
-
-    Raises
-    ------
-    DataError
-        The record lacks a variable.
+    Raises a DataError that names the `analysis` where the record lacks a variable.
     """
     require(record, analysis, *FLIGHTS)
     one = record.isel(realization=realization)

@@ -14,19 +14,8 @@ if TYPE_CHECKING:
 def require(dataset: xr.Dataset, analysis: str, *names: str) -> None:
     """Make sure that a dataset holds the variables or coordinates that an analysis needs.
 
-    Parameters
-    ----------
-    dataset
-        Result of a sweep, or record of every landing.
-    analysis
-        What the user asked for, as the message names it.
-    names
-        Variables or coordinates, all of which must be there.
-
-    Raises
-    ------
-    DataError
-        Names every missing variable and, for each, the key of the sweep file that gives it.
+    The DataError names the analysis, as the user asked for it, every missing variable and, for
+    each, the key of the sweep file that gives it.
     """
     absent = [name for name in names if name not in dataset.variables]
     if absent:

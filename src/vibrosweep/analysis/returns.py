@@ -88,20 +88,10 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
 
 
 def return_points(one: xr.Dataset) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Speeds of arrival at each landing and at the next, and where both are known.
+    """Speeds of arrival at each landing and at the next (m s-1), and where both are known.
 
-    Over a base that stays a flight lands as fast as it began, so that the next speed of arrival is
-    known of the last landing too.
-
-    Parameters
-    ----------
-    one
-        A record without the dim realization.
-
-    Returns
-    -------
-    before, after, known
-        m s-1, each of shape (particle, impact).
+    Each of shape (particle, impact).  Over a base that stays a flight lands as fast as it began, so
+    that the next speed of arrival is known of the last landing too.
     """
     before, after = arrival_speeds(one, "return_map"), one["rebound_velocity"].values
     if moves(one):

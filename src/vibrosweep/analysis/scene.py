@@ -232,13 +232,7 @@ def _refuse_coupled(base: str) -> None:
 
 
 def axis(name: str, values: ArrayLike) -> Array:
-    """Values of a physical parameter as a 1-D array, each within its range.
-
-    Raises
-    ------
-    ParameterError
-        They are no numbers, or one is outside its range.
-    """
+    """Values of a physical parameter as a 1-D array; a ParameterError unless all are in range."""
     parameter = INPUTS[name]
     refuse_masked(name, values)
     try:
@@ -257,17 +251,8 @@ def grid_axes(
 ) -> dict[str, Array]:
     """Axes of a sweep file's grid, ascending, by the names of parameters.
 
-    Parameters
-    ----------
-    purpose
-        What they are for, as the message names it.
-    needed, allowed
-        The axis that must be there, and those that may.
-
-    Raises
-    ------
-    SpecError
-        The design is no grid, or has other axes.
+    Raises a SpecError that names the purpose unless the design is a grid with the axis that is
+    needed, and no others than those allowed.
     """
     axes = {n: np.sort(s.values) for n, s in spec.sampled.items() if isinstance(s, Axis)}
     other = [name for name in axes if name not in (needed, *allowed)]
@@ -280,13 +265,7 @@ def grid_axes(
 
 
 def require_memory(what: str, count: int, bytes_each: int) -> None:
-    """Refuse an analysis of so many points that it does not fit into this machine's memory.
-
-    Raises
-    ------
-    ParameterError
-        Naming what there are too many of.
-    """
+    """Refuse, with a ParameterError, what has too many points to fit into this machine's memory."""
     available = physical_memory()
     if count * bytes_each > available:
         raise ParameterError(

@@ -103,18 +103,9 @@ def sobol_of_spec(
 ) -> xr.Dataset:
     """Sobol' indices over the ranges of a sweep, as `sobol_indices`.
 
-    Parameters
-    ----------
-    spec
-        The sweep; its number of realizations is the size of the base sample.
-    outputs
-        Variables, which are measured; by default `OUTPUTS`, those of pairs only where there are
-        particles for one.
-
-    Raises
-    ------
-    SpecError
-        No parameter has a range.
+    Its number of realizations is the size of the base sample.  The outputs are measured; by default
+    they are `OUTPUTS`, those of pairs only where there are particles for one.  Raises a SpecError
+    where no parameter has a range.
     """
     ranges = {n: (s.low, s.high) for n, s in spec.sampled.items() if isinstance(s, Range)}
     if not ranges:

@@ -171,11 +171,8 @@ def recognises_orbits(spec: SweepSpec) -> bool:
 def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
     """Windows of a sweep file with a [windows] section, as `find_windows`.
 
-    Raises
-    ------
-    SpecError
-        The file has no such section, a condition is not known, or the design is no grid over
-        restitution and a forcing alone.
+    Raises a SpecError where the file has no such section, a condition is not known, or the design
+    is no grid over restitution and a forcing alone.
     """
     if spec.windows is None:
         raise spec.refusal(

@@ -36,16 +36,8 @@ def produce(
 ) -> None:
     """Compute a dataset, print its summary, and write it and its picture side by side.
 
-    Parameters
-    ----------
-    options
-        Parsed arguments of `add_common`.
-    kind
-        Name of the kind of result.
-    compute
-        Function from a sweep and a number of threads to a dataset.
-    recognises
-        Whether the dataset of a sweep depends on the recognition of orbits.
+    `compute` makes the dataset of a sweep with a number of threads; `recognises` tells whether that
+    of a sweep depends on the recognition of orbits.
     """
     from vibrosweep.spec.sweep import read_spec
 
@@ -98,13 +90,7 @@ def _check(options: argparse.Namespace, spec: SweepSpec, output: Path, picture: 
 
 @contextmanager
 def drawing(written: Path | None) -> Iterator[None]:
-    """Add to any error of drawing that the dataset itself is written.
-
-    Raises
-    ------
-    OutputError, Interruption
-        The picture failed, or was interrupted; the dataset did not.
-    """
+    """Add to any error or interruption of drawing that the dataset itself is written."""
     try:
         yield
     except KeyboardInterrupt as error:

@@ -82,10 +82,7 @@ def _satisfied(needed: Requirement) -> bool:
 def hdf5_libraries(directory: Path | None) -> Finding:
     """Write a file and read it with every installed HDF5 library, in one process.
 
-    Parameters
-    ----------
-    directory
-        Where to write, to test file locking there; None for the system's temporary directory.
+    Into the system's temporary directory where None is given.
     """
     other = find_spec("netCDF4") is not None
     with tempfile.TemporaryDirectory(dir=directory, prefix=".vibrosweep-doctor-") as place:

@@ -71,10 +71,7 @@ class Compiled(NamedTuple):
 def warm_up() -> Compiled:
     """Compute a small scene over every base, under every law and kind of measure.
 
-    Raises
-    ------
-    OutputError
-        Machine code cannot be kept on this disk.
+    Raises an OutputError where machine code cannot be kept on this disk.
     """
     if _jit.cache_directory is None:
         raise OutputError(

@@ -53,21 +53,9 @@ def given_forcing(spec: SweepSpec, sampled: Collection[str]) -> str:
 def quantities_of(spec: SweepSpec, sampled: Mapping[str, Array], size: int) -> dict[str, Array]:
     """What a result says of its realizations, each of shape (realization,).
 
-    Parameters
-    ----------
-    spec
-        The sweep.
-    sampled
-        The sampled ones of `INPUTS`.
-    size
-        Number of realizations.
-
-    Returns
-    -------
-    dict
-        What is given, all of `vibrosweep.model.parameters.PARAMETERS`, of a sprung base also of
-        `vibrosweep.model.parameters.MOUNT`, the acceleration of the base, and the duration and the
-        transient in s.
+    What is given, all of `vibrosweep.model.parameters.PARAMETERS`, of a sprung base also of
+    `vibrosweep.model.parameters.MOUNT`, the acceleration of the base, and the duration and the
+    transient in s.  `sampled` holds the sampled ones of `INPUTS`.
     """
     others = [name for name in (*sampled, *spec.given) if name not in FORCINGS]
     given = {

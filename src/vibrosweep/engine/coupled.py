@@ -217,21 +217,8 @@ def carry_on(
 ) -> Neighbours:
     """Carry a state in which all particles fly on for some forcing periods: the Floquet map.
 
-    Parameters
-    ----------
-    parameters
-        As of `measure_coupled`.
-    begin
-        The state; its matrix is multiplied from the left.
-    periods
-        How long.
-    realization
-        Whose parameters are taken.
-
-    Raises
-    ------
-    ParameterError
-        A landing could not be found.
+    Its matrix is multiplied from the left.  The parameters are those of `measure_coupled`, taken of
+    one realization.  Raises a ParameterError where a landing could not be found.
     """
     problem = dimensionless(parameters, Periods(periods))
     of, matrix = system(begin.height.size), np.array(begin.matrix, order="F")

@@ -13,19 +13,9 @@ Places = NDArray[np.int64]
 
 
 def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Places | None:
-    """Find duplicate realizations.
+    """For each realization the index of the first equal one; None if all are distinct.
 
-    Parameters
-    ----------
-    problem, launch
-        The batch.
-    others
-        Further arrays that have to agree, each of shape (realization,).
-
-    Returns
-    -------
-    numpy.ndarray or None
-        For each realization the index of the first equal one; None if all are distinct.
+    `others` are further arrays that have to agree, each of shape (realization,).
     """
     if any(np.unique(column).size == column.size for column in problem):  # as where they are drawn
         return None

@@ -44,26 +44,10 @@ def launch_times(launch: str | tuple[float, ...], particles: int, frequency: flo
 def record_landings(
     parameters: Mapping[str, Array], observation: Observation, workers: Workers
 ) -> dict[str, NDArray[Any]]:
-    """Every landing until the end of the observation.
+    """Every landing until the end of the observation, as `vibrosweep.model.measures.RECORD`.
 
-    Parameters
-    ----------
-    parameters
-        Every parameter of `PARAMETERS`, each of shape (realization,).
-    observation
-        Launches and duration; its transient is -inf.
-    workers
-        Threads to use.
-
-    Returns
-    -------
-    dict
-        The variables of `vibrosweep.model.measures.RECORD`.
-
-    Raises
-    ------
-    ParameterError
-        The record would not fit into half of this machine's memory.
+    Parameters are of shape (realization,); the transient of the observation is -inf.  Raises a
+    ParameterError where the record would not fit into half of this machine's memory.
     """
     landings, status = _counted(parameters, observation, workers)
     capacity = int(landings.max())
@@ -114,13 +98,7 @@ def record_bytes(
 
 
 def require_room(realizations: int, particles: int, landings: int = 0) -> None:
-    """Raise if a record needs more than half of this machine's memory.
-
-    Raises
-    ------
-    ParameterError
-        Naming what to change.
-    """
+    """Raise a ParameterError if a record needs more than half of this machine's memory."""
     needed, available = _needed(realizations, particles, landings), physical_memory()
     if needed > available / 2:
         raise ParameterError(

@@ -30,21 +30,8 @@ def observed(
 ) -> Array:
     """Values of an observable: NaN where a trajectory does not stay finite.
 
-    Parameters
-    ----------
-    observable
-        What to compute.
-    parameters
-        As of `vibrosweep.engine.measure.measure`.
-    batch
-        The same in dimensionless form, and its launches.
-    observation, workers
-        As there.
-
-    Returns
-    -------
-    numpy.ndarray
-        Of the dims of the observable's variable.
+    They have the dims of the observable's variable.  `batch` holds the parameters, those of
+    `vibrosweep.engine.measure.measure`, in dimensionless form, and their launches.
     """
     problem, launch = batch
     size, particles = problem.kick.size, observation.particles

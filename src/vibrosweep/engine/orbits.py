@@ -27,21 +27,9 @@ def find_orbits(
 ) -> Orbits:
     """Orbit that each trajectory settles on, ordered by realization, then by particle.
 
-    Parameters
-    ----------
-    problem, launch
-        Realizations and launches; exponents of orbits that are not cycles are means over the window
-        of the problem.
-    observation
-        Must agree with the launches in the number of particles, and with the problem in whether the
-        window begins after a launch.
-    workers
-        Threads to use.
-
-    Returns
-    -------
-    Orbits
-        Arrays of shape (realization * particle,), in dimensionless units.
+    Shape (realization * particle,), in dimensionless units.  Exponents of orbits that are not
+    cycles are means over the window of the problem.  The observation must agree with the launches
+    in the number of particles, and with the problem in whether the window begins after a launch.
     """
     asked = replace(observation.measuring(lyapunov=True), skip=True)
     return settled(problem, launch, asked, workers)
@@ -51,12 +39,8 @@ def label_orbits(orbits: Orbits, realizations: int) -> Codes:
     """Number the distinct orbits of each realization, in the order of their first particles.
 
     Two cycles are the same orbit if their numbers of impacts, periods and rests agree and their
-    representative states differ by less than `SAME_ORBIT`.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (realization, particle); `NO_ORBIT` where no recurrence was found.
+    representative states differ by less than `SAME_ORBIT`.  Shape (realization, particle);
+    `NO_ORBIT` where no recurrence was found.
     """
     shape = (realizations, -1)
     codes = [v.reshape(shape) for v in (orbits.impacts, orbits.periods, orbits.rests)]
@@ -100,18 +84,7 @@ def slot_count(labels: Codes, slot: Codes) -> Codes:
 def orbit_variables(orbits: Orbits, frequency: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
     """Measured variables of regimes and exponents, per particle and per realization.
 
-    Parameters
-    ----------
-    orbits
-        Of all trajectories, ordered by realization.
-    frequency
-        Hz, shape (realization,).
-
-    Returns
-    -------
-    dict
-        The variables of the measures regimes and lyapunov in `vibrosweep.model.measures`, of shape
-        (realization, particle) and (realization,).
+    Those of `vibrosweep.model.measures`; the orbits are ordered by realization.
     """
     shape = (frequency.size, -1)
     labels, slot = label_orbits(orbits, frequency.size), slots(orbits).reshape(shape)

@@ -71,16 +71,8 @@ def follow(
 ) -> Followed:
     """Simulate all trajectories of a batch, duplicate realizations only once.
 
-    Parameters
-    ----------
-    problem, launch
-        The batch.
-    tolerance
-        Largest error of a trusted landing time, in forcing periods; shape (realization,).
-    observation
-        What to measure.
-    workers
-        Threads to use.
+    `tolerance` is the largest error of a trusted landing time in forcing periods, shape
+    (realization,).
     """
     others = [tolerance] if observation.measures.trust else []
     first = find_equal(problem, launch, *others) if observation.skip else None

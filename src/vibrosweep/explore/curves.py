@@ -33,17 +33,7 @@ class WindowEnd(NamedTuple):
 def window_ends(points: Points, axes: tuple[str, str]) -> tuple[list[WindowEnd], str]:
     """A_min and A_max of the modes over a plane, in the form of the forcing that it shows.
 
-    Parameters
-    ----------
-    points
-        Its points, which give base and range.
-    axes
-        Names of what is along x and y.
-
-    Returns
-    -------
-    ends, reason
-        What lies within the range of the points, and why there is none, empty if there is.
+    What lies within the range of the points, and why there is none, empty if there is.
     """
     forcing = next((name for name in axes if name in FORCINGS), None)
     base = points.base_choice.base

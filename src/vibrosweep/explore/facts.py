@@ -26,15 +26,7 @@ def named(choice: Choice) -> str:
 
 
 def facts(choice: Choice, observed: xr.Dataset) -> Iterator[tuple[str, str]]:
-    """Name and value of what is known of a realization.
-
-    Parameters
-    ----------
-    choice
-        What was asked for.
-    observed
-        As `Choice.observe` returns it.
-    """
+    """Name and value of what is known of a realization, from its choice and its observation."""
     one = observed.isel(realization=0)
     yield "base", choice.base
     yield "observed", _period_text(float(one["duration"]) * choice.inputs["frequency"])

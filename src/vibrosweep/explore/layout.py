@@ -33,14 +33,8 @@ def parts(
     """Roots of the document, and where `TEMPLATE` places them by their names.
 
     The style sheet lays the page out.  Each picture and each text is a root of its own, because a
-    change of a text would have Bokeh lay out all that is in the same root.
-
-    Parameters
-    ----------
-    left, right
-        Models beside the plane, and below the motions.
-    motions
-        Their pictures.
+    change of a text would have Bokeh lay out all that is in the same root.  `left` is beside the
+    plane, `right` below the motions.
     """
     roots = [*left, *(root for motion in motions for root in motion.roots), *right]
     names = {

@@ -47,13 +47,7 @@ class Heights(NamedTuple):
 
 
 def heights(record: xr.Dataset) -> Heights:
-    """Flights, stays and the base of the first realization of a record.
-
-    Parameters
-    ----------
-    record
-        As `vibrosweep.simulate` returns it.
-    """
+    """Flights, stays and the base of the first realization of a record."""
     one = record.isel(realization=0)
     end, gravity = float(one["duration"]), float(one["gravity"])
     base = base_motion(one, "heights")
@@ -114,10 +108,7 @@ def _base(one: xr.Dataset, base: BaseMotion, begin: float, end: float) -> Column
 def return_map(record: xr.Dataset) -> Columns:
     """Speed of arrival at each landing and at the next (m s-1), with the particle.
 
-    Parameters
-    ----------
-    record
-        As `vibrosweep.simulate` returns it; its first realization.
+    Of the first realization of a record.
     """
     one = record.isel(realization=0)
     before, after, known = return_points(one)
@@ -128,10 +119,7 @@ def return_map(record: xr.Dataset) -> Columns:
 def landing_phases(record: xr.Dataset) -> Columns:
     """Time (s) and phase of the forcing (turns, 0 to 1) of each landing, with its particle.
 
-    Parameters
-    ----------
-    record
-        As `vibrosweep.simulate` returns it; its first realization.
+    Of the first realization of a record.
     """
     one = record.isel(realization=0)
     time = one["landing_time"].values
@@ -144,18 +132,9 @@ def landing_phases(record: xr.Dataset) -> Columns:
 def separations(record: xr.Dataset) -> Columns:
     """Time from each landing to the next one, where that is another particle's.
 
-    The smallest is ``dt_min``.
-
-    Parameters
-    ----------
-    record
-        As `vibrosweep.simulate` returns it; its first realization.
-
-    Returns
-    -------
-    dict
-        ``time`` of the later landing and ``gap`` (s), ``particle`` and ``other``, the numbers of
-        the particles that land later and earlier.
+    Of the first realization of a record: ``time`` of the later landing and ``gap`` (s),
+    ``particle`` and ``other``, the numbers of the particles that land later and earlier.  The
+    smallest gap is ``dt_min``.
     """
     time = record["landing_time"].values[0]
     particle, impact = np.nonzero(np.isfinite(time))

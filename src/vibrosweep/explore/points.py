@@ -110,13 +110,7 @@ class Points:
 
 
 def open_points(path: Path) -> Points:
-    """Read a result.
-
-    Raises
-    ------
-    DataError
-        There is no such file, or nothing of it lies in a plane.
-    """
+    """Read a result; a DataError where it cannot be read, or nothing of it lies in a plane."""
     kind = read_kind(path)
     if kind is SWEEP:
         from vibrosweep.api.results import open_sweep
@@ -129,13 +123,7 @@ def open_points(path: Path) -> Points:
 
 
 def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
-    """Points of a dataset of some kind.
-
-    Raises
-    ------
-    DataError
-        Nothing of the dataset lies in a plane, or it has no points.
-    """
+    """Points of a dataset of some kind; a DataError where none lies in a plane."""
     makers = {
         SWEEP.name: _of_sweep,
         "windows": _of_windows,

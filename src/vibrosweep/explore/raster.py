@@ -43,16 +43,9 @@ class Raster:
 
 
 def raster(x: Array, y: Array, values: Array, view: View, codes: Array | None = None) -> Raster:
-    """Gather points in pixels, or those of an evenly spaced grid in its own cells.
+    """Gather points in pixels of a view, or those of an evenly spaced grid in its own cells.
 
-    Parameters
-    ----------
-    x, y, values
-        Shape (point,).
-    view
-        What is seen.
-    codes
-        The values that occur, if they are codes.
+    `codes` are the values that occur, if they are codes.
     """
     # along an axis of a grid the other one stays; to sort a million values takes a second
     repeats = any(np.unique(v[:FIRST]).size < v[:FIRST].size for v in (x, y))
@@ -91,16 +84,9 @@ def _even(edges: Array) -> bool:
 
 
 def nearest(x: Array, y: Array, place: tuple[float, float], unit: tuple[float, float]) -> int:
-    """Number of the point that is nearest to a place in the plane.
+    """Number of the point that is nearest to a place in the plane, of those that are finite.
 
-    Parameters
-    ----------
-    x, y
-        Of the points; one that is not finite is never the nearest.
-    place
-        In the plane.
-    unit
-        What counts as one along x and along y, such as the size of a pixel.
+    `unit` is what counts as one along x and along y, such as the size of a pixel.
     """
     distance = np.square((x - place[0]) / unit[0]) + np.square((y - place[1]) / unit[1])
     return int(np.argmin(np.where(np.isfinite(distance), distance, np.inf)))

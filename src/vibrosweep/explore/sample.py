@@ -22,11 +22,6 @@ def spread_out(x: Array, y: Array) -> Iterator[int]:
     """Numbers of points, from far apart to close together.
 
     The plane is cut into 1, 4, 16, ... equal cells; of each the point nearest to its middle.
-
-    Parameters
-    ----------
-    x, y
-        Shape (point,).
     """
     known = np.isfinite(x) & np.isfinite(y)
     low = float(x[known].min()), float(y[known].min())

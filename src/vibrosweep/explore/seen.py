@@ -37,17 +37,9 @@ class Axis(NamedTuple):
 def seen(across: Sequence[Array], up: Array, x: Axis, y: Axis) -> Rows:
     """Numbers of the things that are seen in a window, in their order.
 
-    Of things in the same pixels only the last is seen.
-
-    Parameters
-    ----------
-    across
-        Horizontal coordinates of each thing, shape (thing,), the least first: one of a dot, of a
-        line those of its ends.
-    up
-        Vertical coordinate of each.
-    x, y
-        Axes of the window.
+    Of things in the same pixels only the last is seen.  `across` holds the horizontal coordinates
+    of each thing, the least first: one of a dot, of a line those of its ends; `up` its vertical
+    one.
     """
     columns, row = [x.pixel(one) for one in across], y.pixel(up)
     there = (columns[-1] >= -BEYOND) & (columns[0] <= x.pixels + BEYOND) & np.isfinite(row)

@@ -24,21 +24,10 @@ ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
-    """Serve the page until a signal ends it.
+    """Serve the page until a signal ends it; port 0 is any free one.
 
-    Parameters
-    ----------
-    points
-        Of the result.
-    port
-        Of this machine; 0 is any free one.
-    started
-        Called with the address once the page can be opened.
-
-    Raises
-    ------
-    RunError
-        The port cannot be had.
+    `started` is called with the address once the page can be opened.  Raises a RunError where the
+    port cannot be had.
     """
     background = Background()
     background.prepare(

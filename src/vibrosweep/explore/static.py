@@ -38,19 +38,8 @@ PLANE: Final = "plane as at first"
 def write_page(points: Points, output: Path, *, force: bool) -> str:
     """Write a page as one file; return in words what it holds.
 
-    Parameters
-    ----------
-    points
-        Of the result.
-    output
-        Name of the file.
-    force
-        Whether an existing file is replaced.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written, exists, or would be larger than `LARGEST`.
+    Raises an OutputError where the file cannot be written, exists and is not to be replaced by
+    `force`, or would be larger than `LARGEST`.
     """
     check_output(output, force=force, inputs=(points.path,))
     page = _Page(points, MOST_MOTIONS)

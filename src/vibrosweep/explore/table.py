@@ -20,13 +20,6 @@ def table(points: Points, rows: Rows) -> str:
     """CSV with the varied parameters of points; every number is read back as it is.
 
     Points of one realization, such as the impacts of a bifurcation diagram, make one row.
-
-    Parameters
-    ----------
-    points
-        The plane.
-    rows
-        Numbers of the points.
     """
     names = table_columns(points)
     values = [points.columns[name].values[rows].tolist() for name in names]

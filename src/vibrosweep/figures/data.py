@@ -129,13 +129,7 @@ def drawn_forcing(dataset: xr.Dataset) -> str | None:
 
 
 def one_realization(record: xr.Dataset, realization: int) -> xr.Dataset:
-    """Select one realization of a record, by position.
-
-    Raises
-    ------
-    ParameterError
-        There is no such realization.
-    """
+    """Select one realization of a record, by position; a ParameterError where there is none."""
     count = record.sizes["realization"]
     if not -count <= realization < count:
         raise ParameterError(

@@ -25,18 +25,8 @@ def fitted_track(
 ) -> Figure:
     """Draw one particle's track with its fitted flights, and the residuals of all flights.
 
-    Parameters
-    ----------
-    flights
-        Result of `vibrosweep.lab.lines.flights_of`.
-    particle
-        Which one; the one that flies longest by default.
-    begin
-        Where the drawing begins, s; at the particle's first flight by default.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    From the result of `vibrosweep.lab.lines.flights_of`; by default the particle that flies
+    longest, from its first flight on.
     """
     names, index = np.unique(flights["owner"].values, return_inverse=True)
     flying = np.bincount(index, flights["end"].values - flights["start"].values)
@@ -146,15 +136,8 @@ def _draw_distribution(axes: Axes, flights: xr.Dataset) -> None:
 def errors_by_case(table: xr.Dataset) -> Figure:
     """Draw the errors of Table 4 case by case beside the range of the study's.
 
-    Parameters
-    ----------
-    table
-        Result of `vibrosweep.lab.compare.compare`; its attributes ``study_height`` and
-        ``study_period``, where its cases are the study's, are the ranges.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    From the result of `vibrosweep.lab.compare.compare`; its attributes ``study_height`` and
+    ``study_period``, where its cases are the study's, are the ranges.
     """
     figure = Figure(figsize=(style.PAGE, 3.0), layout="constrained")
     panels = figure.subplots(1, 2)
@@ -193,16 +176,7 @@ def errors_by_case(table: xr.Dataset) -> Figure:
 def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
     """Draw the errors that each imperfection makes by itself, in every case.
 
-    Parameters
-    ----------
-    study
-        Result of `vibrosweep.study.table4.study_imperfections`.
-    reading, procedure
-        Which of its errors.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    From the result of `vibrosweep.study.table4.study_imperfections`, by one reading and procedure.
     """
     names = [
         f"{name.replace('_', ' ')} {size:g}{'' if unit == '1' else ' ' + unit}"

@@ -47,18 +47,9 @@ def scatter_points(x: Array, y: Array) -> Points:
 def paint_numbers(
     figure: Figure, axes: Axes, points: Points, values: Array, label: str, zero: str | None
 ) -> None:
-    """Paint numbers with a colour bar.
+    """Paint numbers, one per realization, with a labelled colour bar; NaN is left blank.
 
-    Parameters
-    ----------
-    figure, axes, points
-        Where.
-    values
-        One per realization; NaN is left blank.
-    label
-        Label of the colour bar.
-    zero
-        If given, the scale is logarithmic, and zeros get a colour of their own with this name.
+    With a name for `zero` the scale is logarithmic, and zeros get a colour of their own.
     """
     drawn = values if points.cells is None else gathering.median(points.cells, values)
     if zero is not None:

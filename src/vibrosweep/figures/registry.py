@@ -164,15 +164,7 @@ def available(sweep: xr.Dataset | None, record: xr.Dataset | None) -> list[str]:
 
 
 def missing(sweep: xr.Dataset | None, record: xr.Dataset | None) -> dict[str, str]:
-    """Return the figures that cannot be drawn, each with a sentence that says what it needs.
-
-    Parameters
-    ----------
-    sweep
-        Result of a sweep, if there is one.
-    record
-        Record of every landing, if there is one.
-    """
+    """Return the figures that cannot be drawn, each with a sentence that says what it needs."""
     sources = {"sweep": sweep, "record": record}
     reasons = {name: entry.lacking(sources[entry.source]) for name, entry in FIGURES.items()}
     return {name: reason for name, reason in reasons.items() if reason is not None}
@@ -223,10 +215,7 @@ def save_all(
 def save_formats(figure: Figure, directory: str | Path, stem: str) -> list[Path]:
     """Write one figure in every format into a directory, which is made if it does not exist.
 
-    Raises
-    ------
-    OutputError
-        The directory or a file cannot be written.
+    Raises an OutputError where it or a file cannot be written.
     """
     target = Path(directory)
     try:
@@ -242,19 +231,8 @@ def save_formats(figure: Figure, directory: str | Path, stem: str) -> list[Path]
 def save(figure: Figure, path: Path, *, force: bool = True) -> Path:
     """Write a figure in the format of the path's ending, one of `FORMATS`; return the path.
 
-    Parameters
-    ----------
-    figure
-        What is written.
-    path
-        The name of the file, which appears when it is complete.
-    force
-        Whether a file of this name is replaced.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written, or exists.
+    The file appears when it is complete.  Raises an OutputError where it cannot be written, or
+    exists and is not to be replaced by `force`.
     """
     kind = path.suffix[1:]
     with replacing(path, force=force) as disk, mpl.rc_context(style.RC):

@@ -59,14 +59,7 @@ def window_curves(
 ) -> list[Curve]:
     """Return both ends of the windows of the modes, as far as they cross the view.
 
-    Parameters
-    ----------
-    x_range, y_range
-        The view: restitution and forcing.
-    forcing
-        What the latter is.
-    modes
-        The modes k.
+    The view is a range of restitution and one of the forcing.
     """
     e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
     scale = per_amplitude(forcing.name, e, forcing.frequency, forcing.gravity)
@@ -81,15 +74,7 @@ def window_curves(
 
 
 def per_amplitude(name: str, e: Array, frequency: float | Array, gravity: float | Array) -> Array:
-    """Return a forcing over the amplitude A = (1 + e) V0 that it makes.
-
-    Parameters
-    ----------
-    name
-        One of `vibrosweep.model.forcing.FORCINGS`.
-    e, frequency, gravity
-        Restitution, Hz and m s-2; they broadcast.
-    """
+    """Return a forcing over the amplitude A = (1 + e) V0 that it makes."""
     if name == "amplitude":
         return np.ones_like(e)
     omega = 2.0 * np.pi * frequency
@@ -104,16 +89,7 @@ def per_amplitude(name: str, e: Array, frequency: float | Array, gravity: float 
 def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[int] = MODES) -> None:
     """Draw the ends of the windows into the present view and name each on its curve.
 
-    Parameters
-    ----------
-    axes
-        Axes whose limits are set.
-    forcing
-        What the vertical axis is.
-    over
-        Draw the curves over cells, with a halo; else under dots, so that they hide none.
-    modes
-        The modes k.
+    With `over` they are drawn over cells, with a halo; else under dots, so that they hide none.
     """
     curves = window_curves(axes.get_xlim(), axes.get_ylim(), forcing, modes)
     for curve in curves:

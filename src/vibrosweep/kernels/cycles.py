@@ -176,18 +176,7 @@ def close_cycle(
 ) -> None:
     """Determine the cycle of lane j, which recurs, and skip its repetitions if that saves work.
 
-    Parameters
-    ----------
-    s, j, realization
-        Scratch memory, lane, and index of its realization.
-    base, windowed
-        As in `vibrosweep.kernels.advance.advance`.
-    jump
-        1 to skip repetitions of cycles.
-    cycles
-        Filled with the cycle, unless it holds one already.
-    rests
-        From `empty_rests`.
+    `jump` is 1 to skip them.  `cycles` are filled with the cycle, unless they hold one already.
     """
     age, state = s[ROW.AGE + j], (s[ROW.N + j], s[ROW.X + j], s[ROW.U + j])
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]

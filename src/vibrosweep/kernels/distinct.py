@@ -40,14 +40,8 @@ def _same(bits: Words, launches: Launches, i: int, j: int) -> bool:
 def first_of_each(columns: Floats, launches: Launches, first: Integers) -> int:
     """Find the first duplicate of each realization; return the number of distinct ones.
 
-    Parameters
-    ----------
-    columns
-        Shape (quantity, realization): all numbers that determine a trajectory, compared bit by bit.
-    launches : vibrosweep.model.parameters.Launches
-        Compared too.
-    first
-        Written, shape (realization,).
+    The columns, of shape (quantity, realization), hold all numbers that determine a trajectory;
+    they and the launches are compared bit by bit.
     """
     bits = columns.view(np.uint64)
     size = bits.shape[1]

@@ -87,21 +87,8 @@ def find_fixed(
 ) -> None:
     """Find the fixed orbit of k periods that attracts, or else one that does not.
 
-    With e below 1 and a growing kick it is absent, then attracts, then repels.
-
-    Parameters
-    ----------
-    span
-        Range of problems.
-    base
-        From `vibrosweep.kernels.impact.base_of`.
-    problem : vibrosweep.model.parameters.Dimensionless
-    k
-        Number of periods, shape (problem,).
-    sign
-        1, or -1 for the orbit whose particle is pushed into the base, and turned back.
-    out : FixedOrbits
-        Only the slots of these problems are written.
+    With e below 1 and a growing kick it is absent, then attracts, then repels.  `sign` is -1 for
+    the orbit whose particle is pushed into the base, and turned back.
     """
     for t in range(span[0], span[1]):
         out.state[t], out.phase[t] = ABSENT, np.nan

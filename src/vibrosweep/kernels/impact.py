@@ -81,10 +81,7 @@ class Impact(NamedTuple):
 def base_of(base: str, rebound: str) -> Base:
     """Base and law of rebound by their names, in `vibrosweep.model.parameters` BASES and LAWS.
 
-    Raises
-    ------
-    ParameterError
-        The base is none that particles are computed over independently of each other.
+    Raises a ParameterError unless particles over the base are independent of each other.
     """
     if base not in BASE_OF:
         raise ParameterError(

@@ -75,12 +75,8 @@ _compiled: dict[str, Callable[[Any, Any], None]] = {}  # by the `code` of observ
 def compiled(observable: Observable) -> Callable[[Any, Any], None]:
     """Compile an observable's function, once in a process.
 
-    An index beyond its totals raises an IndexError instead of spoiling memory.
-
-    Raises
-    ------
-    ParameterError
-        Numba cannot compile it.
+    An index beyond its totals raises an IndexError instead of spoiling memory; a ParameterError
+    tells that numba cannot compile it.
     """
     if numba.config.DISABLE_JIT:
         return observable.function

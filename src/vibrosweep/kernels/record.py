@@ -56,14 +56,7 @@ class Units(NamedTuple):
 def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> None:
     """Write the landings of trajectories first ... last - 1 until the end of the window.
 
-    Parameters
-    ----------
-    first, last
-        Range of trajectories.
-    batch : vibrosweep.kernels.impact.Batch
-    units : Units
-    out : Record
-        A trajectory with more landings than its capacity is cut off.
+    A trajectory with more landings than the capacity of the record is cut off.
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]

@@ -271,21 +271,9 @@ def settle(
 ) -> None:
     """Determine the orbits that trajectories first ... last - 1 of a batch settle on.
 
-    Parameters
-    ----------
-    first, last
-        Range of trajectories.
-    batch : vibrosweep.kernels.impact.Batch
-    each : vibrosweep.kernels.statistics.Statistics
-    cycles
-        From `vibrosweep.kernels.cycles.empty_cycles`; both as `advance` left them.
-    budget
-        Largest number of impacts of a trajectory.
-    exponents
-        1 to compute the exponents of every orbit; 0 to compute, among orbits that do not recur,
-        only those that may turn out to be aperiodic.
-    out : Orbits
-        Only the slots first ... last - 1 are written.
+    Statistics and cycles are as `advance` left them.  With `exponents` 0 only those are computed,
+    among orbits that do not recur, that may turn out to be aperiodic.  Only the slots first ...
+    last - 1 are written.
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]

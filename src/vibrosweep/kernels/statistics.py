@@ -226,17 +226,7 @@ def write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> Non
 def combine(first: int, last: int, particles: int, each: Statistics, out: Statistics) -> None:
     """Combine the particles of realizations first ... last - 1, always in the same order.
 
-    Parameters
-    ----------
-    first, last
-        Range of realizations.
-    particles
-        Trajectories per realization.
-    each : Statistics
-        Of the trajectories; realization i owns i * particles ... (i + 1) * particles - 1.
-    out : Statistics
-        Of the realizations: sums, the largest maximum, the number of particles at rest for good
-        and the worst status.
+    Sums, the largest maximum, the number of particles at rest for good and the worst status.
     """
     for i in range(first, last):
         landings, rests, at_rest, status = 0, 0, 0, 0
@@ -267,13 +257,8 @@ def physical(
 ) -> dict[str, NDArray[Any]]:
     """Statistics in physical units, by the names of `vibrosweep.model.measures`.
 
-    Parameters
-    ----------
-    found
-        Of trajectories or of realizations.
-    frequency, gravity, lifts, lowest
-        Hz, m s-2, and of the base whether a resting particle is ever lifted and what heights are
-        counted from; each of the shape of `found`.
+    Of the base, `lifts` tells whether a resting particle is ever lifted, and `lowest` what heights
+    are counted from; all are of the shape of `found`, in Hz and m s-2.
     """
     # height of a flight that lasts one forcing period: g / (8 f^2)
     height = gravity / (8.0 * frequency * frequency)

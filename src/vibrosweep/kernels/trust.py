@@ -175,17 +175,9 @@ def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box, cycles
 def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: float) -> bool:
     """Whether no rounding can change a decision along a cycle.
 
-    Parameters
-    ----------
-    fixed
-        Constants of the realization.
-    x, u
-        A state of the cycle; of one with a rest, the lift-off from it.
-    impacts
-        In one cycle.
-    modulus
-        Of the leading multiplier, by which the error of one cycle is passed on to the next; 0 of
-        a cycle with a rest, which begins anew.
+    (x, u) is a state of the cycle; of one with a rest, the lift-off from it.  `modulus` is that of
+    the leading multiplier, by which the error of one cycle is passed on to the next; 0 of a cycle
+    with a rest, which begins anew.
     """
     if not modulus < 1.0:
         return False
@@ -256,19 +248,10 @@ def _follow(
 
 @kernel
 def trust(first: int, last: int, batch: Batch, tolerance: Floats, budget: int, out: Trust) -> None:
-    """Bound the errors of trajectories first ... last - 1.
+    """Bound the errors of trajectories first ... last - 1, whose slots alone are written.
 
-    Parameters
-    ----------
-    first, last
-        Range of trajectories.
-    batch : vibrosweep.kernels.impact.Batch
-    tolerance
-        Largest error of a landing time that is trusted, in forcing periods, shape (realization,).
-    budget
-        Largest number of impacts of a trajectory.
-    out : Trust
-        Only the slots first ... last - 1 are written.
+    `tolerance` is the largest error of a landing time that is trusted, in forcing periods, of shape
+    (realization,).
     """
     particles = batch.launches.whole.shape[1]
     for t in range(first, last):

@@ -75,13 +75,7 @@ class Bounces:
 
 
 def bounces_of(impacts: xr.Dataset) -> Bounces:
-    """Gather every bounce with a whole flight on either side.
-
-    Parameters
-    ----------
-    impacts
-        Result of `find_impacts`.
-    """
+    """Gather every bounce with a whole flight on either side, from the result of `find_impacts`."""
     instant: list[Array] = []
     variance: list[Array] = []
     covariance: list[Array] = []

@@ -135,13 +135,7 @@ def heights(motions: list[Motion], time: Array, exposure: float) -> Array:
 
 
 def film(true: Array, camera: Camera, rng: np.random.Generator) -> Array:
-    """Heights as tracked, in m; NaN in lost frames.
-
-    Parameters
-    ----------
-    true
-        Shape (frame, particle), m.
-    """
+    """Heights as tracked of true ones, both of shape (frame, particle) in m; NaN in lost frames."""
     pixels = true * (1.0 + camera.scale_error) / camera.pixel
     pixels = pixels + camera.noise * rng.standard_normal(pixels.shape)
     if camera.whole_pixels:

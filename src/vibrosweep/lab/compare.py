@@ -128,24 +128,7 @@ def compare_tracks(
 def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers) -> xr.Dataset:
     """Compare recordings with prediction, case by case; a case is a number of particles.
 
-    Parameters
-    ----------
-    recordings
-        Tracks, as `read_tracks` returns them.
-    how
-        What is known, and the method.
-    workers
-        Threads to use.
-
-    Returns
-    -------
-    xarray.Dataset
-        As of `compare_tracks`.
-
-    Raises
-    ------
-    TrackError, ParameterError
-        A recording cannot be measured, or the parameters are neither known nor determined.
+    Recordings are tracks as of `read_tracks`; result and errors are those of `compare_tracks`.
     """
     groups: dict[int, list[_One]] = {}
     for tracks in recordings:

@@ -62,21 +62,10 @@ def errors(
 ) -> dict[str, dict[str, float]]:
     """Errors in per cent by quantity and reading.
 
-    Parameters
-    ----------
-    impacts
-        Result of `find_impacts`.
-    predicted
-        Predicted mean height (m) and period (s) of each particle.
-    among
-        Particles to compare, as `comparable` tells them.
-
-    Returns
-    -------
-    dict
-        ``ensemble``: of the means over all particles; ``particle``: mean of the errors of each
-        particle's mean; ``worst``: the largest of them; ``flight``: mean of the errors of each
-        flight against its particle's prediction.  NaN where no particle can be compared.
+    `predicted` holds mean height (m) and period (s) of each particle, `among` tells which to
+    compare.  Readings are ``ensemble``: of the means over all particles; ``particle``: mean of the
+    errors of each particle's mean; ``worst``: the largest of them; ``flight``: mean of the errors
+    of each flight against its particle's prediction.  NaN where no particle can be compared.
     """
     means, columns = measured_means(impacts, among), _columns(impacts)
     found: dict[str, dict[str, float]] = {}

@@ -76,12 +76,8 @@ class Contacts(NamedTuple):
 def find_contacts(samples: Samples, gravity: float) -> tuple[Contacts, Indices]:
     """Find contacts with the base, and the stretch of track that each sample is in.
 
-    Parameters
-    ----------
-    samples
-        What was seen.
-    gravity
-        True acceleration in m s-2; where the tracks clearly contradict it, theirs is taken.
+    Gravity is the true acceleration in m s-2; where the tracks clearly contradict it, theirs is
+    taken.
     """
     fall = gravity
     for _ in range(2):
@@ -106,18 +102,8 @@ def contacts_between(
 ) -> Contacts:
     """Contacts between flights `place` and the next ones, where both are clearly seen.
 
-    Parameters
-    ----------
-    samples
-        What was seen.
-    member
-        Number of the flight of each sample, -1 for none.
-    fits
-        The flights.
-    place
-        Which may be followed by a bounce.
-    scale
-        Standard deviation of a sample (m), and the curvature of flights (m s-2).
+    `member` is the number of the flight of each sample, -1 for none; `scale` the standard deviation
+    of a sample (m), and the curvature of flights (m s-2).
     """
     noise, fall = scale
     clear = clear_flights(samples, member, fits, noise, fall)

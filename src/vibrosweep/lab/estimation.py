@@ -182,12 +182,7 @@ def fit_phase(
     """Phase of the forcing at t = 0 of a recording, rad, where all else is known.
 
     On a locked orbit two phases explain the bounces equally well; that of the stable branch is
-    taken, on which the kick falls at the moment of impact.
-
-    Raises
-    ------
-    TrackError
-        There are no bounces.
+    taken, on which the kick falls at the moment of impact.  Raises a TrackError without bounces.
     """
     arrive, leave, time = bounces_of(impacts).speeds()
     if not time.size:

@@ -65,13 +65,7 @@ class Fitted(NamedTuple):
 
 
 def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitted:  # noqa: B008
-    """Find and fit the flights of tracks.
-
-    Raises
-    ------
-    TrackError
-        As in `find_impacts`.
-    """
+    """Find and fit the flights of tracks; errors as of `find_impacts`."""
     _check_base(tracks, view.base)
     time, height = tracks["time"].values, tracks["height"].values
     cuts = np.zeros(height.shape, bool)

@@ -88,22 +88,9 @@ def find_flights(
 ) -> Flights:
     """Find and fit every flight.
 
-    Parameters
-    ----------
-    samples
-        What was seen.
-    gravity
-        True acceleration, m s-2.
-    base
-        Height of the base in m; estimated where None.
-    exposure
-        Time for which the shutter was open, s: frames during which a particle lands belong to no
-        flight.
-
-    Raises
-    ------
-    TrackError
-        Nothing flies, or what flies does not fall with gravity.
+    `base` is the height of the base in m, estimated where None.  Frames during which a particle
+    lands belong to no flight where the shutter is open for an `exposure`, s.  Raises a TrackError
+    where nothing flies, or what flies does not fall with gravity.
     """
     noise = first_noise(samples)
     # the first guess may be too large, and would hide low flights

@@ -52,18 +52,9 @@ class Fits(NamedTuple):
 
 
 def fit(samples: Samples, flight: Indices, flights: int, gravity: float) -> Fits:
-    """Fit a parabola of known curvature to each flight.
+    """Fit a parabola of known curvature (m s-2) to each flight.
 
-    Parameters
-    ----------
-    samples
-        What was seen.
-    flight
-        Number of the flight of each sample; -1 for none.
-    flights
-        Number of flights.
-    gravity
-        m s-2.
+    `flight` is the number of the flight of each sample; -1 for none.
     """
     used = flight >= 0
     of, time = flight[used], samples.time[used]
@@ -175,15 +166,7 @@ class Meetings(NamedTuple):
 
 
 def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
-    """Intersect neighbouring flights.
-
-    Parameters
-    ----------
-    before, after
-        Flights that land and lift off.
-    near
-        Any instants close by, s: they keep the differences small.
-    """
+    """Intersect neighbouring flights; instants `near` by, s, keep the differences small."""
 
     def at(fits: Fits, time: Array) -> tuple[Array, Array]:
         since = time - fits.centre

@@ -59,18 +59,8 @@ class Junctions(NamedTuple):
 def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -> Junctions:
     """Say how neighbouring flights of a piece are joined.
 
-    Parameters
-    ----------
-    fits
-        Flights in their order.
-    piece
-        Piece of track of each flight; landings are sought inside pieces only.
-    ends
-        Of the flights.
-    noise
-        Standard deviation of a sample, m.
-    gravity
-        m s-2.
+    `piece` is the piece of track of each flight, inside which landings are sought; `noise` the
+    standard deviation of a sample, m.
     """
     before = np.flatnonzero(np.diff(piece) == 0)
     after = before + 1

@@ -33,19 +33,8 @@ def flights_on_levels(
     """Find flights, with a level for each particle where the bounces contradict a common one.
 
     They do so where the chi-square of the levels about their mean has a probability below that of a
-    poor flight.
-
-    Parameters
-    ----------
-    samples, gravity, exposure
-        As of `find_flights`.
-    contacts
-        Bounces in the same samples, found without a level.
-
-    Raises
-    ------
-    TrackError
-        As of `find_flights`.
+    poor flight.  The contacts are those of the same samples, found without a level; the rest is as
+    in `find_flights`.
     """
     level, error, alike = _levels(contacts, int(samples.particle[-1]) + 1)
     known = np.isfinite(error) & ~alike

@@ -131,14 +131,11 @@ def _with_error(table: xr.Dataset, name: str) -> str:
 def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
     """Samples, fitted flights and landings of a recording, as figures need them.
 
-    Returns
-    -------
-    xarray.Dataset
-        Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN
-        between flights) and ``within``, the place of the sample in its flight from 0 to 1.
-        Dim flight: ``start``, ``end``, ``speed`` (m s-1), ``rise`` (m), ``owner``.  Dim landing:
-        ``landing_time``, ``landing_error``, ``landing_owner``.  Attributes: ``noise``, ``base``,
-        ``curvature``, ``frame_rate``.
+    Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN between
+    flights) and ``within``, the place of the sample in its flight from 0 to 1.  Dim flight:
+    ``start``, ``end``, ``speed`` (m s-1), ``rise`` (m), ``owner``.  Dim landing: ``landing_time``,
+    ``landing_error``, ``landing_owner``.  Attributes: ``noise``, ``base``, ``curvature``,
+    ``frame_rate``.
     """
     samples, flights = fitted.samples, fitted.flights
     fits, joint, member = flights.fits, flights.junctions, flights.member

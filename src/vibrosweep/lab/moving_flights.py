@@ -44,25 +44,9 @@ def flights_over(
 ) -> Flights:
     """Find the flights over a moving base from a first fit of it, and fit it to them again.
 
-    Parameters
-    ----------
-    samples
-        What was seen.
-    member
-        Number of the stretch of each sample.
-    shaken
-        First fit of the base.
-    fall
-        Curvature of flights, m s-2.
-    exposure
-        Time for which the shutter was open, s.
-    free, trace
-        As of `fit_shaken`.
-
-    Raises
-    ------
-    TrackError
-        Nothing flies.
+    `member` is the number of the stretch of each sample, `fall` the curvature of flights (m s-2),
+    `exposure` the time for which the shutter was open (s); `free` and `trace` are those of
+    `fit_shaken`.  Raises a TrackError where nothing flies.
     """
     noise = np.inf
     for turn in range(ROUNDS):

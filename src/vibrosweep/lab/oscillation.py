@@ -191,20 +191,10 @@ class _Problem(NamedTuple):
 def fit_shaken(
     contacts: Contacts, frequency: float, *, free: bool, moves: bool, trace: Trace | None = None
 ) -> Shaken:
-    """Fit a base to contacts.
+    """Fit a base to contacts, at least as many as there are parameters.
 
-    Parameters
-    ----------
-    contacts
-        At least as many as there are parameters.
-    frequency
-        Of the base, Hz.
-    free
-        Whether the frequency is adjusted.
-    moves
-        Whether the base moves, or stays at its level and kicks.
-    trace
-        A measured motion of the base; the frequency is free then.
+    The frequency in Hz is adjusted where `free`.  A base that does not move stays at its level and
+    kicks.  With a measured motion of the base, a `trace`, the frequency is free.
     """
     particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None

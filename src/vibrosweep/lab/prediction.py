@@ -44,16 +44,8 @@ def draw(
 ) -> tuple[dict[str, Array], int]:
     """Parameter sets: the best one first, then draws from a normal posterior.
 
-    Parameters
-    ----------
-    scene
-        Every parameter of `model.parameters.PARAMETERS`; what is estimated overrides it.
-    estimated
-        Result of `estimate`, or None where the parameters are known.
-    draws
-        Number of sets beside the best one; none are drawn without an estimate.
-    seed
-        Of the random numbers.
+    `scene` holds every parameter of `model.parameters.PARAMETERS`; what is estimated, the result of
+    `estimate`, overrides it.  None are drawn without an estimate.
 
     Returns
     -------
@@ -105,19 +97,9 @@ def predict(
     """Means of each particle from its first whole flight on, for as long as it was filmed.
 
     A particle is launched when and as fast as it was first seen to leave the base.  That launch at
-    phase phi + 2 pi f t is one at t = 0 with that phase, so each particle is a realization.
-
-    Parameters
-    ----------
-    impacts
-        Result of `find_impacts`.
-    parameters
-        Every parameter of `scene.PARAMETERS`, arrays of shape (draw,); the phase is that at t = 0
-        of the recording, and the launch velocity is not used.
-    workers
-        Threads to use.
-    rebound
-        ``"rest"`` or ``"reflect"``.
+    phase phi + 2 pi f t is one at t = 0 with that phase, so each particle is a realization.  The
+    parameters are all of `model.parameters.PARAMETERS`, of shape (draw,); the phase is that at t =
+    0 of the recording, and the launch velocity is not used.
     """
     flight = impacts["flight_time"].values
     particles, draws = flight.shape[0], parameters["frequency"].size

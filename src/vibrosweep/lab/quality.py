@@ -48,25 +48,12 @@ def seen(tracks: xr.Dataset) -> xr.Dataset:
 def find_swaps(
     time: Array, height: Array, noise: float, base: float, gravity: float
 ) -> list[tuple[int, int, int]]:
-    """Find frames from which on the identities of two particles are swapped.
+    """Find frames from which on the identities of two particles are swapped: (frame, one, other).
 
-    Neither goes on as a flight does, but each goes on as the other's flight, and none of the
-    two is at a landing.  Exchanges at nearly the same height and speed leave no trace at once;
-    what follows is then a flight that fits badly.
-
-    Parameters
-    ----------
-    time, height
-        Shapes (frame,) and (frame, particle).
-    noise, base
-        Standard deviation of a position and height of the base, m.
-    gravity
-        m s-2.
-
-    Returns
-    -------
-    list of (frame, particle, particle)
-        The frame is the first one with exchanged names.
+    Neither goes on as a flight does, but each goes on as the other's flight, and none of the two is
+    at a landing.  Exchanges at nearly the same height and speed leave no trace at once; what
+    follows is then a flight that fits badly.  Times are of shape (frame,), heights of shape (frame,
+    particle); `noise` is the standard deviation of a position, m.
     """
     before, after = np.diff(time)[:-1, np.newaxis], np.diff(time)[1:, np.newaxis]
     expected = height[1:-1] + (height[1:-1] - height[:-2]) * after / before

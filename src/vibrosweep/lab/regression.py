@@ -73,16 +73,8 @@ def weakest_signal(
     """Signal in the direction of the design matrix that varies least, in units of its noise.
 
     All bounces of a locked orbit are the same but for the errors of the instants: however many are
-    measured, two of the three parameters remain undetermined.
-
-    Parameters
-    ----------
-    arrive, angle
-        Speed of arrival in m s-1 and phase of the forcing in rad of each bounce.
-    amplitude
-        Of the kicks, m s-1.
-    blurs
-        Variances of the speeds (m2 s-2) and of the phases (rad2).
+    measured, two of the three parameters remain undetermined.  Speeds of arrival (m s-1) and phases
+    (rad) of bounces have the variances `blurs`.
     """
     amplitude = max(amplitude, 1e-300)
     design = np.stack([arrive, amplitude * np.sin(angle), amplitude * np.cos(angle)], axis=1)

@@ -54,14 +54,8 @@ class Samples:
 def samples_of(time: Array, height: Array, cuts: NDArray[np.bool_]) -> Samples:
     """Seen positions, in pieces that end at long gaps and at cuts.
 
-    Parameters
-    ----------
-    time
-        Shape (frame,), rising.
-    height
-        Shape (frame, particle); NaN where a particle is not seen.
-    cuts
-        Shape (frame, particle): True where no flight goes on from the frame before.
+    Times rise; heights and cuts are of shape (frame, particle), NaN where a particle is not seen,
+    and True where no flight goes on from the frame before.
     """
     particle, frame = np.nonzero(np.isfinite(height.T))
     when = time[frame]
@@ -87,23 +81,10 @@ def first_noise(samples: Samples) -> float:
 
 
 def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indices, float]:
-    """Lowest samples between flights.
+    """Lowest samples between flights, rising, and the height of the base in m.
 
-    Parameters
-    ----------
-    samples
-        What was seen.
-    noise
-        Standard deviation of a position, m.
-    base
-        Height of the base in m where it is given.
-
-    Returns
-    -------
-    indices
-        Into the samples, rising.
-    base
-        As given, or a first guess of it from the low points, m.
+    Where this is not given, it is a first guess from the low points.  `noise` is the standard
+    deviation of a position, m.
     """
     least = max(PROMINENCE * noise, 1e-6 * float(np.ptp(samples.height)))
     bounds = samples.bounds

@@ -39,13 +39,7 @@ class ExperimentSpec(NamedTuple):
 
 
 def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
-    """Read and validate the file of a virtual experiment.
-
-    Raises
-    ------
-    SpecError
-        The file cannot be read, or holds mistakes; all of them are listed.
-    """
+    """Read and validate the file of a virtual experiment; a SpecError lists all mistakes."""
     source = Path(path)
     mistakes = Mistakes(str(source))
     try:

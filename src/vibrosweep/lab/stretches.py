@@ -67,19 +67,8 @@ def _partition(
 def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
     """Cut every piece of track into lines.
 
-    Parameters
-    ----------
-    samples
-        What was seen.
-    gravity
-        m s-2.
-
-    Returns
-    -------
-    member
-        Number of the stretch of each sample; stretches are numbered in order.
-    noise
-        Standard deviation of a sample in m, from the residuals of all lines.
+    Returns the number of the stretch of each sample, in order, and the standard deviation of a
+    sample in m, from the residuals of all lines.
     """
     noise = max(first_noise(samples), 1e-9 * float(np.ptp(samples.height)))
     member = np.zeros(samples.time.size, np.intp)
@@ -111,16 +100,8 @@ def clear_flights(
 ) -> Flags:
     """Whether each stretch falls faster than anything on a base can; shape (stretch,).
 
-    Parameters
-    ----------
-    samples, member
-        As of `stretches`.
-    fits
-        Of the stretches.
-    noise
-        Standard deviation of a sample, m.
-    fall
-        Acceleration of what falls, m s-2.
+    `member` is that of `stretches`, `noise` the standard deviation of a sample (m), `fall` the
+    acceleration of what falls (m s-2).
     """
     seen, weight = curvatures(samples, member, fits.number.size)
     with np.errstate(invalid="ignore", divide="ignore"):

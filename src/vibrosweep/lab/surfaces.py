@@ -28,13 +28,7 @@ LEVEL: Final = Surface(np.zeros_like, np.zeros_like)
 
 
 def oscillating(scene: Mapping[str, float]) -> Surface:
-    """The base of `base = "moving"`: y = -B cos(2 pi f t + phi) with 2 pi f B = A / (1 + e).
-
-    Parameters
-    ----------
-    scene
-        Every parameter of `vibrosweep.model.parameters.PARAMETERS`.
-    """
+    """The base of `base = "moving"`: y = -B cos(2 pi f t + phi) with 2 pi f B = A / (1 + e)."""
     omega, phase = 2.0 * math.pi * scene["frequency"], scene["phase"]
     size = scene["amplitude"] / ((1.0 + scene["restitution"]) * omega)
     return Surface(
@@ -46,15 +40,8 @@ def oscillating(scene: Mapping[str, float]) -> Surface:
 def recoiling(track: BaseTrack, frequency: float, end: float) -> Surface:
     """The base of `base = "sprung"`, exact at a thousand instants of each forcing period.
 
-    Parameters
-    ----------
-    track
-        Its motion, of one realization.
-    frequency
-        Of the forcing, Hz.
-    end
-        Time in s up to which the surface is needed; it begins with the first launch, before which
-        the base is taken to stay where it is then.
+    `track` is its motion, of one realization; the surface is needed up to `end` (s).  Before the
+    first launch, where it begins, the base is taken to stay where it is then.
     """
     begin = float(track.track.time[0, 0])
     time = begin + np.arange(int((end - begin) * frequency * STEPS_PER_PERIOD) + 2) / (

@@ -80,21 +80,9 @@ def make_trace(
 ) -> Trace:
     """Fit a sine and a constant to the measured height (m) or acceleration (m s-2) of a base.
 
-    Parameters
-    ----------
-    time
-        s, rising; at a nearly steady rate.
-    values
-        Of the same shape.
-    quantity
-        One of `QUANTITIES`.
-    source
-        Name in messages.
-
-    Raises
-    ------
-    TrackError
-        There are too few values, the times do not rise, or no sine describes them.
+    Times (s) rise, at a nearly steady rate; `quantity` is one of `QUANTITIES`, `source` a name in
+    messages.  Raises a TrackError where there are too few values, the times do not rise, or no sine
+    describes them.
     """
     when, seen = (np.asarray(v, dtype=np.float64) for v in (time, values))
     if quantity not in QUANTITIES:

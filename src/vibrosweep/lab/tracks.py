@@ -80,21 +80,9 @@ def table_to_tracks(
 ) -> xr.Dataset:
     """Tracks from a table with one row for each position.
 
-    Parameters
-    ----------
-    time
-        s, shape (row,); rising for each particle.
-    particle
-        Name or number, shape (row,).
-    height
-        m, upwards, shape (row,); NaN where the particle is not seen.
-    source
-        Name of the tracks in messages.
-
-    Raises
-    ------
-    TrackError
-        Times are missing, fall back or appear twice, or a particle is never seen.
+    Times (s) rise for each particle, which has a name or a number; heights (m, upwards) are NaN
+    where it is not seen.  `source` names the tracks in messages.  Raises a TrackError where times
+    are missing, fall back or appear twice, or a particle is never seen.
     """
     times = np.asarray(time, dtype=np.float64)
     heights = np.asarray(height, dtype=np.float64)

@@ -68,19 +68,8 @@ def camera_shares(
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Errors that frames alone, and pixels beside them, make of the predicted motion.
 
-    Parameters
-    ----------
-    tracks, impacts
-        The recording, and its landings.
-    scene
-        Every parameter of `scene.PARAMETERS`, as predicted with.
-    how
-        The method, and what is known.
-
-    Returns
-    -------
-    dict
-        By ``frames`` and ``pixels``, quantity and reading, in per cent.
+    In per cent, by ``frames`` and ``pixels``, quantity and reading.  `scene` holds every parameter
+    of `model.parameters.PARAMETERS`, as predicted with.
     """
     motions = _twin(impacts, scene, how.rebound)
     time = tracks["time"].values

@@ -27,19 +27,8 @@ SLOWEST: Final = 1e-6
 def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
     """Phase of the forcing less its mean course, in turns, at the beginning of each period.
 
-    Parameters
-    ----------
-    rng
-        Source of the random numbers.
-    jitter
-        Standard deviation of the length of a period, relative to its mean.
-    periods
-        Number of periods; the first begins at -1.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (period + 1,).
+    The first period begins at -1; shape (period + 1,).  `jitter` is the standard deviation of the
+    length of a period, relative to its mean.
     """
     return np.concatenate([[0.0], np.cumsum(jitter * rng.standard_normal(periods))])
 
@@ -114,21 +103,10 @@ def wandering_record(
 ) -> Record:
     """Every landing of particles that may differ in restitution, under one fluctuating forcing.
 
-    Parameters
-    ----------
-    batch
-        Its problem holds arrays of shape (particle,), its launches of shape (1, particle).
-    walk
-        Result of `phase_walk`; beyond its ends the phase goes on as in the last period.
-    frequency, gravity
-        Hz and m s-2.
-    softening
-        p, where the restitution at an impact with relative speed v is e (2 f v / g)^-p, at most 1.
-
-    Returns
-    -------
-    Record
-        Arrays of shape (particle, impact).
+    The problem of the batch holds arrays of shape (particle,), its launches of shape (1, particle);
+    those of the record are of shape (particle, impact).  Beyond the ends of the `walk`, which is a
+    `phase_walk`, the phase goes on as in the last period.  `softening` is p, where the restitution
+    at an impact with relative speed v is e (2 f v / g)^-p, at most 1.
     """
     capacity = 1024
     while True:

@@ -48,16 +48,8 @@ def which_base(
     """Fit contacts with a base that moves and with one that stays at its level, and compare both.
 
     Both have the same number of parameters.  Neither is preferred where the contacts do not
-    determine how the base moves, as those of a locked orbit, which all happen at one phase.
-
-    Parameters
-    ----------
-    contacts
-        From `find_contacts`.
-    frequency
-        Of the forcing in Hz; sought where None.
-    trace
-        A measured motion of the base.
+    determine how the base moves, as those of a locked orbit, which all happen at one phase.  The
+    frequency in Hz is sought where None; `trace` is a measured motion of the base.
     """
     few = contacts.first(MOST)
     if few.time.size < FEWEST + np.unique(few.particle).size:

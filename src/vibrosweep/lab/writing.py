@@ -22,26 +22,10 @@ def write_experiments(
 ) -> list[Path]:
     """Perform virtual experiments and write tracks and truth of every repeat as CSV.
 
-    Parameters
-    ----------
-    experiments
-        What to perform.
-    directory
-        Where to; made if it does not exist.
-    name
-        Beginning of the file names, which go on with the number of particles and of the trial.
-    force
-        Whether existing files are replaced.
-
-    Returns
-    -------
-    list of pathlib.Path
-        For each trial the tracks (time, particle, height) and the true landings.
-
-    Raises
-    ------
-    OutputError
-        A file exists, or cannot be written.
+    The directory is made if it does not exist; names of files begin with `name` and go on with the
+    number of particles and of the trial.  Returns for each trial the tracks (time, particle,
+    height) and the true landings.  Raises an OutputError where a file exists, and is not to be
+    replaced by `force`, or cannot be written.
     """
     try:
         directory.mkdir(parents=True, exist_ok=True)

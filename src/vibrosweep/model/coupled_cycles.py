@@ -138,25 +138,10 @@ def find_cycle(
 ) -> Cycle:
     """Find the orbit on which every particle flies for about k periods, close to a guess.
 
-    Parameters
-    ----------
-    time
-        Shape (impact,), increasing: guessed times of the impacts in periods.
-    particle
-        Shape (impact,): which particle lands, counted from 0.
-    periods
-        After how many periods the orbit repeats, a multiple of k.
-
-    Returns
-    -------
-    Cycle
-        It solves the equations of motion at its impacts, with the impacts in the order given;
-        `is_clear` tells whether a particle would have met the base in between.
-
-    Raises
-    ------
-    ParameterError
-        No solution is near.
+    The guess is when impacts happen, increasing in periods, and which particle lands, counted from
+    0; both of shape (impact,).  The orbit repeats after `periods`, a multiple of k.  It solves the
+    equations of motion at its impacts, in the order given; `is_clear` tells whether a particle
+    would have met the base in between.  Raises a ParameterError where no solution is near.
     """
     guess, lands = np.asarray(time, dtype=np.float64), np.asarray(particle, dtype=np.int64)
     speeds = np.full(lands.size, float(k))
@@ -173,12 +158,8 @@ def find_cycle(
 def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
     """Find the orbit of mode k with one particle in each of the given slots, 0 to k - 1.
 
-    In closed form where the slots are evenly spaced, else by `find_cycle`.
-
-    Raises
-    ------
-    ParameterError
-        A slot is not one of mode k or is given twice, or there is no such orbit.
+    In closed form where the slots are evenly spaced, else by `find_cycle`.  Raises a ParameterError
+    where a slot is not one of mode k or is given twice, or there is no such orbit.
     """
     taken = np.sort(np.asarray(slots, dtype=np.int64))
     if taken.size == 0 or taken[0] < 0 or taken[-1] >= k or (np.diff(taken) == 0).any():
@@ -259,10 +240,7 @@ def _saltation(cycle: Cycle, j: int, particles: int) -> Array:
 def monodromy(cycle: Cycle) -> Array:
     """Tangent map of one cycle, from just after its last impact to just after its last impact.
 
-    Returns
-    -------
-    numpy.ndarray
-        Shape (2 + 2 particles, 2 + 2 particles); its eigenvalues are the Floquet multipliers.
+    Shape (2 + 2 particles, 2 + 2 particles); its eigenvalues are the Floquet multipliers.
     """
     particles = int(cycle.particle.max()) + 1
     product = np.eye(2 + 2 * particles)

@@ -45,15 +45,8 @@ TWO_PI = 2.0 * np.pi
 def mount_propagator(natural: ArrayLike, damping: ArrayLike, periods: ArrayLike) -> Array:
     """Propagator of the free base, exp(t [[0, 1], [-w0^2, -2 zeta w0]]), for any damping.
 
-    Parameters
-    ----------
-    natural, damping, periods
-        nu, zeta and the time t >= 0 in forcing periods; they broadcast.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (..., 2, 2), of the deviation and its velocity.
+    nu, zeta and the time t >= 0 in forcing periods broadcast; (..., 2, 2), of the deviation and its
+    velocity.
     """
     w0, zeta, t = (np.asarray(v, dtype=np.float64) for v in (natural, damping, periods))
     w0 = TWO_PI * w0
@@ -73,15 +66,10 @@ def mount_propagator(natural: ArrayLike, damping: ArrayLike, periods: ArrayLike)
 def recoil_deviation(natural: ArrayLike, damping: ArrayLike, spacing: ArrayLike = 1) -> Array:
     """Deviation of a base that loses one unit of velocity every `spacing` periods.
 
-    Just before a recoil, when it has become periodic: Phi (1 - Phi)^-1 (0, -1), with the propagator
-    Phi over one spacing.  Without damping its velocity is 1/2, whatever the natural frequency;
-    damping makes it smaller.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (..., 2): deviation and velocity.  Infinite where the mount is undamped and swings
-        a whole number of times between recoils.
+    Shape (..., 2), deviation and velocity, just before a recoil, when it has become periodic: Phi
+    (1 - Phi)^-1 (0, -1), with the propagator Phi over one spacing.  Without damping its velocity is
+    1/2, whatever the natural frequency; damping makes it smaller.  Infinite where the mount is
+    undamped and swings a whole number of times between recoils.
     """
     phi = mount_propagator(natural, damping, spacing)
     kept = np.eye(2) - phi
@@ -113,15 +101,8 @@ def locked_acceleration_min(
 
     Without damping it is Gamma_k (1 + mu), Gamma_k = pi k (1 - e) / (1 + e), whatever the natural
     frequency; with damping it is higher, because a dissipated energy can only have come from the
-    recoil: (D'- + D'+) / 2 <= 0.
-
-    Parameters
-    ----------
-    k, restitution, mass_ratio, natural, damping
-        Mode, e, mu, nu, zeta; they broadcast.
-    spacing
-        Periods between two impacts on the base: k (the default) for one particle, 1 where each of
-        the k slots holds one.
+    recoil: (D'- + D'+) / 2 <= 0.  `spacing` is the number of periods between two impacts on the
+    base: k (the default) for one particle, 1 where each of the k slots holds one.
     """
     velocity = recoil_deviation(natural, damping, k if spacing is None else spacing)[..., 1]
     return np.asarray(np.pi * _needed_velocity(k, restitution, mass_ratio, velocity))
@@ -195,25 +176,11 @@ def bunch(
 ) -> Array | None:
     """Landing times of particles in one slot that repeat a given sequence of orders.
 
-    To first order in the mass ratio, see the module.
-
-    Parameters
-    ----------
-    rank
-        Shape (landing, particle): at each landing of the repeated sequence, by how many of the
-        others a particle is preceded.
-
-    Returns
-    -------
-    numpy.ndarray or None
-        Shape (landing, particle), in periods, from the mean of the particles at that landing.  None
-        where the landings that follow do not come in the assumed order, or mode k is not stable at
-        mu = 0: there is no such pattern.
-
-    Raises
-    ------
-    ParameterError
-        A row of `rank` is no permutation of the particles.
+    To first order in the mass ratio, see the module; in periods, from the mean of the particles at
+    that landing.  `rank`, of the same shape (landing, particle), says by how many of the others a
+    particle is preceded at each landing of the repeated sequence.  None where the landings that
+    follow do not come in the assumed order, or mode k is not stable at mu = 0: there is no such
+    pattern.  Raises a ParameterError where a row of `rank` is no permutation of the particles.
     """
     order = np.asarray(rank)
     particles = np.arange(order.shape[1])
@@ -250,19 +217,10 @@ def impact_damper(
 
     and (u p - d / 2)^2 + (u q T / 2 pi)^2 = B^2 gives u.
 
-    Parameters
-    ----------
-    gap, amplitude
-        d and B, in one unit of length.
-    natural
-        Natural frequency over that of the forcing; T = 1.
-
-    Returns
-    -------
-    list of tuple
-        (u, phase) of each solution with u > 0, none to two: speed of the particle in units of
-        length per period, and phase in turns of the impact at the wall ahead, where the driven part
-        is B sin(2 pi phase).
+    Gap d and amplitude B are in one unit of length, the natural frequency over that of the forcing,
+    T = 1.  Returns (u, phase) of each solution with u > 0, none to two: speed of the particle in
+    units of length per period, and phase in turns of the impact at the wall ahead, where the driven
+    part is B sin(2 pi phase).
     """
     w0 = TWO_PI * natural
     p = 0.25 + mass_ratio / w0 * np.tan(0.25 * w0)

@@ -58,10 +58,7 @@ _SOURCES: Final[Mapping[str, frozenset[str]]] = {
 def forcing_of(given: Collection[str]) -> str:
     """Name of the forcing among the names of what is given; the amplitude where none is.
 
-    Raises
-    ------
-    ParameterError
-        There are two or more.
+    Raises a ParameterError where there are two or more.
     """
     found = [name for name in FORCINGS if name in given]
     if len(found) > 1:
@@ -74,17 +71,8 @@ def forcing_of(given: Collection[str]) -> str:
 def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
     """Names of the inputs that describe a realization, given or by default.
 
-    Parameters
-    ----------
-    given
-        Names of what is given; they fit together (`vibrosweep.model.mount.mount_mistakes`).
-    base
-        One of `vibrosweep.model.parameters.BASES`.
-
-    Raises
-    ------
-    ParameterError
-        Two forcings are given.
+    What is given for the mount fits together (`vibrosweep.model.mount.mount_mistakes`).  Raises a
+    ParameterError where two forcings are given.
     """
     left_out = FORCINGS.keys() - {forcing_of(given)}
     if base != SPRUNG:
@@ -97,12 +85,7 @@ def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
 def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
     """Names of what differs between realizations: of `INPUTS` what is varied, and what follows.
 
-    Parameters
-    ----------
-    varied
-        Names of what is varied.
-    forcing
-        The one that is given, varied or not.
+    The forcing is the one that is given, varied or not.
     """
     derived = [n for n in (AMPLITUDE, ACCELERATION, MASS_RATIO) if n not in (forcing, *varied)]
     return (*varied, *(name for name in derived if not sources(name, forcing).isdisjoint(varied)))
@@ -111,12 +94,7 @@ def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
 def sources(name: str, forcing: str) -> frozenset[str]:
     """Names of the inputs that one follows from, where it is not given itself.
 
-    Parameters
-    ----------
-    name
-        The amplitude, the acceleration of the base, or the ratio of masses.
-    forcing
-        The one that is given.
+    One is the amplitude, the acceleration of the base, or the ratio of masses.
     """
     if name == MASS_RATIO:
         return frozenset(MASSES)
@@ -126,17 +104,9 @@ def sources(name: str, forcing: str) -> frozenset[str]:
 def completed(given: Mapping[str, Array]) -> dict[str, Array]:
     """Add what follows: amplitude and acceleration of the base, and the ratio of masses.
 
-    Parameters
-    ----------
-    given
-        What `inputs_of` names; each of shape (realization,).
-
-    Returns
-    -------
-    dict
-        In the order of `INPUTS`.  Only an amplitude above its range can come out, of a
-        displacement or an acceleration, and such a ratio of masses;
-        `vibrosweep.model.parameters.representable` tells.
+    To what `inputs_of` names, each of shape (realization,), in the order of `INPUTS`.  Only an
+    amplitude above its range can come out, of a displacement or an acceleration, and such a ratio
+    of masses; `vibrosweep.model.parameters.representable` tells.
     """
     name, e = forcing_of(given), given["restitution"]
     value, omega, gravity = given[name], 2.0 * math.pi * given["frequency"], given["gravity"]
@@ -166,17 +136,7 @@ def only_parameters(values: Mapping[str, Array]) -> dict[str, Array]:
 def refuse_large(values: Mapping[str, Array], forcing: str) -> None:
     """Refuse a forcing that makes an amplitude above its range, and masses of such a ratio.
 
-    Parameters
-    ----------
-    values
-        As `completed` returns them.
-    forcing
-        The one that is given.
-
-    Raises
-    ------
-    ParameterError
-        Naming the forcing, or the masses.
+    The values are those of `completed`; the ParameterError names the forcing, or the masses.
     """
     allowed = PARAMETERS[AMPLITUDE]
     if not np.all(allowed.accepts(values[AMPLITUDE])):

@@ -86,10 +86,7 @@ TABLES: Final = {"keys of measure": "\n".join(_keys()), "variables": "\n".join(_
 def insert(text: str) -> str:
     """Put the tables between those of their markers that a page has, which stay.
 
-    Raises
-    ------
-    ValueError
-        The page has no markers, or only the first of a pair.
+    Raises a ValueError where the page has no markers, or only the first of a pair.
     """
     marked = {name for name in TABLES if f"<!-- begin {name} -->" in text}
     if not marked:

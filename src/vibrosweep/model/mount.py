@@ -32,11 +32,8 @@ OF_MOUNT: Final[Mapping[str, Parameter]] = {
 def mount_mistakes(base: str, given: Collection[str]) -> dict[str, str]:
     """Find what is wrong with the names that are given for the mount of a base.
 
-    Returns
-    -------
-    dict
-        What must be changed, in words, by the name of the parameter that it is about; empty if the
-        names suffice and fit together.
+    What must be changed, in words, by the name of the parameter that it is about; empty if the
+    names suffice and fit together.
     """
     found = [name for name in OF_MOUNT if name in given]
     if base != SPRUNG:
@@ -62,13 +59,7 @@ def mount_mistakes(base: str, given: Collection[str]) -> dict[str, str]:
 
 
 def require_mount(base: str, given: Collection[str]) -> None:
-    """Refuse names that `mount_mistakes` finds fault with.
-
-    Raises
-    ------
-    ParameterError
-        Naming all of them.
-    """
+    """Refuse names that `mount_mistakes` finds fault with; the ParameterError names all of them."""
     mistakes = mount_mistakes(base, given)
     if mistakes:
         raise ParameterError("; ".join(f"{name}: {text}" for name, text in mistakes.items()))

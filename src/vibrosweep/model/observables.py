@@ -199,10 +199,7 @@ class Observable:
 def observables_of(given: Iterable[Observable]) -> tuple[Observable, ...]:
     """Check observables that are asked for together.
 
-    Raises
-    ------
-    ParameterError
-        One is no `Observable`, or two have names or dimensions in common.
+    Raises a ParameterError where one is no `Observable`, or two have names or dimensions in common.
     """
     found = tuple(given)
     for one in found:
@@ -221,10 +218,7 @@ def observables_of(given: Iterable[Observable]) -> tuple[Observable, ...]:
 def _parts(function: FunctionType, where: str) -> Iterator[str]:
     """Everything that decides what a function computes: its code, and what it takes from outside.
 
-    Raises
-    ------
-    ParameterError
-        It takes something whose value could change without notice.
+    Raises a ParameterError where it takes something whose value could change without notice.
     """
     yield from _code(function.__code__)
     outside = {

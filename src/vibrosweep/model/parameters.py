@@ -84,13 +84,7 @@ MOUNT: Final[Mapping[str, Parameter]] = {
 
 
 def refuse_masked(name: str, values: object) -> None:
-    """Refuse masked values, whose numbers numpy's conversions would take for data.
-
-    Raises
-    ------
-    ParameterError
-        Naming the parameter.
-    """
+    """Refuse, with a ParameterError, masked values, whose numbers numpy would take for data."""
     listed = values if isinstance(values, list | tuple) else ()
     if np.ma.is_masked(values) or any(value is np.ma.masked for value in listed):
         raise ParameterError(f"{name}: holds masked values, which are no data; leave them out")
@@ -164,19 +158,9 @@ def dimensionless(
 ) -> Dimensionless:
     """Change realizations to the dimensionless form.
 
-    Parameters
-    ----------
-    parameters
-        Every parameter of `PARAMETERS`, each of shape (realization,), within its range.
-    duration
-        End of the observation, in s or forcing periods.
-    transient
-        Beginning of the window that measures cover; -inf covers every landing.
-
-    Raises
-    ------
-    ParameterError
-        A time is more forcing periods than can be counted exactly.
+    Every parameter of `PARAMETERS` is of shape (realization,), within its range.  The transient is
+    the beginning of the window that measures cover; -inf covers every landing.  Raises a
+    ParameterError where a time is more forcing periods than can be counted exactly.
     """
     frequency = parameters["frequency"]
     per_velocity = 2.0 * frequency / parameters["gravity"]
@@ -206,13 +190,7 @@ def dimensionless(
 
 
 def mounts(parameters: Mapping[str, Array]) -> Mounts:
-    """Change the mounts of realizations to the dimensionless form.
-
-    Parameters
-    ----------
-    parameters
-        The frequency and every parameter of `MOUNT`, each of shape (realization,).
-    """
+    """Change the mounts of realizations to the dimensionless form, from frequency and `MOUNT`."""
     ratio, frequency, damping = (parameters[name] for name in MOUNT)
     return Mounts(ratio, frequency / parameters["frequency"], damping)
 
@@ -225,17 +203,10 @@ def _instant(what: str, frequency: Array, time: Time, turns: Array) -> tuple[Arr
 
 
 def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) -> Launches:
-    """Launch instants in forcing periods.
+    """Launch instants in forcing periods, from frequencies of shape (realization,) in Hz.
 
-    Parameters
-    ----------
-    launch
-        ``"staggered"``: evenly over one forcing period, particle j at j / (particles frequency);
-        or the launch times of all particles in s.
-    particles
-        Number of particles.
-    frequency
-        Shape (realization,), Hz.
+    Of all particles at given times in s, or ``"staggered"`` evenly over one forcing period,
+    particle j at j / (particles frequency).
     """
     if isinstance(launch, str):
         instants = np.arange(particles, dtype=np.float64) / particles
@@ -251,14 +222,9 @@ def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) 
 def representable(parameters: Mapping[str, Array], times: Iterable[Time]) -> NDArray[np.bool_]:
     """Tell which realizations `dimensionless` and `launches` take; shape (realization,).
 
-    Parameters
-    ----------
-    parameters
-        Every parameter of `PARAMETERS`, and of `MOUNT` where the base is sprung, each of shape
-        (realization,), within its range; only an amplitude that follows from another forcing, and
-        a mass ratio that follows from masses, may be above it.
-    times
-        Launch times, transient and duration; infinite ones are left out.
+    Parameters, and those of `MOUNT` where the base is sprung, are within their ranges; only an
+    amplitude that follows from another forcing, and a mass ratio that follows from masses, may be
+    above it.  Times are launch times, transient and duration; infinite ones are left out.
     """
     usable = PARAMETERS["amplitude"].accepts(parameters["amplitude"])
     if "mass_ratio" in parameters:

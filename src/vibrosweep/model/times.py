@@ -62,10 +62,7 @@ def unit_of(time: Time) -> str:
 def one_time(name: str, seconds: float | None, periods: float | None, default: float) -> Time:
     """Time that is given in s or in forcing periods, `default` in s where in neither.
 
-    Raises
-    ------
-    ParameterError
-        It is given in both.
+    Raises a ParameterError where it is given in both.
     """
     if seconds is not None and periods is not None:
         raise ParameterError(

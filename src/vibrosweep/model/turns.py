@@ -28,22 +28,9 @@ def _split_product(a: Array, b: Array) -> tuple[Array, Array]:
 def reduced_turns(rate: ArrayLike, time: ArrayLike, phase: ArrayLike) -> tuple[Array, Array]:
     """Split ``rate * time + phase`` into whole turns and a phase in [-1/2, 1/2].
 
-    The product is taken with its rounding error, so that the phase of an instant 10**9 periods
-    away is as accurate as that of an early one.
-
-    Parameters
-    ----------
-    rate
-        Turns per second.
-    time
-        Seconds.
-    phase
-        Turns.
-
-    Returns
-    -------
-    count, phase
-        Broadcast shape of the arguments.
+    In turns per second, seconds and turns, which broadcast.  The product is taken with its rounding
+    error, so that the phase of an instant 10**9 periods away is as accurate as that of an early
+    one.
     """
     rate, time, offset = np.broadcast_arrays(
         *(np.asarray(v, dtype=np.float64) for v in (rate, time, phase))

@@ -111,14 +111,8 @@ def prove(
 ) -> tuple[Sequence[Trajectory], Estimate | None]:
     """Proved trajectories of a realization, and estimates of their errors in doubles.
 
-    None instead of these where rounding may change a decision.
-
-    Raises
-    ------
-    UndecidableError
-        The reference cannot decide.
-    TooManyLandingsError
-        More landings than these come before the end.
+    None instead of these where rounding may change a decision.  Raises an UndecidableError where
+    the reference cannot decide, and a TooManyLandingsError where more landings come before the end.
     """
     proved = _followed(realization, realization.parameters, max_landings, 0)
     changed = {

@@ -40,20 +40,10 @@ def largest_exponent(
 ) -> arb | None:
     """Largest Lyapunov exponent per impact of the cycle without rests that passes next to a state.
 
-    Parameters
-    ----------
-    map_of
-        Gives the impacts in forcing periods, at the current precision.
-    state
-        Phase in turns and speed at lift-off, of an orbit that has come near to the cycle.
-    impacts, periods
-        Of the cycle.
-
-    Returns
-    -------
-    arb or None
-        None if no such cycle is proved: a decision along it is within the error, its multiplier is
-        1 or its modulus 0, or it is longer than `MAX_CYCLE`.
+    The state is phase in turns and speed at lift-off, of an orbit that has come near to the cycle;
+    `map_of` gives the impacts in forcing periods, at the current precision.  None if no such cycle
+    is proved: a decision along it is within the error, its multiplier is 1 or its modulus 0, or it
+    is longer than `MAX_CYCLE`.
     """
     if impacts > MAX_CYCLE:
         return None

@@ -43,14 +43,8 @@ def mean_growth(
 ) -> Mean:
     """Mean growth of a change of phase alone through impacts without rests, at least one.
 
-    Parameters
-    ----------
-    m
-        Impacts of the base.
-    phases, flights
-        Proved phases of lift-offs, turns, and the flights that follow, one after the other.
-    errors
-        Bounds of the errors of phase and speed of the kernel's lift-offs.
+    Phases of lift-offs (turns), and the flights that follow, are proved, one after the other; the
+    kernel's phases and speeds may be off by `errors`.
     """
     c, s, turned, logarithms, wrongs = 1.0, 0.0, 0.0, [], []
     for x, flight in zip(phases, flights, strict=True):

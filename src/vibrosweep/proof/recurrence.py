@@ -106,17 +106,8 @@ class Orbit:
     def recurrence(self, time: float, stated: int) -> Cycle | None:
         """Cycle from a stated time on, with the stated number of impacts if that is correct.
 
-        Parameters
-        ----------
-        time
-            s; NaN where none is stated: then the last state is taken.
-        stated
-            Impacts in the cycle; 0 where none are stated.
-
-        Returns
-        -------
-        Cycle or None
-            None where the orbit does not repeat.
+        With NaN for the time (s) the last state is taken, and 0 impacts are none stated.  None
+        where the orbit does not repeat.
         """
         if self.trajectory.at_rest:
             return None
@@ -235,16 +226,8 @@ def numbered(
 ) -> list[int] | None:
     """Numbers of the orbits of particles, in the order of the particles on them.
 
-    Parameters
-    ----------
-    found
-        Cycle and representative of each particle; None for one that does not recur.
-
-    Returns
-    -------
-    list of int or None
-        -1 for a particle that does not recur; None if it cannot be decided whether two particles
-        are on one orbit.
+    From cycle and representative of each particle; -1 for one that does not recur, for which there
+    is None.  None if it cannot be decided whether two particles are on one orbit.
     """
     numbers: list[int] = []
     firsts: list[tuple[Cycle, State]] = []

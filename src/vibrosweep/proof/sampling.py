@@ -37,14 +37,8 @@ def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None
     """Draw realizations without replacement; all where there are no more than `size`.
 
     The second sample is the dataset's record of every landing, where it holds one; then comes what
-    its sweep file asks for.
-
-    Raises
-    ------
-    ParameterError
-        The size or the seed is not a number that can be used.
-    DataError
-        There is no such file, or it is not a result that can be read.
+    its sweep file asks for.  Raises a ParameterError for a size or a seed that cannot be used, and
+    a DataError where there is no such file, or it is not a result that can be read.
     """
     for name, value, low in (("sample", size, 1), ("seed", seed, 0)):
         if value < low:

@@ -49,16 +49,9 @@ class Setting:
 
 
 def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Setting:
-    """Return the coordinates that the sweep file stored in a dataset specifies.
+    """Return the coordinates of rows, growing, that the sweep file stored in a dataset specifies.
 
-    Parameters
-    ----------
-    path
-        The dataset; a table with a relative path is looked for beside it.
-    file
-        The dataset, open.
-    rows
-        Indices of realizations, growing.
+    A table with a relative path is looked for beside the dataset.
     """
     names = [*SWEEP_COORDINATES, *(f"record/{name}" for name in RECORD_COORDINATES)]
     try:

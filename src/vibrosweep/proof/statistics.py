@@ -137,14 +137,8 @@ def statistics_claims(
 ) -> dict[str, float | None]:
     """Largest errors of statistics, of a realization and of each particle.
 
-    Parameters
-    ----------
-    error
-        Bounds of the errors of flights.
-    realization
-        The realization.
-    flights, fastest, longest
-        As in `vibrosweep.proof.measured.Measured`.
+    By bounds of the errors of flights; flights, the fastest and the longest are as in
+    `vibrosweep.proof.measured.Measured`.
     """
     p, reference = realization.parameters, realization.reference
     gravity, launch = p["gravity"], p["launch_velocity"]

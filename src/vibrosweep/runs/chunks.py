@@ -59,26 +59,10 @@ class Runner(Protocol):
     """Computes chunks in any order: in this process or on other machines."""
 
     def __call__(self, job: Job, chunks: Sequence[int], tick: Tick, /) -> Mapping[int, str]:
-        """Compute chunks and write their parts.
+        """Compute chunks and write their parts; return why chunks failed, by their numbers.
 
-        Parameters
-        ----------
-        job
-            The sweep.
-        chunks
-            Numbers of the chunks to compute.
-        tick
-            Called with the number of realizations computed since its last call.
-
-        Returns
-        -------
-        dict
-            Number of each chunk that failed -> the reason.
-
-        Raises
-        ------
-        VibrosweepError
-            An error that concerns all chunks, such as a full disk.
+        `tick` is called with the number of realizations computed since its last call.  An error
+        that concerns all chunks, such as a full disk, is raised as a VibrosweepError.
         """
 
 
@@ -102,25 +86,9 @@ def in_process(threads: int) -> Runner:
 def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) -> int:
     """Compute a chunk and write its part; return the number of its realizations.
 
-    Repeated or simultaneous calls are safe: the same bits are written under the same name.
-
-    Parameters
-    ----------
-    job
-        The sweep.
-    index
-        Number of the chunk.
-    threads
-        Number of threads; the part does not depend on it.
-    tick
-        See `Runner`.
-
-    Raises
-    ------
-    VibrosweepError
-        The part cannot be written, or the sweep or the version is not that of the run.
-    Exception
-        The computation failed twice.
+    Repeated or simultaneous calls are safe: the same bits are written under the same name, whatever
+    the number of threads.  Raises a VibrosweepError where the part cannot be written, or the sweep
+    or the version is not that of the run, and the error of the computation where it fails twice.
     """
     design = _design(job)
     start, stop = job.manifest.bounds(index)

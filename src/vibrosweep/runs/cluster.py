@@ -49,12 +49,7 @@ class MissingDaskError(VibrosweepError, ImportError):
 def local_workers(count: int) -> Iterator[Client]:
     """Start worker processes of one thread each on this machine.
 
-    Raises
-    ------
-    MissingDaskError
-        Dask is not installed.
-    RunError
-        The workers do not start.
+    Raises a MissingDaskError without Dask, and a RunError where the workers do not start.
     """
     with _settings() as distributed:
         try:
@@ -84,12 +79,7 @@ def local_workers(count: int) -> Iterator[Client]:
 def connected(address: str) -> Iterator[Client]:
     """Connect to the scheduler of a running cluster.
 
-    Raises
-    ------
-    MissingDaskError
-        Dask is not installed.
-    RunError
-        No scheduler answers.
+    Raises a MissingDaskError without Dask, and a RunError where no scheduler answers.
     """
     with _settings() as distributed:
         try:
@@ -148,12 +138,8 @@ def dask_setup(worker: object) -> None:
 def on_dask(client: Client, absence: float = ABSENCE) -> Runner:
     """Return a runner that computes chunks on the workers of a cluster, each in one thread.
 
-    Parameters
-    ----------
-    client
-        Of the cluster.  If it has no workers yet, the run waits for the first one.
-    absence
-        Seconds to wait for a new worker once all have gone; then the run ends with a RunError.
+    If it has no workers yet, the run waits for the first one; once all have gone it waits for a new
+    one for the seconds of `absence`, and then ends with a RunError.
     """
 
     def run(job: Job, chunks: Sequence[int], tick: Tick) -> Mapping[int, str]:

@@ -29,19 +29,10 @@ PROVENANCE: Final = ("source", "created", "git_revision", "libraries", "python",
 
 
 def describe(path: Path) -> Iterator[str]:
-    """Describe a result file, or an unfinished run if the file does not exist yet.
+    """Describe a result file, or an unfinished run if the file does not exist yet, line by line.
 
-    Yields
-    ------
-    str
-        Lines of text.
-
-    Raises
-    ------
-    DataError
-        There is no such file, or it is not a result that can be read.
-    RunError
-        The manifest of an unfinished run is damaged.
+    Raises a DataError where there is no such file, or it is no result that can be read, and a
+    RunError where the manifest of an unfinished run is damaged.
     """
     # not Path.exists, which raises if the name is too long
     if not os.path.exists(path) and os.path.exists(run_directory(path)):  # noqa: PTH110

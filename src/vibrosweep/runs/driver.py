@@ -31,13 +31,7 @@ def available_threads() -> int:
 
 
 def thread_count(threads: int | None) -> int:
-    """Return the number of threads to use, all processors for None.
-
-    Raises
-    ------
-    ParameterError
-        It is no whole number above 0.
-    """
+    """Return the number of threads, all processors for None; a ParameterError unless whole."""
     if threads is None:
         return available_threads()
     require_whole("threads", threads)
@@ -45,13 +39,7 @@ def thread_count(threads: int | None) -> int:
 
 
 def require_whole(name: str, value: object) -> None:
-    """Refuse what is no count: an int or a numpy integer, at least 1.
-
-    Raises
-    ------
-    ParameterError
-        Naming it.
-    """
+    """Refuse, with a ParameterError, what is no count: an int or a numpy integer, at least 1."""
     whole = isinstance(value, Integral) and not isinstance(value, bool)
     if not (whole and value > 0):  # type: ignore[operator]
         raise ParameterError(f"{name} = {value!r}: must be a whole number, at least 1")

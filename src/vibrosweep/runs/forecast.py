@@ -57,12 +57,8 @@ class Needs:
 def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
     """Estimate what a planned sweep needs.
 
-    Raises
-    ------
-    ParameterError
-        The record of landings does not fit into memory.
-    RunError
-        The sample could not be computed.
+    Raises a ParameterError where the record of landings does not fit into memory, and a RunError
+    where the sample could not be computed.
     """
     if not plan.cost.known:
         raise RunError(
@@ -95,10 +91,7 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
 def record_bytes(spec: SweepSpec, workers: Workers) -> tuple[int, int]:
     """Bytes of the record of landings on disk, and of memory while it is made; 0 without one.
 
-    Raises
-    ------
-    ParameterError
-        It does not fit into memory.
+    Raises a ParameterError where it does not fit into memory.
     """
     if spec.record is None:
         return 0, 0
@@ -111,13 +104,7 @@ def has_room(output: Path, needed: float) -> bool:
 
 
 def require_disk(output: Path, needed: float) -> None:
-    """Raise if the files of a run do not fit on the disk of its output.
-
-    Raises
-    ------
-    OutputError
-        Naming what to change.
-    """
+    """Raise an OutputError if the files of a run do not fit on the disk of its output."""
     if not has_room(output, needed):
         free = shutil.disk_usage(target_of(output).parent).free
         raise OutputError(
@@ -190,13 +177,7 @@ def _record_file(
 
 
 def require_memory(needed: float) -> None:
-    """Raise if a run does not fit into memory.
-
-    Raises
-    ------
-    ParameterError
-        Naming what to change.
-    """
+    """Raise a ParameterError if a run does not fit into memory."""
     available = physical_memory()
     if needed > available:
         raise ParameterError(

@@ -47,11 +47,7 @@ def identity(spec: SweepSpec) -> dict[str, str]:
     """Return the identity of a sweep: values of the sweep file, its table, and the programs.
 
     It does not depend on comments, on the order of keys, or on whether defaults are written out.
-
-    Raises
-    ------
-    TableError
-        The table cannot be read.
+    Raises a TableError where the table cannot be read.
     """
     members = {f.name: getattr(spec, f.name) for f in fields(spec) if f.name not in EXEMPT}
     found = {key: _short(value) for key, value in _entries("", members)}

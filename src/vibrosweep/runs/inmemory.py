@@ -24,21 +24,11 @@ TRAJECTORIES_PER_PIECE: Final = 1 << 14
 
 
 def sweep_in_memory(spec: SweepSpec, *, threads: int, advance: Advance = silent) -> xr.Dataset:
-    """Compute a sweep; the result does not depend on the number of threads.
+    """Compute a sweep without its record; the result does not depend on the number of threads.
 
-    Parameters
-    ----------
-    spec
-        The sweep; its record, if it has one, is left out.
-    threads
-        Number of threads.
-    advance
-        Called with the number of finished realizations and the total.
-
-    Raises
-    ------
-    ParameterError, TableError, SpecError
-        The result does not fit into memory, or the realizations cannot be had.
+    `advance` is called with the number of finished realizations and the total.  Raises a
+    ParameterError, TableError or SpecError where the result does not fit into memory, or the
+    realizations cannot be had.
     """
     design = open_design(spec)
     total = design.realizations

@@ -23,17 +23,8 @@ def continued(
 ) -> Manifest | None:
     """Return the manifest of an unfinished run of this sweep to resume, or None.
 
-    Parameters
-    ----------
-    output, directory
-        The output and its run directory; files that cannot be resumed from are removed.
-    now
-        Returns the identity of the sweep to run.
-
-    Raises
-    ------
-    RunError
-        The directory holds an unfinished run of another sweep.
+    Files that cannot be resumed from are removed.  `now` returns the identity of the sweep to run.
+    Raises a RunError where the directory holds an unfinished run of another sweep.
     """
     manifest = read_manifest(directory)
     if manifest is None:
@@ -80,13 +71,7 @@ class KeptRun:
         return self.job.parts.directory
 
     def compute(self, runner: Runner, advance: Advance) -> None:
-        """Compute the missing chunks.
-
-        Raises
-        ------
-        RunError
-            Chunks failed; all others are finished.
-        """
+        """Compute the missing chunks; raise a RunError if any failed, after all the others."""
         manifest, finished = self.job.manifest, self.job.parts.finished()
         missing = [index for index in range(manifest.chunks) if index not in finished]
         sizes = (stop - start for start, stop in map(manifest.bounds, missing))

@@ -82,21 +82,12 @@ UNKNOWN: Final = Cost(math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, {})
 def explore(
     spec: SweepSpec, design: Design, workers: Workers, seconds: float, enough: float = 0.0
 ) -> Cost:
-    """Estimate the cost of the realizations of a sweep.
+    """Estimate the cost of the realizations of a sweep, with as many threads as the run has.
 
     A few realizations are computed for a small fraction of their duration and impact budget, then
-    for growing fractions, and once these are complete, for more realizations.
-
-    Parameters
-    ----------
-    spec, design
-        The sweep.
-    workers
-        Threads to use; the cost is that of a run with this many.
-    seconds
-        Approximate time to spend, apart from loading or compiling kernels.
-    enough
-        If the whole sweep takes fewer seconds, a rough estimate is enough.
+    for growing fractions, and once these are complete, for more realizations.  This takes about the
+    given seconds, apart from loading or compiling kernels; if the whole sweep takes fewer than
+    `enough`, a rough estimate will do.
     """
     most = min(design.realizations, batch_size(spec))
     size = min(most, max(REALIZATIONS, -(-TRAJECTORIES // spec.particles)))

@@ -41,14 +41,9 @@ def reporting(stream: TextIO, things: str = "realizations") -> Iterator[Advance]
 
 @contextmanager
 def showing(wanted: bool | None, things: str = "realizations") -> Iterator[Advance]:
-    """Show a bar to who calls a function from Python.
+    """Show a bar that counts `things` to who calls a function from Python.
 
-    Parameters
-    ----------
-    wanted
-        Whether to show it; None: in a notebook, and on a terminal.
-    things
-        What is counted.
+    With None it is shown in a notebook, and on a terminal.
     """
     if wanted is None:
         terminal = sys.stderr is not None and sys.stderr.isatty()

@@ -78,13 +78,7 @@ class Rows:
         self._waiting = 0
 
     def add(self, columns: Columns) -> None:
-        """Add rows of every column, as many of each.
-
-        Raises
-        ------
-        RunError
-            They are not the declared columns.
-        """
+        """Add as many rows of every column; a RunError unless they are the declared columns."""
         found = kinds(columns)
         if found != self._kinds:
             wrong = sorted({name for name, _ in found.items() ^ self._kinds.items()})

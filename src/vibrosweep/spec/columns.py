@@ -53,10 +53,7 @@ class GivenTable:
     def of(cls, table: Any) -> GivenTable:
         """Take a pandas data frame, a dataset of xarray, or a mapping of columns.
 
-        Raises
-        ------
-        TableError
-            It is none of them, or a column has values that are masked.
+        Raises a TableError for anything else, and for a column with values that are masked.
         """
         if hasattr(table, "data_vars"):
             columns = columns_of(table)

@@ -50,19 +50,10 @@ class Design:
     labels: Mapping[str, Label] = field(default_factory=dict)
 
     def take(self, start: int, stop: int) -> dict[str, Array]:
-        """Return the sampled parameters of the realizations start, ..., stop - 1.
+        """Return the sampled parameters of the realizations start, ..., stop - 1, in their units.
 
-        Thread-safe; fastest for increasing `start`.
-
-        Returns
-        -------
-        dict
-            Name -> float64 array of shape (stop - start,), in the parameter's unit.
-
-        Raises
-        ------
-        IndexError
-            Unless 0 <= start <= stop <= realizations.
+        Thread-safe; fastest for increasing `start`.  An IndexError unless 0 <= start <= stop <=
+        realizations.
         """
         if not 0 <= start <= stop <= self.realizations:
             raise IndexError(f"no realizations {start} to {stop} among {self.realizations}")

@@ -28,20 +28,9 @@ LONG: Final = 10
 def keyword_spec(given: Mapping[str, Any], *first: str) -> SweepSpec:
     """Validate keywords, or a mapping of the same, in which whole tables of a file may stand.
 
-    Parameters
-    ----------
-    given
-        Keyword -> value; None stands for one that is not given.  Under the name of a table of a
-        sweep file a mapping, which means what it means there.
-    first
-        Tables in which keywords are looked for before all others.
-
-    Raises
-    ------
-    SpecError
-        There are mistakes; all of them are listed, each with its keyword.
-    ParameterError
-        A value is masked.
+    None stands for a keyword that is not given; a mapping under the name of a table of a sweep file
+    means what it means there.  Keywords are looked for in the tables `first` before all others.  A
+    SpecError lists all mistakes, each with its keyword; a ParameterError tells of masked values.
     """
     stated = {name: value for name, value in given.items() if value is not None}
     mistakes = Mistakes(None, stated)

@@ -87,12 +87,8 @@ class SweepSpec:
     def observing(self, observables: Iterable[Observable]) -> SweepSpec:
         """Return the same sweep with observables.
 
-        Raises
-        ------
-        ParameterError
-            As of `vibrosweep.model.observables.observables_of`.
-        SpecError
-            The base is one of finite mass, whose landings no observable sees.
+        Raises a ParameterError as `vibrosweep.model.observables.observables_of` does, and a
+        SpecError where the base is one of finite mass, whose landings no observable sees.
         """
         found = observables_of(observables)
         if found and self.base == "sprung":
@@ -118,25 +114,13 @@ class SweepSpec:
 
 
 def read_spec(path: str | os.PathLike[str]) -> SweepSpec:
-    """Read and validate a sweep file.
-
-    Raises
-    ------
-    SpecError
-        The file cannot be read, or holds mistakes; all of them are listed.
-    """
+    """Read and validate a sweep file; a SpecError lists all mistakes."""
     source = Path(path)
     return parse_spec(read_text(source), source)
 
 
 def read_text(source: Path) -> str:
-    """Read the text of a TOML file.
-
-    Raises
-    ------
-    SpecError
-        The file cannot be read.
-    """
+    """Read the text of a TOML file; a SpecError where it cannot be read."""
     try:
         # utf-8-sig: editors on Windows put a byte order mark first, which TOML does not know
         return source.read_bytes().decode("utf-8-sig")
@@ -154,19 +138,9 @@ def read_text(source: Path) -> str:
 
 
 def parse_spec(text: str, source: Path | None = None) -> SweepSpec:
-    """Validate the TOML text of a sweep file.
+    """Validate the TOML text of a sweep file; a SpecError lists all mistakes.
 
-    Parameters
-    ----------
-    text
-        The whole file.
-    source
-        Its path: messages name it, and the path of a table is relative to its folder.
-
-    Raises
-    ------
-    SpecError
-        The text holds mistakes; all of them are listed.
+    Messages name its path `source`, and the path of a table is relative to its folder.
     """
     mistakes = Mistakes("the sweep's text" if source is None else str(source))
     try:
@@ -181,19 +155,8 @@ def checked(
 ) -> SweepSpec:
     """Validate what a sweep file holds, as `tomllib` reads it.
 
-    Parameters
-    ----------
-    data
-        The tables of the file.
-    text, source
-        As in `SweepSpec`.
-    mistakes
-        Takes the mistakes, and words them.
-
-    Raises
-    ------
-    SpecError
-        There are mistakes; all of them are listed.
+    `text` and `source` are those of `SweepSpec`; `mistakes` takes the mistakes, and words them for
+    the SpecError that lists all.
     """
     spec = _assembled(read_tables(data, mistakes), text, source, mistakes)
     mistakes.raise_any()

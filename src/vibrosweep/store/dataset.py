@@ -62,11 +62,8 @@ class Group:
     ) -> None:
         """Declare a coordinate of all variables declared after it.
 
-        Parameters
-        ----------
-        values
-            Written at once if given, otherwise piece by piece with `write`: numbers, or strings as
-            objects.
+        Values that are given, numbers or strings as objects, are written at once, others piece by
+        piece with `write`.
         """
         texts = values is not None and values.dtype == object
         kind = h5py.string_dtype() if texts else "float64"
@@ -147,13 +144,7 @@ class Group:
         return tuple(f"{self._prefix}{name}" for name in dims)
 
     def require_complete(self) -> None:
-        """Raise if values were never written: HDF5 would fill them with zeros.
-
-        Raises
-        ------
-        RunError
-            A declared variable is incomplete.
-        """
+        """Raise a RunError if values were never written: HDF5 would fill them with zeros."""
         missing = [name for name, rows in self._missing.items() if rows]
         if missing:
             raise RunError(
@@ -174,23 +165,9 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 @contextmanager
 def creating(path: Path, room: Path | None = None, *, force: bool = True) -> Iterator[Group]:
-    """Create a file; it is renamed to `path` if the block succeeds, and removed otherwise.
+    """Create a file as `vibrosweep.store.disk.replacing` does.
 
-    Parameters
-    ----------
-    path
-        Final name of the file.
-    room
-        Directory of the temporary file, on the same file system; by default that of `path`.
-    force
-        Whether to replace an existing file of this name.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    RunError
-        A declared variable was not written completely.
+    Raises a RunError where a declared variable was not written completely.
     """
     with replacing(path, room, force=force) as disk:
         with undisturbed():

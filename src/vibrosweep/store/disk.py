@@ -38,19 +38,8 @@ def target_of(path: Path) -> Path:
 def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ()) -> None:
     """Refuse an output that cannot be written or that exists, before anything is computed.
 
-    Parameters
-    ----------
-    path
-        The output.
-    force
-        Whether to replace an existing file.
-    inputs
-        Input files, which are never overwritten.
-
-    Raises
-    ------
-    OutputError
-        Naming the path and what to do.
+    Without `force` no file is replaced, and `inputs` never are.  The OutputError names the path and
+    what to do.
     """
     try:
         mode = path.stat().st_mode

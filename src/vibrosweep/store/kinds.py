@@ -119,10 +119,7 @@ KINDS: Final[Mapping[str, Kind]] = {
 def kind_of(path: str | os.PathLike[str], attributes: Mapping[str, Any]) -> Kind:
     """Return the kind of a file from its attributes; other programs' files have none.
 
-    Raises
-    ------
-    DataError
-        The kind is known to another version of this package only.
+    Raises a DataError where only another version of this package knows the kind.
     """
     name = str(attributes.get(KIND, SWEEP.name))
     if name not in KINDS:
@@ -134,25 +131,13 @@ def kind_of(path: str | os.PathLike[str], attributes: Mapping[str, Any]) -> Kind
 
 
 def read_kind(path: Path) -> Kind:
-    """Return the kind of a result file.
-
-    Raises
-    ------
-    DataError
-        There is no such file, or it is not a result that can be read.
-    """
+    """Return the kind of a result file; a DataError where it cannot be read or is no result."""
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         return kind_of(path, file.attrs)
 
 
 def load_dataset(path: Path) -> xr.Dataset:
-    """Read a result other than a sweep into memory.
-
-    Raises
-    ------
-    DataError
-        There is no such file, or it is not a result that can be read.
-    """
+    """Read a result other than a sweep into memory; errors as of `read_kind`."""
     import xarray as xr
 
     with reading(path):

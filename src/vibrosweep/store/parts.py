@@ -76,26 +76,14 @@ def kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, str]:
 
 
 def write_manifest(directory: Path, manifest: Manifest) -> None:
-    """Write the manifest of a run directory.
-
-    Raises
-    ------
-    OutputError
-        It cannot be written.
-    """
+    """Write the manifest of a run directory; an OutputError where it cannot be written."""
     text = json.dumps({"run": asdict(manifest), "checksum": manifest.key}, indent=1)
     with replacing(directory / MANIFEST) as disk:
         disk.write(text.encode())
 
 
 def read_manifest(directory: Path) -> Manifest | None:
-    """Read the manifest of a run directory; None where there is none.
-
-    Raises
-    ------
-    RunError
-        It is damaged, or cannot be read.
-    """
+    """Read the manifest of a run directory; None without one, a RunError if it is damaged."""
     path = directory / MANIFEST
     try:
         data = json.loads(path.read_bytes())
@@ -134,12 +122,8 @@ class Parts:
     def write(self, index: int, columns: Mapping[str, NDArray[Any]]) -> None:
         """Write the part of a chunk; the same columns make the same file, bit for bit.
 
-        Raises
-        ------
-        RunError
-            The columns are not those of the manifest.
-        OutputError
-            It cannot be written.
+        Raises a RunError unless the columns are those of the manifest, and an OutputError where the
+        part cannot be written.
         """
         if not self._fits(index, columns):
             raise RunError(

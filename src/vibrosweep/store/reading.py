@@ -14,15 +14,10 @@ from vibrosweep.store.trial import require_readable
 
 @contextmanager
 def reading(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Turn any failure to read a result file into one clear error.
+    """Turn any failure to read a result file into one clear DataError.
 
     A sealed file is first compared with its checksum; a file without a seal is first read in a
     separate process, so that a damaged file cannot crash or block this one.
-
-    Raises
-    ------
-    DataError
-        There is no such file, or it is not a result that can be read.
     """
     try:
         seal = state_of(Path(path))

@@ -34,10 +34,7 @@ def along(dims: tuple[str, ...], axes: tuple[str, ...]) -> tuple[str, ...]:
 def flat(sweep: xr.Dataset) -> xr.Dataset:
     """Return the result of a sweep with its realizations along one dim ``realization``.
 
-    Parameters
-    ----------
-    sweep
-        Any result of a sweep; that of a grid is stacked, its axes become coordinates.
+    That of a grid is stacked, its axes become coordinates.
     """
     of_each = ([d for d in v.dims if d in INPUTS] for v in sweep.variables.values())
     longest = max(of_each, key=len, default=[])
@@ -59,21 +56,10 @@ def row_count(file: Any) -> int:
 
 
 def read_rows(file: Any, name: str, rows: slice | NDArray[np.int64]) -> NDArray[Any]:
-    """Read a variable of an open result file at some realizations.
+    """Read a variable of a file, open with h5netcdf, at some realizations: (realization, ...).
 
-    Parameters
-    ----------
-    file
-        Open with h5netcdf.
-    name
-        A variable or a coordinate that lies along realizations, or along some axes of their grid.
-    rows
-        A range of realizations without a step, or growing indices.
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (realization, ...).
+    It lies along realizations, or along some axes of their grid; rows are a range without a step,
+    or growing indices.
     """
     variable, dims = file.variables[name], row_dims(file)
     if len(dims) == 1:

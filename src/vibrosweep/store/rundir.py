@@ -27,10 +27,7 @@ def run_directory(output: Path) -> Path:
 def replaces(output: Path) -> bool:
     """Whether an unfinished run was started with ``force``, to replace the output.
 
-    Raises
-    ------
-    RunError
-        Its manifest is damaged.
+    Raises a RunError where its manifest is damaged.
     """
     manifest = read_manifest(run_directory(output))
     return manifest is not None and manifest.replaces
@@ -40,19 +37,9 @@ def replaces(output: Path) -> bool:
 def holding(output: Path) -> Iterator[Path]:
     """Create the run directory of an output and lock it; the lock ends with its process.
 
-    At the end it is removed, unless it holds the manifest of a run that can be resumed.
-
-    Yields
-    ------
-    pathlib.Path
-        The directory, cleared of temporary files of killed processes.
-
-    Raises
-    ------
-    RunError
-        Another process holds the lock.
-    OutputError
-        It cannot be created.
+    Temporary files of killed processes are removed at first, and the directory at the end, unless
+    it holds the manifest of a run that can be resumed.  Raises a RunError where another process
+    holds the lock, and an OutputError where the directory cannot be created.
     """
     directory = run_directory(output)
     descriptor = _locked(output, directory)

@@ -15,23 +15,9 @@ if TYPE_CHECKING:
 
 
 def save_dataset(dataset: xr.Dataset, path: Path, kind: Kind, *, force: bool) -> None:
-    """Write a dataset as netCDF-4, with a seal like the result of a sweep.
+    """Write a dataset as netCDF-4, with its kind and a seal like the result of a sweep.
 
-    Parameters
-    ----------
-    dataset
-        The dataset.
-    path
-        Name of the file.
-    kind
-        Kind of result, written into the file as an attribute.
-    force
-        Whether to replace an existing file.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written, or exists.
+    Raises an OutputError where the file cannot be written, or exists and `force` is not given.
     """
     with tempfile.TemporaryDirectory() as directory, replacing(path, force=force) as disk:
         whole = Path(directory) / "dataset.h5"

@@ -36,13 +36,7 @@ def append_seal(file: BinaryIO) -> None:
 
 
 def state_of(path: Path) -> State:
-    """Compare the contents of a file with its seal; takes about a second per 1-2 GB.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    """
+    """Compare the contents of a file with its seal; takes about a second per 1-2 GB."""
     found = path.stat()
     return _state(path.resolve(), found.st_ino, found.st_size, found.st_mtime_ns)
 

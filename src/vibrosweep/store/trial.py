@@ -20,12 +20,7 @@ ROWS_AT_A_TIME: Final = 1 << 16
 def require_readable(path: Path) -> None:
     """Raise a ValueError with the reason if HDF5 cannot read all of a file.
 
-    Raises
-    ------
-    ValueError
-        HDF5 fails, crashes, or does not finish in time.
-    OSError
-        There is no such file.
+    It fails, crashes, or does not finish in time.
     """
     patience = PATIENCE + path.stat().st_size / BYTES_PER_SECOND
     # -P: modules in this directory must not shadow others of the same name

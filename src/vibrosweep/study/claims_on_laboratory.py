@@ -57,15 +57,10 @@ def measured_and_predicted(plan: Plan) -> Outcome:
 
 
 def judged(study: xr.Dataset) -> Evidence:
-    """Judge virtual experiments.
+    """Judge virtual experiments: results of `study_imperfections` along the dim ``seed``.
 
     The study does not say how its laboratory differed from the model, so that each imperfection is
     a setting.  How an impact is found it does say (sec. 3.2.7).
-
-    Parameters
-    ----------
-    study
-        Results of `study_imperfections` along the dim ``seed``.
     """
     below: list[Reading] = []
     growing: list[Reading] = []

@@ -65,12 +65,7 @@ def texts() -> dict[str, Any]:
 def judge_all(plan: Plan, advance: Advance = silent) -> list[Claim]:
     """Compute the outcome of every claim.
 
-    Parameters
-    ----------
-    plan
-        How much is computed.
-    advance
-        Called after each claim with the number of claims done and that of all.
+    `advance` is called after each with the number of claims done and that of all.
     """
     words = texts()["claims"]
     claims = []

@@ -43,13 +43,7 @@ def share(flags: ArrayLike) -> Estimate:
 
 
 def mean(values: ArrayLike) -> Estimate:
-    """Mean over seeds, with Student's interval; NaN if a value is, or if there are not two.
-
-    Parameters
-    ----------
-    values
-        One statistic of each seed, shape (seed,).
-    """
+    """Mean over seeds, with Student's interval; NaN if a value is, or if there are not two."""
     from scipy.stats import t
 
     each = np.asarray(values, np.float64)

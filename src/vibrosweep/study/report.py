@@ -27,28 +27,11 @@ DOTS_PER_INCH: Final = 150
 def write(
     claims: Sequence[Claim], directory: Path, threads: int, *, pictures: bool = False
 ) -> list[Path]:
-    """Write the page and the JSON file, and the pictures as files where asked for.
+    """Write page and JSON file, and the pictures as files where asked for; return their paths.
 
-    Parameters
-    ----------
-    claims
-        What was judged.
-    directory
-        Where to; made if it does not exist.  Files of the same name are replaced.
-    threads
-        Stated among the provenance.
-    pictures
-        Write every figure as a PNG file too.
-
-    Returns
-    -------
-    list of pathlib.Path
-        The files written.
-
-    Raises
-    ------
-    OutputError
-        The directory or a file cannot be written.
+    The directory is made if it does not exist; files of the same name are replaced.  The number of
+    threads is stated among the provenance.  Raises an OutputError where something cannot be
+    written.
     """
     origin = {
         name: str(value) for name, value in provenance(threads).items() if name != "Conventions"
@@ -64,13 +47,7 @@ def write(
 
 
 def prepare(directory: Path) -> None:
-    """Make the directory that the claims go to, before anything is computed.
-
-    Raises
-    ------
-    OutputError
-        It cannot be made or written.
-    """
+    """Make the directory of the claims before anything is computed; an OutputError if it cannot."""
     with _writing(directory):
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory):

@@ -173,23 +173,11 @@ def rk4_range(
 ) -> None:
     """Integrate the trajectories `start` to `stop` - 1 into their own rows of `out`.
 
-    It holds no lock, so threads may share one batch by disjoint ranges.
-
-    Parameters
-    ----------
-    parameters
-        Shape (trajectory, 8): the seven of `vibrosweep.model.parameters.PARAMETERS` in their
-        order, then the launch time.
-    duration, h
-        End and step, s.
-    reflect
-        None for the `rest` law, True for `reflect`; chosen at compile time.
-    located
-        None where a landing is seen at the next step, True where it is located in the step.
-    out
-        `Landings`, filled with NaN beforehand.
-    start, stop
-        Range of trajectories.
+    It holds no lock, so threads may share one batch by disjoint ranges.  Parameters are of shape
+    (trajectory, 8): the seven of `vibrosweep.model.parameters.PARAMETERS` in their order, then the
+    launch time; `duration` and step `h` in s.  `reflect` is None for the `rest` law, and `located`
+    None where a landing is seen at the next step: both are chosen at compile time.  `out` is filled
+    with NaN beforehand.
     """
     for i in range(start, stop):
         row = out.landing_time[i]

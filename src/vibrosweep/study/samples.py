@@ -88,14 +88,8 @@ class Setting:
     ) -> dict[str, Array]:
         """Realizations of all seeds, one seed after the other.
 
-        Parameters
-        ----------
-        plan
-            How many.
-        scale
-            Of the number of realizations, for what takes long.
-        more
-            Ends of further parameters, or other ends for restitution and amplitude.
+        `scale` is that of their number, for what takes long; `more` holds the ends of further
+        parameters, or other ends for restitution and amplitude.
         """
         size = max(2, round(plan.realizations * self.part * scale))
         ranges = {**self.ranges, **more}
@@ -126,20 +120,10 @@ def settings_of(base: str) -> tuple[Setting, ...]:
 def measured(
     plan: Plan, base: str, columns: Mapping[str, Array], constants: Mapping[str, float], **keys: Any
 ) -> xr.Dataset:
-    """Measure drawn realizations over a base.
+    """Measure drawn realizations over a base, with further keys of `vibrosweep.sweep`.
 
-    Parameters
-    ----------
-    plan
-        Threads to use.
-    base
-        Key of a base; a sprung one gets this package's mount unless `constants` say otherwise.
-    columns
-        Physical parameters by name, shape (realization,).
-    constants
-        Physical parameters that all realizations share.
-    keys
-        As `vibrosweep.sweep` takes them.
+    Columns are physical parameters of shape (realization,), constants those that all share; a
+    sprung base gets this package's mount unless they say otherwise.
     """
     return sweep(
         design=dict(columns),
@@ -157,12 +141,7 @@ def records(
 ) -> Iterator[xr.Dataset]:
     """Every landing of drawn realizations, the record of some at a time to spare memory.
 
-    Parameters
-    ----------
-    plan, base, columns, constants
-        As `measured` takes them.
-    keys
-        As `vibrosweep.simulate` takes them.
+    Arguments as of `measured`, with further keys of `vibrosweep.simulate`.
     """
     size = next(iter(columns.values())).size
     for start in range(0, size, TOGETHER):

@@ -243,12 +243,9 @@ def _repeats(experiment: Experiment) -> Iterator[tuple[float, dict[str, list[lis
 def in_band(study: xr.Dataset) -> xr.Dataset:
     """Whether an imperfection explains Table 4: dims (trial, procedure, reading).
 
-    Returns
-    -------
-    xarray.Dataset
-        For ``height`` and ``period``: ``*_in_band``, the errors of all cases lie inside the
-        study's range; ``*_grows``, the error of the last case exceeds that of the first by more
-        than a percentage point and by more than two standard errors of the difference.
+    For ``height`` and ``period``: ``*_in_band``, the errors of all cases lie inside the study's
+    range; ``*_grows``, the error of the last case exceeds that of the first by more than a
+    percentage point and by more than two standard errors of the difference.
     """
     found = {}
     for q in QUANTITIES:

@@ -241,25 +241,9 @@ def follow(
 ) -> int:
     """Follow realizations first ... last - 1 to the end of their windows.
 
-    Parameters
-    ----------
-    first, last
-        Range of realizations.
-    batch : Coupled
-    budget
-        Largest number of landings of a particle.
-    work : Room
-        Not shared between threads.
-    statistics
-        Of particles and of realizations.
-    whole : Whole
-        Only the slots of these realizations are written.
-    written : Written
-
-    Returns
-    -------
-    int
-        `last`, or the realization that is to be begun again with a roomier `work`.
+    At most `budget` landings of a particle; `work` is not shared between threads, and only the
+    slots of these realizations are written.  Returns `last`, or the realization that is to be begun
+    again with a roomier `work`.
     """
     problem, mounts, launches = batch
     each, sums = statistics

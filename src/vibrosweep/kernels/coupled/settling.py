@@ -187,17 +187,8 @@ def settle_jointly(
 ) -> None:
     """Find what realizations first ... last - 1 settle on until the end of their windows.
 
-    Parameters
-    ----------
-    first, last
-        Range of realizations.
-    batch : vibrosweep.kernels.coupled.follow.Coupled
-    budget
-        Largest number of landings of all particles of a realization.
-    work : Notes
-        Not shared between threads.
-    out : JointOrbit
-        Only the slots of these realizations are written.
+    At most `budget` landings of all particles of a realization; `work` is not shared between
+    threads, and only the slots of these realizations are written.
     """
     for i in range(first, last):
         fixed = mount(batch.problem, batch.mounts, i)
@@ -215,29 +206,13 @@ def carry(
     rode: Integers,
     deviations: Floats,
 ) -> int:
-    """Carry a state, and deviations from it, on for some time.
+    """Carry a state, and deviations from it, on for some forcing periods.
 
-    Parameters
-    ----------
-    of : vibrosweep.kernels.coupled.state.System
-        A state in which all particles fly: heights and speeds above the base, phase, and deviation
-        of the base from its forced oscillation are given; what is known of times to come is not.
-    problem : vibrosweep.model.parameters.Dimensionless
-    mounts : vibrosweep.model.parameters.Mounts
-    i
-        The realization, of these.
-    periods
-        The time, in forcing periods.
-    rode
-        Scratch memory, a number for each particle.
-    deviations
-        Shape (2 * particle + 2, column): heights and velocities of the particles, height and
-        velocity of the base.
-
-    Returns
-    -------
-    int
-        The number of landings, -1 where the search for one was given up.
+    Returns the number of landings, -1 where the search for one was given up.  In the state all
+    particles fly: heights and speeds above the base, phase, and deviation of the base from its
+    forced oscillation are given; what is known of times to come is not.  `rode` is scratch memory,
+    a number for each particle.  Deviations, of shape (2 * particle + 2, column), are heights and
+    velocities of the particles, height and velocity of the base.
     """
     fixed, now = mount(problem, mounts, i), of.now
     load = loaded(fixed, 0)

@@ -107,18 +107,8 @@ def trace(
 ) -> None:
     """Write the height and velocity of the base of realization i at increasing times.
 
-    Parameters
-    ----------
-    problem : vibrosweep.model.parameters.Dimensionless
-    mounts : vibrosweep.model.parameters.Mounts
-    scale : Scale
-    i
-        The realization.
-    track : Track
-    times
-        s, none before the first event.
-    out
-        Shape (2, time): height in g / (2 f^2), velocity in g / (2 f).
+    Times in s, none before the first event; `out` is of shape (2, time), in g / (2 f^2) and g / (2
+    f).
     """
     of, event = mount(problem, mounts, i), 0
     for k in range(times.size):

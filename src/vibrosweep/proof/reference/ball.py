@@ -155,14 +155,8 @@ def _checked(
 def step(e: float, a: float, x: float, u: float, bits: int = 300) -> tuple[arb, int, arb]:
     """One impact of the dimensionless map from exact doubles, before the rest law.
 
-    Parameters
-    ----------
-    e, a
-        Restitution, and kick in forcing periods.
-    x, u
-        Phase at lift-off in turns, and flight time in forcing periods, below 2**bits.
-    bits
-        Working precision; the results are proved at any.
+    Kick a and flight time u are in forcing periods, u below 2**bits, and the phase x in turns; the
+    results are proved at any precision.
 
     Returns
     -------

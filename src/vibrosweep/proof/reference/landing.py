@@ -123,23 +123,9 @@ class Clearance:
 def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
     """Ball that holds the first root, with G' < 0 on all of it.
 
-    Infinite where there is proved to be no root up to `until`.
-
-    Parameters
-    ----------
-    c
-        The flight.
-    start
-        A time before which there is no root.
-    impact
-        Number of the impact, for the error.
-    until
-        Roots after this are not looked for.
-
-    Raises
-    ------
-    UncertainError
-        A graze is not told from a landing at this precision.
+    There is none before `start`, and none is looked for after `until`: infinite where none comes up
+    to then.  Raises an UncertainError, about that impact, where a graze is not told from a landing
+    at this precision.
     """
     clear = c.above_all()
     s, before = start, start

@@ -115,21 +115,12 @@ class Motion(Protocol):
         """Time in s that long after the launch."""
 
     def land(self, impact: int) -> Landed:
-        """Fly to the next landing.
-
-        Raises
-        ------
-        UncertainError
-            More precision is needed to find it.
-        """
+        """Fly to the next landing; an UncertainError where more precision is needed to find it."""
 
     def leave(self, impact: int) -> Left | None:
         """Rebound from it, perhaps after a rest; None at rest for good.
 
-        Raises
-        ------
-        UncertainError
-            More precision is needed to decide.
+        Raises an UncertainError where more precision is needed to decide.
         """
 
 

@@ -238,25 +238,10 @@ class Above:
 
 
 def contact_free(arc: Arc, now: arb, speed: arb, *, lifted: bool, impact: int) -> arb:
-    """Time until which a particle that leaves the base has not landed.
+    """Time until which a particle that leaves the base `now` has not landed.
 
-    Parameters
-    ----------
-    arc
-        Motion of the base.
-    now
-        Time of the lift-off.
-    speed
-        Relative to the base.
-    lifted
-        Whether the base presses the particle until then.
-    impact
-        Number of the next landing, for the error.
-
-    Raises
-    ------
-    UncertainError
-        More precision is needed.
+    Its speed is relative to the base; `lifted` tells whether the base presses it until then.
+    Raises an UncertainError, about the next impact, where more precision is needed.
     """
     until = ZERO
     if speed > 0:

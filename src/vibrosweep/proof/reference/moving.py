@@ -179,27 +179,15 @@ def first_landing(
 ) -> tuple[arb, arb]:
     """Proved landing of one flight from exact doubles.
 
-    Parameters
-    ----------
-    e, a
-        Restitution, and kick in forcing periods; alpha = a / (1 + e).
-    x, y
-        Phase in turns, and speed relative to the base in units of g / 2 f, at lift-off.
-    bits
-        Precision tried first; it is doubled until the landing is certain.
-    max_bits
-        Largest precision tried.
+    Kick a in forcing periods, alpha = a / (1 + e); phase x in turns, and speed y relative to the
+    base in units of g / 2 f, at lift-off.  The precision is doubled until the landing is certain;
+    an UndecidableError where a graze is not told from a landing.
 
     Returns
     -------
     s, z
         Balls of the duration of the flight in forcing periods, 0 where it lands at once, and of
         the relative speed of arrival.
-
-    Raises
-    ------
-    UndecidableError
-        A graze is not told from a landing.
     """
     while True:
         with ctx.workprec(bits):

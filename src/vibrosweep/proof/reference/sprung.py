@@ -92,10 +92,8 @@ class System:
     def advance(self) -> bool:
         """Carry out the next event; False if there is none.
 
-        Raises
-        ------
-        UncertainError
-            More precision is needed to find it, or to decide what happens.
+        Raises an UncertainError where more precision is needed to find it, or to decide what
+        happens.
         """
         first = self._next()
         if first is None:

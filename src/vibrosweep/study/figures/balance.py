@@ -15,15 +15,7 @@ if TYPE_CHECKING:
 
 @style.styled
 def energy_decay(record: xr.Dataset, *, realization: int = 0, particle: int = 0) -> Figure:
-    """Draw the energy after each impact against the number of impacts, and against time.
-
-    Parameters
-    ----------
-    record
-        Record of every landing, as `simulate` returns it.
-    realization, particle
-        Which, by position.
-    """
+    """Draw the energy after each impact against the number of impacts, and against time."""
     one = data.one_realization(record, realization).isel(particle=particle)
     speed = one["rebound_velocity"].values
     energy = (speed / data.pick(one, "launch_velocity")) ** 2
@@ -55,10 +47,7 @@ def energy_decay(record: xr.Dataset, *, realization: int = 0, particle: int = 0)
 def balance_against_rests(balance: xr.Dataset) -> Figure:
     """Draw the relative imbalance of each particle against its share of landings with a rest.
 
-    Parameters
-    ----------
-    balance
-        What `vibrosweep.analysis.energy.energy_balance` found.
+    From the result of `vibrosweep.analysis.energy.energy_balance`.
     """
     count = balance["balanced_impacts"].values.ravel()
     some = count > 0

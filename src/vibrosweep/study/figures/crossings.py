@@ -15,17 +15,7 @@ if TYPE_CHECKING:
 
 @style.styled
 def heights_and_crossings(record: xr.Dataset, found: xr.Dataset, *, realization: int = 0) -> Figure:
-    """Draw heights against time and a circle on every crossing.
-
-    Parameters
-    ----------
-    record
-        Record of every landing, as `simulate` returns it.
-    found
-        What `vibrosweep.analysis.crossings.crossings` found in it.
-    realization
-        Which, by position.
-    """
+    """Draw heights against time and a circle on every crossing that was found in a record."""
     figure = height_time(record, realization=realization)
     axes = figure.axes[0]
     axes.plot(

@@ -18,12 +18,7 @@ if TYPE_CHECKING:
 def decay_per_impact(restitution: float, measured: xr.Dataset) -> Figure:
     """Draw the modulus of the leading multiplier of mode 1 at 1 Hz against the amplitude.
 
-    Parameters
-    ----------
-    restitution
-        Of the curves.
-    measured
-        Dim ``amplitude`` (m s-1): ``modulus_fitted``.
+    What was measured has the dim ``amplitude`` (m s-1) and the variable ``modulus_fitted``.
     """
     low, high = (float(end(1, restitution)) for end in (theory.amplitude_min, theory.amplitude_max))
     amplitude = np.linspace(low, 1.15 * high, 600)

@@ -22,13 +22,6 @@ def separations_in_time(record: xr.Dataset, *, realization: int = 0) -> Figure:
     """Draw the separation of particles from the first one, at each impact number.
 
     Of more than `PARTNERS` only the first are drawn, and the heading says so.
-
-    Parameters
-    ----------
-    record
-        Record of every landing, as `simulate` returns it.
-    realization
-        Which, by position.
     """
     one = data.one_realization(record, realization)
     times = one["landing_time"].values
@@ -58,12 +51,8 @@ def separations_in_time(record: xr.Dataset, *, realization: int = 0) -> Figure:
 def fates(sweep: xr.Dataset, launched: float) -> Figure:
     """Draw the smallest separation of pairs late in the observation against the amplitude.
 
-    Parameters
-    ----------
-    sweep
-        Result of a sweep of two particles with separations and regimes, with a late window.
-    launched
-        Separation at launch, s.
+    The sweep is of two particles, launched so many s apart, with separations, regimes and a late
+    window.
     """
     dt = data.quantity(sweep, "dt_min")
     amplitude = data.quantity(sweep, "amplitude")

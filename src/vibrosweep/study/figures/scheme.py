@@ -17,12 +17,7 @@ if TYPE_CHECKING:
 def errors_in_time(errors: Sequence[xr.DataArray], names: Sequence[str]) -> Figure:
     """Draw absolute errors against the exact landing times, one colour for each step.
 
-    Parameters
-    ----------
-    errors
-        Dims (particle, impact), s, with a coordinate ``landing_time`` (s).
-    names
-        Of the steps.
+    Errors have the dims (particle, impact), in s, and a coordinate ``landing_time`` (s).
     """
     figure, axes = style.new_figure(style.MEDIUM, 3.0)
     for one, name, colour in zip(errors, names, style.colours(len(names)), strict=True):
