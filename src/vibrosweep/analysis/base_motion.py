@@ -24,21 +24,11 @@ NEEDS: Final = ("restitution", "amplitude", "frequency", "phase")
 
 @dataclass(frozen=True)
 class BaseMotion:
-    """Motion of the base of one realization, which no particle changes.
+    """Motion of the base of one realization, which no particle changes."""
 
-    Attributes
-    ----------
-    speed
-        Peak velocity V0 = A / (1 + e), m s-1; 0 where the base stays at height 0.
-    frequency
-        Hz.
-    phase
-        rad.
-    """
-
-    speed: float
-    frequency: float
-    phase: float
+    speed: float  # peak velocity V0 = A / (1 + e), m s-1; 0 where the base stays at height 0
+    frequency: float  # Hz
+    phase: float  # rad
 
     def velocity(self, time: ArrayLike) -> Array:
         """Velocity V0 sin(2 pi f t + phi), m s-1, at times in s of any shape."""
@@ -66,24 +56,14 @@ class Course(NamedTuple):
     """Flights of the particles of one realization; each array of shape (particle, flight).
 
     The first flight of each particle is that from its launch, and each landing begins another.
-
-    Attributes
-    ----------
-    start, end
-        s; a flight in progress at the end of what is looked at ends there.
-    velocity
-        Speed at its beginning, m s-1.
-    height
-        Height at its beginning, m.
-    flies
-        Whether there is such a flight.
     """
 
+    # start, end: s; a flight in progress at the end of what is looked at ends there
     start: Array
     end: Array
-    velocity: Array
-    height: Array
-    flies: NDArray[np.bool_]
+    velocity: Array  # speed at its beginning, m s-1
+    height: Array  # height at its beginning, m
+    flies: NDArray[np.bool_]  # whether there is such a flight
 
 
 def base_name(dataset: xr.Dataset) -> str:

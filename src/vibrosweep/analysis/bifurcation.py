@@ -36,24 +36,13 @@ Observable = Callable[[Array, Array, float], Array]
 
 
 class Impacts(NamedTuple):
-    """Impacts of orbits, each array of one shape.
+    """Impacts of orbits, each array of one shape."""
 
-    Attributes
-    ----------
-    phase
-        Of the forcing at landing, turns.
-    speed
-        At lift-off, m s-1.
-    height
-        Of the highest point of the flight that follows, above the mean level of the base, m.
-    time
-        Of that flight, s.
-    """
-
-    phase: Array
-    speed: Array
+    phase: Array  # of the forcing at landing, turns
+    speed: Array  # at lift-off, m s-1
+    # Of the highest point of the flight that follows, above the mean level of the base, m
     height: Array
-    time: Array
+    time: Array  # of that flight, s
 
 
 DIRECTIONS: Final = ("up", "down")

@@ -32,17 +32,10 @@ MOST_SAMPLES: Final = 100_000
 
 @dataclass(frozen=True)
 class Recoiling(BaseMotion):
-    """Motion of a base of finite mass; without particles it would be that of a `BaseMotion`.
+    """Motion of a base of finite mass; without particles it would be that of a `BaseMotion`."""
 
-    Attributes
-    ----------
-    track
-        What its particles make of it.
-    begin, end
-        First launch, and end of the observation, s.
-    """
-
-    track: BaseTrack
+    track: BaseTrack  # what its particles make of it
+    # begin, end: first launch, and end of the observation, s
     begin: float
     end: float
 

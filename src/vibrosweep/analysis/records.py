@@ -26,25 +26,14 @@ FLIGHTS = (
 
 
 class Flights(NamedTuple):
-    """Flights of all particles of one realization, in the order of their beginnings.
+    """Flights of all particles of one realization, in the order of their beginnings."""
 
-    Attributes
-    ----------
-    particle
-        Whose flight it is.
-    start, end
-        s; a flight in progress at the end of the observation ends there.
-    velocity
-        Speed at its beginning, m s-1.
-    height
-        Height of the base at its beginning, m.
-    """
-
-    particle: NDArray[np.int64]
+    particle: NDArray[np.int64]  # whose flight it is
+    # start, end: s; a flight in progress at the end of the observation ends there
     start: Array
     end: Array
-    velocity: Array
-    height: Array
+    velocity: Array  # speed at its beginning, m s-1
+    height: Array  # height of the base at its beginning, m
 
 
 def per_realization(dataset: xr.Dataset, name: str) -> Array:

@@ -221,21 +221,11 @@ Row = list[tuple[float, float, float, float]]
 
 
 class Scan(NamedTuple):
-    """What is scanned.
+    """What is scanned."""
 
-    Attributes
-    ----------
-    forcing
-        Name, one of `FORCINGS`.
-    restitution
-        For each of which it is scanned; shape (restitution,).
-    values
-        Points of the coarse scan, shape (scan,).
-    """
-
-    forcing: str
-    restitution: Array
-    values: Array
+    forcing: str  # name, one of `FORCINGS`
+    restitution: Array  # for each of which it is scanned; shape (restitution,)
+    values: Array  # points of the coarse scan, shape (scan,)
 
 
 def _windows(

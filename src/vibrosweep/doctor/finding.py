@@ -8,21 +8,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of one check.
+    """The result of one check."""
 
-    Attributes
-    ----------
-    subject
-        What was checked.
-    state
-        The state that was found.
-    trouble
-        What is wrong and how to fix it; empty if nothing is.
-    """
-
-    subject: str
-    state: str
-    trouble: str = ""
+    subject: str  # what was checked
+    state: str  # the state that was found
+    trouble: str = ""  # what is wrong and how to fix it; empty if nothing is
 
     def lines(self) -> Iterator[str]:
         """Give the finding as text."""

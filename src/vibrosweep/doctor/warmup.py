@@ -53,19 +53,12 @@ KERNELS: Final[tuple[Any, ...]] = (
 
 
 class Compiled(NamedTuple):
-    """Result of warming up.
+    """Result of warming up."""
 
-    Attributes
-    ----------
-    made, kept
-        Variants that were compiled, and those that were on disk already.
-    directory
-        Where the machine code is kept.
-    """
-
+    # made, kept: variants that were compiled, and those that were on disk already
     made: int
     kept: int
-    directory: Path
+    directory: Path  # where the machine code is kept
 
 
 def warm_up() -> Compiled:

@@ -187,29 +187,17 @@ def _joint(parameters: Mapping[str, Array], observation: Observation, workers: W
 
 @dataclass(frozen=True)
 class Neighbours:
-    """A state of all particles and their base, carried on, and what its neighbours have become.
+    """A state of all particles and their base, carried on, and what its neighbours have become."""
 
-    Attributes
-    ----------
-    height, speed
-        Of each particle above the base and relative to it, in g / (2 f^2) and g / (2 f).
-    phase
-        Of the forcing, in turns.
-    deviation
-        Of the base from its forced oscillation: height and velocity.
-    matrix
-        Derivative by the state at first, whose entries are heights and velocities of the particles,
-        height and velocity of the base; shape (2 * particle + 2,) twice.
-    landings
-        On the way.
-    """
-
+    # height, speed: of each particle above the base and relative to it, in g / (2 f^2), g / (2 f)
     height: Array
     speed: Array
-    phase: float
-    deviation: tuple[float, float]
+    phase: float  # of the forcing, in turns
+    deviation: tuple[float, float]  # of the base from its forced oscillation: height and velocity
+    # Derivative by the state at first, whose entries are heights and velocities of the particles,
+    # height and velocity of the base; shape (2 * particle + 2,) twice
     matrix: Array
-    landings: int
+    landings: int  # on the way
 
 
 def carry_on(
@@ -243,21 +231,11 @@ def carry_on(
 
 @dataclass(frozen=True)
 class BaseTrack:
-    """Motion of the bases of a small batch, exactly, from event to event.
+    """Motion of the bases of a small batch, exactly, from event to event."""
 
-    Attributes
-    ----------
-    parameters
-        Of the realizations, in physical units.
-    batch
-        The same, dimensionless.
-    track
-        After every launch, landing and lift-off.
-    """
-
-    parameters: dict[str, Array]
-    batch: Coupled
-    track: Track
+    parameters: dict[str, Array]  # of the realizations, in physical units
+    batch: Coupled  # the same, dimensionless
+    track: Track  # after every launch, landing and lift-off
 
     def at(self, times: Array, realization: int = 0) -> tuple[Array, Array]:
         """Return the height (m) and velocity (m s-1) of a base at increasing times (s).

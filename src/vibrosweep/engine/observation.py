@@ -17,37 +17,21 @@ from vibrosweep.model.times import Periods, Time, amount
 class Observation:
     """What is launched, how long it is watched and what is measured.
 
-    Attributes
-    ----------
-    particles
-        Number of particles per realization.
-    launch
-        ``"staggered"`` or the launch times of all particles in s.
-    duration
-        End of the observation: a number in s, or `Periods`.
-    rebound
-        ``"rest"`` or ``"reflect"``.
-    measures
-        What is measured.
-    skip
-        Whether what is known already is counted instead of followed; off where every landing is
-        kept, and to compare.
-    base
-        One of `vibrosweep.model.parameters.BASES`.
-
     Raises
     ------
     ParameterError
         The law of rebound has no meaning with the base.
     """
 
-    particles: int
-    launch: str | tuple[float, ...]
-    duration: Time
-    rebound: str
+    particles: int  # number of particles per realization
+    launch: str | tuple[float, ...]  # ``"staggered"`` or the launch times of all particles in s
+    duration: Time  # end of the observation: a number in s, or `Periods`
+    rebound: str  # ``"rest"`` or ``"reflect"``
     measures: Measures
+    # Whether what is known already is counted instead of followed; off where every landing is kept,
+    # and to compare
     skip: bool = True
-    base: str = BASES[0]
+    base: str = BASES[0]  # one of `vibrosweep.model.parameters.BASES`
 
     def __post_init__(self) -> None:
         wrong = invalid_law(self.base, self.rebound)

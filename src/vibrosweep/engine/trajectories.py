@@ -38,28 +38,15 @@ PERIODS_TO_RECUR = 32.0
 
 @dataclass(frozen=True)
 class Followed:
-    """Results of a batch of trajectories, in forcing periods; None for what was not requested.
+    """Results of a batch of trajectories, in forcing periods; None for what was not requested."""
 
-    Attributes
-    ----------
-    each
-        Statistics of trajectories, ordered by realization, in memory that the workers reuse for the
-        next batch. Only for measures per particle.
-    whole
-        Of the realizations.
-    orbits
-        Orbits that the trajectories settle on.
-    separations
-        Of the realizations.
-    bounds
-        Of the trajectories.
-    """
-
+    # Statistics of trajectories, ordered by realization, in memory that the workers reuse for the
+    # next batch.  Only for measures per particle.
     each: Statistics | None
-    whole: Statistics
-    orbits: Orbits | None
-    separations: Separations | None
-    bounds: Trust | None
+    whole: Statistics  # of the realizations
+    orbits: Orbits | None  # orbits that the trajectories settle on
+    separations: Separations | None  # of the realizations
+    bounds: Trust | None  # of the trajectories
 
 
 def follow(

@@ -24,45 +24,26 @@ OBSERVED_PERIODS: Final = 2000.0
 
 @dataclass(frozen=True)
 class Spread:
-    """Launches at equal intervals.
+    """Launches at equal intervals."""
 
-    Attributes
-    ----------
-    first
-        Launch of the first particle, forcing periods.
-    width
-        Forcing periods over which they are spread; 1 is ``launch = "staggered"``.
-    """
-
-    first: float = 0.0
-    width: float = 1.0
+    first: float = 0.0  # launch of the first particle, forcing periods
+    width: float = 1.0  # forcing periods over which they are spread; 1 is ``launch = "staggered"``
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What is simulated.
+    """What is simulated."""
 
-    Attributes
-    ----------
-    inputs
-        Name of `vibrosweep.model.forcing.INPUTS` -> value, exactly one forcing among them; what is
-        of a mount only counts over a sprung base.
-    base, rebound
-        As of `vibrosweep.simulate`.
-    particles
-        Their number.
-    launch
-        A `Spread`, or the launch time of each particle in s.
-    end
-        End of what is drawn, in s or in forcing periods.
-    """
-
+    # Name of `vibrosweep.model.forcing.INPUTS` -> value, exactly one forcing among them; what is of
+    # a mount only counts over a sprung base
     inputs: Mapping[str, float]
+    # base, rebound: as of `vibrosweep.simulate`
     base: str = BASES[0]
     rebound: str = LAWS[0]
-    particles: int = 1
+    particles: int = 1  # their number
+    # A `Spread`, or the launch time of each particle in s
     launch: Spread | tuple[float, ...] = Spread()
-    end: Time = 12.0
+    end: Time = 12.0  # end of what is drawn, in s or in forcing periods
 
     @property
     def launch_time(self) -> tuple[float, ...]:

@@ -28,23 +28,13 @@ UNKNOWN: Final = "rgba(0, 0, 0, 0)"
 
 @dataclass(frozen=True)
 class Colouring:
-    """Colours of a column.
+    """Colours of a column."""
 
-    Attributes
-    ----------
-    values
-        What is coloured, shape (point,): the numbers, or for codes their position in `names`.
-    mapper
-        From those to colours.
-    names
-        Meanings of the codes that occur, the last of them that of all further ones.
-    title
-        Label of the column, and what a colour beside the scale means.
-    """
-
+    # What is coloured, shape (point,): the numbers, or for codes their position in `names`
     values: Array
-    mapper: ColorMapper
-    title: str
+    mapper: ColorMapper  # from those to colours
+    title: str  # label of the column, and what a colour beside the scale means
+    # Meanings of the codes that occur, the last of them that of all further ones
     names: Sequence[str] = ()
 
     @property

@@ -23,26 +23,17 @@ OF_STAY: Final = 24
 
 
 class Heights(NamedTuple):
-    """Height against time of one realization.
+    """Height against time of one realization."""
 
-    Attributes
-    ----------
-    flights
-        ``particle``; ``start``, ``end`` (s), ``velocity`` at the start (m s-1), ``y_start`` and
-        ``y_end`` (m), of each flight; ``cx``, ``cy``, the control point with which the flight, a
-        parabola, is a quadratic Bezier curve.
-    stays
-        ``particle``, and ``start``, ``end`` (s), ``y_start`` and ``y_end`` (m), of the straight
-        pieces that stays on the base are drawn with.
-    base
-        ``time`` (s) and ``height`` (m) of the base.
-    span
-        Time (s) from beginning to end, as two numbers, and so the height (m).
-    """
-
+    # ``particle``; ``start``, ``end`` (s), ``velocity`` at the start (m s-1), ``y_start`` and
+    # ``y_end`` (m), of each flight; ``cx``, ``cy``, the control point with which the flight, a
+    # parabola, is a quadratic Bezier curve
     flights: Columns
+    # ``particle``, and ``start``, ``end`` (s), ``y_start`` and ``y_end`` (m), of the straight
+    # pieces that stays on the base are drawn with
     stays: Columns
-    base: Columns
+    base: Columns  # ``time`` (s) and ``height`` (m) of the base
+    # Time (s) from beginning to end, as two numbers, and so the height (m)
     span: tuple[tuple[float, float], tuple[float, float]]
 
 

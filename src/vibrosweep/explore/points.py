@@ -34,56 +34,32 @@ LONGEST_LABEL: Final = 45  # letters that fit beside a plane
 
 @dataclass(frozen=True)
 class Column:
-    """A quantity of every point.
+    """A quantity of every point."""
 
-    Attributes
-    ----------
-    label
-        Words, symbol and units.
-    values
-        Shape (point,).
-    codes
-        Value -> meaning where the values are codes; empty for numbers.
-    zero_apart
-        Whether a zero is no small number but another case, as for separations.
-    """
-
-    label: str
-    values: Array
+    label: str  # words, symbol and units
+    values: Array  # shape (point,)
+    # Value -> meaning where the values are codes; empty for numbers
     codes: Mapping[int, str] = field(default_factory=dict)
+    # Whether a zero is no small number but another case, as for separations
     zero_apart: bool = False
 
 
 @dataclass(frozen=True)
 class Points:
-    """Points of a plane.
+    """Points of a plane."""
 
-    Attributes
-    ----------
-    path
-        The result.
-    kind, title
-        Name of its kind, and what it shows.
-    columns
-        Name -> what can be an axis or a colour; all of one length.
-    varied
-        Names of the columns that are physical parameters of the realization of a point.
-    base_choice
-        The realization of every point, but for what is varied.
-    axes, colour
-        Columns that are shown at first.
-    remark
-        What has to be known of a realization that is followed again; empty if nothing.
-    """
-
-    path: Path
+    path: Path  # the result
+    # kind, title: name of its kind, and what it shows
     kind: str
     title: str
-    columns: Mapping[str, Column]
+    columns: Mapping[str, Column]  # name -> what can be an axis or a colour; all of one length
+    # Names of the columns that are physical parameters of the realization of a point
     varied: tuple[str, ...]
-    base_choice: Choice
+    base_choice: Choice  # the realization of every point, but for what is varied
+    # axes, colour: columns that are shown at first
     axes: tuple[str, str]
     colour: str
+    # What has to be known of a realization that is followed again; empty if nothing
     remark: str = ""
 
     @property

@@ -26,19 +26,13 @@ class View:
 
 @dataclass(frozen=True)
 class Raster:
-    """Values of the pixels of a view.
+    """Values of the pixels of a view."""
 
-    Attributes
-    ----------
-    x, y
-        From edge to edge.
-    values
-        Shape (row, column), the lowest y first: of numbers the mean of those that are finite, -inf
-        where none is; of codes the commonest; NaN without a point.
-    """
-
+    # x, y: from edge to edge
     x: tuple[float, float]
     y: tuple[float, float]
+    # Shape (row, column), the lowest y first: of numbers the mean of those that are finite, -inf
+    # where none is; of codes the commonest; NaN without a point
     values: Array
 
 

@@ -50,21 +50,12 @@ SYMBOLS: Final = {
 
 @dataclass(frozen=True)
 class Needs:
-    """Requirements of a figure.
+    """Requirements of a figure."""
 
-    Attributes
-    ----------
-    variables
-        Variables or coordinates that must all be there.
-    one_of
-        Of these at least one must be there.
-    varied
-        Parameters that must differ between realizations; ``"kick"`` stands for the amplitude in
-        its dimensionless form, which also varies with frequency or gravity.
-    """
-
-    variables: tuple[str, ...]
-    one_of: tuple[str, ...] = ()
+    variables: tuple[str, ...]  # variables or coordinates that must all be there
+    one_of: tuple[str, ...] = ()  # of these at least one must be there
+    # Parameters that must differ between realizations; ``"kick"`` stands for the amplitude in its
+    # dimensionless form, which also varies with frequency or gravity
     varied: tuple[str, ...] = ()
 
     def lacking(self, dataset: xr.Dataset) -> str | None:

@@ -16,27 +16,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Motion:
-    """One particle's motion up to some instant, as plain arrays: flights, rests, landings.
+    """One particle's motion up to some instant, as plain arrays: flights, rests, landings."""
 
-    Attributes
-    ----------
-    start, end, velocity
-        Beginning and end of every flight in s (a flight in progress ends at the
-        instant asked for), and the speed it starts with in m/s.
-    height
-        Height of the base at the beginning of every flight, in m.
-    rests
-        Shape (rest, 2): from landing to lift-off, in s.
-    landings
-        Instants of landing in s.
-    """
-
+    # start, end, velocity: beginning and end of every flight in s (a flight in progress ends at the
+    # instant asked for), and the speed it starts with in m/s
     start: Array
     end: Array
     velocity: Array
-    height: Array
-    rests: Array
-    landings: Array
+    height: Array  # height of the base at the beginning of every flight, in m
+    rests: Array  # shape (rest, 2): from landing to lift-off, in s
+    landings: Array  # instants of landing in s
 
 
 def motions(one: xr.Dataset, base: BaseMotion, until: float) -> list[Motion]:

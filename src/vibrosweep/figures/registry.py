@@ -34,30 +34,14 @@ _SOURCES: Final = {
 
 @dataclass(frozen=True)
 class FigureEntry:
-    """One figure of the set.
+    """One figure of the set."""
 
-    Attributes
-    ----------
-    name
-        Name in messages.
-    file_stem
-        File name without its ending.
-    title
-        What it shows.
-    source
-        Which dataset it is drawn from.
-    needs
-        What that dataset must hold.
-    draw
-        Function from the dataset to the figure.
-    """
-
-    name: str
-    file_stem: str
-    title: str
-    source: Literal["record", "sweep"]
-    needs: Needs
-    draw: Callable[[xr.Dataset], Figure]
+    name: str  # name in messages
+    file_stem: str  # file name without its ending
+    title: str  # what it shows
+    source: Literal["record", "sweep"]  # which dataset it is drawn from
+    needs: Needs  # what that dataset must hold
+    draw: Callable[[xr.Dataset], Figure]  # function from the dataset to the figure
 
     def lacking(self, dataset: xr.Dataset | None) -> str | None:
         """Say in a sentence why the figure cannot be drawn; None if it can."""

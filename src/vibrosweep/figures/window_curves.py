@@ -20,25 +20,14 @@ SAMPLES: Final = 201
 
 @dataclass(frozen=True)
 class Forcing:
-    """In what form the forcing is drawn.
+    """In what form the forcing is drawn."""
 
-    Attributes
-    ----------
-    symbol
-        In mathtext, without dollar signs.
-    base
-        One of `vibrosweep.model.parameters.BASES`.
-    frequency, gravity
-        In Hz and m s-2; by default an amplitude is the dimensionless kick.
-    name
-        What is drawn, one of `vibrosweep.model.forcing.FORCINGS`.
-    """
-
-    symbol: str
-    base: str
+    symbol: str  # in mathtext, without dollar signs
+    base: str  # one of `vibrosweep.model.parameters.BASES`
+    # frequency, gravity: in Hz and m s-2; by default an amplitude is the dimensionless kick
     frequency: float = 1.0
     gravity: float = 2.0
-    name: str = "amplitude"
+    name: str = "amplitude"  # what is drawn, one of `vibrosweep.model.forcing.FORCINGS`
 
 
 @dataclass(frozen=True)

@@ -56,21 +56,11 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 class Variants(NamedTuple):
-    """How many compiled variants a directory holds.
+    """How many compiled variants a directory holds."""
 
-    Attributes
-    ----------
-    usable
-        Of them, those that this processor and this numba can use.
-    foreign
-        Those of other processors, versions or widths of vectors.
-    damaged
-        Those that cannot be read.
-    """
-
-    usable: int
-    foreign: int
-    damaged: int
+    usable: int  # of them, those that this processor and this numba can use
+    foreign: int  # those of other processors, versions or widths of vectors
+    damaged: int  # those that cannot be read
 
 
 def variants(directory: Path) -> Variants:

@@ -68,27 +68,15 @@ LOOK_AFTER = 6  # impacts between two checks of which lanes are done
 
 
 class Options(NamedTuple):
-    """Limits and cycle detection.
+    """Limits and cycle detection."""
 
-    Attributes
-    ----------
-    budget
-        Largest number of impacts of a trajectory; a multiple of `LOOK_AFTER`.
-    patience
-        Forcing periods: cycles of trajectories shorter than this are not searched for, unless
-        `all_cycles` is 1.
-    all_cycles
-        1 to find every cycle, 0 to find only those that save work.
-    jump
-        1 to skip repetitions of cycles, 0 to simulate every impact nevertheless.
-    observer
-        What is called for every landing in the window, or None.  Without cycles only.
-    """
-
-    budget: int
+    budget: int  # largest number of impacts of a trajectory; a multiple of `LOOK_AFTER`
+    # Forcing periods: cycles of trajectories shorter than this are not searched for, unless
+    # `all_cycles` is 1
     patience: float = 0.0
-    all_cycles: int = 0
-    jump: int = 1
+    all_cycles: int = 0  # 1 to find every cycle, 0 to find only those that save work
+    jump: int = 1  # 1 to skip repetitions of cycles, 0 to simulate every impact nevertheless
+    # What is called for every landing in the window, or None.  Without cycles only.
     observer: Observer | None = None
 
 

@@ -36,18 +36,10 @@ END_ERROR = 32.0 * HALF_ULP
 
 
 class FixedOrbits(NamedTuple):
-    """Fixed orbits, each array of shape (problem,).
+    """Fixed orbits, each array of shape (problem,)."""
 
-    Attributes
-    ----------
-    state
-        `ABSENT`, `ATTRACTS` or `REPELS`; repels where it does not attract.
-    phase
-        Phase of impact in turns; NaN where absent.
-    """
-
-    state: Flags
-    phase: Floats
+    state: Flags  # `ABSENT`, `ATTRACTS` or `REPELS`; repels where it does not attract
+    phase: Floats  # phase of impact in turns; NaN where absent
 
 
 def empty_fixed(problems: int) -> FixedOrbits:

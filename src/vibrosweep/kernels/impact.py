@@ -34,48 +34,27 @@ BASE_OF: Final = {"high-bounce": HighBounce, "moving": Moving}
 
 
 class Batch(NamedTuple):
-    """Realizations, their launches, and the base.
+    """Realizations, their launches, and the base."""
 
-    Attributes
-    ----------
-    base
-        From `base_of`; its type decides what is compiled.
-    problem : vibrosweep.model.parameters.Dimensionless
-    launches : vibrosweep.model.parameters.Launches
-        Trajectory t of a batch is particle t % N of realization t // N.
-    """
-
-    base: Base
+    base: Base  # from `base_of`; its type decides what is compiled
     problem: Dimensionless
-    launches: Launches
+    launches: Launches  # trajectory t of a batch is particle t % N of realization t // N
 
 
 class Impact(NamedTuple):
-    """A landing and the lift-off that follows.
+    """A landing and the lift-off that follows."""
 
-    Attributes
-    ----------
-    n, x
-        Whole periods and phase of the landing.
-    v
-        Speed of arrival.
-    flight
-        The flight that ends with it.
-    n_off, x_off, u
-        Whole periods and phase of the lift-off, and its speed; an infinite count and a speed of 0
-        where the particle rests for good.
-    leaves
-        Whether it leaves at once.
-    """
-
+    # n, x: whole periods and phase of the landing
     n: float
     x: float
-    v: float
-    flight: Flight
+    v: float  # speed of arrival
+    flight: Flight  # the flight that ends with it
+    # n_off, x_off, u: whole periods and phase of the lift-off, and its speed; an infinite count and
+    # a speed of 0 where the particle rests for good
     n_off: float
     x_off: float
     u: float
-    leaves: bool
+    leaves: bool  # whether it leaves at once
 
 
 def base_of(base: str, rebound: str) -> Base:

@@ -14,24 +14,13 @@ LONGEST = 2**25
 
 
 class Joint(NamedTuple):
-    """Cycles of all particles of a realization together.
+    """Cycles of all particles of a realization together."""
 
-    Attributes
-    ----------
-    impacts
-        Least common multiple of the impacts in the cycles; 0 where there is no joint cycle.
-    periods
-        Least common multiple of their forcing periods.
-    age
-        Impacts after which each particle is on its cycle.
-    known
-        Whole periods from the end's, after which each is.
-    """
-
+    # Least common multiple of the impacts in the cycles; 0 where there is no joint cycle
     impacts: int
-    periods: float
-    age: int
-    known: float
+    periods: float  # least common multiple of their forcing periods
+    age: int  # impacts after which each particle is on its cycle
+    known: float  # whole periods from the end's, after which each is
 
 
 @jit

@@ -12,22 +12,14 @@ from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
 
 
 class Record(NamedTuple):
-    """Landings of trajectories: each array has shape (trajectory, impact).
+    """Landings of trajectories: each array has shape (trajectory, impact)."""
 
-    Attributes
-    ----------
-    landing_time, liftoff_time
-        s; NaN past the last landing, and for the lift-off that never comes.
-    rebound_velocity
-        Speed at lift-off, m s-1; NaN where there is none.
-    rested
-        1 where the particle rested after the landing.
-    """
-
+    # landing_time, liftoff_time: s; NaN past the last landing, and for the lift-off that never
+    # comes
     landing_time: Floats
     liftoff_time: Floats
-    rebound_velocity: Floats
-    rested: Flags
+    rebound_velocity: Floats  # speed at lift-off, m s-1; NaN where there is none
+    rested: Flags  # 1 where the particle rested after the landing
 
 
 def empty_record(trajectories: int, impacts: int) -> Record:
@@ -38,17 +30,10 @@ def empty_record(trajectories: int, impacts: int) -> Record:
 
 
 class Units(NamedTuple):
-    """Physical units of a batch.
+    """Physical units of a batch."""
 
-    Attributes
-    ----------
-    frequency
-        Hz, shape (realization,).
-    velocity
-        Speed whose flight lasts one forcing period, g / (2 f) in m s-1, shape (realization,).
-    """
-
-    frequency: Floats
+    frequency: Floats  # Hz, shape (realization,)
+    # Speed whose flight lasts one forcing period, g / (2 f) in m s-1, shape (realization,)
     velocity: Floats
 
 

@@ -19,20 +19,14 @@ from vibrosweep.kernels.slabs import UNKNOWN, all_landings, earliest
 
 
 class Separations(NamedTuple):
-    """Separations of realizations, each array of shape (realization,).
+    """Separations of realizations, each array of shape (realization,)."""
 
-    Attributes
-    ----------
-    gap, same
-        Smallest separation over all landings, and over landings with equal impact numbers, in
-        forcing periods; NaN where there is no pair.
-    shared
-        1 where two particles were on the base at once, each stay counted as at least the contact
-        time; `UNKNOWN` where the realization was not measured.
-    """
-
+    # gap, same: smallest separation over all landings, and over landings with equal impact numbers,
+    # in forcing periods; NaN where there is no pair
     gap: Floats
     same: Floats
+    # 1 where two particles were on the base at once, each stay counted as at least the contact
+    # time; `UNKNOWN` where the realization was not measured
     shared: Flags
 
 

@@ -46,47 +46,36 @@ APERIODIC = int(Regime.APERIODIC)
 
 
 class Orbits(NamedTuple):
-    """Orbits that trajectories settle on, each array of shape (trajectory,).
+    """Orbits that trajectories settle on, each array of shape (trajectory,)."""
 
-    Attributes
-    ----------
-    regime
-        `vibrosweep.model.status.Regime`.
-    impacts, periods, rests
-        Impacts, forcing periods and rests in one cycle; 0 where no recurrence was found.
-    uncertain
-        1 where rounding may have changed a decision along the cycle, 0 where it cannot have, -1
-        where there is no cycle.
-    since
-        Time in forcing periods from which on the orbit is known to repeat; NaN if it is not.
-    whole, phase, flight
-        A state from which the orbit can be continued: whole periods and phase of a lift-off, and
-        the duration of the flight that follows.  On a cycle, the representative: the state with the
-        shortest flight, which is the same for all particles on one orbit, up to rounding.  At rest
-        for good, the last landing, with a flight of 0.  NaN if the trajectory was not simulated.
-    multiplier
-        The leading multiplier of the cycle, 0 if it has a rest; NaN where there is no cycle.
-    largest, largest_error
-        Largest Lyapunov exponent per impact, and the standard error of its mean, or the rounding
-        error to first order where multipliers give it; -inf with error 0 where a rest occurs.  The
-        error is infinite where the cycle is uncertain.
-    total, total_error
-        Sum of both exponents per impact, from the areas of the frames that are carried along, and
-        the bound of its rounding error; -inf with error 0 also without restitution.
-    """
-
-    regime: Flags
+    regime: Flags  # `vibrosweep.model.status.Regime`
+    # impacts, periods, rests: impacts, forcing periods and rests in one cycle; 0 where no
+    # recurrence was found
     impacts: Integers
     periods: Integers
     rests: Integers
+    # 1 where rounding may have changed a decision along the cycle, 0 where it cannot have, -1 where
+    # there is no cycle
     uncertain: Flags
+    # Time in forcing periods from which on the orbit is known to repeat; NaN if it is not
     since: Floats
+    # whole, phase, flight: a state from which the orbit can be continued: whole periods and phase
+    # of a lift-off, and the duration of the flight that follows.  On a cycle, the representative:
+    # the state with the shortest flight, which is the same for all particles on one orbit, up to
+    # rounding.  At rest for good, the last landing, with a flight of 0.  NaN if the trajectory was
+    # not simulated.
     whole: Floats
     phase: Floats
     flight: Floats
+    # The leading multiplier of the cycle, 0 if it has a rest; NaN where there is no cycle
     multiplier: NDArray[np.complex128]
+    # largest, largest_error: largest Lyapunov exponent per impact, and the standard error of its
+    # mean, or the rounding error to first order where multipliers give it; -inf with error 0 where
+    # a rest occurs.  The error is infinite where the cycle is uncertain.
     largest: Floats
     largest_error: Floats
+    # total, total_error: sum of both exponents per impact, from the areas of the frames that are
+    # carried along, and the bound of its rounding error; -inf with error 0 also without restitution
     total: Floats
     total_error: Floats
 

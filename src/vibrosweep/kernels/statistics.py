@@ -35,29 +35,20 @@ NON_FINITE = int(Status.NON_FINITE)
 
 
 class Statistics(NamedTuple):
-    """Statistics of trajectories over the window, each array of shape (trajectory,).
+    """Statistics of trajectories over the window, each array of shape (trajectory,)."""
 
-    Attributes
-    ----------
-    landings, rests
-        Number of landings, and of those after which the particle rested.
-    at_rest
-        1 if the particle came to rest for good before the end; in sums, the number of such
-        particles.
-    flight_sum, flight_squares, flight_max
-        Of the flights that follow the landings: sum, sum of squares and maximum of the flight
-        time, in forcing periods and their square; a particle at rest for good adds nothing.
-    status
-        `vibrosweep.model.status.Status`.
-    """
-
+    # landings, rests: number of landings, and of those after which the particle rested
     landings: Integers
     rests: Integers
+    # 1 if the particle came to rest for good before the end; in sums, the number of such particles
     at_rest: Flags | Integers
+    # flight_sum, flight_squares, flight_max: of the flights that follow the landings: sum, sum of
+    # squares and maximum of the flight time, in forcing periods and their square; a particle at
+    # rest for good adds nothing
     flight_sum: Floats
     flight_squares: Floats
     flight_max: Floats
-    status: Flags
+    status: Flags  # `vibrosweep.model.status.Status`
 
 
 class Cycle(NamedTuple):

@@ -48,23 +48,16 @@ LOST = 0.125  # turns; beyond this, a linearisation is useless
 
 
 class Trust(NamedTuple):
-    """Error bounds of trajectories, each array of shape (trajectory,).
+    """Error bounds of trajectories, each array of shape (trajectory,)."""
 
-    Attributes
-    ----------
-    until
-        Time in forcing periods of the last landing that is known to the tolerance, all before it
-        included; infinite where all landings are, NaN where none is.
-    landing_error
-        Largest error of any landing in forcing periods; infinite where a decision is uncertain,
-        NaN where the impact budget ended before all landings were followed.
-    flight_error
-        Largest error of the absolute speed after any landing, as the duration in forcing periods
-        of a flight from a base at rest; infinite and NaN as that of the landings.
-    """
-
+    # Time in forcing periods of the last landing that is known to the tolerance, all before it
+    # included; infinite where all landings are, NaN where none is
     until: Floats
+    # Largest error of any landing in forcing periods; infinite where a decision is uncertain, NaN
+    # where the impact budget ended before all landings were followed
     landing_error: Floats
+    # Largest error of the absolute speed after any landing, as the duration in forcing periods of a
+    # flight from a base at rest; infinite and NaN as that of the landings
     flight_error: Floats
 
 
@@ -121,26 +114,17 @@ def turn_box(frame: Frame, box: Box, derivative: Jacobian) -> tuple[Frame, Box]:
 
 
 class Bounded(NamedTuple):
-    """An impact with the bounds of its errors.
+    """An impact with the bounds of its errors."""
 
-    Attributes
-    ----------
-    x, passed, v
-        Phase of the landing, whole periods passed, and speed of arrival.
-    w
-        Speed after it, if the particle leaves at once.
-    error, spread
-        Of the phase of the landing, and of both (x, w).
-    frame, box
-        Of the error of (x, w).
-    """
-
+    # x, passed, v: phase of the landing, whole periods passed, and speed of arrival
     x: float
     passed: float
     v: float
-    w: float
+    w: float  # speed after it, if the particle leaves at once
+    # error, spread: of the phase of the landing, and of both (x, w)
     error: float
     spread: Spread
+    # frame, box: of the error of (x, w)
     frame: Frame
     box: Box
 

@@ -29,26 +29,17 @@ BAND = 3
 
 @dataclass(frozen=True)
 class Bounces:
-    """Instants in order, and the bounces between them.
+    """Instants in order, and the bounces between them."""
 
-    Attributes
-    ----------
-    instant
-        Landings and lift-offs of all particles, s; a bounce is one instant, a stay is two.
-    variance, covariance
-        Of the instants, s^2, and of each with the next, shape (instant - 1,).
-    middle
-        The instant of each bounce, shape (bounce,); the ones before and after it are its
-        neighbours in `instant`.
-    gravity
-        m s-2.
-    """
-
+    # Landings and lift-offs of all particles, s; a bounce is one instant, a stay is two
     instant: Array
+    # variance, covariance: of the instants, s^2, and of each with the next, shape (instant - 1,)
     variance: Array
     covariance: Array
+    # The instant of each bounce, shape (bounce,); the ones before and after it are its neighbours
+    # in `instant`
     middle: NDArray[np.intp]
-    gravity: float
+    gravity: float  # m s-2
 
     def speeds(self, instant: Array | None = None) -> tuple[Array, Array, Array]:
         """Speed of arrival and of departure in m s-1, and time of each bounce in s."""

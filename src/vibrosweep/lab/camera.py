@@ -54,26 +54,16 @@ class Launch(NamedTuple):
 
 @dataclass(frozen=True)
 class Motion:
-    """Flights of one particle, in their order; between them it is on the base.
+    """Flights of one particle, in their order; between them it is on the base."""
 
-    Attributes
-    ----------
-    start, end
-        Lift-off and landing in s; infinite where a flight ends after the record.
-    velocity, rise
-        Velocity (m s-1) and height (m) at lift-off.
-    gravity
-        m s-2.
-    surface
-        Of the base.
-    """
-
+    # start, end: lift-off and landing in s; infinite where a flight ends after the record
     start: Array
     end: Array
+    # velocity, rise: velocity (m s-1) and height (m) at lift-off
     velocity: Array
     rise: Array
-    gravity: float
-    surface: Surface
+    gravity: float  # m s-2
+    surface: Surface  # of the base
 
     @classmethod
     def of(

@@ -23,36 +23,21 @@ HIGH: Final = 0.95
 
 
 class Contacts(NamedTuple):
-    """Bounces between two flights that are clearly seen; arrays of shape (contact,).
+    """Bounces between two flights that are clearly seen; arrays of shape (contact,)."""
 
-    Attributes
-    ----------
-    before, after
-        The flights.
-    particle
-        The particle of each.
-    linked
-        Whether the next contact ends the flight that this one begins.
-    time, height
-        Where the parabolas meet, s and m.
-    arrival, departure
-        Velocities there, m s-1.
-    noise
-        Standard deviation of a sample, m.
-    gravity
-        Curvature of the parabolas, m s-2.
-    """
-
+    # before, after: the flights
     before: Fits
     after: Fits
-    particle: Indices
-    linked: Flags
+    particle: Indices  # the particle of each
+    linked: Flags  # whether the next contact ends the flight that this one begins
+    # time, height: where the parabolas meet, s and m
     time: Array
     height: Array
+    # arrival, departure: velocities there, m s-1
     arrival: Array
     departure: Array
-    noise: float
-    gravity: float
+    noise: float  # standard deviation of a sample, m
+    gravity: float  # curvature of the parabolas, m s-2
 
     def first(self, number: int) -> Contacts:
         """The earliest contacts of all particles, at most so many."""

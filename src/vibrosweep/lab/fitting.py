@@ -21,46 +21,27 @@ MOTIONS: Final = ("detect", "level", "moving")
 
 
 class View(NamedTuple):
-    """What is known beside the tracks, and what is to be found.
+    """What is known beside the tracks, and what is to be found."""
 
-    Attributes
-    ----------
-    base
-        Height in m at which particles land; found from the flights where None.
-    exposure
-        Time for which the shutter is open, s.
-    motion
-        One of `MOTIONS`: the base moves, stays at its level, or this is decided from the contacts.
-    frequency
-        Of the forcing in Hz; sought where None and needed.
-    trace
-        A measured motion of the base, which then moves.
-    """
-
+    # Height in m at which particles land; found from the flights where None
     base: float | None = None
-    exposure: float = 0.0
+    exposure: float = 0.0  # time for which the shutter is open, s
+    # One of `MOTIONS`: the base moves, stays at its level, or this is decided from the contacts
     motion: str = "detect"
-    frequency: float | None = None
-    trace: Trace | None = None
+    frequency: float | None = None  # of the forcing in Hz; sought where None and needed
+    trace: Trace | None = None  # a measured motion of the base, which then moves
 
 
 class Fitted(NamedTuple):
-    """Tracks with the flights found in them.
+    """Tracks with the flights found in them."""
 
-    Attributes
-    ----------
-    samples, flights
-        What was seen, and the parabolas through it.
-    swaps
-        Swapped identities: the first frame with them, and the two particles.
-    speaks_for
-        The base that the contacts favour: ``"moving"``, ``"level"`` or ``"undetermined"``; the
-        one that was given where it was.
-    """
-
+    # samples, flights: what was seen, and the parabolas through it
     samples: Samples
     flights: Flights
+    # Swapped identities: the first frame with them, and the two particles
     swaps: list[tuple[int, int, int]]
+    # The base that the contacts favour: ``"moving"``, ``"level"`` or ``"undetermined"``; the one
+    # that was given where it was
     speaks_for: str
 
 

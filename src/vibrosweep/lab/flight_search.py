@@ -36,50 +36,27 @@ WRONG_UNITS: Final = 5.0
 
 
 class Flights(NamedTuple):
-    """Resolved flights of all particles, in order.
+    """Resolved flights of all particles, in order."""
 
-    Attributes
-    ----------
-    fits
-        Parabolas, arrays of shape (flight,).
-    piece, particle
-        Shape (flight,).
-    member
-        Number of the flight of each sample, -1 for none.
-    poor
-        Flights whose residuals are larger than the noise allows.
-    ends
-        On the base.
-    junctions
-        Between neighbours.
-    levels
-        Height of the base below each particle, m; of one that moves, its mean.
-    base, base_error
-        Mean of the levels, and the standard error of a level, m.
-    noise
-        Standard deviation of a sample, m.
-    gravity, gravity_error
-        Acceleration that the tracks show and its standard error, m s-2.
-    curvature
-        Acceleration of the parabolas: the true one, or that of the tracks where they contradict it.
-    shaken
-        Motion of the base, fitted to the contacts; None where it stays at its level.
-    """
-
-    fits: Fits
+    fits: Fits  # parabolas, arrays of shape (flight,)
+    # piece, particle: shape (flight,)
     piece: Indices
     particle: Indices
-    member: Indices
-    poor: NDArray[np.bool_]
-    ends: Ends
-    junctions: Junctions
-    levels: Array
+    member: Indices  # number of the flight of each sample, -1 for none
+    poor: NDArray[np.bool_]  # flights whose residuals are larger than the noise allows
+    ends: Ends  # on the base
+    junctions: Junctions  # between neighbours
+    levels: Array  # height of the base below each particle, m; of one that moves, its mean
+    # base, base_error: mean of the levels, and the standard error of a level, m
     base: float
     base_error: float
-    noise: float
+    noise: float  # standard deviation of a sample, m
+    # gravity, gravity_error: acceleration that the tracks show and its standard error, m s-2
     gravity: float
     gravity_error: float
+    # Acceleration of the parabolas: the true one, or that of the tracks where they contradict it
     curvature: float
+    # Motion of the base, fitted to the contacts; None where it stays at its level
     shaken: Shaken | None
 
 

@@ -19,28 +19,15 @@ Indices = NDArray[np.intp]
 
 
 class Fits(NamedTuple):
-    """Parabolas y = level + slope s - g s^2 / 2 with s = t - centre; arrays of shape (flight,).
+    """Parabolas y = level + slope s - g s^2 / 2 with s = t - centre; arrays of shape (flight,)."""
 
-    Attributes
-    ----------
-    number
-        Of samples.
-    centre
-        Mean time of the samples, s.
-    spread
-        Sum of the squared distances of the samples from it, s^2.
-    level, slope
-        m and m s-1.
-    residue
-        Sum of squared residuals, m^2.
-    """
-
-    number: Array
-    centre: Array
-    spread: Array
+    number: Array  # of samples
+    centre: Array  # mean time of the samples, s
+    spread: Array  # sum of the squared distances of the samples from it, s^2
+    # level, slope: m and m s-1
     level: Array
     slope: Array
-    residue: Array
+    residue: Array  # sum of squared residuals, m^2
 
     def top(self, gravity: float) -> Array:
         """Height of the apex, m."""
@@ -121,18 +108,12 @@ def line_variance(fits: Fits, one: Array, other: Array | None = None) -> Array:
 
 
 class Ends(NamedTuple):
-    """Where flights begin and end on the base; arrays of shape (flight,).
+    """Where flights begin and end on the base; arrays of shape (flight,)."""
 
-    Attributes
-    ----------
-    up, down
-        Instants of lift-off and landing, s.
-    rise, fall
-        Speeds relative to the base there, m s-1.
-    """
-
+    # up, down: instants of lift-off and landing, s
     up: Array
     down: Array
+    # rise, fall: speeds relative to the base there, m s-1
     rise: Array
     fall: Array
 
@@ -146,21 +127,13 @@ def crossings(fits: Fits, base: float, gravity: float) -> Ends:
 
 
 class Meetings(NamedTuple):
-    """Where flights meet; arrays of shape (meeting,).
+    """Where flights meet; arrays of shape (meeting,)."""
 
-    Attributes
-    ----------
-    time, height
-        s and m.
-    closing
-        Speed of arrival plus speed of lift-off, m s-1.
-    time_variance, height_variance
-        In units of the variance of a sample: s^2 / m^2 and 1.
-    """
-
+    # time, height: s and m
     time: Array
     height: Array
-    closing: Array
+    closing: Array  # speed of arrival plus speed of lift-off, m s-1
+    # time_variance, height_variance: in units of the variance of a sample: s^2 / m^2 and 1
     time_variance: Array
     height_variance: Array
 

@@ -24,34 +24,21 @@ BASE_ROUNDS: Final = 5
 
 
 class Junctions(NamedTuple):
-    """Between flight `before` and flight `before + 1`; arrays of shape (junction,).
+    """Between flight `before` and flight `before + 1`; arrays of shape (junction,)."""
 
-    Attributes
-    ----------
-    before
-        Number of the flight that lands.
-    landing, liftoff
-        s; the same unless the particle stayed.
-    landing_error, liftoff_error
-        Standard errors, s.
-    covariance
-        Of the lift-off with the landing after the same flight, s^2; NaN where that is not seen.
-    stayed
-        The particle stayed on the base, or bounced too low to be seen.
-    overlapping
-        The flights meet above the base: something other than the base turned the particle.
-    height, height_error
-        Where the parabolas meet, m.
-    """
-
-    before: Indices
+    before: Indices  # number of the flight that lands
+    # landing, liftoff: s; the same unless the particle stayed
     landing: Array
     liftoff: Array
+    # landing_error, liftoff_error: standard errors, s
     landing_error: Array
     liftoff_error: Array
+    # Of the lift-off with the landing after the same flight, s^2; NaN where that is not seen
     covariance: Array
-    stayed: Flags
+    stayed: Flags  # the particle stayed on the base, or bounced too low to be seen
+    # The flights meet above the base: something other than the base turned the particle
     overlapping: Flags
+    # height, height_error: where the parabolas meet, m
     height: Array
     height_error: Array
 

@@ -68,32 +68,21 @@ class Trace(NamedTuple):
 
 
 class Shaken(NamedTuple):
-    """A base fitted to contacts.
+    """A base fitted to contacts."""
 
-    Attributes
-    ----------
-    values, covariance
-        Restitution, S, C and, where it was free, f; then the level of each particle.
-    oscillation, restitution
-        The same.
-    particles, levels
-        Numbers of the particles that have contacts, and the level below each, m.
-    kept
-        Contacts that agree with it; shape (contact,).
-    misfit
-        Chi-square per degree of freedom.
-    distance
-        Sum over all contacts of their squared distance in standard errors, each at most `FAR`.
-    """
-
+    # values, covariance: restitution, S, C and, where it was free, f; then the level of each
+    # particle
     values: Array
     covariance: Array
+    # oscillation, restitution: the same
     oscillation: Oscillation
     restitution: float
+    # particles, levels: numbers of the particles that have contacts, and the level below each, m
     particles: NDArray[np.intp]
     levels: Array
-    kept: Flags
-    misfit: float
+    kept: Flags  # contacts that agree with it; shape (contact,)
+    misfit: float  # chi-square per degree of freedom
+    # Sum over all contacts of their squared distance in standard errors, each at most `FAR`
     distance: float
 
 

@@ -27,14 +27,9 @@ MOST_REFUSED: Final = 0.5
 
 
 class Prediction(NamedTuple):
-    """Predicted means of each particle.
+    """Predicted means of each particle."""
 
-    Attributes
-    ----------
-    height, period
-        m and s, shape (draw, particle); NaN for a particle that was never seen to fly.
-    """
-
+    # height, period: m and s, shape (draw, particle); NaN for a particle that was never seen to fly
     height: Array
     period: Array
 

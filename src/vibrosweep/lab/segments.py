@@ -27,23 +27,15 @@ LOW_QUANTILE: Final = 0.25
 
 @dataclass(frozen=True)
 class Samples:
-    """Seen positions of all particles, particle after particle.
+    """Seen positions of all particles, particle after particle."""
 
-    Attributes
-    ----------
-    time, height
-        s and m, shape (sample,).
-    frame, particle
-        Place in the table of tracks.
-    piece
-        Number of the uninterrupted piece of track; pieces are numbered in order.
-    """
-
+    # time, height: s and m, shape (sample,)
     time: Array
     height: Array
+    # frame, particle: place in the table of tracks
     frame: Indices
     particle: Indices
-    piece: Indices
+    piece: Indices  # number of the uninterrupted piece of track; pieces are numbered in order
 
     @property
     def bounds(self) -> Indices:

@@ -31,31 +31,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Comparison:
-    """How recordings are compared.
+    """How recordings are compared."""
 
-    Attributes
-    ----------
-    known
-        Parameters by the names of `scene.PARAMETERS`.  What is not given of restitution,
-        amplitude and phase is estimated; so is the frequency.
-    method
-        ``"fit"`` or ``"sign_change"``.
-    view
-        As `find_impacts` takes it.
-    draws
-        Parameter sets drawn within the errors of an estimate.
-    rebound
-        ``"rest"`` or ``"reflect"``.
-    seed
-        Of the random numbers.
-    """
-
+    # Parameters by the names of `scene.PARAMETERS`.  What is not given of restitution, amplitude
+    # and phase is estimated; so is the frequency.
     known: Mapping[str, float]
-    method: str = "fit"
-    view: View = field(default_factory=View)
-    draws: int = DRAWS
-    rebound: str = "rest"
-    seed: int = 0
+    method: str = "fit"  # ``"fit"`` or ``"sign_change"``
+    view: View = field(default_factory=View)  # as `find_impacts` takes it
+    draws: int = DRAWS  # parameter sets drawn within the errors of an estimate
+    rebound: str = "rest"  # ``"rest"`` or ``"reflect"``
+    seed: int = 0  # of the random numbers
 
     @property
     def gravity(self) -> float:

@@ -25,20 +25,11 @@ LEAST_SIGNAL: Final = 3.0
 
 
 class Judgement(NamedTuple):
-    """Outcome of the comparison of both bases.
+    """Outcome of the comparison of both bases."""
 
-    Attributes
-    ----------
-    says
-        ``"moving"``, ``"level"``, or ``"undetermined"``.
-    shaken
-        The base if it moves; None where there are too few contacts.
-    advantage
-        Chi-square of the base that stays at its level less that of the one that moves.
-    """
-
-    says: str
-    shaken: Shaken | None
+    says: str  # ``"moving"``, ``"level"``, or ``"undetermined"``
+    shaken: Shaken | None  # the base if it moves; None where there are too few contacts
+    # Chi-square of the base that stays at its level less that of the one that moves
     advantage: float
 
 

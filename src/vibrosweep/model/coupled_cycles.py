@@ -55,27 +55,19 @@ class CoupledBase(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """An orbit that repeats after whole forcing periods.
+    """An orbit that repeats after whole forcing periods."""
 
-    Attributes
-    ----------
-    base, periods
-        What it bounces on; after how many periods it repeats.
-    particle, time
-        Shape (impact,): which particle lands, and when, in forcing periods.
-    speed, approach
-        Shape (impact,): absolute speed of the particle after the impact, speed of approach before.
-    deviation
-        Shape (impact, 2): of the base, and its velocity, just before the impact.
-    """
-
+    # base, periods: what it bounces on; after how many periods it repeats
     base: CoupledBase
     periods: int
+    # particle, time: shape (impact,): which particle lands, and when, in forcing periods
     particle: NDArray[np.int64]
     time: Array
+    # speed, approach: shape (impact,): absolute speed of the particle after the impact, speed of
+    # approach before
     speed: Array
     approach: Array
-    deviation: Array
+    deviation: Array  # shape (impact, 2): of the base, and its velocity, just before the impact
 
     @property
     def intervals(self) -> Array:

@@ -31,30 +31,19 @@ RESOLUTION: Final = 2.0**-40
 
 @dataclass(frozen=True)
 class Variable:
-    """One output variable.
+    """One output variable."""
 
-    Attributes
-    ----------
-    name, dims, dtype, units, long_name
-        As they stand in the dataset.
-    flags
-        (value, meaning) pairs of an integer variable that holds codes.
-    comment
-        What the long name leaves open.
-    judged
-        How `verify` judges it: a key of `vibrosweep.proof.judges.JUDGES`.
-    open_by_budget
-        Whether it is undetermined, or NaN, just where the impact budget did not suffice.
-    """
-
+    # name, dims, dtype, units, long_name: as they stand in the dataset
     name: str
     dims: tuple[str, ...]
     dtype: str
     units: str
     long_name: str
+    # (value, meaning) pairs of an integer variable that holds codes
     flags: tuple[tuple[int, str], ...] = ()
-    comment: str = ""
-    judged: str = "measure"
+    comment: str = ""  # what the long name leaves open
+    judged: str = "measure"  # how `verify` judges it: a key of `vibrosweep.proof.judges.JUDGES`
+    # Whether it is undetermined, or NaN, just where the impact budget did not suffice
     open_by_budget: bool = False
 
     @property
@@ -73,44 +62,25 @@ class Variable:
 
 @dataclass(frozen=True)
 class Measure:
-    """What a key of [measure] has measured.
+    """What a key of [measure] has measured."""
 
-    Attributes
-    ----------
-    meaning
-        What it is, in a few words.
-    cost
-        About what it adds to the time of a landing, over short and long observations.
-    variables
-        What a result then holds.
-    requires
-        Keys of other measures that are measured with it.
-    coupled
-        True for one of particles that a base of finite mass couples, False for one of particles
-        that are independent of each other, None for one of either.
-    """
-
-    meaning: str
-    cost: str
-    variables: tuple[Variable, ...]
-    requires: tuple[str, ...] = ()
+    meaning: str  # what it is, in a few words
+    cost: str  # about what it adds to the time of a landing, over short and long observations
+    variables: tuple[Variable, ...]  # what a result then holds
+    requires: tuple[str, ...] = ()  # keys of other measures that are measured with it
+    # True for one of particles that a base of finite mass couples, False for one of particles that
+    # are independent of each other, None for one of either
     coupled: bool | None = None
 
 
 @dataclass(frozen=True)
 class Option:
-    """A number in [measure].
+    """A number in [measure]."""
 
-    Attributes
-    ----------
-    meaning, units
-        What it is.
-    allowed, accepts
-        Its range, in words and as a function of a finite number.
-    """
-
+    # meaning, units: what it is
     meaning: str
     units: str
+    # allowed, accepts: its range, in words and as a function of a finite number
     allowed: str
     accepts: Callable[[float], bool]
 

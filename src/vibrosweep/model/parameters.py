@@ -91,33 +91,18 @@ def refuse_masked(name: str, values: object) -> None:
 
 
 class Dimensionless(NamedTuple):
-    """What the kernels iterate, one entry per realization; every array has shape (realization,).
+    """What the kernels iterate, one entry per realization; every array has shape (realization,)."""
 
-    Attributes
-    ----------
-    restitution
-        e.
-    kick
-        a = 2 f A / g, forcing periods.
-    launch_flight
-        u0 = 2 f v0 / g, duration of the first flight in forcing periods.
-    rest_flight
-        r = f tau_c, the flight time at and below which a particle comes to rest.
-    liftoff_phase
-        Phase in turns, in [0, 1/4], at which the kick rises through r and a resting particle is
-        relaunched; 0 where that never happens (a <= r).
-    phase
-        Phase of the forcing at t = 0 in turns, reduced to [-1/2, 1/2].
-    begin_count, begin_phase, end_count, end_phase
-        Window of observation, as whole periods and reduced phase.
-    """
-
-    restitution: Array
-    kick: Array
-    launch_flight: Array
-    rest_flight: Array
+    restitution: Array  # e
+    kick: Array  # a = 2 f A / g, forcing periods
+    launch_flight: Array  # u0 = 2 f v0 / g, duration of the first flight in forcing periods
+    rest_flight: Array  # r = f tau_c, the flight time at and below which a particle comes to rest
+    # Phase in turns, in [0, 1/4], at which the kick rises through r and a resting particle is
+    # relaunched; 0 where that never happens (a <= r)
     liftoff_phase: Array
-    phase: Array
+    phase: Array  # phase of the forcing at t = 0 in turns, reduced to [-1/2, 1/2]
+    # begin_count, begin_phase, end_count, end_phase: window of observation, as whole periods and
+    # reduced phase
     begin_count: Array
     begin_phase: Array
     end_count: Array
@@ -125,21 +110,11 @@ class Dimensionless(NamedTuple):
 
 
 class Mounts(NamedTuple):
-    """Bases of finite mass on their mounts; every array has shape (realization,).
+    """Bases of finite mass on their mounts; every array has shape (realization,)."""
 
-    Attributes
-    ----------
-    mass_ratio
-        mu, mass of one particle in units of that of the base.
-    natural
-        nu = f0 / f, natural frequency of the mount in units of that of the forcing.
-    damping
-        zeta, damping ratio of the mount.
-    """
-
-    mass_ratio: Array
-    natural: Array
-    damping: Array
+    mass_ratio: Array  # mu, mass of one particle in units of that of the base
+    natural: Array  # nu = f0 / f, natural frequency of the mount in units of that of the forcing
+    damping: Array  # zeta, damping ratio of the mount
 
 
 class Launches(NamedTuple):

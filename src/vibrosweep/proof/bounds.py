@@ -57,14 +57,10 @@ def _all_landings(observation: Observation) -> Observation:
 
 
 class Errors(NamedTuple):
-    """True errors of the kernel's landings of one particle; infinite where landings are missing.
+    """True errors of the kernel's landings of one particle; infinite where landings are missing."""
 
-    Attributes
-    ----------
-    landing_time, rebound_velocity
-        Shape (impact,), s and m s-1, less what the rounding of the recorded number may add.
-    """
-
+    # landing_time, rebound_velocity: shape (impact,), s and m s-1, less what the rounding of the
+    # recorded number may add
     landing_time: Array
     rebound_velocity: Array
 

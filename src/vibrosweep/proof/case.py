@@ -29,59 +29,34 @@ CERTAIN: Final = 3.0
 
 @dataclass(frozen=True)
 class Exponents:
-    """Proved Lyapunov exponents of a particle.
+    """Proved Lyapunov exponents of a particle."""
 
-    Attributes
-    ----------
-    largest, total
-        Largest, and sum of both.
-    claim, total_claim
-        Largest errors that the dataset admits; None where nothing is proved or claimed.
-    standard_error
-        Of a mean along the orbit, within `claim`; None where undefined.
-    bounds_rounding
-        Whether the error of the largest is a bound of its rounding, as it is of a cycle.
-    """
-
+    # largest, total: largest, and sum of both
     largest: Proved
+    # claim, total_claim: largest errors that the dataset admits; None where nothing is proved or
+    # claimed
     claim: float | None
     total: Proved
     total_claim: float | None
-    standard_error: Proved = None
+    standard_error: Proved = None  # of a mean along the orbit, within `claim`; None where undefined
+    # Whether the error of the largest is a bound of its rounding, as it is of a cycle
     bounds_rounding: bool = False
 
 
 @dataclass(frozen=True)
 class Case:
-    """One realization to be judged.
+    """One realization to be judged."""
 
-    Attributes
-    ----------
-    stored
-        Its variables: numbers, or arrays over the particles.
-    again
-        Bounds that the kernel finds for it now, named as variables; empty of another version.
-    realization
-        What was computed.
-    bounds
-        Bounds of the errors of its landings.
-    trajectories
-        Proved; empty where there is no proof.
-    errors
-        Proved errors of the kernel's landings of each particle, where the file bounds them.
-    tolerance
-        Error of a landing time in s up to which it is trusted.
-    estimate
-        Of the errors of its landings, where its particles are coupled and it is proved.
-    """
-
-    stored: Mapping[str, Any]
+    stored: Mapping[str, Any]  # its variables: numbers, or arrays over the particles
+    # Bounds that the kernel finds for it now, named as variables; empty of another version
     again: Mapping[str, Any]
-    realization: Realization
-    bounds: Bounds
-    trajectories: Sequence[Trajectory]
+    realization: Realization  # what was computed
+    bounds: Bounds  # bounds of the errors of its landings
+    trajectories: Sequence[Trajectory]  # proved; empty where there is no proof
+    # Proved errors of the kernel's landings of each particle, where the file bounds them
     errors: Sequence[Errors]
-    tolerance: float
+    tolerance: float  # error of a landing time in s up to which it is trusted
+    # Of the errors of its landings, where its particles are coupled and it is proved
     estimate: Estimate | None = None
 
     @cached_property

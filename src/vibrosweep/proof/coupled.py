@@ -43,21 +43,11 @@ MOST_GAPS: Final = 4096
 
 
 class Estimate(NamedTuple):
-    """Estimates of the largest errors of a realization in doubles.
+    """Estimates of the largest errors of a realization in doubles."""
 
-    Attributes
-    ----------
-    time
-        Of landings and lift-offs, s.
-    velocity
-        Of rebound velocities, m s-1.
-    height
-        Of the highest points of flights, m.
-    """
-
-    time: float
-    velocity: float
-    height: float
+    time: float  # of landings and lift-offs, s
+    velocity: float  # of rebound velocities, m s-1
+    height: float  # of the highest points of flights, m
 
     def record_claims(self, realization: Realization, number: float) -> Mapping[str, float]:
         """Largest error of a recorded number of that size, by the variable that it belongs to."""

@@ -21,20 +21,12 @@ FIRST_ORDER: Final = 2.0
 
 
 class Mean(NamedTuple):
-    """Mean growth per impact.
+    """Mean growth per impact."""
 
-    Attributes
-    ----------
-    value
-        The mean logarithm.
-    standard_error
-        Its standard error from the means of blocks; None below two blocks.
-    claim
-        Bound of the error of either by the dataset's bounds; None where there is none.
-    """
-
-    value: float
+    value: float  # the mean logarithm
+    # Its standard error from the means of blocks; None below two blocks
     standard_error: float | None
+    # Bound of the error of either by the dataset's bounds; None where there is none
     claim: float | None
 
 

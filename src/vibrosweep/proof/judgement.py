@@ -10,30 +10,17 @@ from vibrosweep.proof.statistics import Proved
 
 @dataclass(frozen=True)
 class Judgement:
-    """Result of the comparison for one stored number.
+    """Result of the comparison for one stored number."""
 
-    Attributes
-    ----------
-    variable
-        Its name.
-    particle
-        Its particle, None for a number of the whole realization.
-    error
-        Distance from the proved value; NaN where both are undefined, infinite where one is.
-    claim
-        Largest error that the dataset admits; None where it claims nothing.
-    digits
-        Certified decimal digits: of the claim and the reference's radius together, relative to
-        the value; 0 where they exceed it.  None for what is exact, zero or undefined.
-    complaint
-        Description of the failure; empty if the number is within its claim or nothing is claimed.
-    """
-
-    variable: str
-    particle: int | None
+    variable: str  # its name
+    particle: int | None  # its particle, None for a number of the whole realization
+    # Distance from the proved value; NaN where both are undefined, infinite where one is
     error: float
-    claim: float | None
+    claim: float | None  # largest error that the dataset admits; None where it claims nothing
+    # Certified decimal digits: of the claim and the reference's radius together, relative to the
+    # value; 0 where they exceed it.  None for what is exact, zero or undefined.
     digits: float | None = None
+    # Description of the failure; empty if the number is within its claim or nothing is claimed
     complaint: str = ""
 
 

@@ -22,17 +22,11 @@ Judgements: TypeAlias = Iterator[Judgement]
 
 
 class Judge(NamedTuple):
-    """How one variable is judged.
+    """How one variable is judged."""
 
-    Attributes
-    ----------
-    by_proof
-        Judges the variable of that name where the realization is proved.
-    otherwise
-        The same where it is not; None where nothing can be said.
-    """
-
+    # Judges the variable of that name where the realization is proved
     by_proof: Callable[[Case, str], Judgements]
+    # The same where it is not; None where nothing can be said
     otherwise: Callable[[Case, str], Judgements] | None = None
 
 

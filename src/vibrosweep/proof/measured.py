@@ -33,36 +33,21 @@ GUARD_BITS = 64
 
 @dataclass(frozen=True)
 class Measured:
-    """Proved measures of a realization, and what decides how far a dataset can know them.
+    """Proved measures of a realization, and what decides how far a dataset can know them."""
 
-    Attributes
-    ----------
-    values
-        By the names of `vibrosweep.model.measures`; a list over the particles for those of
-        each.
-    fastest
-        Largest rebound speed in the window, m s-1; None without any flight.
-    flights
-        Those that follow landings in the window.
-    longest
-        Largest number of flights of one particle.
-    edge
-        Smallest distance of a landing from the beginning of the window in s; None where no landing
-        can be before it.
-    launch_depth
-        Time between a launch in the window and the nearer edge, the largest of all launches, s;
-        negative where every launch is outside.
-    overlap
-        Longest time for which two particles are on the base at once; minus the shortest time
-        between two stays where that never happens.  None without two stays.
-    """
-
+    # By the names of `vibrosweep.model.measures`; a list over the particles for those of each
     values: dict[str, Proved | list[Proved]]
-    fastest: arb | None
-    flights: Sequence[Flight]
-    longest: int
+    fastest: arb | None  # largest rebound speed in the window, m s-1; None without any flight
+    flights: Sequence[Flight]  # those that follow landings in the window
+    longest: int  # largest number of flights of one particle
+    # Smallest distance of a landing from the beginning of the window in s; None where no landing
+    # can be before it
     edge: arb | None
+    # Time between a launch in the window and the nearer edge, the largest of all launches, s;
+    # negative where every launch is outside
     launch_depth: Fraction
+    # Longest time for which two particles are on the base at once; minus the shortest time between
+    # two stays where that never happens.  None without two stays.
     overlap: arb | None
 
 

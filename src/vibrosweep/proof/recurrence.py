@@ -50,17 +50,10 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class Cycle:
-    """A cycle that a proved orbit has entered.
+    """A cycle that a proved orbit has entered."""
 
-    Attributes
-    ----------
-    since
-        Number of the state at which the recurrence is stated.
-    impacts, periods, rests
-        In one cycle.
-    """
-
-    since: int
+    since: int  # number of the state at which the recurrence is stated
+    # impacts, periods, rests: in one cycle
     impacts: int
     periods: int
     rests: int

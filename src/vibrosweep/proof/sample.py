@@ -20,35 +20,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Realization:
-    """One realization as the reference takes it.
+    """One realization as the reference takes it."""
 
-    Attributes
-    ----------
-    parameters
-        Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of
-        `vibrosweep.model.parameters.MOUNT` where the base is sprung.
-    launch_times
-        Exact, s; a staggered particle j is launched at j / (particles frequency).
-    transient, duration
-        Window of the measures, s; a `Fraction` where it was given in forcing periods.
-    windowed
-        Whether landings before the window are possible; if not, every landing up to the end counts.
-    launch_rounding
-        Error in s with which a launch is compared with the edges of the window.
-    rebound
-        ``"rest"`` or ``"reflect"``.
-    base
-        One of `vibrosweep.model.parameters.BASES`.
-    """
-
+    # Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of
+    # `vibrosweep.model.parameters.MOUNT` where the base is sprung
     parameters: Mapping[str, float]
+    # Exact, s; a staggered particle j is launched at j / (particles frequency)
     launch_times: tuple[Fraction, ...]
+    # transient, duration: window of the measures, s; a `Fraction` where it was given in forcing
+    # periods
     transient: float | Fraction
     duration: float | Fraction
+    # Whether landings before the window are possible; if not, every landing up to the end counts
     windowed: bool
+    # Error in s with which a launch is compared with the edges of the window
     launch_rounding: float
-    rebound: str
-    base: str
+    rebound: str  # ``"rest"`` or ``"reflect"``
+    base: str  # one of `vibrosweep.model.parameters.BASES`
 
     @property
     def coupled(self) -> bool:
@@ -63,36 +51,17 @@ class Realization:
 
 @dataclass(frozen=True)
 class Sample:
-    """Realizations drawn from a dataset; its record of every landing is a sample of one.
+    """Realizations drawn from a dataset; its record of every landing is a sample of one."""
 
-    Attributes
-    ----------
-    total
-        Number of realizations in the dataset.
-    rows
-        Indices of those drawn, in increasing order.
-    parameters
-        As of a `Realization`, each of shape (row,).
-    observation
-        What was launched, watched and measured.
-    own
-        Whether this version and git revision computed the dataset.
-    stored
-        The dataset's measured variables, each of shape (row, ...).
-    coordinates
-        Its coordinates: numbers, arrays over the particles, or sampled ones of shape (row,).
-    others
-        Names of its variables that this version does not know.
-    """
-
-    total: int
-    rows: NDArray[np.int64]
-    parameters: Mapping[str, Array]
-    observation: Observation
-    own: bool
-    stored: Mapping[str, NDArray[Any]]
+    total: int  # number of realizations in the dataset
+    rows: NDArray[np.int64]  # indices of those drawn, in increasing order
+    parameters: Mapping[str, Array]  # as of a `Realization`, each of shape (row,)
+    observation: Observation  # what was launched, watched and measured
+    own: bool  # whether this version and git revision computed the dataset
+    stored: Mapping[str, NDArray[Any]]  # the dataset's measured variables, each of shape (row, ...)
+    # Its coordinates: numbers, arrays over the particles, or sampled ones of shape (row,)
     coordinates: Mapping[str, NDArray[Any]]
-    others: tuple[str, ...]
+    others: tuple[str, ...]  # names of its variables that this version does not know
 
     def realization(self, row: int) -> Realization:
         """Return the realization of one of the rows."""

@@ -30,22 +30,14 @@ DRAWN_BY_SCIPY: Final = ("latin", "sobol")
 
 @dataclass(frozen=True)
 class Setting:
-    """Expected coordinates of a dataset.
+    """Expected coordinates of a dataset."""
 
-    Attributes
-    ----------
-    shared
-        Coordinates of all realizations: numbers, or arrays over the particles; those of the record
-        have a name that begins with ``record/``.
-    sampled
-        Sampled parameters of the rows drawn, each of shape (row,).
-    unknown
-        Reasons why other coordinates are not known, by name.
-    """
-
+    # Coordinates of all realizations: numbers, or arrays over the particles; those of the record
+    # have a name that begins with ``record/``
     shared: Mapping[str, Any]
+    # Sampled parameters of the rows drawn, each of shape (row,)
     sampled: Mapping[str, NDArray[np.float64]]
-    unknown: Mapping[str, str]
+    unknown: Mapping[str, str]  # reasons why other coordinates are not known, by name
 
 
 def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Setting:

@@ -111,21 +111,11 @@ def largest(balls: Iterable[arb]) -> arb | None:
 
 
 class Uncertainty(NamedTuple):
-    """Bounds of the errors of flights.
+    """Bounds of the errors of flights."""
 
-    Attributes
-    ----------
-    velocity
-        Of every rebound velocity, m s-1.
-    height
-        Of the height of the base at every lift-off, m.
-    duration
-        Of every duration, s.
-    """
-
-    velocity: float
-    height: float
-    duration: float
+    velocity: float  # of every rebound velocity, m s-1
+    height: float  # of the height of the base at every lift-off, m
+    duration: float  # of every duration, s
 
 
 def statistics_claims(

@@ -38,18 +38,10 @@ FIRST_ORDER: Final = 2.0
 
 
 class Bounds(NamedTuple):
-    """Bounds of the errors of all landings of a realization.
+    """Bounds of the errors of all landings of a realization."""
 
-    Attributes
-    ----------
-    landing_time
-        s.
-    rebound_velocity
-        m s-1.
-    """
-
-    landing_time: float
-    rebound_velocity: float
+    landing_time: float  # s
+    rebound_velocity: float  # m s-1
 
     def phase_error(self, realization: Realization) -> float:
         """Bound of the errors of the phases of lift-offs, in turns."""

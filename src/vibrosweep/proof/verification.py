@@ -59,26 +59,17 @@ class Outcome:
 
 @dataclass
 class VariableReport:
-    """All comparisons of one variable.
+    """All comparisons of one variable."""
 
-    Attributes
-    ----------
-    errors, claims, digits
-        Of each number compared; digits only where they are defined.
-    outside
-        Places with a number outside its claim: realizations, or the record.
-    undecided
-        Places with a number about which nothing is claimed.
-    compared
-        Places with a number that was compared.
-    """
-
+    # errors, claims, digits: of each number compared; digits only where they are defined
     errors: list[float] = field(default_factory=list)
     claims: list[float] = field(default_factory=list)
     digits: list[float] = field(default_factory=list)
+    # Places with a number outside its claim: realizations, or the record
     outside: set[str] = field(default_factory=set)
+    # Places with a number about which nothing is claimed
     undecided: set[str] = field(default_factory=set)
-    compared: set[str] = field(default_factory=set)
+    compared: set[str] = field(default_factory=set)  # places with a number that was compared
 
     def add(self, place: str, judgement: Judgement) -> None:
         """Add one comparison."""
@@ -121,39 +112,18 @@ def _row(label: str, cells: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Report:
-    """Result of `vibrosweep.proof.verify.verify`.
-
-    Attributes
-    ----------
-    path
-        The dataset.
-    total
-        Number of its realizations.
-    seed
-        Seed with which realizations were drawn.
-    outcomes
-        Of each realization drawn, then of the record where there is one.
-    claimed
-        Whether the dataset holds error bounds; else they were computed again.
-    coupled
-        Whether the base couples the particles: then errors are estimated.
-    coordinates
-        Comparisons of what all realizations share with the sweep file.
-    names
-        Every variable of the dataset.
-    unknown
-        Why a variable cannot be compared at all, by its name.
-    """
+    """Result of `vibrosweep.proof.verify.verify`."""
 
     path: str
-    total: int
-    seed: int
-    outcomes: Sequence[Outcome]
-    claimed: bool
-    coupled: bool
+    total: int  # number of its realizations
+    seed: int  # seed with which realizations were drawn
+    outcomes: Sequence[Outcome]  # of each realization drawn, then of the record where there is one
+    claimed: bool  # whether the dataset holds error bounds; else they were computed again
+    coupled: bool  # whether the base couples the particles: then errors are estimated
+    # Comparisons of what all realizations share with the sweep file
     coordinates: Sequence[Judgement]
-    names: Sequence[str]
-    unknown: Mapping[str, str]
+    names: Sequence[str]  # every variable of the dataset
+    unknown: Mapping[str, str]  # why a variable cannot be compared at all, by its name
 
     @property
     def passed(self) -> bool:

@@ -30,24 +30,12 @@ TOTALS_PER_BATCH: Final = 1 << 23
 
 @dataclass(frozen=True)
 class Job:
-    """Everything a process on any machine needs to compute a chunk; can be pickled.
-
-    Attributes
-    ----------
-    spec
-        The sweep.
-    manifest
-        How the sweep is cut into chunks.
-    parts
-        Where its parts are written.
-    rows
-        Indices of the realizations to compute; None for all.
-    """
+    """Everything a process on any machine needs to compute a chunk; can be pickled."""
 
     spec: SweepSpec
-    manifest: Manifest
-    parts: Parts
-    rows: tuple[int, ...] = ()
+    manifest: Manifest  # how the sweep is cut into chunks
+    parts: Parts  # where its parts are written
+    rows: tuple[int, ...] = ()  # indices of the realizations to compute; None for all
 
     def open(self) -> Design:
         """Open the design of the realizations to compute."""

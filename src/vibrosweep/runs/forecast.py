@@ -33,23 +33,13 @@ SAMPLE_BYTES: Final = 1 << 25
 
 @dataclass(frozen=True)
 class Needs:
-    """Resources that a run needs.
+    """Resources that a run needs."""
 
-    Attributes
-    ----------
-    seconds
-        Wall time from reading the design to the end of writing, without compiling kernels.
-    impacts
-        Number of impacts of all particles.
-    memory
-        Peak memory of the whole process in bytes.
-    result, parts
-        Bytes of the result file, and of the parts next to it while it is written.
-    """
-
+    # Wall time from reading the design to the end of writing, without compiling kernels
     seconds: float
-    impacts: float
-    memory: float
+    impacts: float  # number of impacts of all particles
+    memory: float  # peak memory of the whole process in bytes
+    # result, parts: bytes of the result file, and of the parts next to it while it is written
     result: float
     parts: float
 

@@ -46,24 +46,12 @@ def continued(
 
 @dataclass(frozen=True)
 class KeptRun:
-    """A run that keeps its finished chunks and can be resumed.
+    """A run that keeps its finished chunks and can be resumed."""
 
-    Attributes
-    ----------
-    output
-        The result file.
-    design
-        The realizations to compute.
-    job
-        What a process needs to compute the chunks.
-    threads
-        Number of threads in this process.
-    """
-
-    output: Path
-    design: Design
-    job: Job
-    threads: int
+    output: Path  # the result file
+    design: Design  # the realizations to compute
+    job: Job  # what a process needs to compute the chunks
+    threads: int  # number of threads in this process
 
     @property
     def directory(self) -> Path:

@@ -38,32 +38,18 @@ GOLDEN: Final = 0.6180339887498949
 
 @dataclass(frozen=True)
 class Cost:
-    """Average cost of the realizations of a sweep.
+    """Average cost of the realizations of a sweep."""
 
-    Attributes
-    ----------
-    seconds, impacts
-        Mean per realization.
-    error
-        Relative standard error of the mean number of impacts; NaN if the sample is too small.
-    share
-        Fraction of the duration and impact budget that was computed; below 1 the rest is
-        extrapolated.
-    start
-        Seconds to load or compile the kernels.
-    loaded
-        Memory of the process in bytes once the kernels were loaded.
-    columns
-        The measured variables; empty if the sample could not be computed.
-    """
-
+    # seconds, impacts: mean per realization
     seconds: float
     impacts: float
+    # Relative standard error of the mean number of impacts; NaN if the sample is too small
     error: float
+    # Fraction of the duration and impact budget that was computed; below 1 the rest is extrapolated
     share: float
-    start: float
-    loaded: float
-    columns: Columns
+    start: float  # seconds to load or compile the kernels
+    loaded: float  # memory of the process in bytes once the kernels were loaded
+    columns: Columns  # the measured variables; empty if the sample could not be computed
 
     @property
     def known(self) -> bool:

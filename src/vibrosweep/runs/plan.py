@@ -31,24 +31,12 @@ SECONDS_TO_PLAN: Final = 0.5
 
 @dataclass(frozen=True)
 class Plan:
-    """The chunks of a sweep and their cost.
-
-    Attributes
-    ----------
-    design
-        The realizations.
-    chunk
-        Realizations in a chunk.
-    cost
-        Mean cost of a realization.
-    opening
-        Seconds to open the design.
-    """
+    """The chunks of a sweep and their cost."""
 
     design: Design
-    chunk: int
-    cost: Cost
-    opening: float
+    chunk: int  # realizations in a chunk
+    cost: Cost  # mean cost of a realization
+    opening: float  # seconds to open the design
 
     @property
     def chunks(self) -> int:

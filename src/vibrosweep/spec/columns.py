@@ -33,18 +33,11 @@ class Label:
 
 @dataclass(frozen=True)
 class GivenTable:
-    """A table in memory.
+    """A table in memory."""
 
-    Attributes
-    ----------
-    columns
-        Its columns as they were given, not checked.
-    digest
-        Of all names and values.
-    """
-
+    # Its columns as they were given, not checked
     columns: Mapping[str, Label] = field(compare=False)
-    digest: str
+    digest: str  # of all names and values
 
     def __str__(self) -> str:
         return "the table in memory"

@@ -32,21 +32,13 @@ _SOBOL_BITS: Final = 32
 
 @dataclass(frozen=True)
 class Design:
-    """The realizations of a sweep.
-
-    Attributes
-    ----------
-    realizations
-        Number of realizations.
-    sampled
-        Names of the sampled parameters, in the order of `vibrosweep.model.forcing.INPUTS`.
-    labels
-        Other columns of a table, which are copied to the result only.
-    """
+    """The realizations of a sweep."""
 
     realizations: int
+    # Names of the sampled parameters, in the order of `vibrosweep.model.forcing.INPUTS`
     sampled: tuple[str, ...]
     _columns: Columns
+    # Other columns of a table, which are copied to the result only
     labels: Mapping[str, Label] = field(default_factory=dict)
 
     def take(self, start: int, stop: int) -> dict[str, Array]:

@@ -39,24 +39,15 @@ _IN_PYTHON: Final = tuple(
 
 @dataclass
 class Mistakes:
-    """All that is wrong with one sweep.
+    """All that is wrong with one sweep."""
 
-    Attributes
-    ----------
-    file
-        Name of the sweep file as messages print it; None where keywords gave the sweep.
-    given
-        The keywords as they were given, to be shown so.
-    lines
-        One line for each mistake.
-    broken
-        Keys, or whole tables, with an invalid value.  Rules that involve one of them are not
-        checked, so that one mistake is never reported twice.
-    """
-
+    # Name of the sweep file as messages print it; None where keywords gave the sweep
     file: str | None
+    # The keywords as they were given, to be shown so
     given: Mapping[str, Any] = field(default_factory=dict)
-    lines: list[str] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)  # one line for each mistake
+    # Keys, or whole tables, with an invalid value.  Rules that involve one of them are not checked,
+    # so that one mistake is never reported twice.
     broken: set[str] = field(default_factory=set)
 
     def add(

@@ -52,30 +52,14 @@ class Axis:
 
 @dataclass(frozen=True)
 class RecordSpec:
-    """A scene of which every landing is recorded, in addition to the sweep.
+    """A scene of which every landing is recorded, in addition to the sweep."""
 
-    Attributes
-    ----------
-    parameters
-        What `vibrosweep.model.forcing.inputs_of` names, in their units.
-    particles
-        Number of particles.
-    launch
-        ``"staggered"`` or the launch times of all particles in s.
-    duration
-        End of the observation.
-    rebound
-        One of `vibrosweep.model.parameters.LAWS`.
-    base
-        One of `vibrosweep.model.parameters.BASES`.
-    """
-
-    parameters: dict[str, float]
+    parameters: dict[str, float]  # what `vibrosweep.model.forcing.inputs_of` names, in their units
     particles: int
-    launch: str | tuple[float, ...]
-    duration: Time
-    rebound: str
-    base: str
+    launch: str | tuple[float, ...]  # ``"staggered"`` or the launch times of all particles in s
+    duration: Time  # end of the observation
+    rebound: str  # one of `vibrosweep.model.parameters.LAWS`
+    base: str  # one of `vibrosweep.model.parameters.BASES`
 
 
 class Setting(NamedTuple):

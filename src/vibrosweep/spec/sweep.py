@@ -25,64 +25,35 @@ from vibrosweep.spec.windows import WindowsTable
 
 @dataclass(frozen=True)
 class SweepSpec:
-    """A validated sweep.
+    """A validated sweep."""
 
-    Attributes
-    ----------
-    title
-        What the sweep shows.
-    text
-        The whole TOML text; for keywords, one that asks for the same.
-    source
-        The file it was read from, None for a text and for keywords.
-    fixed
-        Parameters that are not sampled, defaults included; of the forcings no more than one, and
-        those of a mount for a sprung base only.  Under a table these are all that ``columns`` does
-        not name; a column of the table overrides the default that stands here.
-    given
-        Names of the parameters in ``fixed`` that the file states.
-    sampled
-        Sampled parameters in the order of `vibrosweep.model.forcing.INPUTS`: a `Range` under a
-        drawn design, an `Axis` under a grid; empty for a table, which decides by itself.
-    particles, launch, duration, rebound, base
-        As in `RecordSpec`.
-    design
-        ``"uniform"``, ``"latin"``, ``"sobol"``, ``"grid"`` or ``"table"``.
-    table
-        The table, or its path; None for other designs.
-    columns
-        The columns of the table to use, parameters first and then labels; None for all.
-    realizations
-        Number of realizations; None for a table whose length the file does not state.
-    seed
-        Seed of the drawn designs.
-    measures
-        What is measured.
-    record
-        The scene to record, or None.
-    windows
-        The stability windows to find, or None.
-    """
-
-    title: str
-    text: str
-    source: Path | None
+    title: str  # what the sweep shows
+    text: str  # the whole TOML text; for keywords, one that asks for the same
+    source: Path | None  # the file it was read from, None for a text and for keywords
+    # Parameters that are not sampled, defaults included; of the forcings no more than one, and
+    # those of a mount for a sprung base only.  Under a table these are all that ``columns`` does
+    # not name; a column of the table overrides the default that stands here.
     fixed: Mapping[str, float]
-    given: frozenset[str]
+    given: frozenset[str]  # names of the parameters in ``fixed`` that the file states
+    # Sampled parameters in the order of `vibrosweep.model.forcing.INPUTS`: a `Range` under a drawn
+    # design, an `Axis` under a grid; empty for a table, which decides by itself
     sampled: Mapping[str, Range | Axis]
+    # particles, launch, duration, rebound, base: as in `RecordSpec`
     particles: int
     launch: str | tuple[float, ...]
     duration: Time
     rebound: str
     base: str
-    design: str
-    table: Path | GivenTable | None
+    design: str  # ``"uniform"``, ``"latin"``, ``"sobol"``, ``"grid"`` or ``"table"``
+    table: Path | GivenTable | None  # the table, or its path; None for other designs
+    # The columns of the table to use, parameters first and then labels; None for all
     columns: tuple[str, ...] | None
+    # Number of realizations; None for a table whose length the file does not state
     realizations: int | None
-    seed: int
+    seed: int  # seed of the drawn designs
     measures: Measures
-    record: RecordSpec | None
-    windows: WindowsTable | None
+    record: RecordSpec | None  # the scene to record, or None
+    windows: WindowsTable | None  # the stability windows to find, or None
 
     def observing(self, observables: Iterable[Observable]) -> SweepSpec:
         """Return the same sweep with observables.

@@ -34,19 +34,12 @@ _LISTED: Final = 20
 
 @dataclass(frozen=True)
 class Table:
-    """A table of realizations.
+    """A table of realizations."""
 
-    Attributes
-    ----------
-    parameters
-        Parameter name -> array of shape (realization,), in the order of
-        `vibrosweep.model.forcing.INPUTS`, each value within the parameter's range.
-    labels
-        The other columns by their names.
-    """
-
+    # Parameter name -> array of shape (realization,), in the order of
+    # `vibrosweep.model.forcing.INPUTS`, each value within the parameter's range
     parameters: Mapping[str, Array]
-    labels: Mapping[str, Label]
+    labels: Mapping[str, Label]  # the other columns by their names
 
 
 class _Mistakes:

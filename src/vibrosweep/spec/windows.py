@@ -7,21 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class WindowsTable:
-    """[windows], for stability windows: the forcing axis of a grid is their coarse scan.
+    """[windows], for stability windows: the forcing axis of a grid is their coarse scan."""
 
-    Attributes
-    ----------
-    conditions
-        Names of conditions, each once.
-    continuation
-        Whether orbits are continued along the forcing, up and down, instead of launched at each.
-    tolerance
-        Width of the bracket around an edge, relative to the edge.
-    """
-
-    conditions: tuple[str, ...] = ("locked(1)",)
+    conditions: tuple[str, ...] = ("locked(1)",)  # names of conditions, each once
+    # Whether orbits are continued along the forcing, up and down, instead of launched at each
     continuation: bool = False
-    tolerance: float = 1e-9
+    tolerance: float = 1e-9  # width of the bracket around an edge, relative to the edge
 
 
 def condition_names(value: object) -> tuple[str, ...]:

@@ -29,34 +29,17 @@ _PROVES: Final = "the reference proves landings of single trajectories from thei
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of result.
+    """One kind of result."""
 
-    Attributes
-    ----------
-    name
-        Value of the attribute in the file.
-    command
-        Command that makes it.
-    summary
-        ``module:function`` from the dataset to lines of text; empty if the file is read piece by
-        piece instead.
-    drawing
-        ``module:function`` from the dataset to a figure; empty if there is none.
-    stem
-        File name of the figure, without its extension.
-    undrawn
-        Why the dataset alone does not give a figure, and what does.
-    unverified
-        Why ``vibrosweep verify`` cannot check it; empty if it can.
-    """
-
-    name: str
-    command: str
+    name: str  # value of the attribute in the file
+    command: str  # command that makes it
+    # ``module:function`` from the dataset to lines of text; empty if the file is read piece by
+    # piece instead
     summary: str = ""
-    drawing: str = ""
-    stem: str = ""
-    undrawn: str = ""
-    unverified: str = ""
+    drawing: str = ""  # ``module:function`` from the dataset to a figure; empty if there is none
+    stem: str = ""  # file name of the figure, without its extension
+    undrawn: str = ""  # why the dataset alone does not give a figure, and what does
+    unverified: str = ""  # why ``vibrosweep verify`` cannot check it; empty if it can
 
     def lines(self, dataset: xr.Dataset) -> Iterable[str]:
         """Summarise a dataset of this kind."""

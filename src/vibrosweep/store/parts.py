@@ -32,27 +32,14 @@ ALIGNMENT: Final = 64
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a run computes and how it is cut into chunks; fixed from its start to its end.
+    """What a run computes and how it is cut into chunks; fixed from its start to its end."""
 
-    Attributes
-    ----------
-    identity
-        Resume key: everything that the results depend on, key by key.
-    realizations
-        Number of realizations.
-    chunk
-        Realizations in a chunk; the last one may hold fewer.
-    columns
-        Type and shape of each column, as returned by `kinds`; every part must have exactly these.
-    replaces
-        Whether an existing output is to be replaced at the end.
-    """
-
-    identity: Mapping[str, str]
+    identity: Mapping[str, str]  # resume key: everything that the results depend on, key by key
     realizations: int
-    chunk: int
+    chunk: int  # realizations in a chunk; the last one may hold fewer
+    # Type and shape of each column, as returned by `kinds`; every part must have exactly these
     columns: Mapping[str, str]
-    replaces: bool = False
+    replaces: bool = False  # whether an existing output is to be replaced at the end
 
     @property
     def key(self) -> str:
@@ -106,15 +93,7 @@ def read_manifest(directory: Path) -> Manifest | None:
 
 @dataclass(frozen=True)
 class Parts:
-    """The parts of a run.
-
-    Attributes
-    ----------
-    directory
-        The run directory.
-    manifest
-        The manifest of the run.
-    """
+    """The parts of a run."""
 
     directory: Path
     manifest: Manifest

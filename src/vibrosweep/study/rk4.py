@@ -43,17 +43,10 @@ MAX_STEPS = 2.0**53
 
 
 class Landings(NamedTuple):
-    """Landings seen by the fixed-step scheme.
+    """Landings seen by the fixed-step scheme."""
 
-    Attributes
-    ----------
-    landing_time
-        Shape (trajectory, capacity), s; NaN past the last landing.
-    impact_count
-        Shape (trajectory,); all landings up to the end, even those past the capacity.
-    """
-
-    landing_time: Array
+    landing_time: Array  # shape (trajectory, capacity), s; NaN past the last landing
+    # Shape (trajectory,); all landings up to the end, even those past the capacity
     impact_count: NDArray[np.int64]
 
 

@@ -40,21 +40,14 @@ MOUNT: Final = {"mass_ratio": 0.003, "mount_frequency": 0.37, "mount_damping": 0
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is computed.
+    """How much is computed."""
 
-    Attributes
-    ----------
-    threads
-        The result does not depend on it.
-    first_seed, seeds
-        Seeds are first_seed, first_seed + 1, ...; each stands for one random sample.
-    realizations
-        In a sample, over this package's ranges; a quarter of them over others.
-    """
-
-    threads: int = 1
+    threads: int = 1  # the result does not depend on it
+    # first_seed, seeds: seeds are first_seed, first_seed + 1, ...; each stands for one random
+    # sample
     first_seed: int = 0
     seeds: int = 20
+    # In a sample, over this package's ranges; a quarter of them over others
     realizations: int = 200
 
     def random(self) -> list[np.random.Generator]:
@@ -64,24 +57,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Setting:
-    """Ranges and constants under which samples are drawn.
+    """Ranges and constants under which samples are drawn."""
 
-    Attributes
-    ----------
-    name
-        On the page.
-    ranges
-        Ends of restitution and amplitude (m s-1).
-    constants
-        Contact time (s), and of a base of finite mass its mass ratio and mount.
-    part
-        Of the realizations of a plan.
-    """
-
-    name: str
-    ranges: Mapping[str, tuple[float, float]]
+    name: str  # on the page
+    ranges: Mapping[str, tuple[float, float]]  # ends of restitution and amplitude (m s-1)
+    # Contact time (s), and of a base of finite mass its mass ratio and mount
     constants: Mapping[str, float] = field(default_factory=dict)
-    part: float = 0.25
+    part: float = 0.25  # of the realizations of a plan
 
     def drawn(
         self, plan: Plan, *, scale: float = 1.0, **more: tuple[float, float]

@@ -51,28 +51,15 @@ GROWTH: Final = 1.0
 
 @dataclass(frozen=True)
 class Imperfection:
-    """One imperfection in some sizes.
+    """One imperfection in some sizes."""
 
-    Attributes
-    ----------
-    name
-        In the result.
-    units
-        Of its sizes.
-    sizes
-        From small to large.
-    key
-        Field of `Camera` or of `Variation` that takes the size; or the acceleration of a base that
-        moves, with heights counted from where it is at rest.
-    always
-        Fields that go with it.
-    """
-
-    name: str
-    units: str
-    sizes: tuple[float, ...]
+    name: str  # in the result
+    units: str  # of its sizes
+    sizes: tuple[float, ...]  # from small to large
+    # Field of `Camera` or of `Variation` that takes the size; or the acceleration of a base that
+    # moves, with heights counted from where it is at rest
     key: str
-    always: Mapping[str, Any] = field(default_factory=dict)
+    always: Mapping[str, Any] = field(default_factory=dict)  # fields that go with it
 
     def applied(self, experiment: Experiment, size: float) -> Experiment:
         """The experiment with this imperfection."""

@@ -45,29 +45,14 @@ class Number:
 
 @dataclass(frozen=True)
 class Check:
-    """A computed number and the bound that it is held against.
+    """A computed number and the bound that it is held against."""
 
-    Attributes
-    ----------
-    what
-        What the number is, in words.
-    value
-        As computed, with its 95 % interval.
-    relation
-        ``"at most"`` or ``"at least"``.
-    bound
-        In the same unit.
-    units
-        As in CF; ``"1"`` for a pure number.
-    setting
-        Ranges or contact time under which it was computed; empty where none are drawn.
-    """
-
-    what: str
-    value: Estimate
-    relation: Relation
-    bound: float
-    units: str = "1"
+    what: str  # what the number is, in words
+    value: Estimate  # as computed, with its 95 % interval
+    relation: Relation  # ``"at most"`` or ``"at least"``
+    bound: float  # in the same unit
+    units: str = "1"  # as in CF; ``"1"`` for a pure number
+    # Ranges or contact time under which it was computed; empty where none are drawn
     setting: str = ""
 
     @property
@@ -108,24 +93,12 @@ def _all_passed(each: Sequence[bool | None]) -> bool | None:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What was computed for one claim under one base.
+    """What was computed for one claim under one base."""
 
-    Attributes
-    ----------
-    base
-        Key of a base, or `ANY_BASE`.
-    readings
-        Ways to read the claim as stated, at least one.
-    conditions
-        Conditions that may save it; the name says the condition.
-    numbers
-        What else was computed.
-    """
-
-    base: str
-    readings: Sequence[Reading]
-    conditions: Sequence[Reading] = ()
-    numbers: Sequence[Number] = ()
+    base: str  # key of a base, or `ANY_BASE`
+    readings: Sequence[Reading]  # ways to read the claim as stated, at least one
+    conditions: Sequence[Reading] = ()  # conditions that may save it; the name says the condition
+    numbers: Sequence[Number] = ()  # what else was computed
 
     @property
     def verdict(self) -> Verdict:
@@ -163,27 +136,14 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim of the study: its words, and what was computed.
+    """One claim of the study: its words, and what was computed."""
 
-    Attributes
-    ----------
-    key, source
-        Number in the list of claims; section, equation or figure of the study.
-    sentence
-        The claim.
-    method
-        How it was tested.
-    reason
-        The physics behind the outcome.
-    outcome
-        What was computed.
-    """
-
+    # key, source: number in the list of claims; section, equation or figure of the study
     key: str
     source: str
     sentence: str
-    method: str
-    reason: str
+    method: str  # how it was tested
+    reason: str  # the physics behind the outcome
     outcome: Outcome
 
     @property

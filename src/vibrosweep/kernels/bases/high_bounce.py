@@ -54,22 +54,15 @@ class HighBounce(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """What decides the impacts of one realization.
-
-    Attributes
-    ----------
-    base
-        The base and its law.
-    e, a, r
-        Restitution, kick and threshold of rest.
-    x_lift, wait, u_lift
-        Of a rest: phase of the lift-off, 0 or infinite where there is none, and next flight.
-    """
+    """What decides the impacts of one realization."""
 
     base: HighBounce
+    # e, a, r: restitution, kick and threshold of rest
     e: float
     a: float
     r: float
+    # x_lift, wait, u_lift: of a rest: phase of the lift-off, 0 or infinite where there is none, and
+    # next flight
     x_lift: float
     wait: float
     u_lift: float

@@ -57,19 +57,13 @@ NOISE = 8.0 * HALF_ULP  # of the clearance, relative to the terms that it is mad
 
 
 class Start(NamedTuple):
-    """Beginning of a flight.
+    """Beginning of a flight."""
 
-    Attributes
-    ----------
-    alpha, x_lift
-        Of the base: its largest velocity, and the phase at which it begins to fall faster than
-        gravity, NaN where it never does.
-    x, y, sine, cosine
-        Phase and speed relative to the base, and sine and cosine of the phase.
-    """
-
+    # alpha, x_lift: of the base: its largest velocity, and the phase at which it begins to fall
+    # faster than gravity, NaN where it never does
     alpha: float
     x_lift: float
+    # x, y, sine, cosine: phase and speed relative to the base, and sine and cosine of the phase
     x: float
     y: float
     sine: float
@@ -77,37 +71,22 @@ class Start(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """What is known of a landing from the beginning of the flight alone.
+    """What is known of a landing from the beginning of the flight alone."""
 
-    Attributes
-    ----------
-    sure
-        Whether the flight has one root for sure.
-    time
-        A time near it.
-    rise
-        Time from which on it is above every height of the base, until as long before the end of
-        the flight over a base at rest; of use with arcs only.
-    """
-
-    sure: bool
-    time: float
+    sure: bool  # whether the flight has one root for sure
+    time: float  # a time near it
+    # Time from which on it is above every height of the base, until as long before the end of the
+    # flight over a base at rest; of use with arcs only
     rise: float
 
 
 class Clearance(NamedTuple):
-    """Height above the base during a flight.
+    """Height above the base during a flight."""
 
-    Attributes
-    ----------
-    f, f1
-        The clearance and its derivative by time.
-    sine, cosine
-        Of the phase of the base.
-    """
-
+    # f, f1: the clearance and its derivative by time
     f: float
     f1: float
+    # sine, cosine: of the phase of the base
     sine: float
     cosine: float
 

@@ -39,38 +39,23 @@ TINY = 1e-300  # of a speed: pushed into the base, if ever so little
 
 
 class Moving(NamedTuple):
-    """The base.
+    """The base."""
 
-    Attributes
-    ----------
-    law
-        `Rest`, the only one with a meaning here.
-    arcs
-        None where Gamma <= 1 in all realizations, so that no particle is ever lifted.
-    """
-
-    law: Law
+    law: Law  # `Rest`, the only one with a meaning here
+    # None where Gamma <= 1 in all realizations, so that no particle is ever lifted
     arcs: int | None = 1
 
 
 class MovingConstants(NamedTuple):
-    """What decides the impacts of one realization.
-
-    Attributes
-    ----------
-    base
-        The base.
-    e, alpha, r
-        Restitution, largest velocity of the base, and threshold of rest.
-    x_lift
-        Phase at which the base begins to fall faster than gravity, and a resting particle leaves
-        it; NaN where it never does.
-    """
+    """What decides the impacts of one realization."""
 
     base: Moving
+    # e, alpha, r: restitution, largest velocity of the base, and threshold of rest
     e: float
     alpha: float
     r: float
+    # Phase at which the base begins to fall faster than gravity, and a resting particle leaves it;
+    # NaN where it never does
     x_lift: float
 
 

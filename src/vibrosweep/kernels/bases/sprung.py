@@ -29,95 +29,59 @@ TAYLOR = tuple(1.0 / math.factorial(k) for k in range(16))  # of the exponential
 
 
 class Mount(NamedTuple):
-    """What decides the motion of one realization.
+    """What decides the motion of one realization."""
 
-    Attributes
-    ----------
-    e, alpha, r
-        Restitution, largest velocity of the base without particles, and threshold of rest.
-    mu, w, zeta
-        Mass of a particle in units of that of the base, natural frequency in radians per forcing
-        period, and damping ratio of the mount.
-    """
-
+    # e, alpha, r: restitution, largest velocity of the base without particles, and threshold of
+    # rest
     e: float
     alpha: float
     r: float
+    # mu, w, zeta: mass of a particle in units of that of the base, natural frequency in radians per
+    # forcing period, and damping ratio of the mount
     mu: float
     w: float
     zeta: float
 
 
 class Load(NamedTuple):
-    """The base under the load of the particles that ride it.
+    """The base under the load of the particles that ride it."""
 
-    Attributes
-    ----------
-    riders
-        How many.
-    stiffness, drag
-        Of the free oscillation D'' + 2 drag D' + stiffness D = 0.
-    p, q
-        The forced oscillation p cos(2 pi x) + q sin(2 pi x).
-    level
-        Height about which it oscillates.
-    keeps
-        Time for which a push down holds the base down: half a free oscillation.
-    swing
-        Radians of the free oscillation per period; 0 where it is overdamped.
-    reach
-        Amplitude of the forced oscillation.
-    own, grip
-        Bounds: a free motion with the energy of the velocity v reaches the height v / own and the
-        acceleration grip v.
-    """
-
-    riders: int
+    riders: int  # how many
+    # stiffness, drag: of the free oscillation D'' + 2 drag D' + stiffness D = 0
     stiffness: float
     drag: float
+    # p, q: the forced oscillation p cos(2 pi x) + q sin(2 pi x)
     p: float
     q: float
-    level: float
-    keeps: float
-    swing: float
-    reach: float
+    level: float  # height about which it oscillates
+    keeps: float  # time for which a push down holds the base down: half a free oscillation
+    swing: float  # radians of the free oscillation per period; 0 where it is overdamped
+    reach: float  # amplitude of the forced oscillation
+    # own, grip: bounds: a free motion with the energy of the velocity v reaches the height v / own
+    # and the acceleration grip v
     own: float
     grip: float
 
 
 class Motion(NamedTuple):
-    """What the base has done some time after an instant.
+    """What the base has done some time after an instant."""
 
-    Attributes
-    ----------
-    rise, gain
-        Height and velocity beyond those of uniform motion, Y(s) - Y - Y' s and Y'(s) - Y'.
-    d, v
-        Deviation from the forced oscillation, and its velocity.
-    pull, jerk
-        Acceleration Y''(s) and its rate.
-    """
-
+    # rise, gain: height and velocity beyond those of uniform motion, Y(s) - Y - Y' s and Y'(s) - Y'
     rise: float
     gain: float
+    # d, v: deviation from the forced oscillation, and its velocity
     d: float
     v: float
+    # pull, jerk: acceleration Y''(s) and its rate
     pull: float
     jerk: float
 
 
 class Bounds(NamedTuple):
-    """Bounds that hold until the next impact.
+    """Bounds that hold until the next impact."""
 
-    Attributes
-    ----------
-    height
-        Above which the base does not come.
-    pull, jerk, snap
-        Of the absolute values of Y'', Y''' and Y''''.
-    """
-
-    height: float
+    height: float  # above which the base does not come
+    # pull, jerk, snap: of the absolute values of Y'', Y''' and Y''''
     pull: float
     jerk: float
     snap: float

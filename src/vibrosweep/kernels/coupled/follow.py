@@ -47,14 +47,7 @@ AFTER_THE_END = 100_000  # events in which flights that began before the end are
 
 
 class Coupled(NamedTuple):
-    """Realizations, their mounts and launches.
-
-    Attributes
-    ----------
-    problem : vibrosweep.model.parameters.Dimensionless
-    mounts : vibrosweep.model.parameters.Mounts
-    launches : vibrosweep.model.parameters.Launches
-    """
+    """Realizations, their mounts and launches."""
 
     problem: Dimensionless
     mounts: Mounts
@@ -62,31 +55,21 @@ class Coupled(NamedTuple):
 
 
 class Whole(NamedTuple):
-    """What realizations have one number of; each array of shape (realization,) but for `order`.
+    """What realizations have one number of; each array of shape (realization,) but for `order`."""
 
-    Attributes
-    ----------
-    gap, same, shared
-        As in `vibrosweep.kernels.separation.Separations`.
-    undecided
-        Decisions between bouncing and sticking, landing and grazing, or on the order of two
-        landings, that rounding may have made.
-    changes
-        Landings out of turn.
-    gap_median, gap_least
-        Of the gaps between neighbouring landings of different particles in the last period.
-    order
-        Shape (realization, harmonic).
-    """
-
+    # gap, same, shared: as in `vibrosweep.kernels.separation.Separations`
     gap: Floats
     same: Floats
     shared: Flags
+    # Decisions between bouncing and sticking, landing and grazing, or on the order of two landings,
+    # that rounding may have made
     undecided: Integers
-    changes: Integers
+    changes: Integers  # landings out of turn
+    # gap_median, gap_least: of the gaps between neighbouring landings of different particles in the
+    # last period
     gap_median: Floats
     gap_least: Floats
-    order: Floats
+    order: Floats  # shape (realization, harmonic)
 
 
 def empty_whole(realizations: int) -> Whole:
@@ -99,14 +82,7 @@ def empty_whole(realizations: int) -> Whole:
 
 
 class Written(NamedTuple):
-    """Where every landing and the motion of the base are written; what exceeds it is cut off.
-
-    Attributes
-    ----------
-    record : vibrosweep.kernels.record.Record
-    track : vibrosweep.kernels.coupled.written.Track
-    units : vibrosweep.kernels.record.Units
-    """
+    """Where every landing and the motion of the base are written; what exceeds it is cut off."""
 
     record: Record
     track: Track

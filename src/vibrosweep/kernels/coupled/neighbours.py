@@ -21,58 +21,34 @@ HARMONICS = (1.0, 2.0, 3.0, 0.5, 1.0 / 3.0)
 
 
 class Landings(NamedTuple):
-    """What is remembered of landings; of no use to more than one thread.
+    """What is remembered of landings; of no use to more than one thread."""
 
-    Attributes
-    ----------
-    last
-        Whole periods and phase of the last landing of each particle; shape (2, particle).
-    turn
-        Number of that landing among all of the realization, 0 without any; shape (particle,).
-    total
-        Landings of each particle since its launch.
-    numbered
-        Last landing of each impact number: whole periods and phase; shape (2, number).
-    number
-        The impact number that stands in each place, 0 for none in the window.
-    gaps
-        Between neighbouring landings of different particles in the last period.
-    """
-
+    # Whole periods and phase of the last landing of each particle; shape (2, particle)
     last: Floats
+    # Number of that landing among all of the realization, 0 without any; shape (particle,)
     turn: Integers
-    total: Integers
+    total: Integers  # landings of each particle since its launch
+    # Last landing of each impact number: whole periods and phase; shape (2, number)
     numbered: Floats
-    number: Integers
-    gaps: Floats
+    number: Integers  # the impact number that stands in each place, 0 for none in the window
+    gaps: Floats  # between neighbouring landings of different particles in the last period
 
 
 class Order(NamedTuple):
-    """Separations and order so far.
+    """Separations and order so far."""
 
-    Attributes
-    ----------
-    gap, same
-        Smallest separation of landings of different particles, and of those of the same number.
-    shared
-        1 where two particles were on the base at once.
-    who, number, seen
-        The last particle that landed, how many landings there were, and whether the last one was
-        in the window.
-    changes
-        Landings in the window of another particle than that whose turn it was.
-    gaps
-        How many of `Landings.gaps` are in use.
-    """
-
+    # gap, same: smallest separation of landings of different particles, and of those of the same
+    # number
     gap: float
     same: float
-    shared: int
+    shared: int  # 1 where two particles were on the base at once
+    # who, number, seen: the last particle that landed, how many landings there were, and whether
+    # the last one was in the window
     who: int
     number: int
     seen: bool
-    changes: int
-    gaps: int
+    changes: int  # landings in the window of another particle than that whose turn it was
+    gaps: int  # how many of `Landings.gaps` are in use
 
 
 def landings(particles: int, indices: int = INDICES) -> Landings:

@@ -69,18 +69,12 @@ def crossings(left: float, u: float) -> tuple[float, float]:
 
 
 class First(NamedTuple):
-    """The particle that may be the next to land or to be launched, and the one after it.
+    """The particle that may be the next to land or to be launched, and the one after it."""
 
-    Attributes
-    ----------
-    who, time
-        The particle, -1 where none can be, and its time.
-    other, then
-        The same of the one after it.
-    """
-
+    # who, time: the particle, -1 where none can be, and its time
     who: int
     time: float
+    # other, then: the same of the one after it
     other: int
     then: float
 

@@ -32,31 +32,18 @@ BLOCKS: Final = 16  # of equal time, from whose means the error of the exponent 
 
 
 class JointOrbit(NamedTuple):
-    """What joint states settle on; each array of shape (realization,) but for `growth`.
+    """What joint states settle on; each array of shape (realization,) but for `growth`."""
 
-    Attributes
-    ----------
-    impacts, periods, rests
-        Of the cycle: landings of all particles, forcing periods, landings that stick; 0 where no
-        recurrence was found.
-    since
-        Forcing periods after which the state was on the cycle at the latest.
-    landings
-        In the window.
-    growth
-        Logarithm of the growth of a deviation in each block of the window; shape (realization,
-        block).
-    at_rest
-        1 where all particles rest for good.
-    """
-
+    # impacts, periods, rests: of the cycle: landings of all particles, forcing periods, landings
+    # that stick; 0 where no recurrence was found
     impacts: Integers
     periods: Integers
     rests: Integers
-    since: Floats
-    landings: Integers
+    since: Floats  # forcing periods after which the state was on the cycle at the latest
+    landings: Integers  # in the window
+    # Logarithm of the growth of a deviation in each block of the window; shape (realization, block)
     growth: Floats
-    at_rest: Integers
+    at_rest: Integers  # 1 where all particles rest for good
 
 
 def empty_joint(realizations: int) -> JointOrbit:
@@ -69,22 +56,13 @@ def empty_joint(realizations: int) -> JointOrbit:
 
 
 class Notes(NamedTuple):
-    """Scratch memory of one thread.
+    """Scratch memory of one thread."""
 
-    Attributes
-    ----------
-    of, kept
-        State of the realization, and one that it is compared with.
-    rode
-        Modes before an event.
-    deviation
-        Shape (2 * particle + 2, 1).
-    """
-
+    # of, kept: state of the realization, and one that it is compared with
     of: System
     kept: System
-    rode: Integers
-    deviation: Floats
+    rode: Integers  # modes before an event
+    deviation: Floats  # shape (2 * particle + 2, 1)
 
 
 def notes(particles: int) -> Notes:

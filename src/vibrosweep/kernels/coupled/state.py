@@ -76,45 +76,21 @@ EVENT = Kinds(*range(len(Kinds._fields)))
 
 
 class System(NamedTuple):
-    """State of a realization.
+    """State of a realization."""
 
-    Attributes
-    ----------
-    particle
-        Shape (row of `PARTICLE`, particle).
-    now
-        Numbers of the realization, by `NOW`.
-    mode
-        One of `MODE` for each particle.
-    """
-
-    particle: Floats
-    now: Floats
-    mode: Integers
+    particle: Floats  # shape (row of `PARTICLE`, particle)
+    now: Floats  # numbers of the realization, by `NOW`
+    mode: Integers  # one of `MODE` for each particle
 
 
 class Event(NamedTuple):
-    """What happens next.
+    """What happens next."""
 
-    Attributes
-    ----------
-    kind
-        One of `EVENT`.
-    who
-        The particle; -1 for all riders, or where nobody takes part.
-    time
-        Time passed since the event before, in forcing periods.
-    speed
-        Approach speed of a landing.
-    dropped
-        Whether its recoil made the riders leave.
-    """
-
-    kind: int
-    who: int
-    time: float
-    speed: float
-    dropped: bool
+    kind: int  # one of `EVENT`
+    who: int  # the particle; -1 for all riders, or where nobody takes part
+    time: float  # time passed since the event before, in forcing periods
+    speed: float  # approach speed of a landing
+    dropped: bool  # whether its recoil made the riders leave
 
 
 def system(particles: int) -> System:

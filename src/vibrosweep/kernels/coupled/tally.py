@@ -12,54 +12,33 @@ from vibrosweep.kernels.coupled.state import NOW, PARTICLE, System, system
 
 
 class Each(NamedTuple):
-    """Statistics of particles over the window, each array of shape (realization * particle,).
+    """Statistics of particles over the window, each array of shape (realization * particle,)."""
 
-    Attributes
-    ----------
-    landings, rests, flights
-        Numbers of landings, of those after which the particle rested, and of the flights that
-        follow on them and began before the end.
-    flight_sum, height_sum, height_max
-        Of these flights: sum of the flight times in forcing periods, sum and maximum of the
-        greatest heights in g / (2 f^2).
-    launch_height
-        Greatest height of the launch, -inf where that is not in the window.
-    at_rest
-        1 if it came to rest for good; of a realization, the number of such particles.
-    status
-        `vibrosweep.model.status.Status`.
-    """
-
+    # landings, rests, flights: numbers of landings, of those after which the particle rested, and
+    # of the flights that follow on them and began before the end
     landings: Integers
     rests: Integers
     flights: Integers
+    # flight_sum, height_sum, height_max: of these flights: sum of the flight times in forcing
+    # periods, sum and maximum of the greatest heights in g / (2 f^2)
     flight_sum: Floats
     height_sum: Floats
     height_max: Floats
-    launch_height: Floats
+    launch_height: Floats  # greatest height of the launch, -inf where that is not in the window
+    # 1 if it came to rest for good; of a realization, the number of such particles
     at_rest: Integers
-    status: Flags
+    status: Flags  # `vibrosweep.model.status.Status`
 
 
 class Room(NamedTuple):
-    """Scratch memory of one thread.
+    """Scratch memory of one thread."""
 
-    Attributes
-    ----------
-    of
-        State of the realization.
-    landings
-        What is remembered of landings.
-    lifted
-        Whole periods and phase of the last lift-off of each particle; shape (2, particle).
-    counts, flies, rides
-        For each particle, 1 where its last landing is in the window, where its flight counts, and
-        where it rests.
-    """
-
-    of: System
-    landings: Landings
+    of: System  # state of the realization
+    landings: Landings  # what is remembered of landings
+    # Whole periods and phase of the last lift-off of each particle; shape (2, particle)
     lifted: Floats
+    # counts, flies, rides: for each particle, 1 where its last landing is in the window, where its
+    # flight counts, and where it rests
     counts: Integers
     flies: Integers
     rides: Integers

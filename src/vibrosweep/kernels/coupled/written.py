@@ -17,39 +17,25 @@ from vibrosweep.model.parameters import Dimensionless, Mounts
 
 
 class Scale(NamedTuple):
-    """Units and origin of time of one realization.
+    """Units and origin of time of one realization."""
 
-    Attributes
-    ----------
-    frequency, velocity
-        Hz, and g / (2 f) in m s-1.
-    end, phase
-        Whole periods of the end, and phase of the forcing at t = 0.
-    """
-
+    # frequency, velocity: Hz, and g / (2 f) in m s-1
     frequency: float
     velocity: float
+    # end, phase: whole periods of the end, and phase of the forcing at t = 0
     end: float
     phase: float
 
 
 class Track(NamedTuple):
-    """Motion of the base after every event, each array of shape (realization, event).
+    """Motion of the base after every event, each array of shape (realization, event)."""
 
-    Attributes
-    ----------
-    time
-        s; NaN past the last event.
-    deviation, velocity
-        From the forced oscillation under the present load, in g / (2 f^2) and g / (2 f).
-    riders
-        How many particles ride.
-    """
-
-    time: Floats
+    time: Floats  # s; NaN past the last event
+    # deviation, velocity: from the forced oscillation under the present load, in g / (2 f^2)
+    # and g / (2 f)
     deviation: Floats
     velocity: Floats
-    riders: Integers
+    riders: Integers  # how many particles ride
 
 
 def empty_track(realizations: int, events: int) -> Track:
@@ -107,8 +93,8 @@ def trace(
 ) -> None:
     """Write the height and velocity of the base of realization i at increasing times.
 
-    Times in s, none before the first event; `out` is of shape (2, time), in g / (2 f^2) and g / (2
-    f).
+    Times in s, none before the first event; `out` is of shape (2, time), in g / (2 f^2) and
+    g / (2 f).
     """
     of, event = mount(problem, mounts, i), 0
     for k in range(times.size):

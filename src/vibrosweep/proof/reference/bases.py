@@ -10,23 +10,14 @@ from vibrosweep.proof.reference.motion import Motion, PeriodMap, Problem
 
 
 class Reference(NamedTuple):
-    """What the reference knows of a base.
+    """What the reference knows of a base."""
 
-    Attributes
-    ----------
-    motion
-        Of a particle, from a problem.
-    period_map
-        Impacts in forcing periods, from physical parameters and the law of rebound.
-    velocity
-        Largest velocity of the base, m s-1, from physical parameters.
-    liftoff_error
-        Largest error in turns of a lift-off after a rest in doubles, from physical parameters.
-    """
-
-    motion: Callable[[Problem], Motion]
+    motion: Callable[[Problem], Motion]  # of a particle, from a problem
+    # Impacts in forcing periods, from physical parameters and the law of rebound
     period_map: Callable[[Mapping[str, float], str], PeriodMap]
+    # Largest velocity of the base, m s-1, from physical parameters
     velocity: Callable[[Mapping[str, float]], float]
+    # Largest error in turns of a lift-off after a rest in doubles, from physical parameters
     liftoff_error: Callable[[Mapping[str, float]], float]
 
 

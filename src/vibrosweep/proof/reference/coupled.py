@@ -35,20 +35,12 @@ class TooManyLandingsError(ParameterError):
 
 @dataclass(frozen=True)
 class Coupled:
-    """The proved motion of a realization.
+    """The proved motion of a realization."""
 
-    Attributes
-    ----------
-    particles
-        Trajectory of each.
-    events
-        All up to the end, in the order of time, in the units of `vibrosweep.proof.reference.mount`.
-    precision_bits
-        Precision at which every decision became certain and every ball narrow enough.
-    """
-
-    particles: tuple[Trajectory, ...]
+    particles: tuple[Trajectory, ...]  # trajectory of each
+    # All up to the end, in the order of time, in the units of `vibrosweep.proof.reference.mount`
     events: tuple[Event, ...]
+    # Precision at which every decision became certain and every ball narrow enough
     precision_bits: int
 
 

@@ -17,88 +17,46 @@ LAUNCH, LANDING, LIFTOFF = "launch", "landing", "lift-off"
 
 
 class Bodies(NamedTuple):
-    """What moves: the base on its mount, and identical particles.
-
-    Attributes
-    ----------
-    mount
-        The base.
-    e
-        Restitution.
-    r
-        Relative speed at and below which a particle sticks where the base presses it.
-    u0
-        Velocity of a launch.
-    """
+    """What moves: the base on its mount, and identical particles."""
 
     mount: Mount
-    e: arb
-    r: arb
-    u0: arb
+    e: arb  # restitution
+    r: arb  # relative speed at and below which a particle sticks where the base presses it
+    u0: arb  # velocity of a launch
 
 
 class Event(NamedTuple):
-    """What happened to one particle.
+    """What happened to one particle."""
 
-    Attributes
-    ----------
-    kind
-        `LAUNCH`, `LANDING`, or `LIFTOFF` of a rider.
-    particle
-        Its number.
-    turns
-        Phase of the forcing, whole periods included.
-    height
-        Of the base and the particle.
-    before, after
-        Velocity of the particle.
-    base_before, base
-        Velocity of the base, before and afterwards.
-    relative
-        Speed of the particle relative to the base, if it leaves; None if it stays.
-    number
-        Number of landings so far, of all particles.
-    riders
-        Number of particles that ride afterwards.
-    deviation, rate
-        D and D' afterwards.
-    """
-
-    kind: str
-    particle: int
-    turns: arb
-    height: arb
+    kind: str  # `LAUNCH`, `LANDING`, or `LIFTOFF` of a rider
+    particle: int  # its number
+    turns: arb  # phase of the forcing, whole periods included
+    height: arb  # of the base and the particle
+    # before, after: velocity of the particle
     before: arb
     after: arb
+    # base_before, base: velocity of the base, before and afterwards
     base_before: arb
     base: arb
+    # Speed of the particle relative to the base, if it leaves; None if it stays
     relative: arb | None
-    number: int
-    riders: int
+    number: int  # number of landings so far, of all particles
+    riders: int  # number of particles that ride afterwards
+    # deviation, rate: D and D' afterwards
     deviation: arb
     rate: arb
 
 
 @dataclass(eq=False)
 class Flying:
-    """Particles that left the base together and fly as one.
+    """Particles that left the base together and fly as one."""
 
-    Attributes
-    ----------
-    particles
-        Their numbers.
-    gap, speed
-        Height and speed relative to the base.
-    lifted
-        Whether the base pressed them until they left.
-    clear
-        Time before which they have not landed; None where that is the last event.
-    """
-
-    particles: tuple[int, ...]
+    particles: tuple[int, ...]  # their numbers
+    # gap, speed: height and speed relative to the base
     gap: arb
     speed: arb
-    lifted: bool = False
+    lifted: bool = False  # whether the base pressed them until they left
+    # Time before which they have not landed; None where that is the last event
     clear: arb | None = None
 
 

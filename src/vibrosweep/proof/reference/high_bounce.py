@@ -45,27 +45,17 @@ ZERO, ONE = arb(0), arb(1)
 
 @dataclass(frozen=True)
 class BallMap:
-    """The map's parameters as balls; half turns, because sin(pi h) needs no multiplication.
+    """The map's parameters as balls; half turns, because sin(pi h) needs no multiplication."""
 
-    Attributes
-    ----------
-    restitution, amplitude
-        e and A (m s-1).
-    half_turns_at_launch
-        2 f t0 + phi / pi.
-    half_turn_rate, gravity
-        4 f and g.  The phase is 4 f V / g as a quotient, which is exact where the result is: a
-        landing on a zero of the sine is then recognised as one.
-    law
-        Of the rebound.
-    """
-
+    # restitution, amplitude: e and A (m s-1)
     restitution: arb
     amplitude: arb
-    half_turns_at_launch: arb
+    half_turns_at_launch: arb  # 2 f t0 + phi / pi
+    # half_turn_rate, gravity: 4 f and g.  The phase is 4 f V / g as a quotient, which is exact
+    # where the result is: a landing on a zero of the sine is then recognised as one.
     half_turn_rate: arb
     gravity: arb
-    law: Law = LAW_OF["rest"]
+    law: Law = LAW_OF["rest"]  # of the rebound
 
     @classmethod
     def of(cls, parameters: Mapping[str, float], rebound: str, launch_time: arb) -> BallMap:
@@ -198,16 +188,9 @@ class Motion:
 
 
 class PeriodMap(NamedTuple):
-    """The map in forcing periods.
+    """The map in forcing periods."""
 
-    Attributes
-    ----------
-    e, a, r
-        Restitution, kick and threshold of rest.
-    law
-        Of the rebound.
-    """
-
+    # e, a, r: restitution, kick and threshold of rest
     e: arb
     a: arb
     r: arb

@@ -53,17 +53,10 @@ class Course(Protocol):
 
 @dataclass(frozen=True)
 class Clearance:
-    """Height above the base during flights that set out from a ball of states.
+    """Height above the base during flights that set out from a ball of states."""
 
-    Attributes
-    ----------
-    alpha
-        Largest velocity of the base.
-    x, y
-        Phase in turns and relative speed at lift-off.
-    """
-
-    alpha: arb
+    alpha: arb  # largest velocity of the base
+    # x, y: phase in turns and relative speed at lift-off
     x: arb
     y: arb
 

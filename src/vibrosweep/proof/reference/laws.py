@@ -13,26 +13,16 @@ from vibrosweep.proof.reference._flint import arb
 
 
 class Law(NamedTuple):
-    """A law of rebound.
+    """A law of rebound."""
 
-    Attributes
-    ----------
-    kept
-        Speed kept of a restitution, a speed of arrival, and the speed whose flight lasts one
-        forcing period in the same unit.
-    slope
-        Derivative of that by the speed of arrival.
-    bend
-        Bound of the modulus of the second derivative, of a restitution and speeds in units of that
-        whose flight lasts one forcing period.
-    turns_back
-        Whether a particle that is pushed into the base is turned back.
-    """
-
+    # Speed kept of a restitution, a speed of arrival, and the speed whose flight lasts one forcing
+    # period in the same unit
     kept: Callable[[arb, arb, arb], arb]
-    slope: Callable[[arb, arb, arb], arb]
+    slope: Callable[[arb, arb, arb], arb]  # derivative of that by the speed of arrival
+    # Bound of the modulus of the second derivative, of a restitution and speeds in units of that
+    # whose flight lasts one forcing period
     bend: Callable[[float], float]
-    turns_back: bool
+    turns_back: bool  # whether a particle that is pushed into the base is turned back
 
 
 def _share(restitution: arb, speed: arb, unit: arb) -> arb:

@@ -52,64 +52,32 @@ class Problem:
 
 
 class Landed(NamedTuple):
-    """A landing.
+    """A landing."""
 
-    Attributes
-    ----------
-    flown
-        Time since the launch, in the unit of the base.
-    half_turns
-        Phase of the forcing, not reduced.
-    duration
-        Of the flight that ends with it, forcing periods.
-    slopes
-        Derivatives of that by phase and speed of its beginning; None where it is that speed.
-    """
-
-    flown: arb
-    half_turns: arb
-    duration: arb
+    flown: arb  # time since the launch, in the unit of the base
+    half_turns: arb  # phase of the forcing, not reduced
+    duration: arb  # of the flight that ends with it, forcing periods
+    # Derivatives of that by phase and speed of its beginning; None where it is that speed
     slopes: tuple[float, float] | None
 
 
 class Left(NamedTuple):
-    """A launch or lift-off.
+    """A launch or lift-off."""
 
-    Attributes
-    ----------
-    flown
-        Time since the launch, in the unit of the base.
-    rested
-        Whether the particle stayed on the base before.
-    velocity
-        m s-1.
-    speed
-        Relative to the base; the unit is that whose flight from a base at rest lasts one forcing
-        period, g / 2 f.
-    height
-        m, of the highest point of the flight, above the mean level of the base.
-    """
-
-    flown: arb
-    rested: bool
-    velocity: arb
+    flown: arb  # time since the launch, in the unit of the base
+    rested: bool  # whether the particle stayed on the base before
+    velocity: arb  # m s-1
+    # Relative to the base; the unit is that whose flight from a base at rest lasts one forcing
+    # period, g / 2 f
     speed: arb
-    height: arb
+    height: arb  # m, of the highest point of the flight, above the mean level of the base
 
 
 class Motion(Protocol):
-    """A particle and its base, at one precision.
-
-    Attributes
-    ----------
-    launched
-        The launch.
-    end
-        End of the observation, as time since the launch in the unit of the base.
-    """
+    """A particle and its base, at one precision."""
 
     launched: Left
-    end: arb
+    end: arb  # end of the observation, as time since the launch in the unit of the base
 
     def time(self, flown: arb) -> arb:
         """Time in s that long after the launch."""
@@ -125,43 +93,22 @@ class Motion(Protocol):
 
 
 class Step(NamedTuple):
-    """An impact after which the particle leaves at once, and the flight before it.
+    """An impact after which the particle leaves at once, and the flight before it."""
 
-    Attributes
-    ----------
-    duration
-        Of the flight, forcing periods.
-    speed
-        After it, relative to the base.
-    rows
-        Derivative of phase and speed after it by those before the flight.
-    determinant
-        Of these.
-    """
-
-    duration: arb
-    speed: arb
-    rows: Rows
-    determinant: arb
+    duration: arb  # of the flight, forcing periods
+    speed: arb  # after it, relative to the base
+    rows: Rows  # derivative of phase and speed after it by those before the flight
+    determinant: arb  # of these
 
 
 class Carried(NamedTuple):
-    """Images of a direction and of its normal by the Jacobian of an impact.
+    """Images of a direction and of its normal by the Jacobian of an impact."""
 
-    Attributes
-    ----------
-    along, across
-        The images.
-    wrong
-        Bound of the change of the first by the errors of the state and of doubles.
-    turned_back
-        Whether the law of rebound then turns the particle back.
-    """
-
+    # along, across: the images
     along: Pair
     across: Pair
-    wrong: float
-    turned_back: bool
+    wrong: float  # bound of the change of the first by the errors of the state and of doubles
+    turned_back: bool  # whether the law of rebound then turns the particle back
 
 
 class PeriodMap(Protocol):

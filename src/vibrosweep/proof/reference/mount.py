@@ -26,24 +26,12 @@ ORDERS: Final = 7
 
 
 class Mount(NamedTuple):
-    """A base and its mount.
+    """A base and its mount."""
 
-    Attributes
-    ----------
-    alpha
-        Largest velocity of the base without particles.
-    natural
-        w0, angle per forcing period.
-    damping
-        zeta.
-    mass_ratio
-        mu, of one particle and the base.
-    """
-
-    alpha: arb
-    natural: arb
-    damping: arb
-    mass_ratio: arb
+    alpha: arb  # largest velocity of the base without particles
+    natural: arb  # w0, angle per forcing period
+    damping: arb  # zeta
+    mass_ratio: arb  # mu, of one particle and the base
 
     def velocity(self, x: arb) -> arb:
         """Velocity of the base without particles."""

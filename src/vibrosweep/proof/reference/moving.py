@@ -43,20 +43,13 @@ ZERO, ONE = arb(0), arb(1)
 
 
 class MovingMap(NamedTuple):
-    """The impacts in forcing periods.
+    """The impacts in forcing periods."""
 
-    Attributes
-    ----------
-    e, alpha, gamma
-        Restitution, largest velocity of the base, and its largest acceleration.
-    r
-        Relative speed at and below which a particle rests where the base presses.
-    """
-
+    # e, alpha, gamma: restitution, largest velocity of the base, and its largest acceleration
     e: arb
     alpha: arb
     gamma: arb
-    r: arb
+    r: arb  # relative speed at and below which a particle rests where the base presses
 
     @classmethod
     def of(cls, parameters: Mapping[str, float], rebound: str) -> MovingMap:

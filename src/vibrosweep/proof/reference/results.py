@@ -31,52 +31,32 @@ def nearest_double(ball: arb) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """A flight; every ball contains the exact value.
+    """A flight; every ball contains the exact value."""
 
-    Attributes
-    ----------
-    speed
-        Ball, speed relative to the base at lift-off, in units of g / 2 f: on a base at rest, the
-        duration of the flight in forcing periods.
-    height
-        Ball, m; its highest point above the mean level of the base.
-    duration
-        Ball, forcing periods.
-    slopes
-        Derivatives of the duration by phase and speed of the lift-off; None where it is the speed.
-    """
-
+    # Ball, speed relative to the base at lift-off, in units of g / 2 f: on a base at rest, the
+    # duration of the flight in forcing periods
     speed: arb
-    height: arb
-    duration: arb
+    height: arb  # ball, m; its highest point above the mean level of the base
+    duration: arb  # ball, forcing periods
+    # Derivatives of the duration by phase and speed of the lift-off; None where it is the speed
     slopes: tuple[float, float] | None
 
 
 @dataclass(frozen=True, slots=True)
 class Impact:
-    """One landing and the lift-off that follows; every ball contains the exact value.
+    """One landing and the lift-off that follows; every ball contains the exact value."""
 
-    Attributes
-    ----------
-    landing_time
-        Ball, s.
-    liftoff_time, rebound_velocity
-        Balls, s and m s-1; None where the particle is at rest for good.
-    rested
-        True if the particle stayed on the base.
-    count, phase
-        Phase of the forcing at the landing: whole periods, and a ball in turns around a midpoint
-        in [-1/2, 1/2].
-    flight
-        The flight after lift-off, also where it ends after the observation; None at rest for good.
-    """
-
-    landing_time: arb
+    landing_time: arb  # ball, s
+    # liftoff_time, rebound_velocity: balls, s and m s-1; None where the particle is at rest for
+    # good
     liftoff_time: arb | None
     rebound_velocity: arb | None
-    rested: bool
+    rested: bool  # True if the particle stayed on the base
+    # count, phase: phase of the forcing at the landing: whole periods, and a ball in turns around a
+    # midpoint in [-1/2, 1/2]
     count: int
     phase: arb
+    # The flight after lift-off, also where it ends after the observation; None at rest for good
     flight: Flight | None
 
 
@@ -86,26 +66,16 @@ class Trajectory:
 
     The arrays have shape (impact,).  Values are the doubles nearest to the balls' midpoints;
     ``*_radius`` bounds their distance from the exact values, the rounding to double included.
-
-    Attributes
-    ----------
-    launch
-        The flight before the first landing.
-    impacts
-        Every landing up to the end of the observation, or up to the budget.
-    at_rest
-        True if the last landing left the particle at rest for good.
-    status
-        `Status.COMPLETED`, or `Status.BUDGET_EXCEEDED` where more landings follow than the budget
-        allows.
-    precision_bits
-        Precision at which every decision became certain and every ball narrow enough.
     """
 
-    launch: Flight
+    launch: Flight  # the flight before the first landing
+    # Every landing up to the end of the observation, or up to the budget
     impacts: tuple[Impact, ...]
-    at_rest: bool
+    at_rest: bool  # True if the last landing left the particle at rest for good
+    # `Status.COMPLETED`, or `Status.BUDGET_EXCEEDED` where more landings follow than the budget
+    # allows
     status: Status
+    # Precision at which every decision became certain and every ball narrow enough
     precision_bits: int
 
     @cached_property
