@@ -10,6 +10,7 @@ docs/separations-and-claims.md by that of the first seeds.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import time
 from pathlib import Path
@@ -23,6 +24,12 @@ from vibrosweep.study.verdict import ANY_BASE, Verdict
 PAGE = Path(__file__).parents[1] / "docs" / "separations-and-claims.md"
 SEEDS = 20
 FIRST_SEEDS = (0, 1000)
+SHORT = {
+    Verdict.HOLDS: "holds",
+    Verdict.CONDITIONAL: "conditional",
+    Verdict.FAILS: "fails",
+    Verdict.UNDECIDED: "undecided",
+}
 
 
 def verdicts(claims):
@@ -41,10 +48,12 @@ def turned(first, second):
 
 
 def rows(claims):
+    """Cells of the table in the docs, where the heights of flights stand below it."""
     for claim in claims:
-        found = {one.base: one.verdict.value for one in claim.outcome.evidence}
-        cells = [found.get(base, found.get(ANY_BASE, "not computed")) for base in BASES]
-        if_so = f" *Condition: {'; or '.join(claim.conditions)}.*" if claim.conditions else ""
+        found = {one.base: SHORT[one.verdict] for one in claim.outcome.evidence}
+        cells = [found.get(base, found.get(ANY_BASE, "-")) for base in BASES]
+        conditions = [re.sub(r" \(at 1 Hz, flights .*?\)", "", one) for one in claim.conditions]
+        if_so = f" *Condition:* {'; or '.join(conditions)}." if conditions else ""
         yield [claim.key, plain(claim.sentence) + if_so, *cells]
 
 

@@ -35,25 +35,23 @@ NAMES = {
 }
 
 ABOVE = """\
-Random realizations of the ranges of `sweeps/paper.toml` with 20 particles each, the same for all,
-from one run of `python benchmarks/peers.py`:
+Random realizations of `sweeps/paper.toml`, the same for all (`python benchmarks/peers.py`):
 """
 
 PICTURE = "![Time per landing of this package and its peers](images/peers.png)"
 
 BELOW = """\
-Errors are against proved trajectories: {proved}. numpy, JAX, diffrax, heyoka.py and SciPy use one
-thread; vibrosweep and the numba loop use {threads}; pynamicalsys one or {threads}, whichever is
-faster. pynamicalsys, JAX and diffrax make more impacts than there are landings to find, because
-they stop the trajectories of a batch together; that is in their times. heyoka.py and SciPy run the
-proved trajectories only, diffrax 256. Compilation is left out. {agreement}
+Errors are against proved trajectories: {proved}. vibrosweep and the numba loop use {threads}
+threads, pynamicalsys one or {threads}, whichever is faster, the others one. pynamicalsys, JAX and
+diffrax stop the trajectories of a batch together; impacts past the end are in their times.
+heyoka.py and SciPy run the proved trajectories only, diffrax 256. Compilation is left out.
+{agreement}
 """
 
 BARE = """\
-The bare map, without rests and statistics, takes {ours:.2g} ns per impact on {threads} threads. On
-as many threads pynamicalsys' ensemble call takes {default:.0f} times as long with its defaults (the
-map written as its own models are, all states kept) and {fastest:.0f} times as long at its fastest
-(a cheaper reduction of the phase, the last states kept).
+The bare map, without rests and statistics, takes {ours:.2g} ns per impact on {threads} threads,
+pynamicalsys' ensemble call on as many {default:.0f} times as long with its defaults and
+{fastest:.0f} times at its fastest.
 """
 
 
@@ -126,7 +124,7 @@ def agreement(rows: list[Row]) -> str:
         lost.append(f"{found[STATISTICS]['note']} over {sweep.title}")
         apart.append(f"{100.0 * (max(counts) - min(counts)) / max(counts):.1g} %")
     return (
-        f"Chaotic orbits amplify rounding, by any method in double precision: {', '.join(lost)}. "
+        f"Chaotic orbits amplify rounding, by any method: {', '.join(lost)}. "
         f"The counts of landings by the methods differ by up to {' and '.join(apart)}."
     )
 

@@ -96,8 +96,7 @@ _WITHOUT = "0 where no recurrence was found"
 _NO_ORBIT = "-1 where no recurrence was found"
 _BOUND = (
     "against the exact model; infinite where rounding may have changed a decision, NaN where the "
-    "impact budget does not reach the end; on which side of the beginning of the window a landing "
-    "falls is not judged"
+    "impact budget ran out; on which side of the window's beginning a landing falls is not judged"
 )
 
 
@@ -148,7 +147,7 @@ ALWAYS: Final = (
         _R,
         "m",
         "maximum height of any flight",
-        "the launch is counted where it falls into the window",
+        "launches in the window included",
     ),
     _code(
         "status",
@@ -169,16 +168,15 @@ _SEPARATION: Final = Measure(
             _R,
             "s",
             "smallest separation",
-            "between landings of different particles; NaN where no two particles land, or the "
-            "impact budget does not reach the end",
+            "between landings of different particles; NaN without two of them, or where the impact "
+            "budget ran out",
         ),
         _code(
             "dt_min_resolved",
             _R,
             "dt_min is above the resolution of the arithmetic",
             (*_UNDECIDED, (0, "below_resolution"), (1, "resolved")),
-            f"below {RESOLUTION:.1g} forcing periods, rounding alone can make two particles one: "
-            "they approach each other without limit, or leave a rest together",
+            f"below {RESOLUTION:.1g} forcing periods rounding alone can make two particles one",
             judged="resolved",
         ),
         _real(
@@ -186,8 +184,7 @@ _SEPARATION: Final = Measure(
             _R,
             "s",
             "smallest separation between landings of different particles with equal impact number",
-            "numbered from the launch; NaN where no two particles have a landing of the same "
-            "number in the window",
+            "numbered from the launch; NaN without two of them in the window",
         ),
         _code(
             "base_shared",
@@ -269,9 +266,8 @@ _REGIMES: Final = Measure(
             _RP,
             "rounding may have changed a decision along the cycle",
             ((UNDETERMINED, "no_cycle"), (0, "certain"), (1, "uncertain")),
-            "the bound of the error along the cycle reaches the distance of a landing from the "
-            "threshold of rest, or of a flight from a graze: the exact model may have another "
-            "cycle",
+            "the bound of its error reaches the threshold of rest or a graze: the exact model may "
+            "have another cycle",
             judged="uncertain",
         ),
         _real(
@@ -305,7 +301,7 @@ _LYAPUNOV: Final = Measure(
             "slot_count",
             _R,
             "slots that particles occupy",
-            "of all orbits; each counted once",
+            "of all orbits, each counted once",
             judged="slot_count",
         ),
         _real(
@@ -314,7 +310,7 @@ _LYAPUNOV: Final = Measure(
             "1",
             "largest Lyapunov exponent",
             "per impact; from the multipliers of the cycle, else the mean over the landings in the "
-            "window; -inf where the orbit rests; NaN without landings in the window",
+            "window; -inf where the orbit rests; NaN without landings",
             judged="exponent",
         ),
         _real(
@@ -332,7 +328,7 @@ _LYAPUNOV: Final = Measure(
             "1",
             "sum of both Lyapunov exponents per impact",
             "the logarithm of the restitution, over a moving base twice that; -inf where the orbit "
-            "rests; NaN without landings in the window",
+            "rests; NaN without landings",
             judged="exponent_sum",
         ),
         _real(
@@ -502,8 +498,7 @@ _TRUST: Final = Measure(
             _RP,
             "s",
             "time up to which every landing is known to measure.tolerance",
-            "the duration where all are; NaN where none is; no further than the impact budget "
-            "reaches",
+            "the duration where all are, NaN where none is; no further than the impact budget",
             judged="trusted_until",
         ),
     ),

@@ -52,27 +52,27 @@ _REGIMES = {
     Regime.RESTING: "The orbit repeats exactly and rests at least once in its cycle.",
     Regime.LOCKED: "The orbit repeats exactly and never rests.",
     Regime.UNSETTLED: (
-        "No exact repetition was found before the end of the observation, and nothing shows that "
-        "there is none: the orbit may still be settling; observe for longer."
+        "No exact repetition was found, and nothing shows that there is none: the orbit may still "
+        "be settling; observe for longer."
     ),
     Regime.APERIODIC: (
-        "No exact repetition was found, and the largest Lyapunov exponent, over 64 or more "
-        "landings, exceeds zero by three standard errors."
+        "No exact repetition was found, and the largest Lyapunov exponent, over 64 landings or "
+        "more, exceeds zero by three standard errors."
     ),
 }
 
 _SENTENCES = {
     Status.COMPLETED: "The trajectory is known up to the end of the observation.",
     Status.BUDGET_EXCEEDED: (
-        "The impact budget ran out before the end of the observation: measures cover only the "
-        "landings found; raise measure.impact_budget, or shorten scene.duration."
+        "The impact budget ran out: measures cover only the landings found; raise "
+        "measure.impact_budget, or shorten scene.duration."
     ),
     Status.NON_FINITE: (
         "A value became infinite or undefined: the parameters are too extreme for double precision."
     ),
     Status.REFUSED: (
-        "A time is more than 2^51 forcing periods of this realization, which cannot be counted "
-        "exactly, or its forcing makes an amplitude above 1e30 m s-1; nothing was measured, and "
-        "counts are -1: lower its frequency or forcing, or shorten scene.duration."
+        "A time is more than 2^51 forcing periods, which cannot be counted exactly, or the "
+        "amplitude is above 1e30 m s-1; nothing was measured, and counts are -1: lower frequency "
+        "or forcing, or shorten scene.duration."
     ),
 }
