@@ -1,5 +1,6 @@
 """What is said in words is what a sweep of the same realization measures."""
 
+import numpy as np
 import pytest
 
 from vibrosweep.explore.choice import Choice
@@ -12,7 +13,7 @@ MOUNTED = {**TABLE_1, "mass_ratio": 0.001, "mount_frequency": 0.37, "mount_dampi
 
 @pytest.mark.parametrize("base", BASES)
 def test_facts_are_those_of_the_observation(base):
-    choice = Choice(MOUNTED, particles=2).over(base)
+    choice = Choice(MOUNTED, particles=2, end=60.0).over(base)
     observed = choice.observe()
     said = dict(facts(choice, observed))
     one = observed.isel(realization=0)
@@ -24,3 +25,14 @@ def test_facts_are_those_of_the_observation(base):
     else:
         assert said["orbits, slots"].startswith(f"{int(one['orbit_count'])}, ")
     assert f"<td>{base}</td>" in facts_html(choice)
+
+
+def test_what_has_no_value_is_not_known():
+    choice = Choice(TABLE_1, particles=2)
+    observed = choice.observe()
+    observed = observed.assign(
+        {name: observed[name] * np.nan for name in ("dt_min", "rebound_height_max")}
+    )
+    said = dict(facts(choice, observed))
+    assert said["smallest separation Δt min"] == "not known"
+    assert said["largest rebound height"] == "not known"

@@ -9,6 +9,7 @@ import pytest
 from bokeh.document import Document
 
 import vibrosweep as vs
+from vibrosweep.errors import VibrosweepError
 from vibrosweep.explore import motion_view, pictures, plane_view
 from vibrosweep.explore.background import Background
 from vibrosweep.explore.live import Page
@@ -160,6 +161,23 @@ def test_kernels_that_are_not_ready_are_waited_for_with_a_message(page, monkeypa
     (callback,) = (c for c in page.document.session_callbacks if "_prepares" in repr(c.callback))
     callback.callback()
     assert_shows(page.motions[0], page.controls.choice.simulate())
+
+
+def test_what_cannot_be_prepared_is_told_and_not_tried_for_ever(page, monkeypatch):
+    tried = []
+
+    def prepare(choice):
+        tried.append(Future())
+        return tried[-1]
+
+    monkeypatch.setattr(page.background, "prepare", prepare)
+    page._follow()
+    tried[0].set_exception(VibrosweepError("no such thing"))
+    (callback,) = (c for c in page.document.session_callbacks if "_prepares" in repr(c.callback))
+    callback.callback()
+    assert "not computed" in page.status.text
+    assert "no such thing" in page.status.text
+    assert len(tried) == 1
 
 
 def geometry(**given):

@@ -37,9 +37,9 @@ def facts(choice: Choice, observed: xr.Dataset) -> Iterator[tuple[str, str]]:
         yield "regimes of particles", ", ".join(_regimes(one))
         yield "largest Lyapunov exponent per impact", _range(one["lyapunov_largest"].values)
         yield "orbits, slots", f"{int(one['orbit_count'])}, {int(one['slot_count'])}"
-    yield "largest rebound height", f"{float(one['rebound_height_max']):.5g} m"
+    yield "largest rebound height", _number(one["rebound_height_max"], " m")
     if choice.particles > 1:
-        yield "smallest separation Δt min", f"{float(one['dt_min']):.5g} s"
+        yield "smallest separation Δt min", _number(one["dt_min"], " s")
         shared = {1: "yes", 0: "no"}.get(int(one["base_shared"]), "not known")
         yield "two particles on the base at once", shared
 
@@ -59,8 +59,7 @@ def _joint(one: xr.Dataset) -> Iterator[tuple[str, str]]:
     codes = np.atleast_1d(attributes["flag_values"]).tolist()
     meanings = dict(zip(codes, str(attributes["flag_meanings"]).split(), strict=True))
     yield "regime of all together", meanings[int(one["joint_regime"])].replace("_", " ")
-    exponent = float(one["joint_exponent"])
-    yield "largest Lyapunov exponent per period", f"{exponent:.5g}"
+    yield "largest Lyapunov exponent per period", _number(one["joint_exponent"])
 
 
 def _regimes(one: xr.Dataset) -> Iterator[str]:
@@ -79,6 +78,11 @@ def _regimes(one: xr.Dataset) -> Iterator[str]:
 
 def _some(number: int, thing: str) -> str:
     return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def _number(value: xr.DataArray, units: str = "") -> str:
+    number = float(value)
+    return "not known" if np.isnan(number) else f"{number:.5g}{units}"
 
 
 def _range(values: np.ndarray) -> str:

@@ -216,7 +216,7 @@ class Page:
             for motion, one in zip(self.motions, shown, strict=False):
                 motion.show(one.simulate(), named(one))
         except VibrosweepError as error:
-            self.status.text = f"<b>not computed:</b> {html.escape(str(error))}"
+            self._refused(error)
             return
         self.motions[1].heading.visible = second
         self.status.text = html.escape(f"Shown: {what}. {self.plane.why_no_curves}")
@@ -232,8 +232,20 @@ class Page:
             bases = " and ".join(one.base for one in shown)
             self.status.text = PREPARING.format(html.escape(bases))
             self.facts.text = ""
-            self._after(late[-1], lambda: self._show(what) if self._shown is shown else None)
+            self._after(late[-1], lambda: self._prepared(late[-1].exception(), shown, what))
         return bool(late)
+
+    def _prepared(self, error: BaseException | None, shown: list[Choice], what: str) -> None:
+        """Show what kernels were prepared for, unless something else is to be shown by now."""
+        if self._shown is not shown:
+            return
+        if error is None:
+            self._show(what)
+        else:
+            self._refused(error)
+
+    def _refused(self, error: BaseException) -> None:
+        self.status.text = f"<b>not computed:</b> {html.escape(str(error))}"
 
     def _after(self, future: Future[Any], then: Callable[[], object]) -> None:
         """Do something in the thread of the page once the background has done its work."""
