@@ -82,4 +82,3 @@ def test_a_scan_that_goes_on_from_its_states_sees_hysteresis(upward, end):
     codes, edges = find_edges(evaluate, 1, AXIS, 1e-9, start=start, upward=upward)
     (window,) = windows_of_row(codes, edges, 0, {1})
     assert window[0] == pytest.approx(end, rel=1e-8)
-    assert edges.code_low.tolist() == [0]

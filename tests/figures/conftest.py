@@ -9,16 +9,9 @@ import pytest
 import xarray as xr
 
 from vibrosweep.model.measures import VARIABLES
+from vibrosweep.model.parameters import PARAMETERS
 
-TABLE_1 = {
-    "restitution": 0.9,
-    "amplitude": 1.2,
-    "frequency": 1.0,
-    "phase": 0.0,
-    "gravity": 9.81,
-    "launch_velocity": 5.0,
-    "contact_time": 1e-4,
-}
+TABLE_1 = {name: one.default for name, one in PARAMETERS.items()}
 
 
 def liftoff(t, p, w_rest):

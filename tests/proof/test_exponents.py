@@ -6,20 +6,13 @@ import numpy as np
 import pytest
 from flint import arb
 
+from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.cycle import MAX_CYCLE, largest_exponent
 from vibrosweep.proof.growth import mean_growth
 from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.high_bounce import PeriodMap
 
-SCENE = {
-    "restitution": 0.9,
-    "amplitude": 1.2,
-    "frequency": 1.0,
-    "phase": 0.0,
-    "gravity": 9.81,
-    "launch_velocity": 5.0,
-    "contact_time": 1e-4,
-}
+SCENE = {name: one.default for name, one in PARAMETERS.items()}
 
 
 @pytest.mark.parametrize("rebound", ["rest", "reflect"])

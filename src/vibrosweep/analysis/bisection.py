@@ -23,13 +23,12 @@ Evaluate = Callable[[Codes, Array, Array], tuple[Codes, Array]]
 class Edges(NamedTuple):
     """Brackets of edges, each array of shape (edge,), ordered by row and position.
 
-    Between `low` and `high` the code changes from `code_low` to `code_high`.
+    Between `low` and `high` the code changes to `code_high`.
     """
 
     row: Codes
     low: Array
     high: Array
-    code_low: Codes
     code_high: Codes
 
 
@@ -83,7 +82,6 @@ def find_edges(
         done.row,
         np.minimum(done.near, done.far),
         np.maximum(done.near, done.far),
-        np.where(swap, done.code_far, done.code_near),
         np.where(swap, done.code_near, done.code_far),
     )
     order = np.lexsort((edges.low, edges.row))

@@ -7,7 +7,7 @@ from other variables of the file is at least held against those.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,8 +17,10 @@ from vibrosweep.model.status import Regime, Status
 from vibrosweep.proof.bounds import change_of_bound, untrusted
 from vibrosweep.proof.case import Case
 from vibrosweep.proof.judgement import Judgement, judge
+from vibrosweep.proof.statistics import Proved
 
 Judgements: TypeAlias = Iterator[Judgement]
+FOUND_NOW: Final = "but {!r} is found now"
 
 
 class Judge(NamedTuple):
@@ -44,27 +46,36 @@ def _follows(value: Callable[[Case, str], float | None]) -> Callable[[Case, str]
 
     def follows(case: Case, name: str) -> Judgements:
         made = value(case, name) if case.stored["status"] == Status.COMPLETED else None
-        if made is None:
-            return
-        stored = float(case.stored[name])
-        same = stored == made or (math.isnan(stored) and math.isnan(made))
-        error = 0.0 if same else abs(stored - made)
-        complaint = "" if same else f"is {stored!r}, while others in the file make it {made!r}"
-        yield Judgement(name, None, error, 0.0, None, complaint)
+        if made is not None:
+            stored = float(case.stored[name])
+            yield _same(name, None, stored, made, "while others in the file make it {!r}")
 
     return follows
 
 
+def _same(name: str, particle: int | None, stored: float, other: float, words: str) -> Judgement:
+    """Judge a number by another that it must equal; `words` say where that is from."""
+    if stored == other or (math.isnan(stored) and math.isnan(other)):
+        return Judgement(name, particle, 0.0, 0.0)
+    complaint = f"is {stored!r}, {words.format(other)}"
+    return Judgement(name, particle, abs(stored - other), 0.0, None, complaint)
+
+
+def _each(case: Case, name: str, proved: Iterable[tuple[Proved, float | None]]) -> Judgements:
+    """Judge the numbers of the particles by proved values and what is claimed of them."""
+    for particle, (value, claim) in enumerate(proved):
+        yield judge(name, particle, float(case.stored[name][particle]), value, claim)
+
+
 def _measure(case: Case, name: str) -> Judgements:
     """Judge a measure of flights, landings or separations."""
-    proved, stored = case.measures.values[name], case.stored[name]
+    proved = case.measures.values[name]
     unresolved = MEASURE_OF.get(name) == "separation" and _is_unresolved(case)
     claim = None if unresolved else case.claims[name]
     if isinstance(proved, list):
-        for particle, value in enumerate(proved):
-            yield judge(name, particle, float(stored[particle]), value, claim)
+        yield from _each(case, name, ((value, claim) for value in proved))
     else:
-        yield judge(name, None, float(stored), proved, claim)
+        yield judge(name, None, float(case.stored[name]), proved, claim)
 
 
 def _is_unresolved(case: Case) -> bool:
@@ -74,8 +85,7 @@ def _is_unresolved(case: Case) -> bool:
 
 
 def _regime(case: Case, name: str) -> Judgements:
-    for particle, value in enumerate(_regimes(case)):
-        yield judge(name, particle, float(case.stored[name][particle]), value, 0.0)
+    return _each(case, name, ((regime, 0.0) for regime in _regimes(case)))
 
 
 def _regimes(case: Case) -> list[int]:
@@ -103,9 +113,7 @@ def _number_in(case: Case, name: str) -> float:
 
 def _cycle(case: Case, name: str) -> Judgements:
     field = name.removeprefix("cycle_")
-    for particle, cycle in enumerate(case.cycles):
-        value = 0 if cycle is None else getattr(cycle, field)
-        yield judge(name, particle, float(case.stored[name][particle]), value, 0.0)
+    return _each(case, name, ((0 if c is None else getattr(c, field), 0.0) for c in case.cycles))
 
 
 def _uncertain(case: Case, name: str) -> Judgements:
@@ -114,37 +122,27 @@ def _uncertain(case: Case, name: str) -> Judgements:
         if case.trajectories and case.cycles[particle] is None:
             yield judge(name, particle, float(stored), UNDETERMINED, 0.0)
         elif name in case.again:
-            again = int(case.again[name][particle])
-            complaint = "" if stored == again else f"is {stored}, but {again} is found now"
-            yield Judgement(name, particle, abs(stored - again), 0.0, None, complaint)
+            yield _same(name, particle, stored, int(case.again[name][particle]), FOUND_NOW)
 
 
 def _recomputed(case: Case, name: str) -> Judgements:
     """Judge what has no proof by what the same version finds now."""
     if name in case.again:
-        stored, again = float(case.stored[name]), float(case.again[name])
-        same = stored == again or (math.isnan(stored) and math.isnan(again))
-        complaint = "" if same else f"is {stored!r}, but {again!r} is found now"
-        yield Judgement(name, None, 0.0 if same else abs(stored - again), 0.0, None, complaint)
+        yield _same(name, None, float(case.stored[name]), float(case.again[name]), FOUND_NOW)
 
 
 def _recurrent_from(case: Case, name: str) -> Judgements:
-    for particle, (orbit, cycle) in enumerate(zip(case.orbits, case.cycles, strict=True)):
-        time = None if cycle is None else orbit.times[cycle.since]
-        stored = float(case.stored[name][particle])
-        yield judge(name, particle, stored, time, orbit.time_error)
+    pairs = zip(case.orbits, case.cycles, strict=True)
+    proved = ((None if c is None else o.times[c.since], o.time_error) for o, c in pairs)
+    return _each(case, name, proved)
 
 
 def _largest(case: Case, name: str) -> Judgements:
-    for particle, proved in enumerate(case.exponents):
-        stored = float(case.stored[name][particle])
-        yield judge(name, particle, stored, proved.largest, proved.claim)
+    return _each(case, name, ((proved.largest, proved.claim) for proved in case.exponents))
 
 
 def _sum(case: Case, name: str) -> Judgements:
-    for particle, proved in enumerate(case.exponents):
-        stored = float(case.stored[name][particle])
-        yield judge(name, particle, stored, proved.total, proved.total_claim)
+    return _each(case, name, ((proved.total, proved.total_claim) for proved in case.exponents))
 
 
 def _largest_error(case: Case, name: str) -> Judgements:
@@ -182,16 +180,17 @@ def _true_error(case: Case, name: str, particle: int) -> float | None:
 
 
 def _orbit(case: Case, name: str) -> Judgements:
-    numbers = case.orbit_numbers
-    for particle, stored in enumerate(case.stored[name].tolist()):
-        value = None if numbers is None else numbers[particle]
-        yield judge(name, particle, float(stored), value, None if numbers is None else 0.0)
+    numbers: Sequence[int | None] = case.orbit_numbers or [None] * len(case.stored[name])
+    return _each(case, name, ((number, _decided(number)) for number in numbers))
 
 
 def _slot(case: Case, name: str) -> Judgements:
-    for particle, value in enumerate(case.slots):
-        stored = float(case.stored[name][particle])
-        yield judge(name, particle, stored, value, None if value is None else 0.0)
+    return _each(case, name, ((slot, _decided(slot)) for slot in case.slots))
+
+
+def _decided(code: int | None) -> float | None:
+    """Claim of a code; nothing is claimed of one that cannot be decided."""
+    return None if code is None else 0.0
 
 
 def _most_unstable(case: Case, name: str) -> float:

@@ -5,9 +5,10 @@ Plain code in ball arithmetic, apart from the kernels: what comes back is proved
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from itertools import groupby, pairwise
 from operator import attrgetter
 from sys import float_info
@@ -139,8 +140,5 @@ def _overlap(landings: Sequence[Landing], begin: arb) -> arb | None:
     return overlap
 
 
-def _least(balls: Iterable[arb]) -> arb | None:
-    least = None
-    for ball in balls:
-        least = ball if least is None else least.min(ball)
-    return least
+def _least(balls: Sequence[arb]) -> arb | None:
+    return reduce(arb.min, balls) if balls else None

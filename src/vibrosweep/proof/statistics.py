@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from functools import reduce
 from typing import NamedTuple, TypeAlias
 
 from vibrosweep.proof.reference._flint import arb
@@ -104,10 +105,8 @@ def launch_depth(realization: Realization) -> Fraction:
 
 def largest(balls: Iterable[arb]) -> arb | None:
     """Largest of some balls; None of none."""
-    found = None
-    for ball in balls:
-        found = ball if found is None else found.max(ball)
-    return found
+    listed = list(balls)
+    return reduce(arb.max, listed) if listed else None
 
 
 class Uncertainty(NamedTuple):

@@ -9,18 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.moving import MovingMap, first_landing
 
-TABLE_1 = {
-    "restitution": 0.9,
-    "amplitude": 1.2,
-    "frequency": 1.0,
-    "phase": 0.0,
-    "gravity": 9.81,
-    "launch_velocity": 5.0,
-    "contact_time": 1e-4,
+TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {
     "launch_time": 0.125,
     "duration": 12.0,
 }

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
 from vibrosweep.proof.reference.coupled import bodies_of, coupled
@@ -17,14 +18,7 @@ from vibrosweep.proof.reference.events import LANDING, LAUNCH, LIFTOFF, Bodies, 
 from vibrosweep.proof.reference.mount import Mount
 from vibrosweep.proof.reference.sprung import System
 
-TABLE_1 = {
-    "restitution": 0.9,
-    "amplitude": 1.2,
-    "frequency": 1.0,
-    "phase": 0.0,
-    "gravity": 9.81,
-    "launch_velocity": 5.0,
-    "contact_time": 1e-4,
+TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {
     "mass_ratio": 0.05,
     "mount_frequency": 0.37,
     "mount_damping": 0.05,

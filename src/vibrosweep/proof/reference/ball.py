@@ -31,13 +31,14 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from functools import partial
 from typing import Final
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import LAWS, PARAMETERS
-from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
+from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.bases import REFERENCE_OF
-from vibrosweep.proof.reference.decisions import UncertainError, nearest_integer
+from vibrosweep.proof.reference.decisions import decided, nearest_integer
 from vibrosweep.proof.reference.high_bounce import BallMap
 from vibrosweep.proof.reference.motion import Problem
 from vibrosweep.proof.reference.orbit import attempt
@@ -113,15 +114,8 @@ def trajectory(
     if base != "high-bounce" and rebound != "rest":
         raise ParameterError(f"rebound = {rebound!r}: must be rest where the base is {base}")
     problem = _checked(values, launch_time, duration, rebound, max_impacts, digits)
-    motion_of = REFERENCE_OF[base].motion
-    bits = GUARD_BITS * (2 + problem.digits_bits // GUARD_BITS)
-    while True:
-        try:
-            return attempt(problem, motion_of, bits)
-        except UncertainError as uncertain:
-            if 2 * bits > max_bits:
-                raise UndecidableError(uncertain.decision, uncertain.impact, bits) from None
-        bits *= 2
+    first = GUARD_BITS * (2 + problem.digits_bits // GUARD_BITS)
+    return decided(partial(attempt, problem, REFERENCE_OF[base].motion), first, max_bits)
 
 
 def _checked(

@@ -13,13 +13,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import groupby
 from typing import Final
 
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.status import Status
-from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx, exact
-from vibrosweep.proof.reference.decisions import UncertainError, certain_above, nearest_integer
+from vibrosweep.proof.reference._flint import arb, ctx, exact
+from vibrosweep.proof.reference.decisions import (
+    UncertainError,
+    certain_above,
+    decided,
+    nearest_integer,
+)
 from vibrosweep.proof.reference.events import LANDING, Bodies, Event, Launch
 from vibrosweep.proof.reference.mount import Mount
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
@@ -160,14 +166,8 @@ def coupled(
         if number < 1:
             raise ParameterError(f"{name} = {number!r}: must be at least 1")
     problem = _Problem(values, launched, _exact("duration", duration), max_landings, digits)
-    bits = max(bits, GUARD_BITS * (2 + problem.bits // GUARD_BITS))
-    while True:
-        try:
-            return _attempt(problem, bits)
-        except UncertainError as uncertain:
-            if 2 * bits > max_bits:
-                raise UndecidableError(uncertain.decision, uncertain.impact, bits) from None
-        bits *= 2
+    first = max(bits, GUARD_BITS * (2 + problem.bits // GUARD_BITS))
+    return decided(partial(_attempt, problem), first, max_bits)
 
 
 def _exact(name: str, time: float | Fraction) -> Fraction:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from vibrosweep.proof.reference._flint import arb
+from collections.abc import Callable
+from typing import TypeVar
 
+from vibrosweep.proof.reference._flint import UndecidableError, arb
+
+T = TypeVar("T")
 HALF = arb(0.5)
 
 
@@ -28,3 +32,17 @@ def certain_above(left: arb, right: arb, decision: str, impact: int) -> bool:
 def nearest_integer(ball: arb) -> int:
     """Integer next to the midpoint: a choice of representation, so never uncertain."""
     return int((ball.mid() + HALF).mid().floor().fmpz())  # the sum may round
+
+
+def decided(attempt: Callable[[int], T], bits: int, max_bits: int) -> T:
+    """Result of an attempt at the first precision, doubled again and again, that decides all.
+
+    Raises an UndecidableError where none up to the largest does.
+    """
+    while True:
+        try:
+            return attempt(bits)
+        except UncertainError as uncertain:
+            if 2 * bits > max_bits:
+                raise UndecidableError(uncertain.decision, uncertain.impact, bits) from None
+        bits *= 2

@@ -23,8 +23,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
-from vibrosweep.proof.reference.decisions import UncertainError, certain_above, nearest_integer
+from vibrosweep.proof.reference._flint import arb, ctx
+from vibrosweep.proof.reference.decisions import (
+    UncertainError,
+    certain_above,
+    decided,
+    nearest_integer,
+)
 from vibrosweep.proof.reference.enclosure import FRAME_BITS, Enclosure, Rows
 from vibrosweep.proof.reference.landing import Clearance, first_root, narrowed
 from vibrosweep.proof.reference.motion import (
@@ -182,22 +187,16 @@ def first_landing(
         Balls of the duration of the flight in forcing periods, 0 where it lands at once, and of
         the relative speed of arrival.
     """
-    while True:
+
+    def attempt(bits: int) -> tuple[arb, arb]:
         with ctx.workprec(bits):
             alpha = arb(a) / (1 + arb(e))
-            m = MovingMap(arb(e), alpha, arb.pi() * alpha, ZERO)
-            try:
-                s = m.flight(arb(x), arb(y), 1)
-            except UncertainError as uncertain:
-                if 2 * bits > max_bits:
-                    raise UndecidableError(uncertain.decision, 1, bits) from None
-            else:
-                return (
-                    (ZERO, -arb(y))
-                    if s is None
-                    else (s, -2 * Clearance(alpha, arb(x), arb(y)).slope(s))
-                )
-        bits *= 2
+            s = MovingMap(arb(e), alpha, arb.pi() * alpha, ZERO).flight(arb(x), arb(y), 1)
+            if s is None:
+                return ZERO, -arb(y)
+            return s, -2 * Clearance(alpha, arb(x), arb(y)).slope(s)
+
+    return decided(attempt, bits, max_bits)
 
 
 class Motion:

@@ -1,4 +1,4 @@
-"""What the proved reference returns: balls, and doubles with proved radii."""
+"""What the proved reference returns: balls, and the doubles nearest to them."""
 
 from __future__ import annotations
 
@@ -14,19 +14,6 @@ from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb
 
 Array = NDArray[np.float64]
-
-
-def nearest_double(ball: arb) -> tuple[float, float]:
-    """Double nearest to a ball's midpoint, and a bound of its distance from the ball's points.
-
-    The bound includes the rounding to double and is itself rounded up; it is 0 only where the
-    ball is exactly that double, and infinite beyond the range of doubles.
-    """
-    value = float(ball)
-    if not math.isfinite(value):
-        return value, math.inf
-    distance = (ball - value).abs_upper()
-    return value, 0.0 if distance.is_zero() else math.nextafter(float(distance), math.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +51,7 @@ class Impact:
 class Trajectory:
     """All landings of one particle in order of time, with proved error bounds.
 
-    The arrays have shape (impact,).  Values are the doubles nearest to the balls' midpoints;
-    ``*_radius`` bounds their distance from the exact values, the rounding to double included.
+    The arrays have shape (impact,); they hold the doubles nearest to the balls' midpoints.
     """
 
     launch: Flight  # the flight before the first landing
@@ -83,51 +69,21 @@ class Trajectory:
         """Whether the particle stayed on the base after the landing."""
         return np.array([impact.rested for impact in self.impacts], dtype=np.bool_)
 
-    @property
+    @cached_property
     def landing_time(self) -> Array:
         """Landing times in s."""
-        return self._landing[0]
-
-    @property
-    def landing_time_radius(self) -> Array:
-        """Proved bound of the error of `landing_time` in s."""
-        return self._landing[1]
-
-    @property
-    def liftoff_time(self) -> Array:
-        """Lift-off times in s; NaN at rest for good."""
-        return self._liftoff[0]
-
-    @property
-    def liftoff_time_radius(self) -> Array:
-        """Proved bound of the error of `liftoff_time` in s; NaN at rest for good."""
-        return self._liftoff[1]
-
-    @property
-    def rebound_velocity(self) -> Array:
-        """Velocities after lift-off in m s-1; NaN at rest for good."""
-        return self._rebound[0]
-
-    @property
-    def rebound_velocity_radius(self) -> Array:
-        """Proved bound of the error of `rebound_velocity` in m s-1; NaN at rest for good."""
-        return self._rebound[1]
-
-    @cached_property
-    def _landing(self) -> tuple[Array, Array]:
         return _doubles(impact.landing_time for impact in self.impacts)
 
     @cached_property
-    def _liftoff(self) -> tuple[Array, Array]:
+    def liftoff_time(self) -> Array:
+        """Lift-off times in s; NaN at rest for good."""
         return _doubles(impact.liftoff_time for impact in self.impacts)
 
     @cached_property
-    def _rebound(self) -> tuple[Array, Array]:
+    def rebound_velocity(self) -> Array:
+        """Velocities after lift-off in m s-1; NaN at rest for good."""
         return _doubles(impact.rebound_velocity for impact in self.impacts)
 
 
-def _doubles(balls: Iterable[arb | None]) -> tuple[Array, Array]:
-    """Values and radii, each of shape (impact,)."""
-    pairs = [(math.nan, math.nan) if b is None else nearest_double(b) for b in balls]
-    values, radii = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
-    return values, radii
+def _doubles(balls: Iterable[arb | None]) -> Array:
+    return np.array([math.nan if ball is None else float(ball) for ball in balls], np.float64)
