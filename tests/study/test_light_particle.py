@@ -56,7 +56,7 @@ def test_where_particles_end():
     speed = np.array([float(theory.locked_velocity(1)), 5.0, 0.1])
     phase = 2.0 * np.pi * np.array([0.44, 0.0, 0.0])
     columns = {"restitution": e, "amplitude": amplitude, "launch_velocity": speed, "phase": phase}
-    found = light_particle.regimes(Plan(), columns, {})
+    found = light_particle.regimes(Plan(), columns)
     assert found.tolist() == [Regime.LOCKED, Regime.AT_REST, Regime.RESTING]
 
 

@@ -36,7 +36,7 @@ def test_records_hold_all_that_is_drawn_in_its_order(monkeypatch):
     monkeypatch.setattr(samples, "TOGETHER", 4)
     plan = Plan(seeds=2, realizations=3)
     drawn = FIRST.drawn(plan)
-    each = list(records(plan, MOVING, drawn, {}, launch_time=0.0, duration=3.0))
+    each = list(records(plan, MOVING, drawn, launch_time=0.0, duration=3.0))
     found = np.concatenate([one["restitution"].values for one in each])
     np.testing.assert_array_equal(found, drawn["restitution"])
     assert each[0].attrs["base"] == MOVING

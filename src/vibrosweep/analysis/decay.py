@@ -93,32 +93,30 @@ def slot_decay(
     separation = np.array(
         [np.pad(f[1], (0, longest - f[1].size), constant_values=np.nan) for f in found]
     )
-    dims = ("realization",)
-    return xr.Dataset(
-        {
-            "modulus_fitted": variable(
-                dims, numbers[:, 0], "modulus of the leading multiplier, fitted"
-            ),
-            "modulus_predicted": variable(
-                dims, numbers[:, 1], "modulus of the leading multiplier, from the Jacobians"
-            ),
-            "product_fitted": variable(dims, numbers[:, 2], "product of the multipliers, fitted"),
-            "equations": variable(dims, numbers[:, 3].astype(np.int64), "separations fitted"),
-            "decay_time": variable(dims, numbers[:, 4], "time of decay by the factor e", "s"),
-            "closing_time": variable(
-                dims, numbers[:, 5], "time from half a period to the contact time", "s"
-            ),
-            "separation": variable(
-                ("realization", "cycle"), separation, "separation at every p-th impact", "s"
-            ),
-        }
+    named = zip(_NUMBERS.items(), numbers.T, strict=True)
+    data = {name: variable(("realization",), values, *words) for (name, words), values in named}
+    data["equations"] = data["equations"].astype(np.int64)
+    data["separation"] = variable(
+        ("realization", "cycle"), separation, "separation at every p-th impact", "s"
     )
+    return xr.Dataset(data)
+
+
+# What `_one` finds, with long name and unit
+_NUMBERS: Final = {
+    "modulus_fitted": ("modulus of the leading multiplier, fitted", "1"),
+    "modulus_predicted": ("modulus of the leading multiplier, from the Jacobians", "1"),
+    "product_fitted": ("product of the multipliers, fitted", "1"),
+    "equations": ("separations fitted", "1"),
+    "decay_time": ("time of decay by the factor e", "s"),
+    "closing_time": ("time from half a period to the contact time", "s"),
+}
 
 
 def _one(
     record: xr.Dataset, realization: int, pair: tuple[int, int], p: int
 ) -> tuple[tuple[float, ...], Array]:
-    """Fit, prediction and times of one realization, and the separations in s."""
+    """The numbers of `_NUMBERS` of one realization, and the separations in s."""
     e, amplitude, frequency, phase, gravity, contact = (
         float(per_realization(record, name)[realization]) for name in NEEDS[2:]
     )

@@ -80,59 +80,37 @@ def energy_balance(
     refuse_recoil(record, "energy_balance")
     require(record, "energy_balance", *NEEDS)
     one = [_balances(record, i, since, impacts) for i in range(record.sizes["realization"])]
-    found = dict(zip(_NAMES, np.moveaxis(np.array(one), 1, 0), strict=True))
+    *means, count, rests = np.moveaxis(np.array(one), 1, 0)
     dims = ("realization", "particle")
-    work = {
-        "dissipated_energy": variable(
-            dims, found["dissipated"], "mean dissipation per mass and impact", "m2 s-2"
-        ),
-        "base_work": variable(
-            dims,
-            found["energy"] + found["dissipated"],
-            "mean work of the base per mass and impact",
-            "m2 s-2",
-        ),
-    }
-    return xr.Dataset(
-        {
-            "mean_kick": variable(dims, found["kick"], "mean kick", "m s-1"),
-            "mean_loss": variable(dims, found["loss"], "mean loss (1 - e) v", "m s-1"),
-            "balance": variable(dims, found["balance"], "mean kick less mean loss", "m s-1"),
-            "end_effect": variable(
-                dims, found["end"], "part of the balance from first and last speed", "m s-1"
-            ),
-            "flight_effect": variable(
-                dims, found["flight"], "part of the balance from speeds lost in flight", "m s-1"
-            ),
-            "rest_effect": variable(
-                dims, found["rest"], "part of the balance that the base takes up at rests", "m s-1"
-            ),
-            "energy_balance": variable(
-                dims, found["energy"], "mean gain of energy per mass and impact", "m2 s-2"
-            ),
-            "balanced_impacts": variable(dims, found["n"].astype(np.int64), "landings balanced"),
-            "rests": variable(dims, found["rests"].astype(np.int64), "rests among them"),
-            **(work if moves(record) else {}),
-        }
-    )
+    named = zip(_MEANS.items(), means, strict=True)
+    found = {name: variable(dims, values, *words) for (name, words), values in named}
+    dissipated = found.pop("dissipated_energy")
+    found["balanced_impacts"] = variable(dims, count.astype(np.int64), "landings balanced")
+    found["rests"] = variable(dims, rests.astype(np.int64), "rests among them")
+    if moves(record):
+        work = found["energy_balance"].values + dissipated.values
+        found["dissipated_energy"] = dissipated
+        found["base_work"] = variable(
+            dims, work, "mean work of the base per mass and impact", "m2 s-2"
+        )
+    return xr.Dataset(found)
 
 
-_NAMES: Final = (
-    "kick",
-    "loss",
-    "balance",
-    "end",
-    "flight",
-    "rest",
-    "energy",
-    "dissipated",
-    "n",
-    "rests",
-)
+# Means over landings, with long name and unit
+_MEANS: Final = {
+    "mean_kick": ("mean kick", "m s-1"),
+    "mean_loss": ("mean loss (1 - e) v", "m s-1"),
+    "balance": ("mean kick less mean loss", "m s-1"),
+    "end_effect": ("part of the balance from first and last speed", "m s-1"),
+    "flight_effect": ("part of the balance from speeds lost in flight", "m s-1"),
+    "rest_effect": ("part of the balance that the base takes up at rests", "m s-1"),
+    "energy_balance": ("mean gain of energy per mass and impact", "m2 s-2"),
+    "dissipated_energy": ("mean dissipation per mass and impact", "m2 s-2"),
+}
 
 
 def _balances(record: xr.Dataset, realization: int, since: float, impacts: int | None) -> Array:
-    """Shape (quantity, particle), in the order of `_NAMES`."""
+    """The means of `_MEANS`, and numbers of landings and rests; shape (quantity, particle)."""
     one = record.isel(realization=realization)
     e, amplitude, frequency, phase, gravity = (
         float(one[name]) for name in ("restitution", "amplitude", "frequency", "phase", "gravity")

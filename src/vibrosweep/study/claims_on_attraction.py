@@ -6,7 +6,6 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from vibrosweep import simulate, theory
 from vibrosweep.model import coupled_theory
@@ -29,7 +28,6 @@ from vibrosweep.study.samples import (
 )
 from vibrosweep.study.slots import LIGHT, SCATTER, landing_phase, own_slots, populations
 from vibrosweep.study.verdict import (
-    NEARLY_ALL,
     Check,
     Evidence,
     Number,
@@ -37,10 +35,9 @@ from vibrosweep.study.verdict import (
     Picture,
     Reading,
     check,
+    nearly_all,
     number,
 )
-
-Flags = NDArray[np.bool_]
 
 # Launches nearly at once, s
 NEAR: Final = 1e-6
@@ -86,7 +83,6 @@ def _late(
         plan,
         base,
         setting.drawn(plan, scale=part * SMALLER[base], phase=ANY_PHASE),
-        setting.constants,
         duration=LONG[base],
         transient=LONG[base] - WINDOW,
         separation=True,
@@ -100,7 +96,7 @@ def _synchronous(plan: Plan, base: str) -> Evidence:
     checks = []
     for name, ends in late.items():
         dt = ends["dt_min"].values
-        checks.append(_share(what, dt[np.isfinite(dt)] > NEAR, name))
+        checks.append(nearly_all(what, dt[np.isfinite(dt)] > NEAR, name))
     numbers = _bunch() if base == SPRUNG else _contraction(base, late[FIRST.name])
     drawn = Reading("pairs drawn at random", checks)
     return Evidence(base, (drawn,), [_in_one_slot(plan)] if base == SPRUNG else (), numbers)
@@ -124,10 +120,6 @@ def _in_one_slot(plan: Plan) -> Reading:
         "separation after 100 s of a pair launched 1 µs apart", apart, "at least", TAU_C, "s"
     )
     return Reading("both locked to mode 1 (e = 0.9, 0.6 g)", (one,))
-
-
-def _share(what: str, flags: Flags, setting: str) -> Check:
-    return check(what, share(flags), "at least", NEARLY_ALL, setting=setting)
 
 
 def _contraction(base: str, late: xr.Dataset) -> tuple[Number, ...]:
@@ -160,10 +152,10 @@ def _staggered(plan: Plan, base: str) -> Evidence:
         for particles, checks in ((2, two), (many, population)):
             late = _late(plan, base, setting, {"particles": particles}, 0.125)["dt_min"].values
             what = f"share of {particles} staggered particles that bounce on more than τ_c apart"
-            checks.append(_share(what, late > contact, setting.name))
+            checks.append(nearly_all(what, late > contact, setting.name))
         dt = _late(plan, base, setting, _pair(base))["dt_min"].values
         what = "share of pairs launched 1 µs apart that end a quarter of even spacing apart or more"
-        together.append(_share(what, dt[np.isfinite(dt)] >= APART, setting.name))
+        together.append(nearly_all(what, dt[np.isfinite(dt)] >= APART, setting.name))
     returned = [_return(plan, base, n) for n in populations(base, 20)]
     near = check(
         "deviation from even spacing after 1400 impacts over that at launch, largest",

@@ -26,6 +26,7 @@ from vibrosweep.study.samples import (
     FOLLOWED,
     SMALLER,
     TAU_C,
+    WINDOWS,
     Plan,
     Setting,
     measured,
@@ -35,7 +36,6 @@ from vibrosweep.study.samples import (
 from vibrosweep.study.slots import POPULATIONS, own_slots, populations, smallest_separation
 from vibrosweep.study.verdict import (
     ANY_BASE,
-    NEARLY_ALL,
     Check,
     Evidence,
     Number,
@@ -43,17 +43,13 @@ from vibrosweep.study.verdict import (
     Picture,
     Reading,
     check,
+    nearly_all,
     number,
 )
 
 Flags = NDArray[np.bool_]
 
 DURATIONS: Final = (12.0, 120.0, 1200.0)
-# From when to when landings count, s
-WINDOWS: Final = {
-    "from the launch on": (0.0, 12.0),
-    "the first 30 s left out": (30.0, 42.0),
-}
 MEASURES: Final = {
     "all landings": "dt_min",
     "equal impact numbers, as printed": "dt_min_same_index",
@@ -70,7 +66,7 @@ def separation_stays_positive(plan: Plan) -> Outcome:
     drawn = FIRST.drawn(one)
     high_bounce = theory.FIXED[0]
     sweeps = [
-        measured(one, high_bounce, drawn, {}, particles=20, duration=t, separation=True)
+        measured(one, high_bounce, drawn, particles=20, duration=t, separation=True)
         for t in DURATIONS
     ]
     return Outcome(
@@ -116,42 +112,27 @@ def _of_setting(plan: Plan, base: str, setting: Setting) -> Iterator[tuple[str, 
     """Tests of every reading under one setting."""
     drawn = setting.drawn(plan, scale=SMALLER[base])
     scene = {"particles": FEW if base == SPRUNG else 20}
-    stable = _stable(plan, base, drawn, {**setting.constants}, scene)
+    stable = _stable(plan, base, drawn, scene)
     contact = setting.constants.get("contact_time", TAU_C)
     for window, (begin, end) in WINDOWS.items():
-        found = measured(
-            plan,
-            base,
-            drawn,
-            setting.constants,
-            transient=begin,
-            duration=end,
-            separation=True,
-            **scene,
-        )
+        found = measured(plan, base, drawn, transient=begin, duration=end, separation=True, **scene)
         for landings, measure in MEASURES.items():
             for kind, chosen in stable.items():
                 dt = found[measure].values[chosen]
                 for words, bound in (("0", 0.0), ("τ_c", contact)):
                     what = f"share of stable realizations with dt_min > {words}"
-                    one = check(
-                        what, share(dt > bound), "at least", NEARLY_ALL, setting=setting.name
-                    )
+                    one = nearly_all(what, dt > bound, setting.name)
                     yield f"{landings}; {window}; stable: {kind}", one
 
 
 def _stable(
-    plan: Plan,
-    base: str,
-    drawn: dict[str, NDArray[np.float64]],
-    constants: dict[str, float],
-    scene: dict[str, Any],
+    plan: Plan, base: str, drawn: dict[str, Any], scene: dict[str, Any]
 ) -> dict[str, Flags]:
     """Which realizations are stable, by what that may mean; particles bounce on in all of them."""
     if base == SPRUNG:
-        found = measured(plan, base, drawn, constants, duration=42.0, **scene)
+        found = measured(plan, base, drawn, duration=42.0, **scene)
         return {"every particle bounces on": found["at_rest_count"].values == 0}
-    found = measured(plan, base, drawn, constants, duration=2000.0, regimes=True, **scene)
+    found = measured(plan, base, drawn, duration=2000.0, regimes=True, **scene)
     locked = found["locked_count"].values
     recurrent = locked + found["resting_count"].values
     return {
@@ -181,7 +162,7 @@ def _closing(plan: Plan, base: str) -> tuple[Number, ...]:
     )
     drawn = FIRST.drawn(plan, scale=FOLLOWED)
     free = (
-        measured(plan, base, drawn, {}, particles=n, duration=12.0, separation=True)
+        measured(plan, base, drawn, particles=n, duration=12.0, separation=True)
         for n in (2, *POPULATIONS)
     )
     return (

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from vibrosweep import simulate, theory
 from vibrosweep.analysis.energy import energy_balance
 from vibrosweep.analysis.returns import return_map
-from vibrosweep.study.estimates import share
 from vibrosweep.study.figures.balance import balance_against_rests, energy_decay
 from vibrosweep.study.samples import (
     ANY_PHASE,
@@ -26,13 +25,13 @@ from vibrosweep.study.samples import (
     settings_of,
 )
 from vibrosweep.study.verdict import (
-    NEARLY_ALL,
     Check,
     Evidence,
     Outcome,
     Picture,
     Reading,
     check,
+    nearly_all,
     number,
 )
 
@@ -147,9 +146,7 @@ def _balance(plan: Plan, base: str) -> Evidence:
         drawn = setting.drawn(plan, scale=FOLLOWED, phase=ANY_PHASE)
         found = [
             energy_balance(record, since=30.0).isel(particle=0)
-            for record in records(
-                plan, base, drawn, setting.constants, launch_time=0.0, duration=60.0
-            )
+            for record in records(plan, base, drawn, launch_time=0.0, duration=60.0)
         ]
         off = np.abs(np.concatenate([_relative(one) for one in found]))
         known = np.isfinite(off)
@@ -185,7 +182,7 @@ def _balance(plan: Plan, base: str) -> Evidence:
 
 def _in_balance(whose: str, off: Array, setting: Setting) -> Check:
     what = f"share of particles {whose} in balance to 10 %, the ends of the window apart"
-    return check(what, share(off <= ROUGHLY), "at least", NEARLY_ALL, setting=setting.name)
+    return nearly_all(what, off <= ROUGHLY, setting.name)
 
 
 def _relative(found: xr.Dataset) -> Array:
@@ -243,7 +240,6 @@ def _weak(plan: Plan, base: str) -> Evidence:
             plan,
             base,
             setting.drawn(plan, scale=SMALLER[base], amplitude=WEAK, phase=ANY_PHASE),
-            setting.constants,
             particles=1,
             transient=400.0,
             duration=420.0,
@@ -251,24 +247,10 @@ def _weak(plan: Plan, base: str) -> Evidence:
         rest = late["at_rest_count"].values == 1
         height = late["rebound_height_max"].values
         died = rest | (height <= 0.01 * FIRST_HEIGHT)
-        ends.append(
-            check(
-                "share of particles at rest for good after 400 s",
-                share(rest),
-                "at least",
-                NEARLY_ALL,
-                setting=setting.name,
-            )
-        )
-        low.append(
-            check(
-                "share that rise to less than 1 % of their first height after 400 s",
-                share(died),
-                "at least",
-                NEARLY_ALL,
-                setting=setting.name,
-            )
-        )
+        what = "share of particles at rest for good after 400 s"
+        ends.append(nearly_all(what, rest, setting.name))
+        what = "share that rise to less than 1 % of their first height after 400 s"
+        low.append(nearly_all(what, died, setting.name))
     return Evidence(
         base,
         readings=(

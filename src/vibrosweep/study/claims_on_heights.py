@@ -76,7 +76,7 @@ def plateau(plan: Plan) -> Outcome:
     high_bounce = theory.FIXED[0]
     drawn = FIRST.drawn(one, amplitude=(1.2, 1.2))
     early, late = (
-        measured(one, high_bounce, drawn, {}, particles=20, transient=begin, duration=end)
+        measured(one, high_bounce, drawn, particles=20, transient=begin, duration=end)
         for begin, end in ((0.0, 12.0), (900.0, 1000.0))
     )
     indices = sobol(**AROUND_TABLE_1, particles=5, separation=True, seed=3, threads=plan.threads)
@@ -126,10 +126,10 @@ def _plateau(plan: Plan, base: str) -> Evidence:
         base,
         {
             "restitution": e,
-            "launch_velocity": np.full(e.size, float(theory.locked_velocity(1))),
+            "amplitude": 1.2,
+            "launch_velocity": float(theory.locked_velocity(1)),
             "phase": 2.0 * np.pi * locked(1, e, 1.2),
         },
-        {"amplitude": 1.2},
         particles=1,
         transient=2000.0,
         duration=2012.0,
@@ -182,7 +182,7 @@ def _changes(
     more = FORCINGS[forcing] | ({"phase": scene.pop("phase")} if "phase" in scene else {})
     drawn = setting.drawn(plan, scale=SMALLER[base], **more)
     begin, end = WINDOWS[window]
-    found = measured(plan, base, drawn, setting.constants, transient=begin, duration=end, **scene)
+    found = measured(plan, base, drawn, transient=begin, duration=end, **scene)
     heights = by_seed(plan, found["rebound_height_max"].values)
     return [
         _change(e, height)
@@ -230,7 +230,6 @@ def _gains(plan: Plan, base: str, setting: Setting, window: str) -> dict[str, Es
             plan,
             base,
             drawn | {"amplitude": factor * drawn["amplitude"]},
-            setting.constants,
             particles=FEW,
             transient=begin,
             duration=end,

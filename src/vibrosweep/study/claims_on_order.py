@@ -17,13 +17,14 @@ from vibrosweep.analysis.order import order_of_landings
 from vibrosweep.analysis.preservation import separation_changes
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.model.mount import SPRUNG
-from vibrosweep.study.estimates import mean, share
+from vibrosweep.study.estimates import mean
 from vibrosweep.study.figures.pairs import separations_in_time
 from vibrosweep.study.samples import (
     BASES,
     FEW,
     FOLLOWED,
     SMALLER,
+    WINDOWS,
     Plan,
     by_seed,
     measured,
@@ -46,6 +47,7 @@ from vibrosweep.study.verdict import (
     Picture,
     Reading,
     check,
+    nearly_all,
     number,
 )
 
@@ -85,10 +87,9 @@ def preserved(plan: Plan) -> Outcome:
 
 
 def _preserved(plan: Plan, base: str) -> Evidence:
-    windows = {"from the launch on": (0.0, 12.0), "the first 30 s left out": (30.0, 42.0)}
     readings = [
         Reading(f"{what}, {when}", checks)
-        for when, window in windows.items()
+        for when, window in WINDOWS.items()
         for what, checks in _kept(plan, base, *window).items()
     ]
     largest = max(
@@ -112,7 +113,6 @@ def _kept(plan: Plan, base: str, since: float, until: float) -> dict[str, list[C
             plan,
             base,
             setting.drawn(plan, scale=FOLLOWED * SMALLER[base]),
-            setting.constants,
             launch_time=np.arange(FEW) / FEW,
             duration=until,
         )
@@ -145,11 +145,10 @@ def bounded_and_ordered(plan: Plan) -> Outcome:
 
 def _ordered(plan: Plan, base: str) -> Evidence:
     own = [own_slots(n, base, plan) for n in populations(base)]
-    windows = {"from the launch on": (0.0, 12.0), "the first 30 s left out": (30.0, 42.0)}
     return Evidence(
         base,
         readings=[
-            Reading(name, _table_1_ordered(plan, base, *window)) for name, window in windows.items()
+            Reading(name, _table_1_ordered(plan, base, *window)) for name, window in WINDOWS.items()
         ],
         conditions=(Reading(slots_name(base), _in_order(own, base)),),
         numbers=(*_capacity(plan, base), _closest(own)),
@@ -180,7 +179,6 @@ def _table_1_ordered(plan: Plan, base: str, since: float, until: float) -> list[
                 plan,
                 base,
                 table_1,
-                {},
                 launch=launch.tolist(),
                 transient=since,
                 duration=until,
@@ -190,12 +188,7 @@ def _table_1_ordered(plan: Plan, base: str, since: float, until: float) -> list[
         turned.append(_average(np.array(fractions)))
     return [
         check("share of landings that change the sequence", mean(turned), "at most", 0.05),
-        check(
-            "share of populations in which no two particles share the base",
-            share(alone),
-            "at least",
-            NEARLY_ALL,
-        ),
+        nearly_all("share of populations in which no two particles share the base", alone),
     ]
 
 
@@ -260,7 +253,6 @@ def _invariant(plan: Plan, base: str) -> Evidence:
                 plan,
                 base,
                 drawn,
-                setting.constants,
                 particles=FEW,
                 transient=begin,
                 duration=end,
@@ -269,8 +261,7 @@ def _invariant(plan: Plan, base: str) -> Evidence:
             for begin, end in ((0.0, 12.0), (12.0, 36.0))
         )
         what = "share of populations free of collisions for 12 s that remain so until 36 s"
-        kept = share(later[first == 1] == 1)
-        checks.append(check(what, kept, "at least", NEARLY_ALL, setting=setting.name))
+        checks.append(nearly_all(what, later[first == 1] == 1, setting.name))
     own = [own_slots(n, base, plan, impacts=100) for n in populations(base, 20)]
     return Evidence(
         base,

@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from vibrosweep import theory
-from vibrosweep.study.estimates import share
 from vibrosweep.study.samples import ANY_PHASE, Plan, Setting, measured, settings_of
-from vibrosweep.study.verdict import (
-    NEARLY_ALL,
-    Check,
-    Evidence,
-    Outcome,
-    Reading,
-    check,
-)
-
-Array = NDArray[np.float64]
+from vibrosweep.study.verdict import Check, Evidence, Outcome, Reading, nearly_all
 
 # Of the laboratory, Hz: amplitude and launch of Table 1 are scaled so that flights in forcing
 # periods are the same
@@ -36,7 +25,7 @@ CLOSE: Final = 0.02  # of a period
 ADJUSTMENT: Final = 0.01
 
 
-def _scaled(drawn: dict[str, Array]) -> dict[str, Array]:
+def _scaled(drawn: dict[str, Any]) -> dict[str, Any]:
     """The same motion in forcing periods at the frequencies drawn."""
     f = drawn["frequency"]
     return drawn | {"amplitude": drawn["amplitude"] / f, "launch_velocity": 5.0 / f}
@@ -55,7 +44,7 @@ def _steady(plan: Plan, base: str) -> Evidence:
         for setting in settings_of(base):
             drawn = _scaled(setting.drawn(plan, frequency=ends, phase=ANY_PHASE))
             first, later = (
-                _film(plan, base, drawn, setting, begin)["rebound_height_mean"].values
+                _film(plan, base, drawn, begin)["rebound_height_mean"].values
                 for begin in (BEGIN, LATER)
             )
             # one that comes to rest for good after the first film was not steady in it
@@ -65,23 +54,13 @@ def _steady(plan: Plan, base: str) -> Evidence:
                 "share of particles whose mean height from 20 s to 60 s is that from 1000 s to "
                 "1040 s, to 5 %"
             )
-            checks.append(check(what, share(same), "at least", NEARLY_ALL, setting=setting.name))
+            checks.append(nearly_all(what, same, setting.name))
         readings.append(Reading(name, checks))
     return Evidence(base, readings)
 
 
-def _film(
-    plan: Plan, base: str, drawn: dict[str, Array], setting: Setting, begin: float
-) -> xr.Dataset:
-    return measured(
-        plan,
-        base,
-        drawn,
-        setting.constants,
-        particles=1,
-        transient=begin,
-        duration=begin + FILM,
-    )
+def _film(plan: Plan, base: str, drawn: dict[str, Any], begin: float) -> xr.Dataset:
+    return measured(plan, base, drawn, particles=1, transient=begin, duration=begin + FILM)
 
 
 def repeatable(plan: Plan) -> Outcome:
@@ -96,7 +75,7 @@ def _repeatable(plan: Plan, base: str) -> Evidence:
     for setting in settings_of(base):
         drawn = _scaled(setting.drawn(plan, frequency=LABORATORY))
         for checks, adjustment in ((exact, 0.0), (adjusted, ADJUSTMENT)):
-            checks.append(_agreeing(_repeats(plan, base, setting, drawn, adjustment), setting))
+            checks.append(_agreeing(_repeats(plan, base, drawn, adjustment), setting))
         near.append(_agreeing(_near_mode_1(plan, base, setting), setting))
     return Evidence(
         base,
@@ -108,9 +87,7 @@ def _repeatable(plan: Plan, base: str) -> Evidence:
     )
 
 
-def _repeats(
-    plan: Plan, base: str, setting: Setting, drawn: dict[str, Array], adjustment: float
-) -> list[xr.Dataset]:
+def _repeats(plan: Plan, base: str, drawn: dict[str, Any], adjustment: float) -> list[xr.Dataset]:
     """Four films of each setting; particles are released by hand, at any phase."""
     random = _hand(plan)
     size = drawn["restitution"].size
@@ -122,7 +99,7 @@ def _repeats(
             "amplitude": drawn["amplitude"] * factors[1],
             "phase": random.uniform(*ANY_PHASE, size),
         }
-        films.append(_film(plan, base, drawn | changed, setting, BEGIN))
+        films.append(_film(plan, base, drawn | changed, BEGIN))
     return films
 
 
@@ -138,9 +115,7 @@ def _near_mode_1(plan: Plan, base: str, setting: Setting) -> list[xr.Dataset]:
     films = []
     for _ in range(REPEATS):
         released = phase + random.uniform(-CLOSE, CLOSE, e.size)
-        films.append(
-            _film(plan, base, drawn | there | {"phase": 2.0 * np.pi * released}, setting, BEGIN)
-        )
+        films.append(_film(plan, base, drawn | there | {"phase": 2.0 * np.pi * released}, BEGIN))
     return films
 
 
@@ -158,5 +133,4 @@ def _agreeing(films: list[xr.Dataset], setting: Setting) -> Check:
     bounce = np.isfinite(each[0]).all(axis=0)
     within = [one.std(axis=0, ddof=1) < VARIATION * one.mean(axis=0) for one in each]
     what = "share of settings whose four heights and flight times vary by less than 8 %"
-    agree = share((within[0] & within[1])[bounce])
-    return check(what, agree, "at least", NEARLY_ALL, setting=setting.name)
+    return nearly_all(what, (within[0] & within[1])[bounce], setting.name)

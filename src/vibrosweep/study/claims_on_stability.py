@@ -176,12 +176,10 @@ def _ended(plan: Plan, base: str, amplitude: float, near: bool = False) -> list[
     speeds = (4.90, 4.91) if near else LAUNCH_SPEEDS
     middle = 2.0 * np.pi * float(theory.locked_phase(1, 0.9, amplitude))
     phases = (middle - 0.01, middle + 0.01) if near else ANY_PHASE
-    launches = Setting("launches", {"launch_velocity": speeds, "phase": phases}, part=1.0)
-    forcing = {"restitution": 0.9, "amplitude": amplitude}
-    found = measured(
-        plan, base, launches.drawn(plan), forcing, particles=1, duration=HORIZON, regimes=True
-    )
-    return cycles(found)
+    ranges = {"launch_velocity": speeds, "phase": phases}
+    launches = Setting("launches", ranges, {"restitution": 0.9, "amplitude": amplitude}, part=1.0)
+    drawn = launches.drawn(plan)
+    return cycles(measured(plan, base, drawn, particles=1, duration=HORIZON, regimes=True))
 
 
 def _on_lines(plan: Plan, base: str) -> float:

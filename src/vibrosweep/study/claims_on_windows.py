@@ -35,6 +35,7 @@ from vibrosweep.study.verdict import (
     Picture,
     Reading,
     check,
+    nearly_all,
     number,
 )
 
@@ -63,7 +64,6 @@ def windows(plan: Plan) -> Outcome:
         plan,
         theory.FIXED[0],
         {"restitution": plane_e.ravel(), "amplitude": plane_a.ravel()},
-        {},
         particles=20,
         duration=HORIZON,
         regimes=True,
@@ -89,19 +89,13 @@ def _windows(plan: Plan, base: str) -> Evidence:
     for setting in settings_of(base):
         inside, outside = (_launched(plan, base, setting, where) for where in ("in", "out"))
         for name, regimes in stable.items():
-            within, beyond = (share(np.isin(each, regimes)) for each in (inside, outside))
+            within, beyond = (np.isin(each, regimes) for each in (inside, outside))
             what = f"the window of mode 1 that end {name}"
             found[name] += [
-                check(
-                    f"share of launches inside {what}",
-                    within,
-                    "at least",
-                    NEARLY_ALL,
-                    setting=setting.name,
-                ),
+                nearly_all(f"share of launches inside {what}", within, setting.name),
                 check(
                     f"share of launches outside {what}",
-                    beyond,
+                    share(beyond),
                     "at most",
                     1.0 - NEARLY_ALL,
                     setting=setting.name,
@@ -140,10 +134,8 @@ def _launched(plan: Plan, base: str, setting: Setting, where: str) -> NDArray[An
         amplitude = np.where(part < 0.5, below, beyond)
     drawn = drawn | {"amplitude": amplitude}
     if base == SPRUNG:
-        return light_particle.regimes(plan, drawn, setting.constants)
-    found = measured(
-        plan, base, drawn, setting.constants, particles=1, duration=HORIZON, regimes=True
-    )
+        return light_particle.regimes(plan, drawn)
+    found = measured(plan, base, drawn, particles=1, duration=HORIZON, regimes=True)
     return np.asarray(found["regime"].values[:, 0])
 
 
@@ -213,7 +205,6 @@ def returns(
             "launch_velocity": theory.locked_velocity(k),
             "phase": 2.0 * np.pi * (np.where(np.isnan(phase), 0.25, phase) + offset),
         },
-        {},
         launch=[0.0],
         particles=1,
         duration=SETTLED,
@@ -241,16 +232,15 @@ def _strong(plan: Plan, base: str) -> Evidence:
             plan,
             base,
             setting.drawn(plan, scale=4.0, amplitude=STRONG, phase=ANY_PHASE),
-            setting.constants,
             particles=1,
             duration=1000.0,
             regimes=True,
             lyapunov=True,
         )
-        irregular = share(found["aperiodic_count"].values > 0)
+        irregular = found["aperiodic_count"].values > 0
         what = "share of launches that end irregular (a positive Lyapunov exponent)"
-        every.append(check(what, irregular, "at least", NEARLY_ALL, setting=setting.name))
-        some.append(check(what, irregular, "at least", SOME, setting=setting.name))
+        every.append(nearly_all(what, irregular, setting.name))
+        some.append(check(what, share(irregular), "at least", SOME, setting=setting.name))
     return Evidence(
         base,
         readings=(Reading("always irregular", every), Reading("sometimes irregular", some)),

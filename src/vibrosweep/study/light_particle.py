@@ -74,14 +74,13 @@ def ends(k: Array, restitution: Array) -> tuple[Array, Array]:
 
 
 def _stretches(
-    plan: Plan, columns: Mapping[str, Array], constants: Mapping[str, float], begin: float
+    plan: Plan, parameters: Mapping[str, Any], begin: float
 ) -> tuple[xr.Dataset, xr.Dataset]:
     first, second = (
         measured(
             plan,
             SPRUNG,
-            columns,
-            constants,
+            parameters,
             particles=1,
             transient=begin + i * STRETCH,
             duration=begin + (i + 1) * STRETCH,
@@ -91,11 +90,9 @@ def _stretches(
     return first, second
 
 
-def regimes(
-    plan: Plan, columns: Mapping[str, Array], constants: Mapping[str, float]
-) -> NDArray[Any]:
+def regimes(plan: Plan, parameters: Mapping[str, Any]) -> NDArray[Any]:
     """Regime in which each particle ends; unsettled where the two stretches differ."""
-    first, second = _stretches(plan, columns, constants, SETTLED)
+    first, second = _stretches(plan, parameters, SETTLED)
     heights = first["rebound_height_mean"].values, second["rebound_height_mean"].values
     alike = np.isclose(*heights, rtol=ALIKE, atol=0.0, equal_nan=True)
     for name in ("impact_count", "rest_count"):
@@ -116,7 +113,7 @@ def returns(
         "launch_velocity": theory.locked_velocity(k),
         "phase": 2.0 * np.pi * (np.where(np.isnan(phase), 0.25, phase) + offset),
     }
-    late = _stretches(plan, columns, {}, 2.0 * SETTLED)[1]
+    late = _stretches(plan, columns, 2.0 * SETTLED)[1]
     heights = late["rebound_height_max"].values / late["rebound_height_mean"].values
     each = (late["impact_count"].values == STRETCH / k) & (late["rest_count"].values == 0)
     return np.asarray(each & (np.abs(heights - 1.0) <= ALIKE))

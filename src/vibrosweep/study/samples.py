@@ -34,6 +34,11 @@ RANGES: Final = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
 NEAR_TABLE_1: Final = {"restitution": (0.85, 0.95), "amplitude": (0.9, 1.5)}
 WIDE: Final = {"restitution": (0.5, 0.99), "amplitude": (0.1, 6.0)}
 ANY_PHASE: Final = (0.0, 2.0 * np.pi)  # rad: a launch at any phase of the forcing
+# From when to when landings count, s
+WINDOWS: Final = {
+    "from the launch on": (0.0, 12.0),
+    "the first 30 s left out": (30.0, 42.0),
+}
 # Particles of 4 g on a base of some kilograms, excited above the resonance of its mount
 MOUNT: Final = {"mass_ratio": 0.003, "mount_frequency": 0.37, "mount_damping": 0.05}
 
@@ -67,8 +72,8 @@ class Setting:
 
     def drawn(
         self, plan: Plan, *, scale: float = 1.0, **more: tuple[float, float]
-    ) -> dict[str, Array]:
-        """Realizations of all seeds, one seed after the other.
+    ) -> dict[str, Any]:
+        """Realizations of all seeds, one seed after the other, and the constants.
 
         `scale` is that of their number, for what takes long; `more` holds the ends of further
         parameters, or other ends for restitution and amplitude.
@@ -78,7 +83,7 @@ class Setting:
         rows = [
             [random.uniform(*ends, size) for ends in ranges.values()] for random in plan.random()
         ]
-        return dict(zip(ranges, np.concatenate(rows, axis=1), strict=True))
+        return dict(zip(ranges, np.concatenate(rows, axis=1), strict=True)) | {**self.constants}
 
 
 FIRST: Final = Setting("e 0.80 to 0.98, A 0.2 to 3.5 m/s", RANGES, part=1.0)
@@ -99,50 +104,43 @@ def settings_of(base: str) -> tuple[Setting, ...]:
     return (FIRST, *_OTHERS, *(_MASSES if base == SPRUNG else ()))
 
 
-def measured(
-    plan: Plan, base: str, columns: Mapping[str, Array], constants: Mapping[str, float], **keys: Any
-) -> xr.Dataset:
-    """Measure drawn realizations over a base, with further keys of `vibrosweep.sweep`.
+def measured(plan: Plan, base: str, parameters: Mapping[str, Any], **keys: Any) -> xr.Dataset:
+    """Measure realizations over a base, with further keys of `vibrosweep.sweep`.
 
-    Columns are physical parameters of shape (realization,), constants those that all share; a
-    sprung base gets this package's mount unless they say otherwise.
+    Physical parameters differ where they are arrays, of shape (realization,); a sprung base gets
+    this package's mount unless they say otherwise.
     """
+    drawn, fixed = _split(base, parameters)
     return sweep(
-        design=dict(columns),
+        design=drawn,
         base=base,
         impact_budget=IMPACT_BUDGET,
         threads=plan.threads,
         progress=False,
-        **_fixed(base, columns, constants),
+        **fixed,
         **keys,
     )
 
 
 def records(
-    plan: Plan, base: str, columns: Mapping[str, Array], constants: Mapping[str, float], **keys: Any
+    plan: Plan, base: str, parameters: Mapping[str, Any], **keys: Any
 ) -> Iterator[xr.Dataset]:
     """Every landing of drawn realizations, the record of some at a time to spare memory.
 
     Arguments as of `measured`, with further keys of `vibrosweep.simulate`.
     """
-    size = next(iter(columns.values())).size
+    drawn, fixed = _split(base, parameters)
+    size = next(iter(drawn.values())).size
     for start in range(0, size, TOGETHER):
-        some: dict[str, Any] = {n: v[start : start + TOGETHER] for n, v in columns.items()}
-        yield simulate(
-            **some,
-            base=base,
-            threads=plan.threads,
-            **_fixed(base, columns, constants),
-            **keys,
-        )
+        some = {name: values[start : start + TOGETHER] for name, values in drawn.items()}
+        yield simulate(**some, base=base, threads=plan.threads, **fixed, **keys)
 
 
-def _fixed(
-    base: str, columns: Mapping[str, Array], constants: Mapping[str, float]
-) -> dict[str, Any]:
-    """What all realizations share: the mount, unless it is drawn, and the constants."""
-    own = {name: value for name, value in mount(base).items() if name not in columns}
-    return own | dict(constants)
+def _split(base: str, parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Parameters that differ between realizations, and those that all share, the mount too."""
+    every = mount(base) | dict(parameters)
+    drawn = {name: values for name, values in every.items() if np.ndim(values)}
+    return drawn, {name: value for name, value in every.items() if name not in drawn}
 
 
 def mount(base: str) -> dict[str, Any]:

@@ -13,8 +13,9 @@ from itertools import groupby
 from typing import Final, Literal, SupportsFloat
 
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
-from vibrosweep.study.estimates import Estimate, exact
+from vibrosweep.study.estimates import Estimate, exact, share
 
 Relation = Literal["at most", "at least"]
 # Of evidence that no base enters: geometry, weights, the film
@@ -168,6 +169,11 @@ def check(
 ) -> Check:
     """Hold an estimate, or a number that is known without doubt, against a bound."""
     return Check(what, exact(value), relation, bound, units, setting)
+
+
+def nearly_all(what: str, flags: ArrayLike, setting: str = "") -> Check:
+    """Hold the share of what is true against what is granted as all."""
+    return check(what, share(flags), "at least", NEARLY_ALL, setting=setting)
 
 
 def number(what: str, value: Estimate | SupportsFloat, units: str = "1") -> Number:
