@@ -83,6 +83,13 @@ class Motion:
         """Height of the apex of each flight above the mean level of the base, m."""
         return self.rise + self.velocity**2 / (2.0 * self.gravity)
 
+    def means(self, begin: float, end: float) -> tuple[float, float]:
+        """Mean height (m) and duration (s) of the whole flights in an interval; NaN without any."""
+        whole = (self.start >= begin) & (self.end <= end)
+        if not whole.any():
+            return np.nan, np.nan
+        return float(np.mean(self.apex[whole])), float(np.mean((self.end - self.start)[whole]))
+
     def _flight(self, time: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
         """Last flight begun by then (the first before any), time since, and whether it is over."""
         flight = np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)

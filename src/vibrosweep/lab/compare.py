@@ -248,12 +248,7 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:
     }
     share = camera_shares(tracks, seen, one, how)
     share["parameters"] = {
-        q: {
-            "ensemble": float(values.mean()),
-            "particle": float(values.mean()),
-            "worst": float(values.max()),
-            "flight": float(values.mean()),
-        }
+        q: dict.fromkeys(READINGS, float(values.mean())) | {"worst": float(values.max())}
         for q, values in spread.items()
     }
     warning = f"{refused} drawn sets were not physical and were drawn anew" if refused else ""

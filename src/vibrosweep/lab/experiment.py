@@ -220,13 +220,8 @@ def predicted_means(experiment: Experiment, record: Record) -> dict[str, Array]:
     """
     begin, end = experiment.transient, experiment.transient + experiment.duration
     surface = LEVEL if experiment.base == BASES[0] else oscillating(experiment.scene)
-    height, periods = np.full((2, experiment.particles), np.nan)
-    for p, motion in enumerate(_motions(experiment, record, surface)):
-        whole = (motion.start >= begin) & (motion.end <= end)
-        if whole.any():
-            height[p] = np.mean(motion.apex[whole])
-            periods[p] = np.mean((motion.end - motion.start)[whole])
-    return {"height": height, "period": periods}
+    means = [motion.means(begin, end) for motion in _motions(experiment, record, surface)]
+    return dict(zip(("height", "period"), np.array(means).T, strict=True))
 
 
 def _landings(experiment: Experiment, restitution: Array, walk: Array) -> tuple[Record, Surface]:

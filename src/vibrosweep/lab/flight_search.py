@@ -159,14 +159,20 @@ def _resolved(
     noise = flight_noise(fits, float(np.ptp(samples.height)))
     with np.errstate(invalid="ignore"):
         high = fits.top(gravity) - base > LEAST_HEIGHT * noise
+    kept, fits, member = keep(fits, high, member)
+    return fits, piece[kept], member, noise
+
+
+def keep(fits: Fits, high: NDArray[np.bool_], member: Indices) -> tuple[Indices, Fits, Indices]:
+    """Keep the flights that are high and long enough, and number those of the samples anew."""
     kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
     if not kept.size:
         raise TrackError(
             "no flight rises out of the noise: check the heights, the scale and the base"
         )
-    number = np.full(piece.size + 1, -1)
+    number = np.full(high.size + 1, -1)
     number[kept] = np.arange(kept.size)
-    return fits.take(kept), piece[kept], number[member], noise
+    return kept, fits.take(kept), number[member]
 
 
 def flight_noise(fits: Fits, extent: float) -> float:

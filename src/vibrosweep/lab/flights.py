@@ -33,6 +33,11 @@ class Fits(NamedTuple):
         """Height of the apex, m."""
         return self.level + self.slope**2 / (2.0 * gravity)
 
+    def height(self, time: Array, gravity: float) -> Array:
+        """Height at an instant of each flight, m."""
+        since = time - self.centre
+        return self.level + since * (self.slope - 0.5 * gravity * since)
+
     def take(self, chosen: Indices | NDArray[np.bool_]) -> Fits:
         """Some of the flights."""
         return Fits._make(values[chosen] for values in self)
@@ -142,10 +147,7 @@ def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
     """Intersect neighbouring flights; instants `near` by, s, keep the differences small."""
 
     def at(fits: Fits, time: Array) -> tuple[Array, Array]:
-        since = time - fits.centre
-        return fits.level + since * (
-            fits.slope - 0.5 * gravity * since
-        ), fits.slope - gravity * since
+        return fits.height(time, gravity), fits.slope - gravity * (time - fits.centre)
 
     (low, falling), (high, rising) = at(before, near), at(after, near)
     closing = rising - falling

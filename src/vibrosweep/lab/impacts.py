@@ -118,21 +118,12 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
     found = _table(owner, columns, particles).merge(seen(tracks))
     poor = np.bincount(flights.particle[flights.poor], minlength=particles)
     exchanged = np.bincount(np.array([p for _, *pair in swaps for p in pair], int), None, particles)
-    found["poor_flights"] = (
-        "particle",
-        poor,
-        {"units": "1", "long_name": "flights that fit badly"},
-    )
-    found["swaps"] = (
-        "particle",
-        exchanged,
-        {"units": "1", "long_name": "exchanges of names with another particle"},
-    )
-    found["level"] = (
-        "particle",
-        flights.levels,
-        {"units": "m", "long_name": "(mean) level of the base below the particle"},
-    )
+    for name, values, units, words in (
+        ("poor_flights", poor, "1", "flights that fit badly"),
+        ("swaps", exchanged, "1", "exchanges of names with another particle"),
+        ("level", flights.levels, "m", "(mean) level of the base below the particle"),
+    ):
+        found[name] = ("particle", values, {"units": units, "long_name": words})
     found = found.assign_coords(particle=tracks["particle"])
     if flights.shaken is not None:
         found = found.merge(_shaken(flights.shaken))

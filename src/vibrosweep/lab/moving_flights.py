@@ -7,13 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.errors import TrackError
 from vibrosweep.lab.contacts import contacts_between
 from vibrosweep.lab.flight_search import (
     LEAST_HEIGHT,
-    LEAST_SAMPLES,
     Flights,
     flight_noise,
+    keep,
     poor_flights,
     share_out,
 )
@@ -109,19 +108,12 @@ def _flying(
 ) -> tuple[Indices, Fits]:
     """Keep the flights among the stretches: those that clear the base."""
     noise, fall = scale
-    since = samples.time - fits.centre[member]
-    path = fits.level[member] + since * (fits.slope[member] - 0.5 * fall * since)
+    path = fits.take(member).height(samples.time, fall)
     clear = np.full(fits.number.size, -np.inf)
     used = (member >= 0) & np.isfinite(path)
     np.maximum.at(clear, member[used], (path - below)[used])
-    kept = np.flatnonzero((clear > LEAST_HEIGHT * noise) & (fits.number >= LEAST_SAMPLES))
-    if not kept.size:
-        raise TrackError(
-            "no flight rises out of the noise: check the heights, the scale and the base"
-        )
-    number = np.full(fits.number.size + 1, -1)
-    number[kept] = np.arange(kept.size)
-    return number[member], fits.take(kept)
+    _, fits, member = keep(fits, clear > LEAST_HEIGHT * noise, member)
+    return member, fits
 
 
 def _ends(
@@ -136,9 +128,7 @@ def _ends(
     top = when[order[np.searchsorted(of[order], np.arange(fits.number.size), side="right") - 1]]
 
     def above(time: Array) -> Array:
-        since = time - fits.centre
-        path = fits.level + since * (fits.slope - 0.5 * fall * since)
-        return np.asarray(path - level - base.height(time))
+        return np.asarray(fits.height(time, fall) - level - base.height(time))
 
     found = []
     for way in (-1.0, 1.0):

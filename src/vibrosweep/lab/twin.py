@@ -60,13 +60,8 @@ def camera_shares(
     time = tracks["time"].values
     true = heights(motions, time, how.view.exposure)
     true[:, ~np.isfinite(tracks["height"].values).any(axis=0)] = np.nan
-    begin, end = time[0], time[-1]
-    predicted = {q: np.full(len(motions), np.nan) for q in QUANTITIES}
-    for p, motion in enumerate(motions):
-        whole = (motion.start >= begin) & (motion.end <= end)
-        if whole.any():
-            predicted["height"][p] = np.mean(motion.apex[whole])
-            predicted["period"][p] = np.mean((motion.end - motion.start)[whole])
+    means = [motion.means(time[0], time[-1]) for motion in motions]
+    predicted = dict(zip(QUANTITIES, np.array(means).T, strict=True))
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
     # the fit of a moving base is weighted by the noise, which therefore cannot be zero
     least = 0.0 if impacts.attrs["base_motion"] == "level" else 0.01
