@@ -240,7 +240,7 @@ def phases(options):
         width = "" if np.isnan(spread) else f"{spread:.3f}"
         rows.append((f"{load:g}", natural, *counts, width))
     keep(pictures.phases(cases, times, slot), "ordering_phases", options)
-    head = ("N mu", "f0/f", "locked to 2", "to 1", "not locked", "dead", "width of a bunch")
+    head = ("N mu", "f0/f", "locked to 2", "to 1", "not locked", "at rest", "width of a bunch")
     return table(head, rows)
 
 

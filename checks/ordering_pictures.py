@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from vibrosweep.figures import style
 
-KINDS = ("staggered", "bunched", "other modes", "not locked", "dead")
+KINDS = ("staggered", "bunched", "other modes", "not locked", "at rest")
 COLOURS = (style.OKABE_ITO[0], style.OKABE_ITO[1], style.OKABE_ITO[5], "0.85", "0.45")
 
 

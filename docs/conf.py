@@ -47,7 +47,7 @@ nb_merge_streams = True
 autosummary_generate = True
 numpydoc_show_class_members = False
 
-SENTENCE = 50  # characters of a table's cell
+SENTENCE = 45  # characters of a table's cell
 FUNCTION = re.compile(r"<mi>(sin|cos|tan|ln|log)</mi>(<mo[^>]*>&#x00028;)?")
 NUMBER = re.compile(r"[-+\d.,e]+( %)?")
 BAR = re.compile("<mo[^>]*>&#x0007C;</mo>")

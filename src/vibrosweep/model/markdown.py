@@ -21,7 +21,7 @@ from vibrosweep.model.measures import (
     Variable,
 )
 
-LONG: Final = 60  # characters of a comment that is not repeated
+LONG: Final = 40  # characters of a comment that is not repeated
 _ALL: Final = (*ALWAYS, *(v for measure in MEASURES.values() for v in measure.variables))
 
 
