@@ -16,7 +16,7 @@ from vibrosweep.engine.landings import all_parameters as complete
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
-from vibrosweep.kernels.advance import Options, _step, advance
+from vibrosweep.kernels.advance import Options, _step, advance, room_around
 from vibrosweep.kernels.bases import constants, put
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.lanes import LANES as LANES_OF_KERNEL
@@ -81,8 +81,9 @@ def test_speed_does_not_depend_on_the_place_in_memory():
     start = (-memory.ctypes.data // 8) % page
     fastest = np.full(places, np.inf)
     for place in [0, *range(places)] * 5:
-        room = memory[start + place * page :][:size]
-        room[:] = 0.0
+        block = memory[start + place * page :][:size]
+        block[:] = 0.0
+        room = room_around(block)
         begin = time.perf_counter()
         left = advance((0, trajectories, 0), batch, options, False, room, out, None, None)
         advance((0, 0, left), batch, options, False, room, out, None, None)
@@ -155,7 +156,8 @@ def test_hot_loop_uses_whole_vector_registers():
     problem, launch, observation = scene(1, 8, 12.0)
     batch = Batch(base_of("high-bounce", observation.rebound), problem, launch)
     fresh = njit(nogil=True, error_model="numpy")(advance.py_func)
-    fresh((0, 8, 0), batch, Options(102), False, scratch(), empty_statistics(8), None, None)
+    room = room_around(scratch())
+    fresh((0, 8, 0), batch, Options(102), False, room, empty_statistics(8), None, None)
     (assembly,) = fresh.inspect_asm().values()
     blocks = re.split(r"^\.LBB\w+:", assembly, flags=re.MULTILINE)
     hot = max(blocks, key=lambda block: len(re.findall(r"vfn?m(?:add|sub)\w+pd", block)))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibrosweep.kernels.advance import Options, advance
+from vibrosweep.kernels.advance import Options, advance, room_around
 from vibrosweep.kernels.bases import fitted
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Units, empty_record, record
@@ -28,7 +28,8 @@ def problem(size, most, periods, seed=1, **fixed):
 
 def streamed(base, scene, launch, budget=600_000):
     total = scene.kick.size * PARTICLES
-    out, room, batch = empty_statistics(total), scratch(), Batch(base, scene, launch)
+    out, room = empty_statistics(total), room_around(scratch())
+    batch = Batch(base, scene, launch)
     options = Options(budget)
     lanes = advance((0, total, 0), batch, options, False, room, out, None, None)
     while lanes:

@@ -17,8 +17,13 @@ def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Plac
 
     `others` are further arrays that have to agree, each of shape (realization,).
     """
-    if any(np.unique(column).size == column.size for column in problem):  # as where they are drawn
+    if any(map(_all_differ, problem)):  # as where they are drawn
         return None
     columns = np.stack([*problem, *others])
     first = np.empty(columns.shape[1], np.int64)
     return first if first_of_each(columns, launch, first) < first.size else None
+
+
+def _all_differ(column: Array) -> bool:
+    ordered = np.sort(column)  # np.unique would import the masked arrays
+    return bool(np.all(ordered[1:] != ordered[:-1]))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
-from vibrosweep.kernels.advance import Options, advance, advance_observing
+from vibrosweep.kernels.advance import Options, advance, advance_observing, room_around
 from vibrosweep.kernels.bases import fitted
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
@@ -135,7 +135,7 @@ def statistics(
     kernel = advance if observer is None else advance_observing
 
     def begin() -> Callable[[int, int], None]:
-        room = scratch() if observer is None else observing_scratch()
+        room = room_around(scratch() if observer is None else observing_scratch())
         rests = None if cycles is None else empty_rests()
         lanes = 0
 

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numba
 from numba.core.caching import FunctionCache
 from numba.core.registry import cpu_target
+from numba.core.runtime import rtsys
 
 from vibrosweep.kernels.vectors import vector_bits
 from vibrosweep.system import locked
@@ -26,12 +27,19 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     """The cache of one kernel; an unreadable file counts as missing."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the machine code of a variant, or None."""
+        """Return the machine code of a variant, or None.
+
+        Numba first imports everything that it can compile, SciPy's linear algebra among it, which
+        takes longer than all else.  Machine code that is complete needs no more than the functions
+        that count references; where there is none, the compiler imports the rest itself.
+        """
         try:
-            return super().load_overload(sig, target_context)
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
         except Exception:  # the exceptions of unpickling damaged bytes have no common base class
             self._discard()
-            return None
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save the machine code of a variant; without a writable disk it is compiled again."""

@@ -22,7 +22,6 @@ import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic, overload
-from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 from vibrosweep.kernels._cache import KernelCache
@@ -222,6 +221,8 @@ def _prefetch_instruction(typingctx: Any, array: Any, i: Any) -> Any:
     """Begin to bring the cache line of array[i] near, to be written; one dimension, contiguous."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        from numba.np.arrayobj import make_array  # slow to import, and only compiling needs it
+
         data = make_array(signature.args[0])(context, builder, args[0]).data
         byte, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
         place = builder.bitcast(builder.gep(data, [args[1]]), byte)

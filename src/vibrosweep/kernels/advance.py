@@ -80,6 +80,18 @@ class Options(NamedTuple):
     observer: Observer | None = None
 
 
+class Room(NamedTuple):
+    """Memory of one caller: a block of lanes, and the places in it that are refilled."""
+
+    block: Floats
+    places: Integers
+
+
+def room_around(block: Floats) -> Room:
+    """Memory for one caller, with the block of `scratch` or `observing_scratch`."""
+    return Room(block, np.empty(LANES, np.int64))
+
+
 class Watch(NamedTuple):
     """Data shared by the trajectories of a realization: scene and window."""
 
@@ -226,7 +238,7 @@ def advance(
     batch: Batch,
     options: Options,
     windowed: bool,
-    s: Floats,
+    room: Room,
     out: Statistics,
     cycles: Cycles | None,
     rests: Rests | None,
@@ -245,8 +257,8 @@ def advance(
     options : Options
     windowed
         Whether the window may begin after a launch.
-    s
-        From `scratch`; not shared between threads.
+    room
+        From `room_around`; not shared between threads.
     out : Statistics
         Only the entries of trajectories started by this caller are written.
     cycles
@@ -262,6 +274,7 @@ def advance(
         Number of trajectories in progress.
     """
     base, problem, launches = batch
+    s, places = room
     budget = float(options.budget)
     first, last, lanes = span
     particles = launches.whole.shape[1]
@@ -269,8 +282,9 @@ def advance(
     watch = _watch(base, problem, min(i, problem.kick.size - 1))
     patience = 0.0 if options.all_cycles == 1 else options.patience
     following = first
-    places = np.arange(lanes, lanes + LANES)
     done = min(LANES - lanes, last - first)
+    for q in range(done):
+        places[q] = lanes + q
     lanes += done
     while lanes > 0:
         fresh = min(done, last - following)
