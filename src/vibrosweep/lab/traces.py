@@ -46,13 +46,12 @@ def read_trace(path: str | os.PathLike[str]) -> Trace:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import pandas as pd
-    >>> import vibrosweep as vs
+    >>> import tempfile, numpy as np, pandas as pd, vibrosweep as vs
     >>> time = np.arange(0.0, 2.0, 1e-3)
     >>> shaken = pd.DataFrame({"time": time, "acceleration": 4.0 * np.sin(40.0 * np.pi * time)})
-    >>> shaken.to_csv("base.csv", index=False)
-    >>> sine, cosine, frequency = vs.lab.read_trace("base.csv").values
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     shaken.to_csv(f"{folder}/base.csv", index=False)
+    ...     sine, cosine, frequency = vs.lab.read_trace(f"{folder}/base.csv").values
     >>> round(float(frequency), 6)
     20.0
     """
