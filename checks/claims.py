@@ -24,6 +24,8 @@ from vibrosweep.study.verdict import ANY_BASE, Verdict
 PAGE = Path(__file__).parents[1] / "docs" / "separations-and-claims.md"
 SEEDS = 20
 FIRST_SEEDS = (0, 1000)
+# On the base of finite mass the condition is that of two particles
+ONE_NAME = "two particles in slots of their own", "each particle in a slot of its own"
 SHORT = {
     Verdict.HOLDS: "holds",
     Verdict.CONDITIONAL: "conditional",
@@ -52,7 +54,8 @@ def rows(claims):
     for claim in claims:
         found = {one.base: SHORT[one.verdict] for one in claim.outcome.evidence}
         cells = [found.get(base, found.get(ANY_BASE, "-")) for base in BASES]
-        conditions = [re.sub(r" \(at 1 Hz, flights .*?\)", "", one) for one in claim.conditions]
+        brief = (re.sub(r" \(at 1 Hz, flights .*?\)", "", one) for one in claim.conditions)
+        conditions = dict.fromkeys(one.replace(*ONE_NAME) for one in brief)
         if_so = f" *Condition:* {'; or '.join(conditions)}." if conditions else ""
         yield [claim.key, plain(claim.sentence) + if_so, *cells]
 

@@ -2,7 +2,8 @@
 
     python checks/ordering.py [--only NAME] [--pictures FOLDER] [--write]
 
-Draws the pictures of docs/ordering.md and prints its tables; --write replaces them.
+Draws the pictures of docs/ordering.md and prints its tables in full; --write replaces them by short
+ones.
 """
 
 from __future__ import annotations
@@ -87,7 +88,12 @@ def largest_stable(natural, damping, k, particles):
     return low
 
 
-def resonances(_options):
+def short(rows, options, chosen):
+    """All rows, or, for the page, those that are chosen."""
+    return [row for row in rows if chosen(row)] if options.write else rows
+
+
+def resonances(options):
     """Where the staggered orbits lose their stability first, beside the rule of resonance."""
     rows = []
     cases = ((1, 1, 0.05), (2, 1, 0.05), (2, 2, 0.05), (2, 2, 0.02), (3, 3, 0.05))
@@ -100,7 +106,7 @@ def resonances(_options):
             found = (f"{rule:.3f}", f"{near[least]:.3f}", f"{stable[least]:.4f}")
             rows.append((k, particles, damping, *found))
     head = ("k", "particles", "zeta", "f0/f by the rule", "f0/f found", "stable up to N mu")
-    return table(head, rows)
+    return table(head, short(rows, options, lambda row: row[0] == row[1] < 3))
 
 
 def stability(options):
@@ -133,7 +139,7 @@ def exact_gaps(k, mass_ratio, rank):
     return np.sort(first), np.sort(np.diff(cycle.time)[::2]), spectral_radius(cycle)
 
 
-def separations(_options):
+def separations(options):
     """Gaps of two particles in one slot: first order, exact orbits, and orbits followed."""
     rows, launches = [], np.geomspace(5e-4, 0.2, 24)
     for k in (1, 2):
@@ -164,7 +170,7 @@ def separations(_options):
         "followed: off by",
         "launches",
     )
-    return table(head, rows)
+    return table(head, short(rows, options, lambda row: row[1] != "0.0001"))
 
 
 def settle(launch, load, natural, damping=0.05):
@@ -204,7 +210,7 @@ def attractors(options):
     return table(head, rows)
 
 
-def crowds(_options):
+def crowds(options):
     """How many realizations of more particles and other dampings stay as they were launched."""
     axes = np.geomspace(0.1, 3.0, 20), np.geomspace(1e-3, LARGEST, 12)
     natural, load = (axis.ravel() for axis in np.meshgrid(*axes))
@@ -221,6 +227,7 @@ def crowds(_options):
         )
         rows.append((pictures.KINDS[kind], particles, damping, *shares))
     bands = (f"N mu {low:g} to {high:g}" for low, high in itertools.pairwise(BANDS))
+    rows = short(rows, options, lambda row: row[1] != 6 and row[2] in (0.05, 0.8))
     return table(("launched and stays", "N", "zeta", *bands), rows)
 
 
