@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.requirements import require
+from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import BASES
@@ -17,7 +18,6 @@ from vibrosweep.model.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 
 NEEDS: Final = ("restitution", "amplitude", "frequency", "phase")
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.evaluate import lift_off_speeds
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
+from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["basins", "basins_of_spec", "name_of", "summary"]
 
-Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
 BYTES_PER_LAUNCH: Final = 300

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
+from vibrosweep.arrays import Array
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["OBSERVABLES", "Observable", "bifurcation", "bifurcation_of_spec", "summary"]
 
-Array = NDArray[np.float64]
 # phase of landing in turns, speed at lift-off in m s-1, gravity in m s-2 -> the observable
 Observable = Callable[[Array, Array, float], Array]
 

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vibrosweep.arrays import Array
+
 Codes = NDArray[np.int64]
 
 # Rows, positions and initial states, one per point along the first axis -> codes and final states.

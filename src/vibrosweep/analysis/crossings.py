@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.records import Array, Flights, flights, per_realization, variable
+from vibrosweep.analysis.records import Flights, flights, per_realization, variable
+from vibrosweep.arrays import Array
 
 __all__ = ["crossings"]
 

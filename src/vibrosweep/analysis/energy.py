@@ -8,8 +8,9 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.analysis.base_motion import arrival_speeds, base_motion, moves, refuse_recoil
-from vibrosweep.analysis.records import Array, variable
+from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
+from vibrosweep.arrays import Array
 
 __all__ = ["energy_balance"]
 

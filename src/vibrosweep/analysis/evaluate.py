@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.conditions import Condition, Locked
 from vibrosweep.analysis.scene import Scene
+from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.orbits import find_orbits, orbit_variables
 from vibrosweep.engine.workers import Workers
@@ -34,7 +35,6 @@ from vibrosweep.model.parameters import (
     launches,
 )
 
-Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 States = NDArray[np.float64]
 Points = dict[str, Array]  # restitution, and the forcing by its name, each of shape (point,)

@@ -6,8 +6,9 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.analysis.base_motion import moves, refuse_recoil
-from vibrosweep.analysis.records import Array, per_realization, variable
+from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
+from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.model import theory
 from vibrosweep.store.rows import flat

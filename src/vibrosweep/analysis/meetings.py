@@ -6,8 +6,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.records import Array, per_realization, variable
+from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
+from vibrosweep.arrays import Array
 
 __all__ = ["first_shared_base"]
 

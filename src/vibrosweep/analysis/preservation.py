@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.records import Array, per_realization, variable
+from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
+from vibrosweep.arrays import Array
 
 __all__ = ["separation_changes"]
 

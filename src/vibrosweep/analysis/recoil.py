@@ -8,10 +8,11 @@ from typing import Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vibrosweep.analysis.base_motion import BaseMotion
 from vibrosweep.analysis.requirements import require
+from vibrosweep.arrays import Array
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.coupled import BaseTrack, base_track, count_coupled
 from vibrosweep.engine.workers import Workers
@@ -21,8 +22,6 @@ from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import MOUNT, PARAMETERS, STAGGERED
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Periods
-
-Array = NDArray[np.float64]
 
 NEEDS: Final = (*PARAMETERS, *MOUNT, "launch_time", "impact_count", "status", "duration")
 # In a forcing period, and altogether

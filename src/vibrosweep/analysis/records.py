@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.base_motion import base_motion, course
 from vibrosweep.analysis.requirements import require
-
-Array = NDArray[np.float64]
+from vibrosweep.arrays import Array
 
 FLIGHTS = (
     "landing_time",

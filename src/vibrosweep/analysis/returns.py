@@ -9,8 +9,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.base_motion import arrival_speeds, moves
-from vibrosweep.analysis.records import Array, per_realization, variable
+from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
+from vibrosweep.arrays import Array
 
 __all__ = ["NEEDS", "return_map", "return_points"]
 

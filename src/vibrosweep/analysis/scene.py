@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import (
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Scene", "axis", "grid_axes", "require_memory"]
 
-Array = NDArray[np.float64]
 
 DURATION: Final = 2000.0  # s, by default
 # Of the forcings, what a result holds in any case

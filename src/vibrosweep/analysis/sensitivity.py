@@ -9,7 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.records import Array, variable
+from vibrosweep.analysis.records import variable
+from vibrosweep.arrays import Array
 from vibrosweep.engine.asked import observation_of
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vibrosweep.analysis import evaluate
 from vibrosweep.analysis.bisection import find_edges, windows_of_row
 from vibrosweep.analysis.conditions import NAMES, Condition, Locked, named
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
+from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import END_ERROR
@@ -43,7 +44,6 @@ __all__ = [
     "windows_of_spec",
 ]
 
-Array = NDArray[np.float64]
 
 TOLERANCE: Final = 1e-9
 FRESH: Final = ("launch",)

@@ -6,8 +6,8 @@ import math
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.observation import Observation
 from vibrosweep.model.forcing import (
     FORCINGS,
@@ -21,8 +21,6 @@ from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import BASES
 from vibrosweep.model.times import Periods, Time, in_seconds
 from vibrosweep.spec.sweep import SweepSpec
-
-Array = NDArray[np.float64]
 
 
 def observation_of(spec: SweepSpec) -> Observation:

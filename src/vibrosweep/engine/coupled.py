@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
@@ -30,7 +31,6 @@ from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods
 
-Array = NDArray[np.float64]
 Measured = dict[str, NDArray[Any]]
 LANDINGS_OF_AN_EXPONENT = 64  # fewer tell nothing of how neighbours separate
 LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.model.parameters import Dimensionless, Launches
 
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 

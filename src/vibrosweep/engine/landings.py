@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.coupled import count_coupled, record_coupled
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
@@ -25,8 +26,6 @@ from vibrosweep.model.parameters import (
     launches,
 )
 from vibrosweep.system import physical_memory
-
-Array = NDArray[np.float64]
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
 # Bytes per trajectory apart from its landings, measured: launch, statistics, copies.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.coupled import measure_coupled
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.observed import observed
@@ -24,7 +25,6 @@ from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, launches
 from vibrosweep.model.times import Periods, Time, amount, in_periods, in_seconds
 
-Array = NDArray[np.float64]
 Measured = dict[str, NDArray[Any]]
 
 

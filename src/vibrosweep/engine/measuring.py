@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
@@ -15,8 +16,6 @@ from vibrosweep.model.measures import UNDETERMINED, Variable
 from vibrosweep.model.parameters import representable
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Time
-
-Array = NDArray[np.float64]
 
 
 def measure_all(

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import Workers
@@ -17,8 +17,6 @@ from vibrosweep.kernels.observing import Observer, compiled
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
-
-Array = NDArray[np.float64]
 
 
 def observed(

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
@@ -29,7 +30,6 @@ from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
 
-Array = NDArray[np.float64]
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
 # In fewer periods hardly any orbit repeats early enough for cycle detection to save time.

@@ -15,12 +15,11 @@ from bokeh.models import (
     LogColorMapper,
 )
 from bokeh.palettes import Viridis256
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.explore.points import Column
 from vibrosweep.figures.style import OKABE_ITO
 
-Array = NDArray[np.float64]
 GREY: Final = "#b5b5b5"
 NAMED: Final = (*OKABE_ITO, GREY)
 UNKNOWN: Final = "rgba(0, 0, 0, 0)"

@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.explore.points import Points
 from vibrosweep.figures.window_curves import per_amplitude
 from vibrosweep.model import theory
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.theory import FIXED
 
-Array = NDArray[np.float64]
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201
 # What the ends of a window follow from, apart from the forcing

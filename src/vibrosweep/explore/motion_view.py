@@ -17,15 +17,14 @@ from bokeh.models import (
     Range1d,
 )
 from bokeh.plotting import figure
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.explore import pictures
 from vibrosweep.explore.colours import particle_colours
 from vibrosweep.explore.pictures import Columns
 from vibrosweep.explore.seen import Axis, seen
 from vibrosweep.explore.sources import empty_source, inner_pixels
 
-Array = NDArray[np.float64]
 View = tuple[float, float, float, float]  # x and y, each from where to where
 
 SCRIPT: Final = (Path(__file__).parent / "motion.js").read_text("utf-8")

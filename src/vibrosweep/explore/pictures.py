@@ -13,7 +13,6 @@ from vibrosweep.analysis.returns import return_points
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
 # Points of the base in a forcing period, and altogether; points of a stay on one that moves

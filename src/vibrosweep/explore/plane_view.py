@@ -13,16 +13,14 @@ from bokeh.models import (
     Range1d,
 )
 from bokeh.plotting import figure
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.explore.colours import colouring
 from vibrosweep.explore.curves import WindowEnd, window_ends
 from vibrosweep.explore.labels import SYMBOLS
 from vibrosweep.explore.points import Points
 from vibrosweep.explore.raster import View, nearest, raster
 from vibrosweep.explore.sources import empty_source, inner_pixels
-
-Array = NDArray[np.float64]
 
 # More points than this are gathered in pixels
 MANY: Final = 20_000

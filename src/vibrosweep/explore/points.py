@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.explore.choice import Choice, Spread
 from vibrosweep.explore.labels import input_label, label
@@ -23,7 +24,6 @@ from vibrosweep.store.rows import REALIZATION, flat
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 
 # What colours the plane at first, if it was measured
 COLOURS: Final = ("dt_min", "rebound_height_max")

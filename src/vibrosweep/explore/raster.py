@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.figures.cells import Cells, commonest, grid_cells
 
-Array = NDArray[np.float64]
 FIRST: Final = 1000  # points that tell whether there may be a grid
 
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.explore.raster import nearest
 
-Array = NDArray[np.float64]
 FINEST = 32
 
 

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vibrosweep.arrays import Array
+
 Rows = NDArray[np.int64]
 BEYOND = 8  # pixels outside the window to which a line or a dot within it may reach
 MOST = 1 << 20  # pixels that are told apart along an axis

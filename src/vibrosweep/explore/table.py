@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.explore.points import LAUNCHED, Points
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 TABLE: Final = "selection.csv"  # name of the file that a browser saves
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     return figure
 
 
-def _exponents(axes: Axes, diagram: xr.Dataset, x: data.Array) -> None:
+def _exponents(axes: Axes, diagram: xr.Dataset, x: Array) -> None:
     exponents = diagram["lyapunov_largest"]
     known = exponents.values[np.isfinite(exponents.values)]
     low, high = (float(known.min()), float(known.max())) if known.size else (-1.0, 0.0)

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.figures.data import Array
+from vibrosweep.arrays import Array
 
 PER_CELL: Final = 20
 MOST_CELLS: Final = 200

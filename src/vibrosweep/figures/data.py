@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.analysis.requirements import remedy
+from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.mount import OF_MOUNT
@@ -20,7 +20,6 @@ from vibrosweep.model.parameters import MOUNT, PARAMETERS
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 
 KICK: Final = "kick"
 ACCELERATION: Final = "base_acceleration"

@@ -17,9 +17,9 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import ColorType
 
 from vibrosweep.analysis.base_motion import BaseMotion, base_motion
+from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.figures import data, style
-from vibrosweep.figures.data import Array
 from vibrosweep.figures.motion import Motion, highest, motions, parabolas
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vibrosweep.analysis.base_motion import BaseMotion, course
-from vibrosweep.figures.data import Array
+from vibrosweep.arrays import Array
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -14,10 +14,10 @@ from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize, to_r
 from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
+from vibrosweep.arrays import Array
 from vibrosweep.figures import cells as gathering
 from vibrosweep.figures import style
 from vibrosweep.figures.cells import Cells
-from vibrosweep.figures.data import Array
 
 ZERO_COLOUR: Final = "0.72"
 

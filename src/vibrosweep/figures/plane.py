@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibrosweep.analysis.base_motion import base_name, recoils
+from vibrosweep.arrays import Array
 from vibrosweep.figures import data, paint, style
-from vibrosweep.figures.data import Array
 from vibrosweep.figures.paint import Points
 from vibrosweep.figures.window_curves import Forcing, draw_windows
 from vibrosweep.store.rows import flat

@@ -11,8 +11,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from vibrosweep.analysis.base_motion import moves, recoils
+from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
 from vibrosweep.store.rows import flat
 

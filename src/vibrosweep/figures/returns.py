@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.base_motion import base_name, moves, recoils
+from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
 from vibrosweep.analysis.base_motion import base_name, moves
+from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.figures.data import Array
 from vibrosweep.figures.window_curves import MODES, Forcing, draw_windows
 from vibrosweep.model.forcing import FORCINGS
 

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 
+from vibrosweep.arrays import Array
 from vibrosweep.figures import style
-from vibrosweep.figures.data import Array
 from vibrosweep.model import theory
 
 MODES: Final = (1, 2, 3)

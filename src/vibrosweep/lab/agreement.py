@@ -13,11 +13,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
 
 __all__ = ["CRITERION", "QUANTITY_UNITS", "agreement", "phases", "quantities"]
 
-Array = NDArray[np.float64]
 
 CRITERION: Final = 0.08
 QUANTITY_UNITS: Final = {

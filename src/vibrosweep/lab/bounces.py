@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 from scipy.sparse import csr_array
 
+from vibrosweep.arrays import Array
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
-
-Array = NDArray[np.float64]
 
 # Half bandwidth of the covariance of the equations: a bounce shares an instant with the second next
 # one, and the errors of neighbouring instants are correlated.

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.surfaces import Surface
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

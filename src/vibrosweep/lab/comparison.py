@@ -13,9 +13,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.lab.impacts import BOUNCED
-
-Array = NDArray[np.float64]
 
 # Cases of Table 4 by their number of particles, and the range of its errors in per cent.
 CASES: Final = {"A": 1, "B": 5, "C": 20, "D": 50}

@@ -5,15 +5,11 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.lab.flights import Fits, apparent_gravity, fit, meet
 from vibrosweep.lab.segments import Samples
 from vibrosweep.lab.stretches import clear_flights, stretches
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 # Standard errors by which the acceleration that tracks show must differ from the true one.
 SCALE_OFF: Final = 5.0

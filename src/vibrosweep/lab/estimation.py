@@ -13,15 +13,14 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.bounces import Bounces, bounces_of, solve
 from vibrosweep.lab.regression import FEWEST, TURN, find_frequency, weakest_signal
 
 __all__ = ["PARAMETER_UNITS", "estimate", "fit_phase"]
 
-Array = NDArray[np.float64]
 
 PARAMETER_UNITS: Final = {
     "restitution": "1",

@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, launch_times, record_landings
@@ -40,7 +40,6 @@ __all__ = [
     "predicted_means",
 ]
 
-Array = NDArray[np.float64]
 
 # Table 1 at 20 Hz: the same dimensionless kick, 2 f A / g = 0.2446, and first flight.
 LABORATORY: Final[Mapping[str, float]] = {

@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from vibrosweep.arrays import Array, Indices
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.flights import Ends, Fits, apparent_gravity, crossings, fit
 from vibrosweep.lab.junctions import Junctions, base_level, join
 from vibrosweep.lab.oscillation import Shaken
 from vibrosweep.lab.segments import Samples, first_noise, low_points
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 # Samples above this share of a flight's height belong to it, wherever its ends turn out to be.
 UPPER: Final = 0.25

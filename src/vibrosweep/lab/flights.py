@@ -12,10 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array, Indices
 from vibrosweep.lab.segments import Samples
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 class Fits(NamedTuple):

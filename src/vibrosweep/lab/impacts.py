@@ -19,7 +19,6 @@ from vibrosweep.lab.segments import Samples, low_points
 
 __all__ = ["BOUNCED", "DOUBTFUL", "METHODS", "STAYED", "find_impacts", "impacts_of"]
 
-Array = NDArray[np.float64]
 
 METHODS: Final = ("fit", "sign_change")
 BOUNCED, STAYED, DOUBTFUL = 0, 1, 2

@@ -5,13 +5,9 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.lab.flights import Ends, Fits, line_variance, meet
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 # Standard errors by which two flights must miss each other to be seen as parted by a stay.
 MISSED: Final = 4.0

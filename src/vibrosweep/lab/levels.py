@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from vibrosweep.arrays import Array
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.flight_search import POOR, Flights, find_flights
 from vibrosweep.lab.flights import meet
 from vibrosweep.lab.junctions import ON_BASE, base_level
 from vibrosweep.lab.segments import Samples
-
-Array = NDArray[np.float64]
 
 # Bounces differ if their speeds scatter by this share: many times what noise makes of them
 DIFFERENT: Final = 0.05

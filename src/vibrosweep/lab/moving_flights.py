@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array, Indices
 from vibrosweep.lab.contacts import contacts_between
 from vibrosweep.lab.flight_search import (
     LEAST_HEIGHT,
@@ -20,9 +20,6 @@ from vibrosweep.lab.flights import Ends, Fits, apparent_gravity, fit
 from vibrosweep.lab.junctions import join
 from vibrosweep.lab.oscillation import Shaken, Trace, fit_shaken
 from vibrosweep.lab.segments import Samples
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 ROUNDS: Final = 3
 # Steps in a forcing period in which the end of a flight is sought, and halvings of the step then.

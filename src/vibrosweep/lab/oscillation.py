@@ -21,11 +21,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, solve_banded
 from scipy.optimize import least_squares
 
+from vibrosweep.arrays import Array, Flags
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.regression import TURN
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 # Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
 # the few contacts off a locked orbit, which determine most, then narrow, against outliers.

@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
@@ -16,8 +16,6 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import BASES, PARAMETERS
-
-Array = NDArray[np.float64]
 
 DRAWS: Final = 64
 # The base of the engine by the motion of a recording's.

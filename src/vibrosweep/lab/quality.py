@@ -6,12 +6,9 @@ from typing import Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.lab.segments import GAP_FRAMES
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 # Second differences in standard deviations: above the first they are no noise, below the second
 # they may be.

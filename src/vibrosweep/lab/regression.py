@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-Array = NDArray[np.float64]
+from vibrosweep.arrays import Array
 
 TURN: Final = 2.0 * np.pi
 FEWEST: Final = 10  # bounces

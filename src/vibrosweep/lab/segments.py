@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from vibrosweep.arrays import Array, Indices
 
 # Longer gaps may hide a whole flight: no landing is sought across them.
 GAP_FRAMES: Final = 3.5

@@ -12,15 +12,12 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from vibrosweep.arrays import Flags, Indices
 from vibrosweep.kernels._jit import Floats, Integers, kernel
 from vibrosweep.lab.flights import Fits, curvatures, fit
 from vibrosweep.lab.segments import Samples, first_noise
-
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 # Penalty of a line in units of chi-square: noise makes one cut too many in hundreds of flights.
 PRICE: Final = 25.0

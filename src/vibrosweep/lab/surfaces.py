@@ -7,12 +7,10 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.coupled import BaseTrack
-
-Array = NDArray[np.float64]
 
 STEPS_PER_PERIOD: Final = 1000
 

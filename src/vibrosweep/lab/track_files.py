@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.tracks import table_to_tracks
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["AXES", "read_tracks", "tracks_from_frame"]
 
-Array = NDArray[np.float64]
 
 AXES: Final = ("up", "down")
 PLAIN: Final = ("time", "particle", "height")

@@ -8,11 +8,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
 
 __all__ = ["make_tracks", "table_to_tracks"]
-
-Array = NDArray[np.float64]
 
 
 def make_tracks(

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
@@ -25,8 +25,6 @@ from vibrosweep.lab.surfaces import LEVEL, oscillating
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
 from vibrosweep.model.parameters import BASES, PARAMETERS, Launches, dimensionless
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import Shaken, Trace, first_guess, fit_shaken
 from vibrosweep.lab.regression import FEWEST, find_frequency, weakest_signal
-
-Array = NDArray[np.float64]
 
 FREQUENCIES: Final = (1.0, 100.0)
 # Contacts that are used: more hardly change the decision.

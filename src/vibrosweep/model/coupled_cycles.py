@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import root
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.coupled_theory import landing_phase, mount_propagator, recoil_deviation
 
-Array = NDArray[np.float64]
 TWO_PI = 2.0 * np.pi
 RESIDUAL = 1e-11  # of equations whose terms are of the size of k^2, k the periods of a flight
 SAMPLES = 500  # in a period

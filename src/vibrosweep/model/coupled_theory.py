@@ -34,11 +34,11 @@ each time (z = -1) gives k mu / (s_m - s), s_m = 2 (1 + e^2) / (1 + e)^2.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 
-Array = NDArray[np.float64]
 TWO_PI = 2.0 * np.pi
 
 

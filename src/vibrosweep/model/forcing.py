@@ -16,13 +16,11 @@ from collections.abc import Collection, Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, SPRUNG
 from vibrosweep.model.parameters import BASES, LARGEST, MOUNT, PARAMETERS, Parameter
-
-Array = NDArray[np.float64]
 
 AMPLITUDE: Final = "amplitude"
 ACCELERATION: Final = "base_acceleration"

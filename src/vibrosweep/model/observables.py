@@ -13,13 +13,11 @@ from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import RESERVED, Variable
-
-Array = NDArray[np.float64]
 
 # How the totals of particles make those of a realization.
 COMBINED: Final = {"sum": np.add, "max": np.fmax, "min": np.fmin, "each": None}

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import BASES
 
-Array = NDArray[np.float64]
 HIGH_BOUNCE, MOVING = FIXED = BASES[:2]  # bases that particles do not act on
 HALVINGS = 60  # of a bracket of the size of what is sought, to a rounding
 

@@ -14,11 +14,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.times import Periods, Time, amount, unit_of
 from vibrosweep.model.turns import reduced_turns, turns_of_radians
-
-Array = NDArray[np.float64]
 
 BASES: Final = ("high-bounce", "moving", "sprung")
 LAWS: Final = ("rest", "reflect")

@@ -22,6 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.model.orbit_theory import (
     FIXED,
     HIGH_BOUNCE,
@@ -53,7 +54,6 @@ __all__ = [
     "unforced_rest_time",
 ]
 
-Array = NDArray[np.float64]
 TWO_PI = 2.0 * np.pi
 
 

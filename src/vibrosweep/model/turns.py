@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from vibrosweep.arrays import Array
 
 
 def _split_product(a: Array, b: Array) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.observation import Observation
@@ -23,8 +24,6 @@ from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.tolerances import Bounds
-
-Array = NDArray[np.float64]
 
 # The variables that hold them, in the order of the fields of `Bounds`
 BOUNDS: Final = tuple(f"{field}_error" for field in Bounds._fields)

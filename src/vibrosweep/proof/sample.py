@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.observation import Observation
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.proof.reference.bases import REFERENCE_OF, Reference
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import DataError, ParameterError
@@ -29,8 +30,6 @@ from vibrosweep.proof.setting import (
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rows import read_rows, row_count, row_dims
-
-Array = NDArray[np.float64]
 
 
 def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None, Setting]:

@@ -18,7 +18,6 @@ from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.parts import Manifest, Parts, kinds
 
-Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 Tick = Callable[[int], object]
 

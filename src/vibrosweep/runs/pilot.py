@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.asked import observation_of, parameters_of, varied_quantities
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
@@ -21,8 +21,6 @@ from vibrosweep.spec.design import Design
 from vibrosweep.spec.schema import DRAWN
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.system import resident_memory
-
-Array = NDArray[np.float64]
 
 # Size of the first sample: this many trajectories over this many periods or impacts take 1-2 ms.
 TRAJECTORIES: Final = 256

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.engine.asked import given_forcing, quantities_of, record_observation, varying
 from vibrosweep.engine.landings import launch_times, record_landings
 from vibrosweep.engine.observation import Observation
@@ -30,7 +31,6 @@ from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.rows import REALIZATION
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
 
 LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}

@@ -12,15 +12,14 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import TableError
 from vibrosweep.spec.columns import Label
 from vibrosweep.spec.rules import Axis, Range
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.table import read_table
 
-Array = NDArray[np.float64]
 # (start, stop) -> one array of shape (stop - start,) for each sampled parameter
 Columns = Callable[[int, int], Sequence[Array]]
 

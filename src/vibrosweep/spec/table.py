@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import TableError
 from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.measures import RESERVED
@@ -25,7 +25,6 @@ from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.units import KNOWN_UNITS, factor
 from vibrosweep.store.trial import require_readable
 
-Array = NDArray[np.float64]
 # Required columns: without them a sweep would silently run at the defaults.
 _EXPECTED: Final = ("restitution", "amplitude")
 # Largest number of mistakes that are listed.

@@ -8,12 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from vibrosweep import simulate, theory
 from vibrosweep.analysis.crossings import crossings
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.separations import separation_distribution
+from vibrosweep.arrays import Flags
 from vibrosweep.figures.separations import decay_in_a_slot, distributions
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.study.claims_on_order import slots_name
@@ -46,8 +46,6 @@ from vibrosweep.study.verdict import (
     nearly_all,
     number,
 )
-
-Flags = NDArray[np.bool_]
 
 DURATIONS: Final = (12.0, 120.0, 1200.0)
 MEASURES: Final = {

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from vibrosweep import simulate, theory
 from vibrosweep.analysis.energy import energy_balance
 from vibrosweep.analysis.returns import return_map
+from vibrosweep.arrays import Array
 from vibrosweep.study.figures.balance import balance_against_rests, energy_decay
 from vibrosweep.study.samples import (
     ANY_PHASE,
@@ -34,8 +34,6 @@ from vibrosweep.study.verdict import (
     nearly_all,
     number,
 )
-
-Array = NDArray[np.float64]
 
 RESTITUTIONS: Final = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
 # Landing times up to 1e5 s are rounded to 1e-11 s, and their phase enters the kick

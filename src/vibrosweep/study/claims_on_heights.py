@@ -6,9 +6,9 @@ from itertools import product
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibrosweep import sobol, theory
+from vibrosweep.arrays import Array
 from vibrosweep.figures.restitution import height_against_restitution
 from vibrosweep.figures.sensitivity import sobol_bars
 from vibrosweep.model.mount import SPRUNG
@@ -37,8 +37,6 @@ from vibrosweep.study.verdict import (
     check,
     number,
 )
-
-Array = NDArray[np.float64]
 
 FLAT: Final = 0.1
 GROUPS: Final = 5

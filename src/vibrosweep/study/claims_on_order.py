@@ -7,7 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from vibrosweep import simulate, theory
 from vibrosweep.analysis.basins import basins
@@ -16,6 +15,7 @@ from vibrosweep.analysis.meetings import first_shared_base
 from vibrosweep.analysis.order import order_of_landings
 from vibrosweep.analysis.preservation import separation_changes
 from vibrosweep.analysis.scene import Scene
+from vibrosweep.arrays import Array
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.study.estimates import mean
 from vibrosweep.study.figures.pairs import separations_in_time
@@ -50,8 +50,6 @@ from vibrosweep.study.verdict import (
     nearly_all,
     number,
 )
-
-Array = NDArray[np.float64]
 
 # Impacts in which an offset of 1 ms falls below 1e-9 s at e = 0.98, by sqrt(e) each
 SETTLED: Final = 1400

@@ -12,6 +12,7 @@ from vibrosweep import theory
 from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
+from vibrosweep.arrays import Array, Flags
 from vibrosweep.figures.plane import parameter_plane
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.status import Regime
@@ -38,9 +39,6 @@ from vibrosweep.study.verdict import (
     nearly_all,
     number,
 )
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 # Orbits at e = 0.98 settle to the last bit, by sqrt(e) per impact, in half this time, s
 HORIZON: Final = 8000.0

@@ -15,13 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from vibrosweep import theory
+from vibrosweep.arrays import Array
 from vibrosweep.model import coupled_cycles, coupled_theory
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Regime
 from vibrosweep.study.samples import MOUNT, Plan, measured
-
-Array = NDArray[np.float64]
 
 STRETCH: Final = 60.0  # s at 1 Hz
 ALIKE: Final = 1e-6  # relative, of heights

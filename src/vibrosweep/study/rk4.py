@@ -27,11 +27,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import jit, kernel
 from vibrosweep.model.parameters import PARAMETERS
-
-Array = NDArray[np.float64]
 
 # Laws of rebound that the scheme knows, as the kernel takes them
 REFLECT: Final = {"rest": None, "reflect": True}

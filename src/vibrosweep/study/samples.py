@@ -18,8 +18,6 @@ from vibrosweep import simulate, sweep, theory
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import PARAMETERS
 
-Array = NDArray[np.float64]
-
 IMPACT_BUDGET: Final = 1_000_000
 # Part of the realizations where every landing is looked at
 FOLLOWED: Final = 0.1

@@ -10,10 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.arrays import Array
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
