@@ -12,12 +12,10 @@ HELP: Final = "tell which attractor each launch leads to"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     add_common(parser, "a grid over launch_velocity; its particles give the launch times")
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     from vibrosweep.analysis.basins import basins_of_spec
 
     produce(options, NAME, basins_of_spec)

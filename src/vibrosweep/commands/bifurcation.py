@@ -13,7 +13,6 @@ HELP: Final = "draw what orbits do along the amplitude"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     add_common(parser, "a grid over amplitude")
     parser.add_argument(
         "--observable", metavar="NAME", default="rebound_velocity", help="default: rebound_velocity"
@@ -24,7 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     from vibrosweep.analysis.bifurcation import bifurcation_of_spec
 
     produce(

@@ -15,7 +15,6 @@ HELP: Final = "judge every claim of the study by computation; write a page and a
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, default=Path("claims"), help="default: claims"
     )
@@ -24,7 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.runs.progress import reporting
     from vibrosweep.study.claims_page import BASES, plain

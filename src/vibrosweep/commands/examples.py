@@ -14,7 +14,6 @@ PLACES: Final = (Path(__file__).parents[1] / "sweeps", Path(__file__).parents[3]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     parser.add_argument("names", metavar="NAME", nargs="*", help="to copy, as listed")
     parser.add_argument("--all", action="store_true", help="copy all")
     parser.add_argument(
@@ -24,7 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     files = _examples()
     if options.all:
         _copy(files, options.output, force=options.force)

@@ -18,7 +18,6 @@ class MissingBokehError(VibrosweepError, ImportError):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     parser.add_argument("result", metavar="OUT.h5", type=Path)
     parser.add_argument(
         "-o",
@@ -34,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     from vibrosweep.explore.points import open_points
 
     try:

@@ -17,7 +17,6 @@ HELP: Final = "draw the figures of a result file"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     parser.add_argument("result", metavar="OUT.h5", type=Path)
     parser.add_argument(
         "-o", "--output", metavar="DIR", type=Path, default=Path("figures"), help="default: figures"
@@ -25,7 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     from vibrosweep.api.results import has_record, open_record, open_sweep
     from vibrosweep.figures import missing, save_all
     from vibrosweep.figures.registry import save_formats

@@ -11,12 +11,10 @@ HELP: Final = "show what a result file holds"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     parser.add_argument("result", metavar="OUT.h5", type=Path)
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     from vibrosweep.runs.describe import describe
 
     print("\n".join(describe(options.result)))

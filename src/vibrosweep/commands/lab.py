@@ -86,7 +86,6 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     options.part(options)
 
 

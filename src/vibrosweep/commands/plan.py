@@ -21,7 +21,6 @@ SECONDS: Final = 2.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     parser.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
     parser.add_argument(
         "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
@@ -31,7 +30,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     from vibrosweep.spec.sweep import read_spec
 
     spec = read_spec(options.spec)

@@ -19,7 +19,6 @@ HELP: Final = "compute a sweep file"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     parser.add_argument("spec", metavar="SPEC.toml", type=Path, help="the sweep file")
     parser.add_argument(
         "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
@@ -46,7 +45,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     from vibrosweep.spec.sweep import read_spec
 
     spec = read_spec(options.spec)

@@ -14,7 +14,6 @@ HELP: Final = "hold a result file against proved values"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     parser.add_argument("result", metavar="OUT.h5", type=Path)
     parser.add_argument(
         "--sample", metavar="K", type=positive, default=20, help="realizations drawn; default: 20"

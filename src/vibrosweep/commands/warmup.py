@@ -17,7 +17,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     from vibrosweep.doctor.warmup import warm_up
 
     began = time.perf_counter()

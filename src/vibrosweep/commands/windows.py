@@ -12,12 +12,10 @@ HELP: Final = "find the intervals of the forcing in which conditions hold"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command."""
     add_common(parser, "a grid over the forcing, with [windows]")
 
 
 def perform(options: argparse.Namespace) -> None:
-    """Carry the command out."""
     from vibrosweep.analysis.windows import recognises_orbits, windows_of_spec
 
     produce(options, NAME, windows_of_spec, recognises_orbits)

@@ -200,13 +200,11 @@ class Neighbours:
     landings: int  # on the way
 
 
-def carry_on(
-    parameters: Mapping[str, Array], begin: Neighbours, periods: float, realization: int = 0
-) -> Neighbours:
+def carry_on(parameters: Mapping[str, Array], begin: Neighbours, periods: float) -> Neighbours:
     """Carry a state in which all particles fly on for some forcing periods: the Floquet map.
 
-    Its matrix is multiplied from the left.  The parameters are those of `measure_coupled`, taken of
-    one realization.  Raises a ParameterError where a landing could not be found.
+    Its matrix is multiplied from the left.  The parameters are those of `measure_coupled`, of one
+    realization.  Raises a ParameterError where a landing could not be found.
     """
     problem = dimensionless(parameters, Periods(periods))
     of, matrix = system(begin.height.size), np.array(begin.matrix, order="F")
@@ -216,7 +214,7 @@ def carry_on(
     of.now[NOW.X] = begin.phase
     of.now[NOW.D], of.now[NOW.V] = begin.deviation
     rode = np.zeros_like(of.mode)
-    landings = carry(of, problem, mounts(parameters), realization, periods, rode, matrix)
+    landings = carry(of, problem, mounts(parameters), 0, periods, rode, matrix)
     if landings < 0:
         raise ParameterError("the next landing could not be found: the parameters are too extreme")
     return Neighbours(
@@ -231,26 +229,26 @@ def carry_on(
 
 @dataclass(frozen=True)
 class BaseTrack:
-    """Motion of the bases of a small batch, exactly, from event to event."""
+    """Motion of the base of one realization, exactly, from event to event."""
 
-    parameters: dict[str, Array]  # of the realizations, in physical units
+    parameters: dict[str, Array]  # in physical units, of shape (1,)
     batch: Coupled  # the same, dimensionless
     track: Track  # after every launch, landing and lift-off
 
-    def at(self, times: Array, realization: int = 0) -> tuple[Array, Array]:
-        """Return the height (m) and velocity (m s-1) of a base at increasing times (s).
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Return the height (m) and velocity (m s-1) of the base at increasing times (s).
 
         NaN before the first launch.
         """
-        frequency = float(self.parameters["frequency"][realization])
-        velocity = float(self.parameters["gravity"][realization]) / (2.0 * frequency)
+        frequency = float(self.parameters["frequency"][0])
+        velocity = float(self.parameters["gravity"][0]) / (2.0 * frequency)
         problem = self.batch.problem
-        scale = Scale(frequency, velocity, 0.0, float(problem.phase[realization]))
+        scale = Scale(frequency, velocity, 0.0, float(problem.phase[0]))
         out = np.full((2, times.size), np.nan)
-        known = times >= self.track.time[realization, 0]
+        known = times >= self.track.time[0, 0]
         found = np.empty((2, int(np.count_nonzero(known))))
         instants, mounts = np.ascontiguousarray(times[known]), self.batch.mounts
-        trace(problem, mounts, scale, realization, self.track, instants, found)
+        trace(problem, mounts, scale, 0, self.track, instants, found)
         out[:, known] = found
         return out[0] * velocity / frequency, out[1] * velocity
 
@@ -272,7 +270,7 @@ def record_coupled(
 def base_track(
     parameters: Mapping[str, Array], observation: Observation, workers: Workers
 ) -> BaseTrack:
-    """Motion of the bases while particles land on them; arguments as of `measure_coupled`."""
+    """Motion of a base while particles land on it; arguments as of `measure_coupled`."""
     capacity = int(count_coupled(parameters, observation, workers).landings.max())
     written = _followed(parameters, observation, workers, max(capacity, 1))[3]
     return BaseTrack(dict(parameters), _batch(parameters, observation), written.track)

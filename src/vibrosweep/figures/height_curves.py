@@ -124,9 +124,9 @@ def height_time(
     return figure
 
 
-def readable_until(record: xr.Dataset, realization: int = 0) -> float:
+def readable_until(record: xr.Dataset) -> float:
     """End of the time that can be read on one page, in s: at most 40 forcing periods."""
-    one = data.one_realization(record, realization)
+    one = data.one_realization(record, 0)
     begin = float(one["launch_time"].values.min())
     return min(begin + READABLE_PERIODS / data.pick(one, "frequency"), data.pick(one, "duration"))
 

@@ -20,32 +20,27 @@ LARGEST_SHOWN: Final = 30.0
 
 
 @style.styled
-def fitted_track(
-    flights: xr.Dataset, particle: object = None, begin: float | None = None
-) -> Figure:
-    """Draw one particle's track with its fitted flights, and the residuals of all flights.
+def fitted_track(flights: xr.Dataset) -> Figure:
+    """Draw the track that flies longest with its fitted flights, and the residuals of all flights.
 
-    From the result of `vibrosweep.lab.lines.flights_of`; by default the particle that flies
-    longest, from its first flight on.
+    From the result of `vibrosweep.lab.lines.flights_of`.
     """
     names, index = np.unique(flights["owner"].values, return_inverse=True)
     flying = np.bincount(index, flights["end"].values - flights["start"].values)
-    chosen = names[flying.argmax()] if particle is None else particle
     figure = Figure(figsize=(style.PAGE, 4.4), layout="constrained")
     grid = figure.add_gridspec(2, 2, height_ratios=(1.3, 1.0), width_ratios=(1.6, 1.0))
-    _draw_track(figure.add_subplot(grid[0, :]), flights, chosen, begin)
+    _draw_track(figure.add_subplot(grid[0, :]), flights, names[flying.argmax()])
     _draw_residuals(figure.add_subplot(grid[1, 0]), flights)
     _draw_distribution(figure.add_subplot(grid[1, 1]), flights)
     return figure
 
 
-def _draw_track(axes: Axes, flights: xr.Dataset, particle: object, begin: float | None) -> None:
+def _draw_track(axes: Axes, flights: xr.Dataset, particle: object) -> None:
     own = flights["owner"].values == particle
     start, end = flights["start"].values[own], flights["end"].values[own]
-    first = int(np.searchsorted(start, start[0] if begin is None else begin))
-    last = min(first + SHOWN_FLIGHTS, start.size) - 1
-    low, high = start[first], end[last]
-    for k in range(first, last + 1):
+    shown = min(SHOWN_FLIGHTS, start.size)
+    low, high = start[0], end[shown - 1]
+    for k in range(shown):
         since = np.linspace(0.0, end[k] - start[k], CURVE_POINTS)
         speed = flights["speed"].values[own][k]
         rise = since * (speed - 0.5 * flights.attrs["curvature"] * since)
@@ -54,7 +49,7 @@ def _draw_track(axes: Axes, flights: xr.Dataset, particle: object, begin: float 
             start[k] + since,
             1e3 * rise,
             color=style.OKABE_ITO[0],
-            label="fitted flight" if k == first else None,
+            label="fitted flight" if k == 0 else None,
         )
     seen = (flights["particle"].values == particle) & (
         (flights["time"].values >= low) & (flights["time"].values <= high)

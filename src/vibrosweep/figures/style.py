@@ -105,9 +105,9 @@ def colours(count: int) -> list[ColorType]:
     return [mpl.colormaps[SEQUENTIAL_MAP](i / (count - 1)) for i in range(count)]
 
 
-def halo(width: float = 2.2) -> list[patheffects.AbstractPathEffect]:
+def halo() -> list[patheffects.AbstractPathEffect]:
     """White outline that keeps lines and words readable on top of colour."""
-    return [patheffects.withStroke(linewidth=width, foreground="white")]
+    return [patheffects.withStroke(linewidth=2.2, foreground="white")]
 
 
 def head(axes: Axes, remark: str, columns: int = 4) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.flights import line_variance
-from vibrosweep.lab.oscillation import Shaken, Trace, first_guess, fit_shaken
+from vibrosweep.lab.oscillation import Shaken, first_guess, fit_shaken
 from vibrosweep.lab.regression import FEWEST, find_frequency, weakest_signal
 
 FREQUENCIES: Final = (1.0, 100.0)
@@ -31,32 +31,22 @@ class Judgement(NamedTuple):
     advantage: float
 
 
-def which_base(
-    contacts: Contacts, frequency: float | None = None, trace: Trace | None = None
-) -> Judgement:
+def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
     """Fit contacts with a base that moves and with one that stays at its level, and compare both.
 
     Both have the same number of parameters.  Neither is preferred where the contacts do not
     determine how the base moves, as those of a locked orbit, which all happen at one phase.  The
-    frequency in Hz is sought where None; `trace` is a measured motion of the base.
+    frequency in Hz is sought where None.
     """
     few = contacts.first(MOST)
     if few.time.size < FEWEST + np.unique(few.particle).size:
         return Judgement("undetermined", None, 0.0)
-    if frequency is None:
-        known = trace is not None
-        rate = (
-            float(trace.values[2])
-            if trace is not None
-            else find_frequency((-few.arrival, few.departure, few.time), FREQUENCIES)
-        )
-    else:
-        known, rate = True, frequency
+    free = frequency is None
+    speeds = (-few.arrival, few.departure, few.time)
+    rate = find_frequency(speeds, FREQUENCIES) if frequency is None else frequency
     if signal_of(few, first_guess(few, rate), rate) < LEAST_SIGNAL:
         return Judgement("undetermined", None, 0.0)
-    shaken, still = (
-        fit_shaken(few, rate, free=not known, moves=moves, trace=trace) for moves in (True, False)
-    )
+    shaken, still = (fit_shaken(few, rate, free=free, moves=moves) for moves in (True, False))
     better = shaken if shaken.distance < still.distance else still
     advantage = (still.distance - shaken.distance) / max(better.misfit, 1.0)
     if abs(advantage) < DECIDED:

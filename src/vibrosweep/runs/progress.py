@@ -40,8 +40,8 @@ def reporting(stream: TextIO, things: str = "realizations") -> Iterator[Advance]
 
 
 @contextmanager
-def showing(wanted: bool | None, things: str = "realizations") -> Iterator[Advance]:
-    """Show a bar that counts `things` to who calls a function from Python.
+def showing(wanted: bool | None) -> Iterator[Advance]:
+    """Show a bar that counts realizations to who calls a function from Python.
 
     With None it is shown in a notebook, and on a terminal.
     """
@@ -54,7 +54,7 @@ def showing(wanted: bool | None, things: str = "realizations") -> Iterator[Advan
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # without ipywidgets the bar is text
         from tqdm.auto import tqdm
-    with _following(tqdm(**_options(things))) as advance:
+    with _following(tqdm(**_options("realizations"))) as advance:
         yield advance
 
 

@@ -57,9 +57,9 @@ def landing_phase(k: int) -> float:
     return float(coupled_theory.landing_phase(*forcing, *MOUNT.values()))
 
 
-def height_needed(particles: int, frequency: float = 1.0) -> float:
-    """Height in m to which each of N particles must fly for N slots of one orbit."""
-    return float(theory.locked_height(particles, frequency))
+def height_needed(particles: int) -> float:
+    """Height in m to which each of N particles must fly for N slots of one orbit at 1 Hz."""
+    return float(theory.locked_height(particles))
 
 
 def smallest_separation(record: xr.Dataset) -> float:

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 @style.styled
-def energy_decay(record: xr.Dataset, *, realization: int = 0, particle: int = 0) -> Figure:
-    """Draw the energy after each impact against the number of impacts, and against time."""
-    one = data.one_realization(record, realization).isel(particle=particle)
+def energy_decay(record: xr.Dataset) -> Figure:
+    """Draw the energy after each impact, of the first particle, against number and time."""
+    one = data.one_realization(record, 0).isel(particle=0)
     speed = one["rebound_velocity"].values
     energy = (speed / data.pick(one, "launch_velocity")) ** 2
     figure = Figure(figsize=(style.PAGE, 2.6), layout="constrained")

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 @style.styled
-def heights_and_crossings(record: xr.Dataset, found: xr.Dataset, *, realization: int = 0) -> Figure:
+def heights_and_crossings(record: xr.Dataset, found: xr.Dataset) -> Figure:
     """Draw heights against time and a circle on every crossing that was found in a record."""
-    figure = height_time(record, realization=realization)
+    figure = height_time(record)
     axes = figure.axes[0]
     axes.plot(
         found["time"].values,

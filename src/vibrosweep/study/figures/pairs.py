@@ -18,12 +18,12 @@ PARTNERS: Final = len(style.OKABE_ITO)  # that colours tell apart
 
 
 @style.styled
-def separations_in_time(record: xr.Dataset, *, realization: int = 0) -> Figure:
+def separations_in_time(record: xr.Dataset) -> Figure:
     """Draw the separation of particles from the first one, at each impact number.
 
     Of more than `PARTNERS` only the first are drawn, and the heading says so.
     """
-    one = data.one_realization(record, realization)
+    one = data.one_realization(record, 0)
     times = one["landing_time"].values
     figure, axes = style.new_figure(style.PAGE, 2.5)
     number = np.arange(1, times.shape[1] + 1)
