@@ -1,5 +1,6 @@
 """Shared by all tests: threads, sets of parameters, and random scenes over wide ranges."""
 
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -191,3 +192,20 @@ def moving_record():
         )
 
     return make
+
+
+@pytest.fixture
+def limited():
+    """Make the system refuse to write beyond so many bytes, as a full disk does."""
+    resource = pytest.importorskip("resource")
+
+    @contextmanager
+    def limit(size):
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limit

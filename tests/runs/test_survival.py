@@ -2,7 +2,6 @@
 
 import errno
 import os
-import resource
 import shutil
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -341,19 +340,8 @@ def test_a_sweep_whose_sample_fails_is_cut(sweep, failing, tmp_path):
     assert len(parts(tmp_path)) == 10
 
 
-@contextmanager
-def limited(size):
-    """Make the system refuse to write beyond that many bytes, as a full disk does."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
 @pytest.mark.parametrize("room", [1000, 12_000])
-def test_a_full_disk_loses_nothing(sweep, expected, computed, tmp_path, room):
+def test_a_full_disk_loses_nothing(sweep, expected, computed, tmp_path, room, limited):
     """It fills up while parts are written, or while the result is."""
     with unfinished(sweep):
         before = parts(tmp_path)

@@ -4,7 +4,6 @@ import errno
 import os
 import signal
 import stat
-from contextlib import contextmanager
 
 import h5py
 import numpy as np
@@ -14,19 +13,6 @@ from vibrosweep.errors import OutputError
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, replacing, undisturbed
-
-resource = pytest.importorskip("resource")
-
-
-@contextmanager
-def limited(size):
-    """Make the system refuse to write beyond that many bytes, as a full disk does."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def fill(path, values):
@@ -75,7 +61,7 @@ def test_the_old_file_survives_a_failure(tmp_path):
 
 
 @pytest.mark.parametrize("room", [0, 1, 3000, 20_000, 79_000])
-def test_a_full_disk_is_named_and_leaves_nothing(tmp_path, room):
+def test_a_full_disk_is_named_and_leaves_nothing(tmp_path, room, limited):
     path = tmp_path / "out.h5"
     path.write_bytes(b"old")
     with limited(room), pytest.raises(OutputError, match=r"out\.h5.*[Ff]ile too large.*space"):
@@ -84,7 +70,7 @@ def test_a_full_disk_is_named_and_leaves_nothing(tmp_path, room):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_full_disk_ends_a_run_early(tmp_path):
+def test_a_full_disk_ends_a_run_early(tmp_path, limited):
     pieces = []
 
     def run():
