@@ -40,43 +40,17 @@ def sobol_indices(
 ) -> xr.Dataset:
     """First-order and total Sobol' indices of measured variables, with confidence intervals.
 
-    Each parameter is uniform in its range, independent of the others.  The scheme is that of
-    Saltelli (2010) as `scipy.stats.sobol_indices` has it; it takes (parameters + 2) base
-    realizations.  Intervals are percentiles of a bootstrap over the base sample.
+    Each parameter is uniform in its range, independent of the others; the forcing may vary as any
+    one of `vibrosweep.model.forcing.FORCINGS`.  The scheme is that of Saltelli (2010) as
+    `scipy.stats.sobol_indices` has it; it takes (parameters + 2) base realizations, `base` a power
+    of 2.  Intervals are percentiles of a bootstrap over the base sample.  The observation must
+    measure the outputs, variables with one number per realization.  Other parameters are `fixed`,
+    by default at Table 1; a base of finite mass needs those of its mount.
 
-    Parameters
-    ----------
-    ranges
-        Lower and upper end of each parameter that varies.  The forcing may vary as any one of
-        `vibrosweep.model.forcing.FORCINGS`.
-    observation
-        What is launched and watched; it must measure the outputs.
-    workers
-        Threads to use.
-    fixed
-        Values of other parameters, by default those of Table 1; a base of finite mass needs those
-        of its mount.
-    outputs
-        Variables with one number per realization.
-    base
-        Size of the base sample, a power of 2.
-    seed
-        Of the sample and of the bootstrap.
-    confidence
-        Level of the intervals.
-
-    Returns
-    -------
-    xarray.Dataset
-        Dims (output, parameter): ``first_order`` and ``total_order``, each with ``_low`` and
-        ``_high``; dim ``output``: ``mean`` and ``standard_deviation`` over the sample.
-
-    Raises
-    ------
-    ParameterError
-        A range or the base is not allowed, or there are two forcings.
-    DataError
-        An output is undefined in some realizations, or the same in all.
+    Dims (output, parameter): ``first_order`` and ``total_order``, each with ``_low`` and ``_high``;
+    dim ``output``: ``mean`` and ``standard_deviation`` over the sample.  Raises a ParameterError
+    where a range or the base is not allowed, or there are two forcings, and a DataError where an
+    output is undefined in some realizations, or the same in all.
     """
     from scipy.stats import qmc
 

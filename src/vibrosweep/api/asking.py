@@ -16,23 +16,10 @@ Asked = str | os.PathLike[str] | Mapping[str, Any]
 
 
 def asked(spec: Asked | None, keywords: Mapping[str, Any], *first: str) -> SweepSpec:
-    """Return the sweep that is asked for.
+    """Return the sweep that a path or a mapping asks for, or keywords where there is neither.
 
-    Parameters
-    ----------
-    spec
-        Path of a sweep file, or a mapping; None where keywords are given.
-    keywords
-        Keywords.
-    first
-        As in `keyword_spec`.
-
-    Raises
-    ------
-    SpecError
-        There are mistakes; all of them are listed.
-    ParameterError
-        There are both, or `spec` is neither path nor mapping.
+    `first` is that of `keyword_spec`.  Raises a SpecError that lists all mistakes, and a
+    ParameterError where there are both, or `spec` is neither path nor mapping.
     """
     if spec is None:
         return keyword_spec(keywords, *first)

@@ -33,26 +33,10 @@ def measure(
 ) -> Measured:
     """Advance a batch of realizations and measure them.
 
-    Parameters
-    ----------
-    parameters
-        Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of the mount of a
-        sprung base, each of shape (realization,).
-    observation
-        Launches, duration, and what to measure.
-    workers
-        Threads to use.
-
-    Returns
-    -------
-    dict
-        Arrays of shape (realization,), and (realization, particle) for measures per particle,
-        named as in `vibrosweep.model.measures`.
-
-    Raises
-    ------
-    ParameterError
-        Parameters are outside the range in which forcing periods can be counted exactly.
+    Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of the mount of a sprung
+    base, is of shape (realization,).  Returns arrays of that shape, and of (realization, particle)
+    for measures per particle, named as in `vibrosweep.model.measures`.  Raises a ParameterError
+    where more forcing periods are asked for than can be counted exactly.
     """
     if observation.base == SPRUNG:
         return measure_coupled(parameters, observation, workers)

@@ -243,35 +243,18 @@ def advance(
     cycles: Cycles | None,
     rests: Rests | None,
 ) -> int:
-    """Advance trajectories of a batch to the end of their window.
+    """Advance trajectories of a batch to the end of their window; return how many are in progress.
 
-    When too few new ones are left to fill the block, trajectories in progress stay in it until the
-    next call, which must therefore take the same arguments, apart from the span.
+    Trajectories span[0] ... span[1] - 1 are started, and only their entries of `out` are written.
+    When too few new ones are left to fill the block, those in progress stay in it until the next
+    call, which must therefore take the same arguments, apart from the span: span[2] are in
+    progress, 0 or what the previous call returned.  With none to start, those in progress are
+    finished.
 
-    Parameters
-    ----------
-    span
-        Trajectories ``span[0] ... span[1] - 1`` are started; ``span[2]`` are in progress: 0, or the
-        value returned by the previous call.  With none to start, those in progress are finished.
-    batch : vibrosweep.kernels.impact.Batch
-    options : Options
-    windowed
-        Whether the window may begin after a launch.
-    room
-        From `room_around`; not shared between threads.
-    out : Statistics
-        Only the entries of trajectories started by this caller are written.
-    cycles
-        From `empty_cycles`, or None.  If given, simulation of a trajectory stops when its state
-        recurs bit for bit, and the rest is counted from one cycle.  Sums then differ from those of
-        a full simulation by rounding only.
-    rests
-        From `empty_rests`, or None.  Not shared between threads; given with `cycles`.
-
-    Returns
-    -------
-    int
-        Number of trajectories in progress.
+    `windowed` tells whether the window may begin after a launch; `s` is from `scratch` and, as
+    `rests`, not shared between threads.  If `cycles` are given, with `rests`, simulation of a
+    trajectory stops when its state recurs bit for bit, and the rest is counted from one cycle.
+    Sums then differ from those of a full simulation by rounding only.
     """
     base, problem, launches = batch
     s, places = room

@@ -84,28 +84,16 @@ def separate(
     cycles: Cycles,
     out: Separations,
 ) -> None:
-    """Measure the separations of realizations span[0] ... span[1] - 1.
+    """Measure the separations of realizations span[0] ... span[1] - 1; write their slots alone.
 
-    Parameters
-    ----------
-    span
-        Range of realizations.
-    batch : vibrosweep.kernels.impact.Batch
-    complete
-        Shape (realization,): false where a trajectory ran out of its budget; such a realization
-        is not measured, and what stands in `out` is left there.
-    budget
-        Landings of a particle up to which a realization is measured.
-    windowed
-        Whether the window may begin after a launch.
-    work : Workspace
-        Not shared between threads.
-    cycles
-        From `vibrosweep.kernels.cycles.empty_cycles`.  Where all particles of a realization have
-        entered theirs, no more is followed than the joint cycle of all; the result is the same, bit
-        for bit.  Of no length where unknown.
-    out : Separations
-        Only the slots of these realizations are written.
+    Not measured are realizations that are not `complete`, of which a trajectory ran out of its
+    budget; what stands in `out` is left there.  `budget` is the number of landings of a particle up
+    to which others are, and `windowed` tells whether the window may begin after a launch.  `work`
+    is not shared between threads.
+
+    Cycles are those of `vibrosweep.kernels.cycles.empty_cycles`, of no length where unknown.  Where
+    all particles of a realization have entered theirs, no more is followed than the joint cycle of
+    all; the result is the same, bit for bit.
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]

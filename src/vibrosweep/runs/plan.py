@@ -54,29 +54,12 @@ def make_plan(
     seconds: float = SECONDS_TO_PLAN,
     enough: float = SECONDS_PER_CHUNK / 4,
 ) -> Plan:
-    """Cut a sweep into chunks of some seconds of work.
+    """Cut a sweep into chunks of some seconds of work, or of `chunk` realizations.
 
-    Parameters
-    ----------
-    spec
-        The sweep.
-    workers
-        Threads of a chunk.
-    chunk
-        Realizations in a chunk, if given by the user.
-    rows
-        Indices of the realizations to compute; None for all.
-    at_least
-        Smallest number of chunks, unless there are fewer realizations.
-    seconds, enough
-        See `pilot.explore`.
-
-    Raises
-    ------
-    ParameterError
-        A chunk does not fit into memory.
-    TableError, SpecError
-        The design cannot be opened.
+    `rows` are the indices of the realizations to compute, all where there are none.  There are
+    `at_least` so many chunks, unless there are fewer realizations; `seconds` and `enough` are those
+    of `pilot.explore`.  Raises a ParameterError where a chunk does not fit into memory, and a
+    TableError or SpecError where the design cannot be opened.
     """
     began = time.perf_counter()
     design = open_design(spec)

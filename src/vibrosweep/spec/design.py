@@ -54,17 +54,12 @@ class Design:
 def open_design(spec: SweepSpec) -> Design:
     """Open the design of a sweep.
 
-    ``uniform`` draws independent values; ``latin`` puts one value of each parameter into each of
-    as many equal slices as there are realizations; ``sobol`` is a scrambled low-discrepancy
-    sequence, balanced best when the number of realizations is a power of two; ``grid`` takes all
-    combinations, the last parameter varying fastest; ``table`` reads them.
-
-    Raises
-    ------
-    TableError
-        The table cannot be used.
-    SpecError
-        More realizations than a Sobol' sequence has points, or than a Latin hypercube in memory.
+    ``uniform`` draws independent values; ``latin`` puts one value of each parameter into each of as
+    many equal slices as there are realizations; ``sobol`` is a scrambled low-discrepancy sequence,
+    balanced best when the number of realizations is a power of two; ``grid`` takes all
+    combinations, the last parameter varying fastest; ``table`` reads them.  Raises a TableError
+    where the table cannot be used, and a SpecError for more realizations than a Sobol' sequence has
+    points, or than a Latin hypercube in memory.
     """
     if spec.design == "table":
         return _open_table(spec)

@@ -136,22 +136,10 @@ def undisturbed() -> Iterator[None]:
 def replacing(path: Path, room: Path | None = None, *, force: bool = True) -> Iterator[Disk]:
     """Write a file that is renamed to `path` if the block succeeds, and removed otherwise.
 
-    Parameters
-    ----------
-    path
-        Final name of the file.
-    room
-        Directory of the temporary file, on the same file system; by default that of `path`.
-    force
-        Whether to replace an existing file of this name.
-
-    Raises
-    ------
-    TakenOutputError
-        Without `force`, another file of this name appeared meanwhile; the new file was saved next
-        to it, under another name.
-    OutputError
-        The file cannot be written.
+    The temporary file is in the directory `room`, on the same file system; by default in that of
+    `path`.  Raises an OutputError where the file cannot be written, and a TakenOutputError where,
+    without `force`, another file of this name appeared meanwhile; the new file was then saved next
+    to it, under another name.
     """
     target = target_of(path)
     partial = (room or target.parent) / f".{target.name[:40]}.{secrets.token_hex(4)}.partial"

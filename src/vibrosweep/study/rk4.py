@@ -198,28 +198,11 @@ def rk4(
 ) -> Landings:
     """Landing times by the study's fixed-step scheme.
 
-    Parameters
-    ----------
-    restitution, amplitude, frequency, phase, gravity, launch_velocity, contact_time, launch_time
-        As in `vibrosweep.model.parameters.PARAMETERS`; scalars or arrays of shape
-        (trajectory,), broadcast.
-    duration
-        End of the observation, s.
-    step
-        Step of the integration, s.
-    rebound
-        ``"rest"`` or ``"reflect"``.
-    contact
-        ``"next step"``, or ``"interpolated"`` within the step.
-    capacity
-        Landings stored for each trajectory.
-    threads
-        Threads that share the trajectories; the result does not depend on it.
-
-    Raises
-    ------
-    ParameterError
-        An argument is outside its range; the message names it.
+    Physical parameters are scalars or arrays of shape (trajectory,), which broadcast; `duration`
+    and `step` in s.  A `contact` is seen at the ``"next step"``, or is ``"interpolated"`` within
+    the step.  Of each trajectory `capacity` landings are stored; the result does not depend on the
+    threads that share the trajectories.  Raises a ParameterError that names an argument outside its
+    range.
     """
     values = {
         "restitution": restitution,

@@ -123,27 +123,13 @@ def study_imperfections(
 ) -> xr.Dataset:
     """Errors of height and period that each imperfection makes by itself, in every case.
 
-    Parameters
-    ----------
-    scene
-        Every parameter of `scene.PARAMETERS`.
-    imperfections
-        What to try.
-    cases
-        Number of particles by the letter of the case.
-    repeats, transient, duration
-        As the study's: four repeats of 40 s after 20 s.
-    seed
-        Of the random numbers.
+    The scene holds every parameter of `model.parameters.PARAMETERS`; cases are numbers of particles
+    by their letter.  By default four repeats of 40 s after 20 s, as the study's.
 
-    Returns
-    -------
-    xarray.Dataset
-        Dims (trial, procedure, reading, case): ``height_error``, ``period_error`` in per cent, the
-        mean over the repeats, and their standard deviations ``height_error_sd``,
-        ``period_error_sd``; ``compared(trial, case)`` is the share of the particles that could be
-        compared.  A trial is one imperfection of one size: coordinates ``imperfection``, ``size``
-        and ``units``.
+    Dims (trial, procedure, reading, case): ``height_error``, ``period_error`` in per cent, the mean
+    over the repeats, and their standard deviations ``height_error_sd``, ``period_error_sd``;
+    ``compared(trial, case)`` is the share of the particles that could be compared.  A trial is one
+    imperfection of one size: coordinates ``imperfection``, ``size`` and ``units``.
     """
     trials = [(one, size) for one in imperfections for size in one.sizes]
     plain = Experiment(

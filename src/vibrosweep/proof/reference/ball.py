@@ -70,35 +70,12 @@ def trajectory(
     restitution e, amplitude a, frequency 1, phase 0, gravity 2, launch_velocity u0, contact_time r,
     launch_time x0 and duration in periods: velocities are then flight times.
 
-    Parameters
-    ----------
-    restitution, amplitude, frequency, phase, gravity, launch_velocity, contact_time
-        As in `vibrosweep.model.parameters.PARAMETERS`: 1, m s-1, Hz, rad, m s-2, m s-1, s.
-    launch_time, duration
-        s; landings at t <= duration count.  A `Fraction` is a time that no double is.
-    base
-        ``"high-bounce"`` or ``"moving"``.
-    rebound
-        ``"rest"`` or, on the high-bounce base, ``"reflect"``.
-    max_impacts
-        Budget of landings.
-    digits
-        Radii asked for: 10**-digits of a velocity, or of v_rest where that is larger; of a time, or
-        of the contact time where that is larger; and of a turn for a phase.
-    max_bits
-        Largest precision tried.
+    Landings at t <= duration (s) count; a `Fraction` is a time that no double is.  `digits` asks
+    for radii of 10**-digits of a velocity, or of v_rest where that is larger; of a time, or of the
+    contact time where that is larger; and of a turn for a phase.
 
-    Returns
-    -------
-    Trajectory
-        Balls and, as doubles, arrays of shape (impact,).
-
-    Raises
-    ------
-    ParameterError
-        An argument is outside its range; the message names it.
-    UndecidableError
-        A decision stays uncertain at `max_bits`: a tie, or an orbit that loses more digits.
+    Raises a ParameterError that names an argument outside its range, and an UndecidableError where
+    a decision stays uncertain at `max_bits`: a tie, or an orbit that loses more digits.
     """
     values = {
         "restitution": restitution,

@@ -135,30 +135,15 @@ def coupled(
 ) -> Coupled:
     """Every landing of all particles, with proved error bounds.
 
-    Parameters
-    ----------
-    parameters
-        Those of `vibrosweep.model.parameters.PARAMETERS`, and mass_ratio (1), mount_frequency (Hz)
-        and mount_damping (1).
-    launch_times, duration
-        s; landings at t <= duration count.  A `Fraction` is a time that no double is.
-    max_landings
-        Budget of landings, of all particles.
-    digits
-        Radii asked for: 10**-digits of a velocity, or of v_rest where that is larger; of a time, or
-        of the contact time where that is larger; and of a turn for a phase.
-    max_bits
-        Largest precision tried.
-    bits
-        Precision tried first, where that asked for by `digits` is less.
+    Parameters are those of `vibrosweep.model.parameters.PARAMETERS` and of the mount.  Landings at
+    t <= duration (s) count; a `Fraction` is a time that no double is.  `digits` asks for radii of
+    10**-digits of a velocity, or of v_rest where that is larger; of a time, or of the contact time
+    where that is larger; and of a turn for a phase.  The precision `bits` is tried first, where
+    that asked for by `digits` is less.
 
-    Raises
-    ------
-    ParameterError
-        A number is outside its range; the message names it.
-    UndecidableError
-        A decision, which the message names, stays uncertain at `max_bits`: a tie, or motion that
-        loses more digits.  The number of the impact is that among all particles.
+    Raises a ParameterError that names a number outside its range, and an UndecidableError where a
+    decision stays uncertain at `max_bits`: a tie, or motion that loses more digits.  The number of
+    its impact is that among all particles.
     """
     values = {name: float(value) for name, value in parameters.items()}
     launched = tuple(_exact("launch_time", time) for time in launch_times)
