@@ -251,8 +251,8 @@ def advance(
     progress, 0 or what the previous call returned.  With none to start, those in progress are
     finished.
 
-    `windowed` tells whether the window may begin after a launch; `s` is from `scratch` and, as
-    `rests`, not shared between threads.  If `cycles` are given, with `rests`, simulation of a
+    `windowed` tells whether the window may begin after a launch; `room` is from `room_around` and,
+    as `rests`, not shared between threads.  If `cycles` are given, with `rests`, simulation of a
     trajectory stops when its state recurs bit for bit, and the rest is counted from one cycle.
     Sums then differ from those of a full simulation by rounding only.
     """
