@@ -3,7 +3,7 @@
     python checks/coupled_errors.py [--realizations 40] [--seed 1] [--write]
 
 So many random realizations of 2, 4 and 10 particles; each is followed in ball arithmetic, and again
-with changed parameters (`vibrosweep.proof.coupled`).  Errors are given in units of that change.
+with changed parameters and launches (`vibrosweep.proof.coupled`), which gives the estimate.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from accuracy import provenance, table, write_section
 from vibrosweep import simulate
-from vibrosweep.proof.coupled import FACTOR, prove
+from vibrosweep.proof.coupled import prove
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
 from vibrosweep.proof.reference.coupled import TooManyLandingsError
 from vibrosweep.proof.sample import Realization
@@ -48,7 +48,7 @@ def draw(rng):
 def compare(parameters, launches, duration, most=MOST):
     """How a realization was judged, how many landings it has, and the largest error.
 
-    The error comes in units of the change, and of what verify grants each number.
+    The error comes in units of the estimate, and of what verify grants each number.
     """
     found = simulate(base="sprung", launch_time=launches, duration=duration, **parameters)
     landings = int(found.impact_count.sum())
@@ -93,7 +93,7 @@ def compare(parameters, launches, duration, most=MOST):
                         return "different", landings, np.inf, np.inf
                     error = float((arb(value) - ball).abs_upper())
                     if error > 0.0:  # a parameter of zero does not change
-                        worst = max(worst, FACTOR * error / claim if claim > 0.0 else np.inf)
+                        worst = max(worst, error / claim if claim > 0.0 else np.inf)
                     share = max(share, error / estimate.record_claims(realization, value)[name])
     return "compared", landings, worst, share
 
@@ -114,13 +114,13 @@ def main() -> None:
         counts = (states.count(s) for s in STATES)
         landings = sum(landings for _, landings, *_ in each)
         largest = max(worst for _, _, worst, _ in each)
-        rows.append((particles, landings, *counts, f"{largest:.1f}"))
+        rows.append((particles, landings, *counts, f"{largest:.2f}"))
         print(rows[-1], flush=True)
     head = (
         "particles",
         "landings",
         *STATES,
-        "largest error over the change",
+        "largest error over the estimate",
     )
     text = table(head, rows)
     text += f"\n\n{provenance(time.perf_counter() - began, options.seed)}"

@@ -212,7 +212,7 @@ def carry_on(parameters: Mapping[str, Array], begin: Neighbours, periods: float)
     of.particle[PARTICLE.HEIGHT], of.particle[PARTICLE.SPEED] = begin.height, begin.speed
     of.particle[PARTICLE.SCALE] = np.abs(begin.speed)
     of.now[NOW.X] = begin.phase
-    of.now[NOW.D], of.now[NOW.V] = begin.deviation
+    of.now[NOW.D], of.now[NOW.B] = begin.deviation
     rode = np.zeros_like(of.mode)
     landings = carry(of, problem, mounts(parameters), 0, periods, rode, matrix)
     if landings < 0:
@@ -221,7 +221,7 @@ def carry_on(parameters: Mapping[str, Array], begin: Neighbours, periods: float)
         of.particle[PARTICLE.HEIGHT].copy(),
         of.particle[PARTICLE.SPEED].copy(),
         float(of.now[NOW.X]),
-        (float(of.now[NOW.D]), float(of.now[NOW.V])),
+        (float(of.now[NOW.D]), float(of.now[NOW.B])),
         matrix,
         landings,
     )

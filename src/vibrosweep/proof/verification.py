@@ -12,7 +12,7 @@ import numpy as np
 
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.proof.coupled import CHANGE, FACTOR
+from vibrosweep.proof.coupled import CHANGE
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.recorded import RECORDED
 
@@ -210,7 +210,7 @@ class Report:
         """Say what is claimed where no bound is proved, and how near the kernel comes to it."""
         yield (
             "no bound of errors is proved for coupled particles: claims are estimates, "
-            f"{FACTOR:g} times what changes of the parameters by {CHANGE:.2g} of themselves do"
+            f"what changes of the parameters by {CHANGE:.2g} of themselves do"
         )
         found = [o.deviation for o in self.outcomes if o.deviation is not None]
         if found:

@@ -6,8 +6,13 @@ that ride it, mu being the mass of one in units of that of the base, its height 
 
     (1 + n mu) Y'' + 2 zeta w Y' + w^2 Y = forcing - 2 n mu,        w = 2 pi f0 / f:
 
-a forced oscillation, the sag under the load, and a free oscillation (D, D'), which impacts excite.
-An impact only ever pushes the base down.
+a forced oscillation, the sag under the load, and a free oscillation D, which impacts excite.  An
+impact only ever pushes the base down.
+
+An overdamped mount does not swing: D decays with a slow and a fast rate.  What decays fast soon
+leaves D' = -slow D, from which the acceleration would be a small difference of large terms: at a
+damping ratio of 1000 six digits were lost.  So the state is D and B = D' + slow D, which decays
+with the fast rate alone.  Of a mount that swings, slow is 0 and B the velocity D'.
 """
 
 from __future__ import annotations
@@ -18,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import fma, jit, part
+from vibrosweep.kernels.bases.decay import bend, decayed
 from vibrosweep.kernels.bases.landing_search import turn
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
@@ -25,7 +31,6 @@ TWO_PI = 2.0 * math.pi
 LARGEST_GAMMA = 1e9  # as over the base of infinite mass
 SERIES = 1.0  # up to which the power series of overdamped motion is summed, in times of its rates
 TERMS = 40
-TAYLOR = tuple(1.0 / math.factorial(k) for k in range(16))  # of the exponential up to 1/2
 
 
 class Mount(NamedTuple):
@@ -56,6 +61,9 @@ class Load(NamedTuple):
     level: float  # height about which it oscillates
     keeps: float  # time for which a push down holds the base down: half a free oscillation
     swing: float  # radians of the free oscillation per period; 0 where it is overdamped
+    # slow, fast: rates of decay of an overdamped one, else 0
+    slow: float
+    fast: float
     reach: float  # amplitude of the forced oscillation
     # own, grip: bounds: a free motion with the energy of the velocity v reaches the height v / own
     # and the acceleration grip v
@@ -69,12 +77,23 @@ class Motion(NamedTuple):
     # rise, gain: height and velocity beyond those of uniform motion, Y(s) - Y - Y' s and Y'(s) - Y'
     rise: float
     gain: float
-    # d, v: deviation from the forced oscillation, and its velocity
+    # d, b: deviation from the forced oscillation, and its velocity beyond that of slow decay
     d: float
-    v: float
+    b: float
     # pull, jerk: acceleration Y''(s) and its rate
     pull: float
     jerk: float
+
+
+class Free(NamedTuple):
+    """The free oscillation some time after an instant."""
+
+    # rise, gain: D(s) - D - D' s and D'(s) - D'
+    rise: float
+    gain: float
+    # d, b: its state
+    d: float
+    b: float
 
 
 class Bounds(NamedTuple):
@@ -120,25 +139,44 @@ def loaded(of: Mount, riders: int) -> Load:
         p = p * (bare * full + damping * damping) / norm
     swing = math.sqrt(max(stiffness - drag * drag, 0.0))
     keeps = math.pi / swing if swing > 0.0 else np.inf
+    fast = slow = 0.0
+    if swing == 0.0:
+        fast = drag + math.sqrt(max(fma(drag, drag, -stiffness), 0.0))
+        slow = stiffness / fast
     level = -2.0 * (mass - 1.0) / (of.w * of.w) if mass > 1.0 else 0.0
     reach, own = math.hypot(p, q), math.sqrt(stiffness)
     grip = math.sqrt(4.0 * drag * drag + stiffness)
-    return Load(riders, stiffness, drag, p, q, level, keeps, swing, reach, own, grip)
+    return Load(riders, stiffness, drag, p, q, level, keeps, swing, slow, fast, reach, own, grip)
 
 
 @jit
-def bounds(load: Load, d: float, v: float) -> Bounds:
-    """Bound the motion from the deviation d with velocity v on.
+def velocity(load: Load, d: float, b: float) -> float:
+    """Return the velocity of the free oscillation."""
+    return b - load.slow * d
+
+
+@jit
+def free_pull(load: Load, d: float, b: float) -> tuple[float, float]:
+    """Return the acceleration of the free oscillation and its rate."""
+    slow, fast = load.slow, load.fast
+    if slow > 0.0:
+        rate = (slow * slow + load.stiffness + fast * fast) * b - slow * slow * slow * d
+        return slow * slow * d - 2.0 * load.drag * b, rate
+    pull = -2.0 * load.drag * b - load.stiffness * d
+    return pull, -2.0 * load.drag * pull - load.stiffness * b
+
+
+@jit
+def bounds(load: Load, d: float, b: float) -> Bounds:
+    """Bound the motion from the state d, b on.
 
     The energy of the free motion never grows, nor do the two exponentials of overdamped motion.
     Far apart, these bound it more closely: what is fast has soon gone.
     """
     base, reach = load.level + load.reach, TWO_PI**2 * load.reach
-    beyond = load.drag * load.drag - load.stiffness
-    if beyond > 3.0 * load.stiffness:
-        fast = load.drag + math.sqrt(beyond)
-        slow = load.stiffness / fast
-        brief = abs(v + slow * d) / (fast - slow)
+    slow, fast = load.slow, load.fast
+    if fast > 14.0 * slow:
+        brief = abs(b) / (fast - slow)
         steep, flat = brief * fast * fast, (abs(d) + brief) * slow * slow
         return Bounds(
             base + abs(d) + 2.0 * brief,
@@ -146,6 +184,7 @@ def bounds(load: Load, d: float, v: float) -> Bounds:
             TWO_PI * reach + (steep * fast + flat * slow),
             TWO_PI**2 * reach + (steep * fast * fast + flat * slow * slow),
         )
+    v = velocity(load, d, b)
     speed = math.sqrt(v * v + load.stiffness * d * d)
     twice = 2.0 * load.drag
     jerk = twice * load.grip + load.stiffness
@@ -159,28 +198,10 @@ def bounds(load: Load, d: float, v: float) -> Bounds:
 
 
 @jit
-def _decayed(z: float) -> tuple[float, float, float]:
-    """Return exp(-z), 1 - exp(-z) and 1 - (1 + z) exp(-z) for z >= 0, each to some roundings."""
-    if z > 0.5:
-        left = math.exp(-z)
-        return left, 1.0 - left, 1.0 - left - z * left
-    z2 = z * z
-    even, odd = fma(z2, TAYLOR[14], TAYLOR[12]), fma(z2, TAYLOR[15], TAYLOR[13])
-    even, odd = fma(z2, even, TAYLOR[10]), fma(z2, odd, TAYLOR[11])
-    even, odd = fma(z2, even, TAYLOR[8]), fma(z2, odd, TAYLOR[9])
-    even, odd = fma(z2, even, TAYLOR[6]), fma(z2, odd, TAYLOR[7])
-    even, odd = fma(z2, even, TAYLOR[4]), fma(z2, odd, TAYLOR[5])
-    even, odd = fma(z2, even, TAYLOR[2]), fma(z2, odd, TAYLOR[3])
-    bend = z2 * fma(-z, odd, even)  # exp(-z) - 1 + z
-    lost = z - bend
-    return 1.0 - lost, lost, fma(-bend, 1.0 + z, z2)
-
-
-@jit
-def _series(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
-    """Sum the power series of the free motion from its second degree on."""
+def _series(load: Load, b: float, s: float) -> tuple[float, float]:
+    """Sum the power series of the free motion from d = 0, b from its second degree on."""
     slowed, turned = 2.0 * load.drag * s, load.stiffness * s * s
-    before, term = d, v * s
+    before, term = 0.0, b * s
     rise = gain = 0.0
     for k in range(2, TERMS):
         before, term = term, -(slowed * term + turned * before / (k - 1)) / k
@@ -192,62 +213,63 @@ def _series(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
 
 
 @part
-def _overdamped(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
+def _overdamped(load: Load, d: float, b: float, s: float) -> Free:
     """Return what `free_motion` does, of a mount that does not swing."""
+    slow, fast, width = load.slow, load.fast, load.fast - load.slow
+    left, ended = math.exp(-slow * s), math.exp(-fast * s)
+    rise, gain = d * bend(slow * s), -slow * d * math.expm1(-slow * s)
     if s * (2.0 * load.drag + load.own) <= SERIES:
-        return _series(load, d, v, s)
-    rate = math.sqrt(max(fma(load.drag, load.drag, -load.stiffness), 0.0))
-    slow, fast = -load.stiffness / (load.drag + rate), -(load.drag + rate)
-    even = 0.5 * (math.exp(slow * s) + math.exp(fast * s))
-    odd = s * math.exp(slow * s)
-    if rate > 0.0:
-        # not fast - slow, whose digits are lost where the damping is hardly above critical
-        odd = -math.exp(slow * s) * math.expm1(-2.0 * rate * s) / (2.0 * rate)
-    then = d * (even + load.drag * odd) + v * odd
-    speed = v * (even - load.drag * odd) - load.stiffness * d * odd
-    return then - d - v * s, speed - v
+        risen, gained = _series(load, b, s)
+        return Free(rise + risen, gain + gained, d * left + (b * s + risen), b * ended)
+    odd = left * (-math.expm1(-width * s) / width if width > 0.0 else s)
+    rise += b * (odd - s)
+    gain += b * (math.expm1(-fast * s) - slow * odd)
+    return Free(rise, gain, d * left + b * odd, b * ended)
 
 
 @jit
-def free_motion(load: Load, d: float, v: float, s: float) -> tuple[float, float]:
-    """Return D(s) - d - v s and D'(s) - v of the free oscillation with D = d and D' = v at first.
+def free_motion(load: Load, d: float, b: float, s: float) -> Free:
+    """Return the free oscillation after s periods from the state d, b.
 
-    Neither is a difference of nearly equal numbers while the oscillation has hardly begun: with
-    A = exp(-b s), the swing through q s and L = s - sin(q s) / q they are
+    Neither its rise nor its gain is a difference of nearly equal numbers while the oscillation has
+    hardly begun: with A = exp(-drag s), the swing through q s and L = s - sin(q s) / q they are
 
-        -d (1 - (1 + b s) A + A (1 - cos + b L)) - v ((1 - A) s + A L)
-        -v (1 - A + A (1 - cos + b sin / q)) - d K A sin / q.
+        -d (1 - (1 + drag s) A + A (1 - cos + drag L)) - b ((1 - A) s + A L)
+        -b (1 - A + A (1 - cos + drag sin / q)) - d K A sin / q,
+
+    and where it is overdamped, with S = exp(-slow s), F = exp(-fast s), O = (S - F) / (fast - slow)
+
+        d (S - 1 + slow s) + b (O - s)
+        slow d (1 - S) - b (1 - F + slow O).
     """
-    if s == 0.0 or (d == 0.0 and v == 0.0):
-        return 0.0, 0.0
+    if s == 0.0 or (d == 0.0 and b == 0.0):
+        return Free(0.0, 0.0, d, b)
     if load.swing == 0.0:
-        return _overdamped(load, d, v, s)
+        return _overdamped(load, d, b, s)
     turns = load.swing / TWO_PI * s
     sine, lag, c = turn(turns)
     sine, lag = sine / load.swing, lag / load.swing
-    left, lost, bent = _decayed(load.drag * s)
-    rise = -d * fma(left, fma(load.drag, lag, c), bent) - v * fma(left, lag, lost * s)
-    gain = -v * fma(left, fma(load.drag, sine, c), lost) - d * (load.stiffness * left * sine)
-    return rise, gain
+    left, lost, bent = decayed(load.drag * s)
+    rise = -d * fma(left, fma(load.drag, lag, c), bent) - b * fma(left, lag, lost * s)
+    gain = -b * fma(left, fma(load.drag, sine, c), lost) - d * (load.stiffness * left * sine)
+    return Free(rise, gain, d + b * s + rise, b + gain)
 
 
 @jit
-def move(load: Load, sine: float, cosine: float, d: float, v: float, s: float) -> Motion:
+def move(load: Load, sine: float, cosine: float, d: float, b: float, s: float) -> Motion:
     """Return the motion of the base s periods after a phase of this sine and cosine."""
     turned, lag, c = turn(s)
     height = load.p * cosine + load.q * sine
     slope = load.q * cosine - load.p * sine
-    rise, gain = free_motion(load, d, v, s)
-    d, v = d + v * s + rise, v + gain
-    pull = -2.0 * load.drag * v - load.stiffness * d
-    jerk = -2.0 * load.drag * pull - load.stiffness * v
+    rise, gain, d, b = free_motion(load, d, b, s)
+    pull, jerk = free_pull(load, d, b)
     h = height * (1.0 - c) + slope * turned
     h1 = slope * (1.0 - c) - height * turned
     return Motion(
         rise - height * c - slope * lag,
         gain - TWO_PI * (height * turned + slope * c),
         d,
-        v,
+        b,
         pull - TWO_PI**2 * h,
         jerk - TWO_PI**3 * h1,
     )

@@ -39,8 +39,8 @@ def _ride(mode: Integers, deviations: Floats) -> None:
 def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
     """Let deviations follow the flow for the time t; `mode` is that of the particles meanwhile."""
     particles = mode.size
-    rise, gain = free_motion(load, 1.0, 0.0, t)
-    rise_v, gain_v = free_motion(load, 0.0, 1.0, t)
+    rise, gain, _, _ = free_motion(load, 1.0, load.slow, t)
+    rise_v, gain_v, _, _ = free_motion(load, 0.0, 1.0, t)
     for column in range(deviations.shape[1]):
         one = deviations[:, column]
         for j in range(particles):

@@ -49,7 +49,7 @@ def next_event(
     Without one, nothing is changed but what is known of the times to come.  Returns the event and
     the load of the base after it.
     """
-    limit = bounds(load, of.now[NOW.D], of.now[NOW.V])
+    limit = bounds(load, of.now[NOW.D], of.now[NOW.B])
     first = earliest(of)
     for _ in range(TRIES):
         time = min(first.time, until)
@@ -90,7 +90,7 @@ def _leave(of: System, j: int, w: float, wait: float) -> None:
 @jit
 def _wait(of: System, load: Load, w: float) -> float:
     """Return a time within which a particle that leaves now with speed w >= 0 does not land."""
-    limit = bounds(load, of.now[NOW.D], of.now[NOW.V])
+    limit = bounds(load, of.now[NOW.D], of.now[NOW.B])
     pull, _ = acceleration(of, load)
     falls = -2.0 - pull  # how much faster than gravity the base falls
     # F >= w s - (2 + pull) s^2 / 2, and F >= falls s^2 / 2 - jerk s^3 / 6
@@ -104,7 +104,7 @@ def _expect(of: System, load: Load, kick: float, same: bool) -> None:
     `same`: its load has not changed.
     """
     particle, now = of.particle, of.now
-    height = bounds(load, now[NOW.D], now[NOW.V]).height
+    height = bounds(load, now[NOW.D], now[NOW.B]).height
     y, v = now[NOW.HEIGHT], now[NOW.SPEED]
     now[NOW.LIFT] = 0.0 if load.riders > 0 else np.inf
     if height > now[NOW.HIGHEST]:
@@ -126,7 +126,7 @@ def _expect(of: System, load: Load, kick: float, same: bool) -> None:
 @jit
 def _push(of: System, kick: float) -> None:
     """Take the speed `kick` from the base."""
-    of.now[NOW.V] -= kick
+    of.now[NOW.B] -= kick
     of.now[NOW.SPEED] -= kick
 
 
@@ -137,7 +137,7 @@ def _drop(of: System, fixed: Mount, load: Load) -> tuple[Event, Load]:
     let_pass(of, load, t)
     bare = under(of, fixed, 0)
     _expect(of, bare, 0.0, False)
-    limit = bounds(bare, of.now[NOW.D], of.now[NOW.V])
+    limit = bounds(bare, of.now[NOW.D], of.now[NOW.B])
     # F'' = 0 now, F''' = -jerk: F >= -jerk s^3 / 6 - snap s^4 / 24
     _, jerk = acceleration(of, bare)
     _release(of, 0.0, max(-4.0 * jerk / limit.snap, 0.0))
@@ -158,7 +158,7 @@ def _launch(of: System, load: Load, who: int, launch_speed: float) -> tuple[Even
     now, t = of.now, max(of.particle[PARTICLE.SAFE, who], 0.0)
     let_pass(of, load, t)
     now[NOW.WAITING] -= 1.0
-    height = bounds(load, now[NOW.D], now[NOW.V]).height
+    height = bounds(load, now[NOW.D], now[NOW.B]).height
     if height > now[NOW.HIGHEST]:  # nobody has been launched before
         now[NOW.HIGHEST] = height + (SLACK - 1.0) * abs(height)
     w = launch_speed - now[NOW.SPEED]

@@ -198,7 +198,7 @@ def _resting(work: Room, load: Load, weighs: bool, first: int, left: float, each
     small for the base ever to fall faster than gravity.
     """
     motion = motion_after(work.of, load, left)
-    stays = bounds(load, motion.d, motion.v).pull <= 2.0
+    stays = bounds(load, motion.d, motion.b).pull <= 2.0
     for_good = stays and (load.riders == work.rides.size or not weighs)
     for j in range(work.rides.size):
         each.at_rest[first + j] = 1 if for_good and work.rides[j] == 1 else 0

@@ -11,7 +11,8 @@ which it cannot land, and only the particle whose time is earliest is looked at:
   above that height holds until the energy exceeds what was assumed, whatever other particles do.
 
 Where F' < 0 and 4 K F <= F'^2 the next root is the only one within reach, and Newton's iteration
-with the next two derivatives finds it.
+with the next two derivatives finds it, whose steps are held between those of the parabolas with
+F'' = -K and K: a recoil that decays at once makes a cubic of no use.
 """
 
 from __future__ import annotations
@@ -32,19 +33,24 @@ STEPS = 50  # towards a lift-off between two looks at the particles
 
 
 @jit
+def _to_root(f: float, f1: float, f2: float) -> float:
+    """Return the step to the root of the parabola with these derivatives, f1 < 0."""
+    inside = f1 * f1 - 2.0 * f * f2
+    return 2.0 * f / (math.sqrt(inside if inside > 0.0 else 0.0) - f1)
+
+
+@jit
 def _ahead(f: float, f1: float, k: float) -> float:
     """Return a step that passes no root of a function with these values and f'' >= -k."""
-    root = math.sqrt(f1 * f1 + 2.0 * k * f)
     if f1 >= 0.0:
-        return (f1 + root) / k if k > 0.0 else np.inf
-    return 2.0 * f / (root - f1)
+        return (f1 + math.sqrt(f1 * f1 + 2.0 * k * f)) / k if k > 0.0 else np.inf
+    return _to_root(f, f1, -k)
 
 
 @jit
 def _step(f: float, f1: float, f2: float, f3: float) -> float:
     """Return the step to the root of the cubic with these derivatives, f1 < 0, to third order."""
-    inside = f1 * f1 - 2.0 * f * f2
-    step = 2.0 * f / (math.sqrt(inside if inside > 0.0 else 0.0) - f1)
+    step = _to_root(f, f1, f2)
     slope = f1 + f2 * step
     return step - f3 * step * step * step / (6.0 * slope) if slope < 0.0 else step
 
@@ -129,10 +135,11 @@ def _landing(of: System, load: Load, limit: Bounds, j: int, motion: Motion) -> f
 
     `motion`: that of the base up to the time before which it does not.
     """
-    t, last = of.particle[PARTICLE.SAFE, j], np.inf
+    t, last, k = of.particle[PARTICLE.SAFE, j], np.inf, 2.0 + limit.pull
     for _ in range(20):
         f, f1 = _clearance(of, j, motion, t)
         step = _step(f, f1, -2.0 - motion.pull, -motion.jerk)
+        step = min(max(step, _to_root(f, f1, -k)), _to_root(f, f1, k))
         t = max(t + step, 0.0)
         # what is left out of the cubic, and rounding, which lets steps shrink no more
         square = step * step
@@ -155,7 +162,7 @@ def lift(of: System, load: Load, until: float) -> bool:
         if t > until:
             break
         motion = motion_after(of, load, t)
-        limit = bounds(load, motion.d, motion.v)
+        limit = bounds(load, motion.d, motion.b)
         if limit.pull <= 2.0:
             now[NOW.LIFT] = np.inf
             return False

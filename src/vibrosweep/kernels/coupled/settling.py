@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
-from vibrosweep.kernels.bases.sprung import Mount, bounds, loaded, mount
+from vibrosweep.kernels.bases.sprung import Mount, bounds, loaded, mount, velocity
 from vibrosweep.kernels.coupled.deviations import follow_event, propagate
 from vibrosweep.kernels.coupled.follow import Coupled
 from vibrosweep.kernels.coupled.state import (
@@ -74,7 +74,7 @@ def notes(particles: int) -> Notes:
 @jit
 def _same(a: System, b: System) -> bool:
     """Whether two states differ by whole periods only."""
-    if a.now[NOW.X] != b.now[NOW.X] or a.now[NOW.D] != b.now[NOW.D] or a.now[NOW.V] != b.now[NOW.V]:
+    if a.now[NOW.X] != b.now[NOW.X] or a.now[NOW.D] != b.now[NOW.D] or a.now[NOW.B] != b.now[NOW.B]:
         return False
     for j in range(a.mode.size):
         if a.mode[j] != b.mode[j] or a.mode[j] == MODE.WAITING:
@@ -188,14 +188,16 @@ def carry(
 
     Returns the number of landings, -1 where the search for one was given up.  In the state all
     particles fly: heights and speeds above the base, phase, and deviation of the base from its
-    forced oscillation are given; what is known of times to come is not.  `rode` is scratch memory,
-    a number for each particle.  Deviations, of shape (2 * particle + 2, column), are heights and
-    velocities of the particles, height and velocity of the base.
+    forced oscillation are given, and in the place of `NOW.B` its velocity, before and after; what is
+    known of times to come is not.  `rode` is scratch memory, a number for each particle.
+    Deviations, of shape (2 * particle + 2, column), are heights and velocities of the particles,
+    height and velocity of the base.
     """
     fixed, now = mount(problem, mounts, i), of.now
     load = loaded(fixed, 0)
+    now[NOW.B] += load.slow * now[NOW.D]
     locate(of, load)
-    now[NOW.HIGHEST], now[NOW.LIFT] = bounds(load, now[NOW.D], now[NOW.V]).height, np.inf
+    now[NOW.HIGHEST], now[NOW.LIFT] = bounds(load, now[NOW.D], now[NOW.B]).height, np.inf
     begun, landings = now[NOW.X], 0
     while True:
         left = periods - now[NOW.N] - (now[NOW.X] - begun)
@@ -206,6 +208,7 @@ def carry(
             break
         landings += 1 if event.kind != EVENT.LIFT else 0
     let_pass(of, load, left)
+    now[NOW.B] = velocity(load, now[NOW.D], now[NOW.B])
     propagate(load, left, of.mode, deviations)
     for j in range(of.mode.size):
         if of.mode[j] == MODE.RIDING:

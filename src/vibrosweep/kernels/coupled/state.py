@@ -12,7 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, fma, jit, part
-from vibrosweep.kernels.bases.sprung import Load, Motion, Mount, loaded, move
+from vibrosweep.kernels.bases.sprung import (
+    Load,
+    Motion,
+    Mount,
+    free_pull,
+    loaded,
+    move,
+    velocity,
+)
 from vibrosweep.kernels.impact import land, launch
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless, Launches
@@ -39,8 +47,8 @@ class Now(NamedTuple):
     X: int
     SINE: int  # of the phase
     COSINE: int
-    D: int  # deviation of the base from its forced oscillation, and its velocity
-    V: int
+    D: int  # deviation of the base from its forced oscillation, and
+    B: int  # its velocity beyond that of slow decay
     HEIGHT: int  # of the base, and its velocity
     SPEED: int
     HIGHEST: int  # height above which the base is taken not to come
@@ -141,14 +149,15 @@ def locate(of: System, load: Load) -> None:
     sine, cosine = sin_turns(now[NOW.X]), cos_turns(now[NOW.X])
     now[NOW.SINE], now[NOW.COSINE] = sine, cosine
     now[NOW.HEIGHT] = load.p * cosine + load.q * sine + load.level + now[NOW.D]
-    now[NOW.SPEED] = TWO_PI * (load.q * cosine - load.p * sine) + now[NOW.V]
+    free = velocity(load, now[NOW.D], now[NOW.B])
+    now[NOW.SPEED] = TWO_PI * (load.q * cosine - load.p * sine) + free
 
 
 @part
 def motion_after(of: System, load: Load, t: float) -> Motion:
     """Return the motion of the base after the time t from now."""
     now = of.now
-    return move(load, now[NOW.SINE], now[NOW.COSINE], now[NOW.D], now[NOW.V], t)
+    return move(load, now[NOW.SINE], now[NOW.COSINE], now[NOW.D], now[NOW.B], t)
 
 
 @jit
@@ -156,8 +165,7 @@ def acceleration(of: System, load: Load) -> tuple[float, float]:
     """Return the acceleration of the base now, and its rate."""
     now = of.now
     sine, cosine = now[NOW.SINE], now[NOW.COSINE]
-    free = -2.0 * load.drag * now[NOW.V] - load.stiffness * now[NOW.D]
-    rate = -2.0 * load.drag * free - load.stiffness * now[NOW.V]
+    free, rate = free_pull(load, now[NOW.D], now[NOW.B])
     return (
         free - TWO_PI**2 * (load.p * cosine + load.q * sine),
         rate - TWO_PI**3 * (load.q * cosine - load.p * sine),
@@ -171,7 +179,7 @@ def let_pass(of: System, load: Load, t: float) -> Motion:
     motion = motion_after(of, load, t)
     now[NOW.X], passed = land(now[NOW.X], t)
     now[NOW.N] += passed
-    now[NOW.D], now[NOW.V] = motion.d, motion.v
+    now[NOW.D], now[NOW.B] = motion.d, motion.b
     now[NOW.LIFT] -= t
     locate(of, load)
     for j in range(mode.size):  # those that do not fly are given all this when they leave the base
@@ -200,5 +208,6 @@ def under(of: System, fixed: Mount, count: int) -> Load:
     changed, now = loaded(fixed, count), of.now
     sine, cosine = now[NOW.SINE], now[NOW.COSINE]
     now[NOW.D] = now[NOW.HEIGHT] - (changed.p * cosine + changed.q * sine + changed.level)
-    now[NOW.V] = now[NOW.SPEED] - TWO_PI * (changed.q * cosine - changed.p * sine)
+    free = now[NOW.SPEED] - TWO_PI * (changed.q * cosine - changed.p * sine)
+    now[NOW.B] = free + changed.slow * now[NOW.D]
     return changed

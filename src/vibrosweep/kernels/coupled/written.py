@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
-from vibrosweep.kernels.bases.sprung import Load, loaded, mount, move
+from vibrosweep.kernels.bases.sprung import Load, loaded, mount, move, velocity
 from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System
 from vibrosweep.kernels.coupled.tally import Room
 from vibrosweep.kernels.record import Record
@@ -31,17 +31,17 @@ class Track(NamedTuple):
     """Motion of the base after every event, each array of shape (realization, event)."""
 
     time: Floats  # s; NaN past the last event
-    # deviation, velocity: from the forced oscillation under the present load, in g / (2 f^2)
-    # and g / (2 f)
+    # deviation, beyond: from the forced oscillation under the present load, in g / (2 f^2), and its
+    # velocity beyond that of slow decay, in g / (2 f)
     deviation: Floats
-    velocity: Floats
+    beyond: Floats
     riders: Integers  # how many particles ride
 
 
 def empty_track(realizations: int, events: int) -> Track:
     """Allocate at most so many events of each realization."""
-    time, deviation, velocity = (np.full((realizations, events), np.nan) for _ in range(3))
-    return Track(time, deviation, velocity, np.zeros((realizations, events), np.int64))
+    time, deviation, beyond = (np.full((realizations, events), np.nan) for _ in range(3))
+    return Track(time, deviation, beyond, np.zeros((realizations, events), np.int64))
 
 
 @jit
@@ -77,7 +77,7 @@ def write_base(of: System, load: Load, scale: Scale, i: int, event: int, out: Tr
     """Write the motion of the base after an event of realization i."""
     if event < out.time.shape[1]:
         out.time[i, event] = _time(of, scale)
-        out.deviation[i, event], out.velocity[i, event] = of.now[NOW.D], of.now[NOW.V]
+        out.deviation[i, event], out.beyond[i, event] = of.now[NOW.D], of.now[NOW.B]
         out.riders[i, event] = load.riders
 
 
@@ -104,10 +104,10 @@ def trace(
         turns = scale.frequency * track.time[i, event] + scale.phase
         x = turns - np.rint(turns)
         sine, cosine = sin_turns(x), cos_turns(x)
-        d, v = track.deviation[i, event], track.velocity[i, event]
+        d, b = track.deviation[i, event], track.beyond[i, event]
         passed = scale.frequency * (times[k] - track.time[i, event])
-        motion = move(load, sine, cosine, d, v, passed)
-        speed = 2.0 * math.pi * (load.q * cosine - load.p * sine) + v
+        motion = move(load, sine, cosine, d, b, passed)
+        speed = 2.0 * math.pi * (load.q * cosine - load.p * sine) + velocity(load, d, b)
         height = load.p * cosine + load.q * sine + load.level + d
         out[0, k] = height + speed * passed + motion.rise
         out[1, k] = speed + motion.gain
