@@ -56,6 +56,7 @@ class Needs:
     # Parameters that must differ between realizations; ``"kick"`` stands for the amplitude in its
     # dimensionless form, which also varies with frequency or gravity
     varied: tuple[str, ...] = ()
+    known: tuple[str, ...] = ()  # variables that must be defined in some realization
 
     def lacking(self, dataset: xr.Dataset) -> str | None:
         """Say what is missing and what would supply it; None if the figure can be drawn."""
@@ -65,6 +66,9 @@ class Needs:
             return f"the {noun} {' and '.join(absent)}: {remedy(absent[0])}"
         if self.one_of and not any(name in dataset.variables for name in self.one_of):
             return f"the variable {' or '.join(self.one_of)}: {remedy(self.one_of[0])}"
+        for name in self.known:
+            if np.isnan(dataset[name].values).all():
+                return f"a value of {name}, which is undefined in every realization"
         for name in self.varied:
             if not (np.ptp(kick(dataset)) > 0 if name == KICK else varies(dataset, name)):
                 wanted = "amplitude" if name == KICK else name

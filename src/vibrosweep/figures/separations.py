@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["NEEDS", "decay_in_a_slot", "distributions"]
 
-NEEDS: Final = data.Needs(("dt_min", "collision_free", "contact_time", "duration"))
+NEEDS: Final = data.Needs(
+    ("dt_min", "collision_free", "contact_time", "duration"), known=("dt_min",)
+)
 
 # Separations below this are drawn at the left edge, s
 EDGE: Final = 1e-9

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import fma, jit, part
-from vibrosweep.kernels.bases.decay import bend, decayed
+from vibrosweep.kernels.bases.exponential import bend, decayed
 from vibrosweep.kernels.bases.landing_search import turn
 from vibrosweep.model.parameters import Dimensionless, Mounts
 

@@ -188,8 +188,8 @@ def carry(
 
     Returns the number of landings, -1 where the search for one was given up.  In the state all
     particles fly: heights and speeds above the base, phase, and deviation of the base from its
-    forced oscillation are given, and in the place of `NOW.B` its velocity, before and after; what is
-    known of times to come is not.  `rode` is scratch memory, a number for each particle.
+    forced oscillation are given, and in the place of `NOW.B` its velocity, before and after; what
+    is known of times to come is not.  `rode` is scratch memory, a number for each particle.
     Deviations, of shape (2 * particle + 2, column), are heights and velocities of the particles,
     height and velocity of the base.
     """
