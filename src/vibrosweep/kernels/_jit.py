@@ -155,7 +155,7 @@ _answers: dict[Any, dict[type, Any]] = {}
 
 
 def question(declared: F) -> F:
-    """Turn a declaration into a function whose code depends on the type of its first argument.
+    """Turn a declaration without code into a function chosen by the type of its first argument.
 
     `answer` gives the code for a kind of named tuple; compiled callers choose when they are
     compiled, others when they call.

@@ -20,31 +20,26 @@ Law = Any
 @question
 def speed_after(law: Law, e: float, v: float, kick: float) -> float:
     """Speed after an impact at speed v; a particle rests where it does not exceed the threshold."""
-    raise NotImplementedError
 
 
 @question
 def slopes(law: Law, e: float, v: float, kick: float) -> tuple[float, float]:
     """Derivatives of the speed after an impact by v and by the kick."""
-    raise NotImplementedError
 
 
 @question
 def curvature(law: Law, e: float) -> float:
     """Bound of half the second derivative of the speed after an impact by v."""
-    raise NotImplementedError
 
 
 @question
 def speed_rounding(law: Law, e: float, v: float, w: float) -> float:
     """Bound of the rounding error of the speed w after an impact at speed v, for an exact kick."""
-    raise NotImplementedError
 
 
 @question
 def kick_to_repeat(law: Law, e: float, v: float, sign: float) -> float:
     """Kick with which an impact at speed v ends with speed v; `sign` is -1 if it is turned back."""
-    raise NotImplementedError
 
 
 class Rest(NamedTuple):

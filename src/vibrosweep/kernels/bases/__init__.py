@@ -83,13 +83,11 @@ class Flight(NamedTuple):
 @question
 def constants(base: Base, problem: Dimensionless, i: int) -> Constants:
     """Numbers that decide the impacts of realization i."""
-    raise NotImplementedError
 
 
 @question
 def put(fixed: Constants, s: Floats, j: int) -> None:
     """Put the constants into lane j of the scratch memory, from row `lanes.CONSTANTS` on."""
-    raise NotImplementedError
 
 
 @question
@@ -98,7 +96,6 @@ def take(base: Base, s: Floats, j: int) -> Constants:
 
     A rest for good leaves no phase there (NaN), and what has none is before no end.
     """
-    raise NotImplementedError
 
 
 @question
@@ -107,13 +104,11 @@ def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
 
     The time is NaN where no landing can be found.
     """
-    raise NotImplementedError
 
 
 @question
 def prepare(base: Base, s: Floats, lanes: int) -> None:
     """Compute what `approach` needs of the first lanes, apart from what `keep` keeps."""
-    raise NotImplementedError
 
 
 @question
@@ -122,13 +117,11 @@ def approach(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
 
     Where it is not, the time is that at which the search goes on.
     """
-    raise NotImplementedError
 
 
 @question
 def may_land(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
     """Whether lane j has had fewer impacts than the budget; True where looks see to that."""
-    raise NotImplementedError
 
 
 @question
@@ -137,25 +130,21 @@ def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: b
 
     `seen` is whether the landing, if there is one, is in the window.
     """
-    raise NotImplementedError
 
 
 @question
 def gives_up(base: Base, s: Floats, j: int, passes: int) -> bool:
     """Whether lane j finds no landing however often it is tried; asked every so many passes."""
-    raise NotImplementedError
 
 
 @question
 def pending(base: Base, s: Floats, j: int) -> bool:
     """Whether the flight that lane j is in is to be counted when it ends."""
-    raise NotImplementedError
 
 
 @question
 def common_age(base: Base) -> float:
     """Impacts in a pass of any lane, 0 where `keep` counts them lane by lane."""
-    raise NotImplementedError
 
 
 @question
@@ -166,13 +155,11 @@ def counted(fixed: Constants, flight: Flight, u_off: float) -> Counted:
     where its duration is known by then.  The height is that of the apex, in units of that of a
     flight of one period, above what `lowest` says.
     """
-    raise NotImplementedError
 
 
 @question
 def counted_now(fixed: Constants, s: Floats, j: int, time: float, u_off: float) -> Counted:
     """Return what `counted` does, of the flight of lane j, before the lane is changed."""
-    raise NotImplementedError
 
 
 @singledispatch
@@ -196,19 +183,16 @@ def lifts(base: Base, problem: Dimensionless) -> NDArray[np.bool_]:
 @question
 def leave(fixed: Constants, x: float, u: float) -> float:
     """Speed relative to the base of a particle that leaves phase x with the absolute speed u."""
-    raise NotImplementedError
 
 
 @question
 def speed(fixed: Constants, x: float, u: float) -> float:
     """Absolute speed of a particle that leaves phase x with speed u."""
-    raise NotImplementedError
 
 
 @question
 def rebound(fixed: Constants, x: float, v: float) -> float:
     """Speed with which a particle that arrives at phase x with speed v would leave at once."""
-    raise NotImplementedError
 
 
 @question
@@ -218,19 +202,16 @@ def lift_off(fixed: Constants, n: float, x: float, w: float) -> tuple[float, flo
     The last value is whether it leaves at once; else it rests until then.  The count is infinite,
     and the speed 0, where it rests for good.
     """
-    raise NotImplementedError
 
 
 @question
 def after_rest(fixed: Constants) -> tuple[float, float]:
     """Phase and speed with which a particle leaves after a rest."""
-    raise NotImplementedError
 
 
 @question
 def contact_time(fixed: Constants) -> float:
     """Periods for which the base counts as occupied after a landing, at least."""
-    raise NotImplementedError
 
 
 @question
@@ -239,13 +220,11 @@ def jacobian(fixed: Constants, flight: Flight) -> Jacobian:
 
     The particle leaves at once.
     """
-    raise NotImplementedError
 
 
 @question
 def reverses(fixed: Constants, x: float, v: float) -> float:
     """-1 where the Jacobian reverses orientation, else 1."""
-    raise NotImplementedError
 
 
 @question
@@ -254,13 +233,11 @@ def contraction(fixed: Constants, v: float) -> float:
 
     Factors whose product over a cycle is 1 may be left out.  Where it is 0, it is so at any speed.
     """
-    raise NotImplementedError
 
 
 @question
 def density(fixed: Constants, u: float) -> float:
     """Factor of an area at a speed u with which `contraction` leaves nothing out."""
-    raise NotImplementedError
 
 
 @question
@@ -270,16 +247,13 @@ def fixed_residual(fixed: Constants, x: float, k: float, sign: float) -> tuple[f
     `sign` is -1 for an orbit whose particle is pushed into the base, and turned back, at every
     impact; else 1.  Also the derivative of what is left by the phase, and the size of its terms.
     """
-    raise NotImplementedError
 
 
 @question
 def fixed_attracts(fixed: Constants, x: float, k: float) -> bool:
     """Whether the fixed orbit that lands at phase x every k periods attracts."""
-    raise NotImplementedError
 
 
 @question
 def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
     """Whether a particle that leaves phase x for k periods lands only then, and leaves at once."""
-    raise NotImplementedError

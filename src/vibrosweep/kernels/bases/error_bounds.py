@@ -22,7 +22,6 @@ Spread = tuple[float, float]  # largest errors of phase and speed of a lift-off
 @question
 def launch_error(fixed: Constants, x: float, u: float) -> float:
     """Error of the speed u of a launch at phase x; infinite where it decides on a flight."""
-    raise NotImplementedError
 
 
 @question
@@ -32,7 +31,6 @@ def landing_added(fixed: Constants, flight: Flight, spread: Spread) -> tuple[flo
     By rounding, and by what the Jacobian leaves out of `spread`.  Infinite where a state within it
     may land at another time.
     """
-    raise NotImplementedError
 
 
 @question
@@ -44,7 +42,6 @@ def jacobian_error(
     Per change of the phase before, the speed before, and the phase of the landing, whose error is
     `error`.
     """
-    raise NotImplementedError
 
 
 @question
@@ -56,19 +53,16 @@ def rebound_error(
     `added` is from `landing_added`; `error` is all of that of the landing's phase, `v_error` that
     of the speed before.
     """
-    raise NotImplementedError
 
 
 @question
 def absolute_error(fixed: Constants, x: float, u: float, spread: Spread) -> float:
     """Bound of the error of the absolute speed of a particle that leaves phase x with speed u."""
-    raise NotImplementedError
 
 
 @question
 def rest_is_doubtful(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
     """Whether errors decide if a particle rests that lands at phase x, its rebound w."""
-    raise NotImplementedError
 
 
 @question
@@ -77,4 +71,3 @@ def liftoff_error(fixed: Constants) -> tuple[float, float]:
 
     The first is infinite where it is in doubt whether a resting particle is ever lifted.
     """
-    raise NotImplementedError
