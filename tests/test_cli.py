@@ -87,14 +87,30 @@ def result(tmp_path, vibrosweep):
     return path
 
 
-def start(*words, **options):
-    return subprocess.Popen(
-        [*COMMAND, *map(str, words)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        **options,
-    )
+@pytest.fixture
+def start():
+    """Begin a command as a process, which ends with the test at the latest.
+
+    Signals end it, also where the tests run in the background of a shell, which ignores some.
+    """
+    begun = []
+
+    def begin(*words, **options):
+        process = subprocess.Popen(
+            [*COMMAND, *map(str, words)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+            **options,
+        )
+        begun.append(process)
+        return process
+
+    yield begin
+    for process in begun:
+        with process:
+            process.kill()
 
 
 def wait_for(process, directory, pattern, number=1):
@@ -330,7 +346,7 @@ def test_memory_that_runs_out(refused, monkeypatch, spec, tmp_path):
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_an_interrupted_run_leaves_nothing(spec, tmp_path, ending):
+def test_an_interrupted_run_leaves_nothing(start, spec, tmp_path, ending):
     """It has no finished chunk: one kernel computes it all."""
     old = tmp_path / "out.h5"
     old.write_bytes(b"old")
@@ -347,7 +363,7 @@ def test_an_interrupted_run_leaves_nothing(spec, tmp_path, ending):
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_run_keeps_what_is_finished(spec, vibrosweep, tmp_path, ending):
+def test_an_interrupted_run_keeps_what_is_finished(start, spec, vibrosweep, tmp_path, ending):
     output = tmp_path / "out.h5"
     words = ("run", spec(CHUNKS.replace("10_000_000", "100_000")), "-o", output)
     process = start(*words, "--chunk", 200)
@@ -370,7 +386,7 @@ def test_an_interrupted_run_keeps_what_is_finished(spec, vibrosweep, tmp_path, e
     assert variables(output) == variables(tmp_path / "whole.h5")
 
 
-def test_a_killed_run_continues(spec, refused, vibrosweep, tmp_path):
+def test_a_killed_run_continues(start, spec, refused, vibrosweep, tmp_path):
     """A handful of kills at moments that nobody chose; checks/kills.py has hundreds."""
     output, delays = tmp_path / "out.h5", np.random.default_rng(1).uniform(0.0, 0.1, 4)
     path = spec(CHUNKS.replace("10_000_000", "60_000"))
@@ -393,7 +409,7 @@ def test_a_killed_run_continues(spec, refused, vibrosweep, tmp_path):
     assert variables(output) == variables(tmp_path / "whole.h5")
 
 
-def test_a_killed_run_without_chunks_leaves_nothing_in_the_way(spec, vibrosweep, tmp_path):
+def test_a_killed_run_without_chunks_leaves_nothing_in_the_way(start, spec, vibrosweep, tmp_path):
     output = tmp_path / "out.h5"
     with start("run", spec(KERNEL), "-o", output) as process:
         wait_for(process, tmp_path, PARTIAL)
@@ -403,7 +419,7 @@ def test_a_killed_run_without_chunks_leaves_nothing_in_the_way(spec, vibrosweep,
     assert {p.name for p in tmp_path.iterdir()} == {"sweep.toml", "out.h5"}
 
 
-def test_two_runs_on_one_output(spec, refused, vibrosweep, tmp_path):
+def test_two_runs_on_one_output(start, spec, refused, vibrosweep, tmp_path):
     output = tmp_path / "out.h5"
     with start("run", spec(KERNEL), "-o", output) as process:
         wait_for(process, tmp_path, PARTIAL)
@@ -486,7 +502,7 @@ def test_readers_that_go_away(result):
         assert (done.returncode, done.stderr) == (0, ""), line
 
 
-def test_any_title_can_be_printed(spec, tmp_path):
+def test_any_title_can_be_printed(start, spec, tmp_path):
     path = spec('title = "Kugelstoß ☃"')
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     process = start("run", path, "-o", tmp_path / "out.h5", env=environment)
