@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -22,11 +23,9 @@ from vibrosweep.model.forcing import (
 )
 from vibrosweep.model.mount import mount_mistakes
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED
-from vibrosweep.spec.messages import Mistakes, nearest, quoted
-from vibrosweep.spec.schema import is_plain
+from vibrosweep.spec.messages import Mistakes, nearest
+from vibrosweep.spec.schema import Check, flag, is_plain, one_of
 from vibrosweep.spec.sweep import read_text
-
-Check = Callable[[object], Any]
 
 MOST_PARTICLES: Final = 1000
 
@@ -154,12 +153,6 @@ def _particles(value: object) -> tuple[int, ...]:
     raise ValueError("must be a whole number or a list of different ones")
 
 
-def _flag(value: object) -> bool:
-    if isinstance(value, bool):
-        return value
-    raise ValueError("must be true or false")
-
-
 def _launch(value: object) -> str | tuple[float, ...]:
     if value == STAGGERED:
         return STAGGERED
@@ -168,28 +161,19 @@ def _launch(value: object) -> str | tuple[float, ...]:
     raise ValueError(f'must be "{STAGGERED}" or a list of launch times in s')
 
 
-def _one_of(names: Sequence[str]) -> Check:
-    def check(value: object) -> str:
-        if isinstance(value, str) and value in names:
-            return value
-        raise ValueError(f"must be {quoted(names)}")
-
-    return check
-
-
 _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
     "scene": {
         **{name: _parameter(name) for name in INPUTS},
-        "base": _one_of(BASES),
+        "base": partial(one_of, BASES),
         "particles": _particles,
         "launch": _launch,
-        "rebound": _one_of(LAWS),
+        "rebound": partial(one_of, LAWS),
     },
     "camera": {
         "frame_rate": _number(0.0, 1e6, "Hz", above=True),
         "pixel": _number(0.0, 1.0, "m", above=True),
         "noise": _number(0.0, 100.0, "pixels"),
-        "whole_pixels": _flag,
+        "whole_pixels": flag,
         "exposure": _number(0.0, 1.0, "s"),
         "dropped": _number(0.0, 0.9, ""),
         "scale_error": _number(-0.5, 0.5, ""),

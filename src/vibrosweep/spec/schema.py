@@ -187,7 +187,8 @@ def _whole(allowed: str, low: int, high: int | None, value: object) -> int:
     raise ValueError(f"must be a whole number{allowed}")
 
 
-def _flag(value: object) -> bool:
+def flag(value: object) -> bool:
+    """Return what is true or false."""
     if isinstance(value, bool):
         return value
     raise ValueError("must be true or false")
@@ -214,7 +215,8 @@ def _launch(value: object) -> str | tuple[float, ...]:
     raise ValueError(f'must be "{STAGGERED}" or a list of finite launch times in s')
 
 
-def _one_of(names: tuple[str, ...], value: object) -> str:
+def one_of(names: tuple[str, ...], value: object) -> str:
+    """Return one of some words."""
     if isinstance(value, str) and value in names:
         return value
     raise ValueError(f"must be {quoted(names)}")
@@ -308,8 +310,8 @@ _SCENE: Final[Mapping[str, Check]] = {
     "launch": _launch,
     "duration": partial(_positive, "s"),
     "duration_periods": partial(_positive, "forcing periods"),
-    "base": partial(_one_of, BASES),
-    "rebound": partial(_one_of, LAWS),
+    "base": partial(one_of, BASES),
+    "rebound": partial(one_of, LAWS),
 }
 SECTIONS: Final[Mapping[str, Mapping[str, Check]]] = {
     "scene": _SCENE,
@@ -325,9 +327,9 @@ SECTIONS: Final[Mapping[str, Mapping[str, Check]]] = {
     "measure": {
         key: partial(_option, OPTIONS[key], int if isinstance(default, int) else float)
         if key in OPTIONS
-        else _flag
+        else flag
         for key, default in KEYS.items()
     },
     "record": _SCENE,
-    "windows": {"conditions": condition_names, "continuation": _flag, "tolerance": tolerance},
+    "windows": {"conditions": condition_names, "continuation": flag, "tolerance": tolerance},
 }
