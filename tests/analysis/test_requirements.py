@@ -23,5 +23,11 @@ def test_each_missing_variable_is_named_with_its_key():
     assert "impact_count" not in message
 
 
+def test_the_function_is_named_whose_result_is_taken():
+    basins = xr.Dataset({"regime": ("attractor", [2])})
+    with pytest.raises(DataError, match=r"^capacity takes the result of basins, .*fraction$"):
+        require(basins, "capacity", "regime", "fraction", source="basins")
+
+
 def test_landings_come_from_a_record():
     assert "[record]" in remedy("landing_time")

@@ -45,7 +45,8 @@ def capacity(basins: xr.Dataset) -> xr.Dataset:
     >>> int(capacity(plane).capacity)
     2
     """
-    require(basins, "capacity", "regime", "cycle_periods", "cycle_rests", "fraction")
+    needed = ("regime", "cycle_periods", "cycle_rests", "fraction")
+    require(basins, "capacity", *needed, source="basins")
     orbit = np.isin(basins["regime"].values, (Regime.LOCKED, Regime.RESTING))
     slots = np.where(orbit, basins["cycle_periods"].values, 0).astype(np.int64)
     without = basins["regime"].values == Regime.LOCKED

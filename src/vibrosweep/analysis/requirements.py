@@ -11,13 +11,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def require(dataset: xr.Dataset, analysis: str, *names: str) -> None:
+def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -> None:
     """Make sure that a dataset holds the variables or coordinates that an analysis needs.
 
     The DataError names the analysis, as the user asked for it, every missing variable and, for
-    each, the key of the sweep file that gives it.
+    each, the key of the sweep file that gives it; or the `source`, the function whose result the
+    analysis takes.
     """
     absent = [name for name in names if name not in dataset.variables]
+    if absent and source:
+        raise DataError(
+            f"{analysis} takes the result of {source}, and the dataset lacks {', '.join(absent)}"
+        )
     if absent:
         wanted = "; ".join(f"{name} ({remedy(name)})" for name in absent)
         noun = "variables" if len(absent) > 1 else "variable"

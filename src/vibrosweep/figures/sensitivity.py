@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from vibrosweep.analysis.requirements import require
 from vibrosweep.figures import data, style
 from vibrosweep.model.measures import VARIABLES
 
@@ -31,6 +32,11 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
     matplotlib.figure.Figure
         The figure, which is neither shown nor written.
 
+    Raises
+    ------
+    DataError
+        The dataset is no result of `sobol_indices`.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -39,6 +45,8 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
     >>> len(sobol_bars(found).axes) == found.sizes["output"]
     True
     """
+    parts = ("first_order", "total_order")
+    require(indices, "sobol_bars", "output", "parameter", *parts, source="sobol_indices")
     outputs = [str(name) for name in indices["output"].values]
     names = [str(name) for name in indices["parameter"].values]
     figure = Figure(figsize=(style.PAGE, 1.6 + 0.24 * len(names)), layout="constrained")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from vibrosweep.analysis.requirements import require
 from vibrosweep.figures import data, style
 
 if TYPE_CHECKING:
@@ -41,6 +42,11 @@ def distributions(found: Sequence[xr.Dataset], names: Sequence[str], contact_tim
     matplotlib.figure.Figure
         The figure, which is neither shown nor written.
 
+    Raises
+    ------
+    DataError
+        A dataset is no result of `separation_distribution`.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -49,6 +55,9 @@ def distributions(found: Sequence[xr.Dataset], names: Sequence[str], contact_tim
     >>> distributions([vs.separations(sweep)], ["two particles"], 1e-4).axes[0].get_xscale()
     'log'
     """
+    for one in found:
+        needed = ("separation", "cumulative_fraction")
+        require(one, "distributions", *needed, source="separation_distribution")
     figure, axes = style.new_figure(style.MEDIUM, 2.9)
     for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
         at = np.maximum(one["separation"].values, EDGE)
@@ -92,6 +101,11 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
     matplotlib.figure.Figure
         The figure, which is neither shown nor written.
 
+    Raises
+    ------
+    DataError
+        The dataset is no result of `slot_decay`.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -101,6 +115,8 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
     >>> decay_in_a_slot(found).axes[0].get_yscale()
     'log'
     """
+    needed = ("separation", "modulus_predicted", "modulus_fitted")
+    require(found, "decay_in_a_slot", *needed, source="slot_decay")
     one = found.isel(realization=realization)
     separation = np.abs(one["separation"].values)
     number = np.arange(separation.size)

@@ -6,7 +6,7 @@ the repeats is below 8 %.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
+from vibrosweep.errors import DataError
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
 
 __all__ = ["CRITERION", "QUANTITY_UNITS", "agreement", "phases", "quantities"]
@@ -59,6 +60,11 @@ def quantities(
     xarray.Dataset
         The scalars of `QUANTITY_UNITS`.
 
+    Raises
+    ------
+    DataError
+        The dataset is no result of `find_impacts`.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -69,6 +75,8 @@ def quantities(
     >>> found.rebound_height_mean.dims
     ()
     """
+    needed = ("quality", "flight_time", "rebound_height", "impact_speed", "landing_time")
+    _check(impacts, "quantities", needed, "find_impacts")
     good = impacts["quality"].values == BOUNCED
     flight = impacts["flight_time"].values
     height = impacts["rebound_height"].values
@@ -93,6 +101,15 @@ def quantities(
             for name, (units, words) in QUANTITY_UNITS.items()
         }
     )
+
+
+def _check(dataset: xr.Dataset, taker: str, names: Iterable[str], source: str) -> None:
+    """Refuse what is no result of the function that a function takes results of."""
+    absent = [name for name in names if name not in dataset.variables]
+    if absent:
+        raise DataError(
+            f"{taker} takes the result of {source}, and the dataset lacks {', '.join(absent)}"
+        )
 
 
 def _neighbours(vectors: NDArray[np.complex128]) -> float:
@@ -141,6 +158,11 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
         the sd has a meaning), and ``accepted``: 1 below the study's criterion of 8 %, 0 above, -1
         where there is nothing to judge.
 
+    Raises
+    ------
+    DataError
+        A dataset is no result of `quantities`.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -151,6 +173,8 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     >>> agreement(trials)["mean"].dims
     ('quantity',)
     """
+    for trial in trials:
+        _check(trial, "agreement", QUANTITY_UNITS, "quantities")
     values = np.array([[float(trial[name]) for name in QUANTITY_UNITS] for trial in trials])
     names = list(QUANTITY_UNITS)
     mean = values.mean(axis=0)
