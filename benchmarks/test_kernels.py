@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import statistics as statistics_of
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from vibrosweep.engine.landings import all_parameters as complete
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
+from vibrosweep.kernels._jit import uncached
 from vibrosweep.kernels.advance import Options, _step, advance, room_around
 from vibrosweep.kernels.bases import constants, put
 from vibrosweep.kernels.impact import Batch, base_of
@@ -110,7 +112,7 @@ def test_bare_map_against_the_sine_alone(race):
 @njit(nogil=True, error_model="numpy")
 def passes(s, repetitions, base):
     for _ in range(repetitions):
-        _step(s, LANES_OF_KERNEL, base, np.inf, None)
+        _step(s, LANES_OF_KERNEL, base, np.inf, None, None, LANES_OF_KERNEL)
 
 
 def filled(law, flight, e, a, r):
@@ -155,7 +157,7 @@ def test_hot_loop_uses_whole_vector_registers():
     """The inner loop holds fused multiply-adds on the widest registers and calls nothing."""
     problem, launch, observation = scene(1, 8, 12.0)
     batch = Batch(base_of("high-bounce", observation.rebound), problem, launch)
-    fresh = njit(nogil=True, error_model="numpy")(advance.py_func)
+    fresh: Any = uncached(advance)
     room = room_around(scratch())
     fresh((0, 8, 0), batch, Options(102), False, room, empty_statistics(8), None, None)
     (assembly,) = fresh.inspect_asm().values()

@@ -43,7 +43,7 @@ def plane(workers, **changes):
         piece = slice(start, start + REALIZATIONS_AT_A_TIME)
         parameters = scene.parameters(restitution=e[piece], amplitude=amplitude[piece])
         found = measure(parameters, observation, workers)
-        if observation.lyapunov:
+        if observation.measures.lyapunov:
             off = np.abs(found["lyapunov_sum"] - np.log(e[piece])[:, np.newaxis])
             known = np.isfinite(found["lyapunov_sum"])
             orbits += np.count_nonzero(known)
@@ -55,8 +55,8 @@ def plane(workers, **changes):
 def windows(conditions, **options):
     """Windows over the same plane."""
     spec = read_spec(PLANE)
-    axes = [spec.sampled[name].values for name in ("restitution", "amplitude")]
-    return find_windows(Scene.of(spec), *axes, conditions, threads=2, **options)
+    e, amplitude = (spec.sampled[name].values for name in ("restitution", "amplitude"))
+    return find_windows(Scene.of(spec), e, amplitude, conditions, threads=2, **options)
 
 
 def worst_end(frequency):

@@ -279,8 +279,8 @@ def judge(flights: Flights, threads: int = 2) -> Verdicts:
     """Hold the kernel's landings against the first roots."""
     number = flights.x.size
     problem = bare_problem(np.zeros(number), flights.alpha)
-    whole, real = (np.zeros(number, np.int64) for _ in range(2)), np.empty((4, number))
-    out = Verdicts(real[0], real[1], *whole, real[2], real[3])
+    whole, real = np.zeros((2, number), np.int64), np.empty((4, number))
+    out = Verdicts(real[0], real[1], whole[0], whole[1], real[2], real[3])
     with ThreadPoolExecutor(threads) as pool:
         tasks = [
             pool.submit(

@@ -18,6 +18,7 @@ import numpy as np
 
 from accuracy import batch_of, orbit, provenance, table, write_section
 from vibrosweep.kernels.trust import empty_trust, trust
+from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
 from vibrosweep.proof.reference.ball import trajectory
@@ -121,8 +122,8 @@ def kernel_jobs(
     problem, start = batch.problem, batch.launches
     size, asked = len(scenes), TOLERANCES.size
     repeated = batch._replace(
-        problem=problem._make(np.repeat(values, asked) for values in problem),
-        launches=start._make(np.repeat(values, asked, axis=0) for values in start),
+        problem=Dimensionless._make(np.repeat(values, asked) for values in problem),
+        launches=Launches._make(np.repeat(values, asked, axis=0) for values in start),
     )
     out = empty_trust(size * asked)
     trust(0, size * asked, repeated, np.tile(TOLERANCES, size), budget, out)
@@ -162,7 +163,7 @@ def trusted(times: np.ndarray, until: float) -> int:
     return min(int(np.searchsorted(times, until, side="left")) + 1, times.size)
 
 
-def upper(ball_error: object) -> float:
+def upper(ball_error: arb) -> float:
     return float(ball_error.abs_upper())
 
 

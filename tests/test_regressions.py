@@ -123,14 +123,26 @@ def test_the_command_stores_compares_and_fails(command):
     assert (code, f"misses a target, twice: {NAME}" in said) == (0, True)
 
 
-def test_the_command_misses_a_figure_and_does_not_store_failures(command):
-    assert command("--store", SUBJECT="0.005", MISS="1")[0] == 1
-    assert not command.stored.exists()
-    known = {"ratios": {NAME: 2.0, "benchmarks/test_gone.py::test": 1.0}}
+def test_a_missing_figure_fails_and_storing_drops_it(command):
+    gone = "benchmarks/test_gone.py::test"
+    known = {"ratios": {NAME: 2.0, gone: 1.0}}
     command.stored.write_text(json.dumps({FAMILY: known}), encoding="utf-8")
     code, said = command(SUBJECT="0.005")
     assert code == 1
-    assert re.search(r"^MISSING .* benchmarks/test_gone\.py::test$", said, re.MULTILINE)
+    assert re.search(rf"^MISSING .* {re.escape(gone)}$", said, re.MULTILINE)
+    assert command("--store", SUBJECT="0.005")[0] == 0
+    assert list(json.loads(command.stored.read_text(encoding="utf-8"))[FAMILY]["ratios"]) == [NAME]
+
+
+def test_a_figure_that_misses_a_target_is_stored_and_a_broken_test_keeps_its_own(command):
+    broken = "benchmarks/test_made_up.py::test_can_fail"
+    known = {"ratios": {NAME: 9.0, broken: 3.0}}
+    command.stored.write_text(json.dumps({FAMILY: known}), encoding="utf-8")
+    code, said = command("--store", SUBJECT="0.005", MISS="1", FAIL="1")
+    assert code == 1  # for the broken one
+    assert f"misses a target, twice: {NAME}" in said
+    ratios = json.loads(command.stored.read_text(encoding="utf-8"))[FAMILY]["ratios"]
+    assert ratios == {NAME: pytest.approx(2.0, rel=0.2), broken: 3.0}
 
 
 def test_another_family_is_measured_and_not_judged(command):

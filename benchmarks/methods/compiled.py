@@ -22,7 +22,7 @@ from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_speed
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
-from vibrosweep.model.parameters import dimensionless, launches
+from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, launches
 from vibrosweep.study.rk4 import rk4
 
 MARGIN = 1.0  # s past the end, so that a late landing is compared rather than missed
@@ -51,7 +51,7 @@ def _arrays(scene: Scene) -> dict[str, np.ndarray]:
     return {name: np.array([value]) for name, value in scene.parameters.items()}
 
 
-def _problem(scene: Scene, launch_times: np.ndarray) -> tuple:
+def _problem(scene: Scene, launch_times: np.ndarray) -> tuple[Dimensionless, Launches]:
     arrays = _arrays(scene)
     lanes = launches(tuple(launch_times.tolist()), launch_times.size, arrays["frequency"])
     return dimensionless(arrays, scene.duration), lanes

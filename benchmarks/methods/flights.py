@@ -27,8 +27,8 @@ def _height(t: float, y: np.ndarray) -> float:
     return y[0] if y[1] < 0.0 else 1.0
 
 
-_height.terminal = True
-_height.direction = -1.0
+_height.terminal = True  # type: ignore[attr-defined]
+_height.direction = -1.0  # type: ignore[attr-defined]
 
 
 def _fall(base: HighBounceBase | MovingBase, left: float) -> Callable:

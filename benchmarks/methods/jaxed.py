@@ -143,7 +143,7 @@ def _event(base: HighBounce | Moving, rtol: float) -> Callable:
         lambda t, y, args, **kwargs: y[0], optimistix.Newton(ROOT, ROOT), direction=False
     )
     term = diffrax.ODETerm(
-        lambda t, y, args: (y[1], jnp.full_like(y[1], base.acceleration(*args, t)))
+        lambda t, y, args: (y[1], jnp.full_like(y[1], base.acceleration(args[0], args[1], t)))
     )
     controller = diffrax.PIDController(rtol=rtol, atol=1e-3 * rtol)
 

@@ -92,4 +92,7 @@ class MovingBase:
         return LiftOff(time + wait / self.omega, *self.after_rest)
 
 
-BASE_OF = {"high-bounce": HighBounceBase, "moving": MovingBase}
+BASE_OF: dict[str, type[HighBounceBase | MovingBase]] = {
+    "high-bounce": HighBounceBase,
+    "moving": MovingBase,
+}

@@ -117,6 +117,7 @@ def _launch_height_max(
 
 def _launched_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:
     """Whether particles are launched inside the window; shape (realization or 1, particle)."""
+    frequency = frequency[:1] if np.all(frequency == frequency[:1]) else frequency
     begin, end = observation.measures.transient, observation.duration
     if isinstance(observation.launch, str):
         particles = observation.particles

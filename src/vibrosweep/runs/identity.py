@@ -10,7 +10,6 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +17,7 @@ from vibrosweep.errors import TableError
 from vibrosweep.spec.columns import GivenTable
 from vibrosweep.spec.schema import SampleTable, SceneTable
 from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.store.provenance import version
 
 # Fields of a spec that are not part of the identity, each with the reason.
 EXEMPT: Final[Mapping[str, str]] = {

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable
 from datetime import UTC, datetime
-from importlib.metadata import version
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Final
 
 from vibrosweep._version import __version__
 
 CONVENTIONS: Final = "CF-1.11"
+version: Callable[[str], str] = cache(metadata.version)  # which reads files at each call
 LIBRARIES: Final = ("numpy", "numba", "llvmlite", "h5py", "h5netcdf")
 
 
