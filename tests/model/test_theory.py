@@ -106,7 +106,7 @@ def test_multipliers_are_the_eigenvalues_of_the_jacobian(k, e, share):
 
 @given(k=MODES, e=RESTITUTION, share=st.floats(0.0, 3.0))
 @example(k=1, e=1e-12, share=0.5)
-@example(k=2, e=1e-300, share=2.0)
+@example(k=2, e=1e-30, share=2.0)
 def test_product_of_the_multipliers_is_the_restitution(k, e, share):
     low, high = theory.amplitude_min(k, e), theory.amplitude_max(k, e)
     amplitude = low + share * (high - low)
@@ -189,7 +189,7 @@ def test_unforced_rest_time_is_the_sum_of_the_flights(e):
 
 def test_unforced_rest_time_tends_to_the_sum_of_all_flights():
     all_flights = 10.0 / 9.81 / (1.0 - 0.9)
-    assert theory.unforced_rest_time(5.0, 0.9, 1e-300) == pytest.approx(all_flights, rel=1e-15)
+    assert theory.unforced_rest_time(5.0, 0.9, 1e-30) == pytest.approx(all_flights, rel=1e-15)
 
 
 def test_recognition_takes_longer_the_less_energy_is_lost():

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import BASES
+from vibrosweep.model.physical import physical
 
 HIGH_BOUNCE, MOVING = FIXED = BASES[:2]  # bases that particles do not act on
 HALVINGS = 60  # of a bracket of the size of what is sought, to a rounding
@@ -20,6 +21,7 @@ def moves(base: str) -> bool:
     return base == MOVING
 
 
+@physical
 def exponent_sum(restitution: ArrayLike, base: str = HIGH_BOUNCE) -> Array:
     """Sum of the Lyapunov exponents of an orbit without rests, per impact: ln e or 2 ln e.
 
@@ -42,7 +44,7 @@ def exponent_sum(restitution: ArrayLike, base: str = HIGH_BOUNCE) -> Array:
     Raises
     ------
     ParameterError
-        The base is not one of the two.
+        The base is not one of the two, or an argument is outside its range.
 
     Examples
     --------
@@ -55,6 +57,7 @@ def exponent_sum(restitution: ArrayLike, base: str = HIGH_BOUNCE) -> Array:
     return np.asarray(2.0 * one if moves(base) else one)
 
 
+@physical
 def recognition_periods(restitution: ArrayLike, k: ArrayLike = 1, base: str = HIGH_BOUNCE) -> Array:
     """Forcing periods in which an orbit locked to k periods returns bit for bit.
 
@@ -79,7 +82,7 @@ def recognition_periods(restitution: ArrayLike, k: ArrayLike = 1, base: str = HI
     Raises
     ------
     ParameterError
-        The base is not one of the two.
+        The base is not one of the two, or an argument is outside its range.
 
     Examples
     --------
@@ -91,6 +94,7 @@ def recognition_periods(restitution: ArrayLike, k: ArrayLike = 1, base: str = HI
         return np.asarray(150.0 * np.asarray(k) / np.abs(exponent_sum(restitution, base)))
 
 
+@physical
 def liftoff_speed_bound(
     launch_speed: ArrayLike, kick: ArrayLike, restitution: ArrayLike, base: str = HIGH_BOUNCE
 ) -> Array:
@@ -127,7 +131,7 @@ def liftoff_speed_bound(
     Raises
     ------
     ParameterError
-        The base is not one of the two.
+        The base is not one of the two, or an argument is outside its range.
 
     Examples
     --------
@@ -142,6 +146,7 @@ def liftoff_speed_bound(
     return np.maximum(np.asarray(launch_speed, dtype=np.float64), fed)
 
 
+@physical
 def flight_time_bound(
     launch_speed: ArrayLike, kick: ArrayLike, restitution: ArrayLike, base: str = HIGH_BOUNCE
 ) -> Array:
@@ -168,7 +173,7 @@ def flight_time_bound(
     Raises
     ------
     ParameterError
-        The base is not one of the two.
+        The base is not one of the two, or an argument is outside its range.
 
     Examples
     --------
@@ -190,6 +195,7 @@ def _above_sine(x: Array) -> Array:
     return np.where(x < 2.0, total, x - np.sin(x))
 
 
+@physical
 def liftoff_flight(acceleration: ArrayLike) -> Array:
     """First flight after a rest on a moving base, in forcing periods; NaN for Gamma <= 1.
 
@@ -212,6 +218,11 @@ def liftoff_flight(acceleration: ArrayLike) -> Array:
     numpy.ndarray
         Forcing periods, in the shape of `acceleration`.
 
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -231,6 +242,7 @@ def liftoff_flight(acceleration: ArrayLike) -> Array:
     return np.asarray(np.where(gamma > 1.0, 0.5 * (low + high), np.nan) / (2.0 * np.pi))
 
 
+@physical
 def unforced_rest_impact(
     launch_flight: ArrayLike, restitution: ArrayLike, rest_flight: ArrayLike
 ) -> Array:
@@ -253,6 +265,11 @@ def unforced_rest_impact(
     numpy.ndarray
         Number of landings, in the shape of the arguments broadcast.
 
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -272,6 +289,7 @@ def unforced_rest_impact(
     return np.asarray(n)
 
 
+@physical
 def unforced_rest_time(
     launch_velocity: ArrayLike,
     restitution: ArrayLike,
@@ -298,6 +316,11 @@ def unforced_rest_time(
     -------
     numpy.ndarray
         s, in the shape of the arguments broadcast.
+
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
 
     Examples
     --------

@@ -35,6 +35,7 @@ from vibrosweep.model.orbit_theory import (
     unforced_rest_impact,
     unforced_rest_time,
 )
+from vibrosweep.model.physical import physical
 
 __all__ = [
     "FIXED",
@@ -73,6 +74,7 @@ def _steepest(restitution: ArrayLike, base: str) -> Array:
     return 1.0 + ((1.0 - e) / (1.0 + e)) ** 2 if moves(base) else np.ones_like(e)
 
 
+@physical
 def locked_velocity(k: ArrayLike, frequency: ArrayLike = 1.0, gravity: ArrayLike = 9.81) -> Array:
     """Speed of the locked orbit of mode k, g k / (2 f), in m s-1.
 
@@ -86,6 +88,11 @@ def locked_velocity(k: ArrayLike, frequency: ArrayLike = 1.0, gravity: ArrayLike
     numpy.ndarray
         m s-1, as the arguments broadcast.
 
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -95,6 +102,7 @@ def locked_velocity(k: ArrayLike, frequency: ArrayLike = 1.0, gravity: ArrayLike
     return np.asarray(np.asarray(gravity) * np.asarray(k) / (2.0 * np.asarray(frequency)))
 
 
+@physical
 def locked_height(k: ArrayLike, frequency: ArrayLike = 1.0, gravity: ArrayLike = 9.81) -> Array:
     """Rebound height of the locked orbit of mode k, g k^2 / (8 f^2), in m.
 
@@ -111,6 +119,11 @@ def locked_height(k: ArrayLike, frequency: ArrayLike = 1.0, gravity: ArrayLike =
     numpy.ndarray
         m, as the arguments broadcast.
 
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -120,6 +133,7 @@ def locked_height(k: ArrayLike, frequency: ArrayLike = 1.0, gravity: ArrayLike =
     return np.asarray(np.asarray(gravity) * np.asarray(k) ** 2 / (8.0 * np.asarray(frequency) ** 2))
 
 
+@physical
 def locked_apex(
     k: ArrayLike,
     restitution: ArrayLike,
@@ -147,6 +161,11 @@ def locked_apex(
     numpy.ndarray
         m, as the arguments broadcast; NaN below A_min.
 
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -160,6 +179,7 @@ def locked_apex(
     return np.asarray(unit * (np.asarray(k) ** 2 + above))
 
 
+@physical
 def locked_phase(
     k: ArrayLike,
     restitution: ArrayLike,
@@ -183,6 +203,11 @@ def locked_phase(
     numpy.ndarray
         Turns, as the arguments broadcast; NaN below A_min.
 
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -196,6 +221,7 @@ def locked_phase(
     return np.asarray(0.5 - np.arcsin(sine) / TWO_PI)
 
 
+@physical
 def amplitude_min(
     k: ArrayLike,
     restitution: ArrayLike,
@@ -218,6 +244,11 @@ def amplitude_min(
     numpy.ndarray
         m s-1, as the arguments broadcast.
 
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -227,6 +258,7 @@ def amplitude_min(
     return np.asarray((1.0 - np.asarray(restitution)) * locked_velocity(k, frequency, gravity))
 
 
+@physical
 def amplitude_max(
     k: ArrayLike,
     restitution: ArrayLike,
@@ -254,7 +286,7 @@ def amplitude_max(
     Raises
     ------
     ParameterError
-        The base is not one of the two.
+        The base is not one of the two, or an argument is outside its range.
 
     Examples
     --------
@@ -277,6 +309,7 @@ def _kick_cosine(
         return np.asarray(-np.sqrt((a - need) * (a + need)))
 
 
+@physical
 def multipliers(
     k: ArrayLike,
     restitution: ArrayLike,
@@ -306,7 +339,7 @@ def multipliers(
     Raises
     ------
     ParameterError
-        The base is not one of the two.
+        The base is not one of the two, or an argument is outside its range.
 
     Examples
     --------

@@ -1,0 +1,43 @@
+"""What closed forms are asked for: nothing that is physically impossible."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from typing import Final, ParamSpec, TypeVar
+
+import numpy as np
+
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.parameters import LARGEST, PARAMETERS, SMALLEST, Parameter
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_ARGUMENTS: Final[Mapping[str, Parameter]] = {
+    **PARAMETERS,
+    "k": Parameter("k", "k", "1", "forcing periods between impacts", math.nan, SMALLEST, LARGEST),
+    **{
+        name: Parameter(name, name, "1", name.replace("_", " "), math.nan, 0.0, LARGEST)
+        for name in ("acceleration", "kick", "launch_speed", "launch_flight", "rest_flight")
+    },
+}
+
+
+def physical(function: Callable[P, R]) -> Callable[P, R]:
+    """Have a function refuse arguments outside their ranges, by their names; NaN is outside."""
+    names = inspect.signature(function)
+
+    @functools.wraps(function)
+    def refusing(*args: P.args, **kwargs: P.kwargs) -> R:
+        for name, given in names.bind(*args, **kwargs).arguments.items():
+            if name in _ARGUMENTS:
+                allowed, values = _ARGUMENTS[name], np.asarray(given, dtype=np.float64)
+                refused = values[~allowed.accepts(values)]
+                if refused.size:
+                    raise ParameterError(f"{name} = {refused[0]:g}: must be {allowed.allowed}")
+        return function(*args, **kwargs)
+
+    return refusing
