@@ -68,9 +68,10 @@ class ExistingOutputError(OutputError):
     """
 
     def __init__(self, path: Path, what: str = "") -> None:
+        end = "" if what.endswith("\n") else "; "
         super().__init__(
-            f"{path}: exists and is kept{what and ': '}{what}; write to another file with output=, "
-            f"or replace it with force=True"
+            f"{path}: exists and is kept{what and ': '}{what}{end}write to another file with "
+            f"output=, or replace it with force=True"
         )
         self.path = path
 

@@ -11,8 +11,8 @@ which it cannot land, and only the particle whose time is earliest is looked at:
   above that height holds until the energy exceeds what was assumed, whatever other particles do.
 
 Where F' < 0 and 4 K F <= F'^2 the next root is the only one within reach, and Newton's iteration
-with the next two derivatives finds it, whose steps are held between those of the parabolas with
-F'' = -K and K: a recoil that decays at once makes a cubic of no use.
+with the next two derivatives finds it, or with the next alone while a recoil that decays at once
+makes the cubic of no use.
 """
 
 from __future__ import annotations
@@ -48,11 +48,18 @@ def _ahead(f: float, f1: float, k: float) -> float:
 
 
 @jit
-def _step(f: float, f1: float, f2: float, f3: float) -> float:
-    """Return the step to the root of the cubic with these derivatives, f1 < 0, to third order."""
+def _step(f: float, f1: float, f2: float, f3: float, k: float) -> float:
+    """Return the step to the root of the cubic with these derivatives, f1 < 0, to third order.
+
+    That of the parabola where f3 would change f2 by more than its bound k.
+    """
     step = _to_root(f, f1, f2)
     slope = f1 + f2 * step
-    return step - f3 * step * step * step / (6.0 * slope) if slope < 0.0 else step
+    return (
+        step - f3 * step * step * step / (6.0 * slope)
+        if slope < 0.0 and abs(f3 * step) <= k
+        else step
+    )
 
 
 @jit
@@ -138,8 +145,7 @@ def _landing(of: System, load: Load, limit: Bounds, j: int, motion: Motion) -> f
     t, last, k = of.particle[PARTICLE.SAFE, j], np.inf, 2.0 + limit.pull
     for _ in range(20):
         f, f1 = _clearance(of, j, motion, t)
-        step = _step(f, f1, -2.0 - motion.pull, -motion.jerk)
-        step = min(max(step, _to_root(f, f1, -k)), _to_root(f, f1, k))
+        step = _step(f, f1, -2.0 - motion.pull, -motion.jerk, k)
         t = max(t + step, 0.0)
         # what is left out of the cubic, and rounding, which lets steps shrink no more
         square = step * step
