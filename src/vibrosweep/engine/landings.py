@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.coupled import count_coupled, record_coupled
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
@@ -51,6 +50,8 @@ def record_landings(
     landings, status = _counted(parameters, observation, workers)
     capacity = int(landings.max())
     if observation.base == SPRUNG:
+        from vibrosweep.engine.coupled import record_coupled  # slow to import
+
         out = record_coupled(parameters, observation, workers, capacity)
     else:
         out = _recorded(parameters, observation, workers, capacity)
@@ -126,6 +127,8 @@ def _counted(
     # counted as they will be kept: one by one
     enough = replace(observation.measuring(impact_budget=budget), skip=False)
     if observation.base == SPRUNG:
+        from vibrosweep.engine.coupled import count_coupled
+
         coupled = count_coupled(parameters, enough, workers)
         landings, status = coupled.landings, coupled.status
     else:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.coupled import measure_coupled
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.observed import observed
 from vibrosweep.engine.orbits import orbit_variables
@@ -39,6 +38,8 @@ def measure(
     where more forcing periods are asked for than can be counted exactly.
     """
     if observation.base == SPRUNG:
+        from vibrosweep.engine.coupled import measure_coupled  # slow to import: it declares kernels
+
         return measure_coupled(parameters, observation, workers)
     measures = observation.measures
     problem = dimensionless(parameters, observation.duration, measures.transient)
