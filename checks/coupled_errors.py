@@ -114,7 +114,7 @@ def main() -> None:
         counts = (states.count(s) for s in STATES)
         landings = sum(landings for _, landings, *_ in each)
         largest = max(worst for _, _, worst, _ in each)
-        rows.append((particles, landings, *counts, f"{largest:.2f}"))
+        rows.append((particles, landings, *counts, f"{largest:.2g}"))
         print(rows[-1], flush=True)
     head = (
         "particles",

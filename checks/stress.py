@@ -272,16 +272,20 @@ def run_family(
 
 
 def cells(total: Findings) -> list[object]:
-    """Cells of a row."""
+    """Cells of a row; what is not measured over a base has stayed 0."""
+
+    def shown(largest: float) -> str:
+        return f"{largest:.2f}" if largest > 0.0 else "-"
+
     return [
         total.cases,
         total.refused,
         f"{total.landings:,}",
-        f"{total.phase_ulp:.2f}",
-        f"{total.flight_ulp:.2f}",
-        f"{total.forced_share:.2f}",
+        shown(total.phase_ulp),
+        shown(total.flight_ulp),
+        shown(total.forced_share),
         f"{total.compared:,}",
-        f"{total.bound_share:.2f}",
+        shown(total.bound_share),
         total.failures,
     ]
 
