@@ -1,4 +1,4 @@
-"""What closed forms are asked for: nothing that is physically impossible."""
+"""Ranges of the arguments of closed forms: what is physically impossible is refused."""
 
 from __future__ import annotations
 
