@@ -22,7 +22,7 @@ From one run of `python benchmarks/work_precision.py -o docs`. [All numbers](wor
 
 ![Run time per impact against largest landing-time error](images/work_precision.png)
 
-**Error**: the largest distance of any landing from the truth, which is proved in ball arithmetic to
+**Error**: the largest of any landing, against a truth proved in ball arithmetic to
 {radius:.0e} s (on the long scene: the closed form of the locked orbit). **Run time**: wall time of
 a batch over its impacts, the fastest of repeated runs, without compilation.
 
@@ -32,20 +32,19 @@ a batch over its impacts, the fastest of repeated runs, without compilation.
 - **RK4**: the study's fixed step, compiled by numba.
 - **SciPy** (`solve_ivp`, RK45), **heyoka.py** (Taylor series), **diffrax** (Tsit5, `jit`, `vmap`):
   landings as terminal events, one thread. For heyoka.py flights start 1e-300 m above the base, as
-  events near the start are missed otherwise.
+  it misses events near the start.
 """
 
 READING = """\
-- A flight of the map is a parabola, which SciPy, heyoka.py and diffrax integrate exactly at any
-  tolerance: what is left is rounding, most of it in the running time.
-- RK4 is exact on a parabola too, but sees contact late by up to one step h, as would any integrator
-  with fixed steps: observed order {order:.2f}. At the kernel's error it would need steps of
-  {step:.1g} s.
+- SciPy, heyoka.py and diffrax integrate parabolas exactly at any tolerance: what is left is
+  rounding, most of it in the running time.
+- RK4, as any integrator with fixed steps, sees contact late by up to one step: observed order
+  {order:.2f}. At the kernel's error it would need steps of {step:.1g} s.
 - Over 10^6 impacts on a locked orbit the phase as the kernel carries it is off by at most
   {state:.1e} turns (rounding at each impact can force {forced:.1e}), the naive map by {naive:.1e}.
 - In the chaotic scene all methods at their finest settings agree with the truth to {agree:.2g} s.
-- Left out for their run time: on the long scene RK4 below 1e-4 s, SciPy past its first 10 000
-  landings, and all but the finest tolerance of SciPy, heyoka.py and diffrax.
+- Left out on the long scene: RK4 below 1e-4 s, SciPy past its first 10 000 landings, all but the
+  finest tolerance of SciPy, heyoka.py and diffrax.
 """
 
 MOVING = """\
