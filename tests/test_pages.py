@@ -57,3 +57,8 @@ def test_every_command_is_listed():
     """In the README, whose table the page on commands includes."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert {c.NAME for c in COMMANDS if not re.search(rf"`vibrosweep {c.NAME}[ `]", text)} == set()
+
+
+def test_every_picture_is_in_the_gallery():
+    shown = re.findall(r"\(images/([^)]+)\)", (DOCS / "gallery.md").read_text(encoding="utf-8"))
+    assert sorted(shown) == sorted(path.name for path in (DOCS / "images").iterdir())
