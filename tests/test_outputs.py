@@ -134,8 +134,8 @@ def test_what_exists_is_told_apart(spec, output, refused):
     message = refused("run", spec("# a comment\n" + SWEEP), "-o", output)
     assert "exists and is kept: it is the finished result of exactly this sweep;" in message
     message = refused("run", spec(SWEEP + "[measure]\nregimes = true\n"), "-o", output)
-    assert "the result of another sweep or version:\n  measure.regimes: was False, is" in message
-    assert "is True\nwrite to another file with -o, or replace it with --force" in message
+    assert "the result of another sweep or version:\n  measure.regimes: was false, is" in message
+    assert "is true\nwrite to another file with -o, or replace it with --force" in message
     assert output.read_bytes() == before
     output.write_bytes(b"other")
     assert "it is no result of a sweep" in refused("run", spec(), "-o", output)

@@ -3,11 +3,14 @@
 import json
 import subprocess
 import sys
+import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.runs.identity import EXEMPT, differences, identity, sources
@@ -104,13 +107,71 @@ def test_differences_are_told_in_the_words_of_a_sweep_file(tmp_path):
     told = differences(identity(before), identity(now))
     for line in (
         "scene.particles: was 1, is 2",
-        "measure.lyapunov: was False, is True",
+        "measure.lyapunov: was false, is true",
         "sample.design: was uniform, is sobol",
-        "restitution: was 0.9, is Range",
-        "restitution.low: was not given, is 0.8",
+        "restitution: was 0.9, is [0.8, 0.98]",
         "record.restitution: was not given, is 0.5",
     ):
         assert line in told
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        (
+            "restitution = [0.8, 0.9]",
+            "restitution = { start = 0.1, stop = 0.9, num = 30 }",
+            "restitution: was [0.8, 0.9], is { start = 0.1, stop = 0.9, num = 30 }",
+        ),
+        (
+            "launch = [0.0, 0.5]",
+            'launch = "staggered"\nparticles = 2',
+            "scene.launch: was [0.0, 0.5], is staggered",
+        ),
+        (
+            "duration = 9",
+            "duration_periods = 9",
+            "scene.duration: was 9.0, is 9.0 forcing periods",
+        ),
+        (
+            "transient = 1",
+            "transient_periods = 2",
+            "measure.transient: was 1.0, is 2.0 forcing periods",
+        ),
+    ],
+)
+def test_a_change_is_told_as_a_sweep_file_gives_it(old, new, line):
+    text = """title = "x"
+[scene]
+launch = [0.0, 0.5]
+duration = 9
+[sample]
+design = "grid"
+restitution = [0.8, 0.9]
+[measure]
+transient = 1
+"""
+    before, now = identity(parse_spec(text)), identity(parse_spec(text.replace(old, new)))
+    others = [one for one in differences(before, now) if not one.startswith("sample.realizations")]
+    assert others == [line]
+
+
+NUMBER = st.floats(0.0, 1.0)
+SEVERAL = st.lists(NUMBER, min_size=2, max_size=6, unique=True).map(sorted)
+
+
+@given(
+    st.tuples(st.just("uniform"), NUMBER)
+    | st.tuples(st.just("uniform"), SEVERAL.map(lambda ends: [ends[0], ends[-1]]))
+    | st.tuples(st.just("grid"), NUMBER | SEVERAL)
+)
+def test_a_value_is_held_as_it_was_given(drawn):
+    design, value = drawn
+    count = "realizations = 3" if design == "uniform" else ""
+    sample = f'[sample]\ndesign = "{design}"\n{count}\nrestitution = {json.dumps(value)}\n'
+    held = identity(parse_spec(f'title = "x"\n{sample}'))
+    assert tomllib.loads(f"value = {held['restitution']}")["value"] == value
+    assert held["sample.design"] == design
 
 
 def test_every_module_that_a_sweep_loads_is_in_the_digest(tmp_path):

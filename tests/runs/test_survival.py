@@ -182,14 +182,14 @@ def test_a_disk_that_changes_what_it_holds_is_said(sweep, tmp_path, monkeypatch)
     ("old", "new", "words"),
     [
         ("particles = 3", "particles = 4", ["scene.particles: was 3, is 4"]),
-        ("[0.8, 0.98]", "[0.8, 0.99]", ["restitution.high: was 0.98, is 0.99"]),
+        ("[0.8, 0.98]", "[0.8, 0.99]", ["restitution: was [0.8, 0.98], is [0.8, 0.99]"]),
         ("seed = 3\n", "", ["sample.seed: was 3, is 0"]),
         ("[record]\nrestitution = 0.9", "[record]\nrestitution = 0.91", ["record.restitution"]),
         (SWEEP[SWEEP.index("[record]") :], "", ["record.restitution: was 0.9, is not given"]),
         (
             "separation = true",
             "trust = true",
-            ["measure.separation: was True, is False", "measure.trust: was False, is True"],
+            ["measure.separation: was true, is false", "measure.trust: was false, is true"],
         ),
     ],
 )

@@ -8,13 +8,19 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
 from vibrosweep.errors import TableError
+from vibrosweep.model.measures import Measures
+from vibrosweep.model.observables import Observable
+from vibrosweep.model.times import Periods, unit_of
 from vibrosweep.spec.columns import GivenTable
+from vibrosweep.spec.keywords import short_axis
+from vibrosweep.spec.messages import toml
+from vibrosweep.spec.rules import Axis, Range, RecordSpec
 from vibrosweep.spec.schema import SampleTable, SceneTable
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.provenance import version
@@ -49,8 +55,7 @@ def identity(spec: SweepSpec) -> dict[str, str]:
     It does not depend on comments, on the order of keys, or on whether defaults are written out.
     Raises a TableError where the table cannot be read.
     """
-    members = {f.name: getattr(spec, f.name) for f in fields(spec) if f.name not in EXEMPT}
-    found = {key: _short(value) for key, value in _entries("", members)}
+    found = {key: _short(value) for key, value in _entries("", spec)}
     if spec.table is not None:
         found["contents of the table"] = _digest(spec.table)
     found["programs"] = programs()
@@ -68,26 +73,29 @@ def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
 
 
 def _entries(key: str, value: Any) -> Iterator[tuple[str, object]]:
-    """Yield every plain value in a spec with a key of its own."""
-    if is_dataclass(value):
-        members = {field.name: getattr(value, field.name) for field in fields(value)}
-    elif isinstance(value, tuple) and hasattr(value, "_asdict"):
-        members = value._asdict()
+    """Yield every value in a spec as a sweep file gives it, with its key there."""
+    members: Mapping[str, Any] = {}
+    if isinstance(value, SweepSpec | Measures | RecordSpec | Observable):
+        # of what is not compared, as a function, another field holds a digest
+        members = {f.name: getattr(value, f.name) for f in fields(value) if f.compare}
     elif isinstance(value, Mapping):
-        members = dict(value)
-    elif isinstance(value, tuple) and value and all(map(is_dataclass, value)):
+        members = value
+    elif isinstance(value, tuple) and any(isinstance(one, Observable) for one in value):
         members = {one.name: one for one in value}
-    elif callable(value):  # of an observable, whose `code` stands for it
-        return
-    elif isinstance(value, str | int | float | tuple | None):
-        yield key, value
-        return
-    else:
+    elif isinstance(value, Range):
+        yield key, (value.low, value.high)
+    elif isinstance(value, Axis):
+        yield key, short_axis(list(value.values))
+    elif isinstance(value, Periods):
+        yield key, f"{value.number} {unit_of(value)}"
+    elif isinstance(value, str | int | float | tuple):
+        if value != ():
+            yield key, value
+    elif value is not None:
         raise TypeError(f"{key}: the identity of a sweep cannot hold a {type(value).__name__}")
-    if key and not isinstance(value, Mapping):  # two classes may have fields of the same names
-        yield key, type(value).__name__
     for name, member in members.items():
-        yield from _entries(_key(key, name), member)
+        if key or name not in EXEMPT:
+            yield from _entries(_key(key, name), member)
 
 
 def _key(parent: str, name: str) -> str:
@@ -98,8 +106,8 @@ def _key(parent: str, name: str) -> str:
 
 
 def _short(value: object) -> str:
-    """Write a value exactly; shorten a long one and add a digest."""
-    text = value if isinstance(value, str) else repr(value)
+    """Write a value as a sweep file does; shorten a long one and add a digest."""
+    text = value if isinstance(value, str) else toml(value)
     if len(text) <= LONGEST:
         return text
     return f"{text[:60]}... (digest {hashlib.blake2b(text.encode(), digest_size=8).hexdigest()})"

@@ -56,7 +56,7 @@ def _tables(given: Mapping[str, Any], homes: tuple[str, ...], mistakes: Mistakes
             mistakes.add_broken(name, f"is given in {home} too; keep one of the two", value)
         else:
             plain = _plain(name, value)
-            data[home][name] = _steps(plain) if name in INPUTS else plain
+            data[home][name] = short_axis(plain) if name in INPUTS else plain
     _choose_design(given, data, mistakes)
     data.setdefault("title", _title(given))
     return data
@@ -123,7 +123,7 @@ def _plain(name: str, value: Any) -> Any:
     return np.asarray(value).tolist() if hasattr(value, "__array__") else value
 
 
-def _steps(values: Any) -> Any:
+def short_axis(values: Any) -> Any:
     """Write long axes of even steps shortly, where this gives the same values."""
     if not (isinstance(values, list) and LONG <= len(values) <= MAX_STEPS):
         return values
