@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vibrosweep import simulate
-from vibrosweep.analysis.base_motion import base_motion
 from vibrosweep.analysis.bifurcation import OBSERVABLES, bifurcation
+from vibrosweep.analysis.record_flights import base_motion
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.errors import ParameterError
 from vibrosweep.model import theory

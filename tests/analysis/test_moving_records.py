@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import arrival_speeds, base_motion, course
 from vibrosweep.analysis.crossings import crossings
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.energy import energy_balance
 from vibrosweep.analysis.heights import heights_against_restitution
+from vibrosweep.analysis.record_flights import arrival_speeds, base_motion, course
 from vibrosweep.analysis.records import flights
 from vibrosweep.analysis.returns import return_map
 from vibrosweep.errors import DataError

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.collections import FillBetweenPolyCollection, LineCollection, PathCollection
 
-from vibrosweep.analysis.base_motion import BaseMotion, base_motion
+from vibrosweep.analysis.base_motion import BaseMotion
+from vibrosweep.analysis.record_flights import base_motion
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.figures import height_time
 from vibrosweep.figures.height_curves import readable_until

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import arrival_speeds, base_motion, moves, refuse_recoil
+from vibrosweep.analysis.base_motion import moves, refuse_recoil
+from vibrosweep.analysis.record_flights import arrival_speeds, base_motion
 from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array

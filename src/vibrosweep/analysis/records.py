@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.base_motion import base_motion, course
+from vibrosweep.analysis.record_flights import base_motion, course
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 

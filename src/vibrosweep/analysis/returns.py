@@ -8,7 +8,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.base_motion import arrival_speeds, moves
+from vibrosweep.analysis.base_motion import moves
+from vibrosweep.analysis.record_flights import arrival_speeds
 from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.analysis.base_motion import BaseMotion, base_motion, course, recoils
+from vibrosweep.analysis.base_motion import BaseMotion, recoils
+from vibrosweep.analysis.record_flights import base_motion, course
 from vibrosweep.analysis.returns import return_points
 
 if TYPE_CHECKING:

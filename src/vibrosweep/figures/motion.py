@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vibrosweep.analysis.base_motion import BaseMotion, course
+from vibrosweep.analysis.base_motion import BaseMotion
+from vibrosweep.analysis.record_flights import course
 from vibrosweep.arrays import Array
 
 if TYPE_CHECKING:
