@@ -100,6 +100,16 @@ def test_it_reaches_workers_of_a_cluster():
     assert spec != keyword_spec(SWEEP).observing([phases(bins(BINS + 1))])
 
 
+def test_one_that_cannot_be_compiled_leaves_nothing(tmp_path):
+    def function(totals, landing):
+        totals[0] += landing.colour
+
+    one = vs.Observable("seen", function, "no such quantity")
+    with pytest.raises(ParameterError, match="numba cannot compile"):
+        vs.run(SWEEP, tmp_path / "out.h5", chunk=10, observables=[one])
+    assert not list(tmp_path.iterdir())
+
+
 def test_where_they_are_refused(tmp_path):
     with pytest.raises(ParameterError, match="the name of two things"):
         vs.sweep(SWEEP, observables=[phases(), phases()])

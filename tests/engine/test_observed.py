@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 
@@ -33,6 +34,13 @@ def beyond(totals, landing):
 
 def of_no_type(totals, landing):
     totals[0] += landing.colour
+
+
+def without_limits(text, **outside):
+    """What numba has compiled of a function g, as a user may: indices are not checked."""
+    names = dict(outside)
+    exec(text, names)
+    return numba.njit(names["g"])
 
 
 ALL = Observable(
@@ -132,8 +140,49 @@ def test_what_cannot_be_computed_is_nan(parameters, observe, workers):
 
 
 def test_mistakes_in_a_function(scenes, observe, workers):
-    with pytest.raises(IndexError):
-        compiled(Observable("seen", beyond, "one index too far"))(np.zeros(1), LANDING)
+    one = Observable("seen", beyond, "one index too far")
+    with pytest.raises(ParameterError, match="'seen': its function raised IndexError: index"):
+        measure(scenes, observe(particles=2, observables=(one,)), workers)
     one = Observable("seen", of_no_type, "no such quantity")
     with pytest.raises(ParameterError, match=r"'seen': numba cannot compile .*colour"):
         measure(scenes, observe(particles=2, observables=(one,)), workers)
+
+
+def test_division_by_zero_is_an_error_as_in_python():
+    def divided(totals, landing):
+        totals[0] += 1 // int(landing.rests)
+
+    with pytest.raises(ZeroDivisionError):
+        compiled(Observable("seen", divided, "without remainder"))(np.zeros(1), LANDING)
+
+
+def test_functions_that_it_calls_are_compiled_with_it():
+    """A number that they use may have changed since, and an index must not spoil memory."""
+    helper = without_limits("def g(totals, k): totals[k] += K", K=1.0)
+    room = np.zeros(4)
+    helper(room, 0)
+
+    def calling(k):
+        def function(totals, landing):
+            helper(totals, k)
+
+        return function
+
+    helper.py_func.__globals__["K"] = 2.0
+    first, beyond = (compiled(Observable("seen", calling(k), "one number")) for k in (0, 1))
+    first(room[:1], LANDING)
+    assert room.tolist() == [3.0, 0.0, 0.0, 0.0]
+    with pytest.raises(IndexError):
+        beyond(room[:1], LANDING)
+
+
+def test_functions_that_it_calls_may_be_plain_python_and_recursive():
+    def factorial(n):
+        return 1 if n < 2 else n * factorial(n - 1)
+
+    def function(totals, landing):
+        totals[0] += factorial(5)
+
+    totals = np.zeros(1)
+    compiled(Observable("seen", function, "a number"))(totals, LANDING)
+    assert totals.tolist() == [120.0]

@@ -12,11 +12,13 @@ import xarray as xr
 from vibrosweep.api.asking import Asked, asked
 from vibrosweep.api.results import open_sweep
 from vibrosweep.errors import ExistingOutputError, ParameterError
+from vibrosweep.kernels.observing import compiled
 from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import require_whole, run_sweep, thread_count
 from vibrosweep.runs.finished import is_of, origin
 from vibrosweep.runs.inmemory import sweep_in_memory
 from vibrosweep.runs.progress import showing
+from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.disk import check_output
 from vibrosweep.store.rundir import replaces
 
@@ -110,7 +112,7 @@ def sweep(
     >>> found.rebound_height_max.dims, found.rebound_height_max.attrs["units"]
     (('realization',), 'm')
     """
-    checked = asked(spec, keywords).observing(observables)
+    checked = _observing(asked(spec, keywords), observables)
     if checked.record is not None:
         raise ParameterError(
             "record: a sweep in memory keeps no landings; write it to a file with vibrosweep.run, "
@@ -173,7 +175,7 @@ def run(
     50
     """
     path = Path(output)
-    checked = asked(spec, {}).observing(observables)
+    checked = _observing(asked(spec, {}), observables)
     if chunk is not None:
         require_whole("chunk", chunk)
     try:
@@ -187,3 +189,11 @@ def run(
             checked, path, threads=thread_count(threads), chunk=chunk, force=force, advance=advance
         )
     return open_sweep(path)
+
+
+def _observing(spec: SweepSpec, observables: Iterable[Observable]) -> SweepSpec:
+    """Add observables to a sweep; one that cannot be compiled is refused before anything begins."""
+    found = spec.observing(observables)
+    for one in found.measures.observables:
+        compiled(one)
+    return found

@@ -7,6 +7,7 @@ one calls the function for those lanes that have landed in the window.
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import CellType, FunctionType
 from typing import Any, Final, NamedTuple
 
 import numba
@@ -16,6 +17,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import OPTIONS, Floats, jit
 from vibrosweep.kernels.lanes import ROW, STRIDE, aligned
 from vibrosweep.kernels.statistics import OF_LANE
+from vibrosweep.model.functions import is_own, outside, plain
 from vibrosweep.model.observables import Landing, Observable
 
 
@@ -69,6 +71,9 @@ def observe(s: Floats, lanes: int, observer: Observer) -> None:
             observer.function(observer.totals[int(s[ROW.LANE + j])], landing)
 
 
+# A user's function does what it does in plain Python: what that raises is raised.
+OF_A_USER: Final = OPTIONS | {"error_model": "python", "boundscheck": True}
+
 _compiled: dict[str, Callable[[Any, Any], None]] = {}  # by the `code` of observables
 
 
@@ -82,10 +87,10 @@ def compiled(observable: Observable) -> Callable[[Any, Any], None]:
         return observable.function
     if observable.code in _compiled:
         return _compiled[observable.code]
-    function = njit(**OPTIONS, boundscheck=True)(observable.function)
+    function = _compiled_anew(observable.function, {})
     try:
         function.compile((numba.float64[::1], numba.typeof(Landing(0.0, 0.0, 0.0, 0.0, False))))
-    except numba.core.errors.NumbaError as error:
+    except Exception as error:  # not all that numba raises has one base
         reason = next(filter(str.strip, [*str(error).splitlines()[1:], str(error)])).strip()
         raise ParameterError(
             f"observable {observable.name!r}: numba cannot compile its function: {reason}; "
@@ -94,3 +99,25 @@ def compiled(observable: Observable) -> Callable[[Any, Any], None]:
         ) from error
     _compiled[observable.code] = function
     return function  # type: ignore[no-any-return]
+
+
+def _compiled_anew(function: Any, done: dict[Any, Any]) -> Any:
+    """Compile a function together with those that it calls.
+
+    What numba has compiled of them before may hold earlier values of the numbers that they use, and
+    does not check indices.
+    """
+    if function not in done:
+        names, code = dict(function.__globals__), function.__code__
+        cells = {name: CellType() for name in code.co_freevars}
+        enclosed, given = tuple(cells.values()), function.__defaults__
+        fresh = FunctionType(code, names, function.__name__, given, enclosed)
+        fresh.__kwdefaults__ = function.__kwdefaults__
+        done[function] = njit(**OF_A_USER)(fresh)
+        for name, value in outside(function).items():
+            own = _compiled_anew(plain(value), done) if is_own(value) else value
+            if name in cells:
+                cells[name].cell_contents = own
+            else:
+                names[name] = own
+    return done[function]

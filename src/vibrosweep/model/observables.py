@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dis
 import hashlib
 import inspect
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from types import FunctionType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.functions import changes_its_arguments, parts, plain
 from vibrosweep.model.measures import RESERVED, Variable
 
 # How the totals of particles make those of a realization.
@@ -83,13 +83,15 @@ class Observable:
         How the totals of particles become one: ``"sum"``, ``"max"``, ``"min"``; or ``"each"`` to
         keep them apart.
     initial
-        What totals begin with; a particle without a landing in the window keeps it.
+        What totals begin with, ``float("inf")`` for a minimum; a particle without a landing in the
+        window keeps it.
 
     Raises
     ------
     ParameterError
-        One of them is not allowed, or the function depends on something that can change without
-        notice: anything outside it but numbers, texts, modules, and functions of the same kind.
+        One of them is not allowed, the function draws numbers at random, or it depends on something
+        that can change without notice: anything outside it but numbers, texts, numpy, math, and
+        functions of the same kind, which need not be compiled.
 
     Examples
     --------
@@ -113,13 +115,12 @@ class Observable:
     code: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        plain: Any = getattr(self.function, "py_func", self.function)  # what numba has compiled
-        object.__setattr__(self, "function", plain)
-        object.__setattr__(self, "values", tuple(float(v) for v in self.values))
+        object.__setattr__(self, "function", plain(self.function))
+        object.__setattr__(self, "values", _numbers(self.name, self.values))
         wrong = next(self._mistakes(), "")
         if wrong:
             raise ParameterError(f"observable {self.name!r}: {wrong}")
-        text = "\n".join(_parts(plain, f"observable {self.name!r}"))
+        text = "\n".join(parts(plain(self.function), f"observable {self.name!r}"))
         digest = hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
         object.__setattr__(self, "code", digest)
 
@@ -140,9 +141,11 @@ class Observable:
             yield f"function = {self.function!r} must be a Python function"
         elif len(inspect.signature(self.function).parameters) != 2:
             yield "function must take two arguments, as in function(totals, landing)"
+        elif not changes_its_arguments(self.function):
+            yield "function must change totals, as in totals[0] += 1.0; it changes nothing"
         if not isinstance(self.meaning, str) or not self.meaning.strip():
             yield f"meaning = {self.meaning!r} must say in words what it is"
-        if self.units != "1" and not all(map(UNIT.fullmatch, self.units.split(" "))):
+        if self.units != "1" and not all(map(UNIT.fullmatch, str(self.units).split(" "))):
             yield f"units = {self.units!r} must be '1' or powers of m and s, as 'm s-1'"
         steps = np.diff(self.values)
         if bool(self.along) != bool(self.values) or not np.all(steps > 0.0):
@@ -195,14 +198,17 @@ class Observable:
 
 
 def observables_of(given: Iterable[Observable]) -> tuple[Observable, ...]:
-    """Check observables that are asked for together.
+    """Check observables that are asked for together, whose functions are those of this moment.
 
     Raises a ParameterError where one is no `Observable`, or two have names or dimensions in common.
     """
-    found = tuple(given)
-    for one in found:
+    if not isinstance(given, Iterable):
+        raise ParameterError(f"observables = {given!r}: must be a list of vibrosweep.Observable")
+    for one in (given := tuple(given)):
         if not isinstance(one, Observable):
             raise ParameterError(f"observables: {one!r} must be a vibrosweep.Observable")
+    # a number that a function uses may have changed since
+    found = tuple(replace(one) for one in given)
     names = [one.name for one in found] + list({one.along for one in found if one.along})
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
     if twice:
@@ -213,56 +219,12 @@ def observables_of(given: Iterable[Observable]) -> tuple[Observable, ...]:
     return found
 
 
-def _parts(function: FunctionType, where: str) -> Iterator[str]:
-    """Everything that decides what a function computes: its code, and what it takes from outside.
-
-    Raises a ParameterError where it takes something whose value could change without notice.
-    """
-    yield from _code(function.__code__)
-    outside = {
-        name: function.__globals__[name]
-        for name in sorted(_globals(function.__code__))
-        if name in function.__globals__
-    }
-    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    outside |= {name: cell.cell_contents for name, cell in cells}
-    outside |= {f"default {k}": value for k, value in enumerate(function.__defaults__ or ())}
-    for name, value in outside.items():
-        value = getattr(value, "py_func", value)
-        yield name
-        if isinstance(value, FunctionType):
-            if value is not function:
-                yield from _parts(value, where)
-        elif isinstance(value, ModuleType | type | BuiltinFunctionType | np.ufunc):
-            yield value.__name__
-        elif _is_constant(value):
-            yield repr(value)
-        else:
-            raise ParameterError(
-                f"{where}: its function uses {name}, a {type(value).__name__}, whose value could "
-                f"change without notice; use numbers, tuples of numbers, or functions instead"
-            )
-
-
-def _is_constant(value: object) -> bool:
-    if isinstance(value, tuple):
-        return all(map(_is_constant, value))
-    return value is None or isinstance(value, bool | int | float | complex | str | np.number)
-
-
-def _code(code: CodeType) -> Iterator[str]:
-    """What is compiled, without names of files and numbers of lines."""
-    yield code.co_code.hex()
-    yield repr((code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars))
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _code(constant)
-        else:
-            yield repr(sorted(constant, key=repr) if isinstance(constant, frozenset) else constant)
-
-
-def _globals(code: CodeType) -> set[str]:
-    """Names that a function, and functions inside it, look up outside."""
-    found = {i.argval for i in dis.get_instructions(code) if i.opname == "LOAD_GLOBAL"}
-    inside: Sequence[CodeType] = [c for c in code.co_consts if isinstance(c, CodeType)]
-    return found.union(*map(_globals, inside))
+def _numbers(name: str, values: object) -> tuple[float, ...]:
+    """Values as a tuple; a ParameterError where they are no numbers."""
+    try:
+        array = np.array(values, np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(())
+    if array.ndim != 1:
+        raise ParameterError(f"observable {name!r}: values = {values!r} must be a list of numbers")
+    return tuple(array.tolist())

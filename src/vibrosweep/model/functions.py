@@ -1,0 +1,116 @@
+"""What a user's function computes: its code, and all that it takes from outside."""
+
+from __future__ import annotations
+
+import dis
+from collections.abc import Iterable, Iterator
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from typing import Any, Final
+
+import numpy as np
+
+from vibrosweep.errors import ParameterError
+
+# Modules whose contents change only with a version that is part of the resume key.
+FIXED_MODULES: Final = ("builtins", "cmath", "math", "numpy")
+
+
+def plain(value: object) -> Any:
+    """Return the Python function that numba has compiled, or the value itself."""
+    return getattr(value, "py_func", value)
+
+
+def outside(function: FunctionType) -> dict[str, Any]:
+    """Values that a function, and functions inside it, take from its module and its enclosure."""
+    names = _arguments(function.__code__, "LOAD_GLOBAL")
+    found = {n: function.__globals__[n] for n in sorted(names) if n in function.__globals__}
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    return found | {name: cell.cell_contents for name, cell in cells}
+
+
+def is_own(value: object) -> bool:
+    """Whether this is a Python function, compiled by numba or not."""
+    return isinstance(plain(value), FunctionType)
+
+
+def changes_its_arguments(function: FunctionType) -> bool:
+    """Whether a function could change an array that it is given."""
+    return any(
+        one.opname.startswith(("STORE_SUBSCR", "STORE_SLICE", "CALL"))
+        or (one.opname == "BINARY_OP" and one.argrepr.endswith("="))
+        for one in dis.get_instructions(function)
+    )
+
+
+def parts(function: FunctionType, where: str) -> Iterator[str]:
+    """Yield everything that decides what a function computes.
+
+    Raises a ParameterError, which begins with `where`, where the function takes something from
+    outside whose value could change without notice, or numbers at random.
+    """
+    yield from _parts(function, where, set())
+
+
+def _parts(function: FunctionType, where: str, seen: set[FunctionType]) -> Iterator[str]:
+    seen.add(function)
+    yield from _code(function.__code__)
+    if "random" in _arguments(function.__code__, "LOAD_ATTR", "LOAD_METHOD"):
+        raise ParameterError(
+            f"{where}: its function draws numbers at random, which would depend on the threads"
+        )
+    defaults = [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).items()]
+    given = {f"default {k}": value for k, value in enumerate(defaults)}
+    for name, value in (outside(function) | given).items():
+        yield name
+        if is_own(value):
+            if plain(value) not in seen:
+                yield from _parts(plain(value), where, seen)
+        elif _fixed(value):
+            yield _fixed(value)
+        elif _is_constant(value):
+            yield repr(value)
+        else:
+            remedy = "numbers, tuples of numbers, or functions"
+            if isinstance(value, ModuleType):
+                remedy = f"what it needs of it, as from {value.__name__} import ..."
+            raise ParameterError(
+                f"{where}: its function uses {name}, a {type(value).__name__}, whose value could "
+                f"change without notice; use {remedy} instead"
+            )
+
+
+def _fixed(value: Any) -> str:
+    """Name of a module of `FIXED_MODULES`, or of one of their functions or types, or nothing."""
+    if isinstance(value, np.ufunc):
+        return f"numpy.{value.__name__}"
+    if isinstance(value, ModuleType):
+        name = value.__name__
+    elif isinstance(value, type | BuiltinFunctionType) or type(value) is type(np.sum):
+        name = f"{value.__module__}.{value.__name__}"
+    else:
+        return ""
+    return name if name.split(".")[0] in FIXED_MODULES and "random" not in name else ""
+
+
+def _is_constant(value: object) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_constant, value))
+    return value is None or isinstance(value, bool | int | float | complex | str | np.number)
+
+
+def _code(code: CodeType) -> Iterator[str]:
+    """What is compiled, without names of files and numbers of lines."""
+    yield code.co_code.hex()
+    yield repr((code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars))
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _code(constant)
+        else:
+            yield repr(sorted(constant, key=repr) if isinstance(constant, frozenset) else constant)
+
+
+def _arguments(code: CodeType, *operations: str) -> set[str]:
+    """Names to which a function, and functions inside it, apply some operations."""
+    found = {i.argval for i in dis.get_instructions(code) if i.opname in operations}
+    inside: Iterable[CodeType] = [c for c in code.co_consts if isinstance(c, CodeType)]
+    return found.union(*(_arguments(c, *operations) for c in inside))
