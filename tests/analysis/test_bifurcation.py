@@ -98,6 +98,7 @@ def test_a_function_is_an_observable_and_a_particle_at_rest_has_none():
     ("arguments", "words"),
     [
         ({"amplitude": [1.0], "observable": "height"}, "observable = 'height': must be one of"),
+        ({"amplitude": [1.0], "observable": 3}, "observable = 3: must be one of"),
         ({"amplitude": [1.0], "samples": 0}, "samples = 0: must be at least 1"),
         ({"amplitude": [2.0, 1.0]}, "amplitude: must be in ascending order"),
         ({"amplitude": [-1.0]}, "amplitude = -1.0: must be at least 0"),

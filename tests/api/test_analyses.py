@@ -8,7 +8,7 @@ from vibrosweep.analysis.basins import basins_of_spec
 from vibrosweep.analysis.bifurcation import bifurcation_of_spec
 from vibrosweep.analysis.separations import separation_against, separation_distribution
 from vibrosweep.analysis.windows import windows_of_spec
-from vibrosweep.errors import DataError, ParameterError, SpecError
+from vibrosweep.errors import DataError, ParameterError, SpecError, TableError
 from vibrosweep.spec.sweep import parse_spec
 
 TITLE = 'title = "x"\n'
@@ -82,6 +82,11 @@ def test_separations_of_keywords_and_of_a_result():
         (lambda: vs.basins(particles=3), SpecError, "a list of values for launch_velocity"),
         (lambda: vs.sobol(amplitude=[1.0, 2.0]), SpecError, r"restitution = \(low, high\)"),
         (lambda: vs.sobol(amplitude=(1.0, 2.0), realizations=3), ParameterError, "power of 2"),
+        (lambda: vs.sobol(amplitude=(1.0, 2.0), outputs="dt_min"), ParameterError, "outputs = 'd"),
+        (lambda: vs.sobol(amplitude=(1.0, 2.0), outputs=[]), ParameterError, "must be a list"),
+        (lambda: vs.sobol(amplitude=(1.0, 2.0), confidence=95), ParameterError, "confidence = 95"),
+        (lambda: vs.separations(vs.sweep(), bins=0), ParameterError, "bins = 0: must be a whole"),
+        (lambda: vs.separations(design="none.csv"), TableError, "table; check design$"),
         (lambda: vs.separations(vs.sweep()), DataError, "dt_min"),
         (lambda: vs.separations(vs.sweep(), particles=2), ParameterError, "particles: cannot"),
     ],

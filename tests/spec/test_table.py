@@ -129,6 +129,11 @@ BAD_CSV = {
         "",
         ['column "dt_min"', "a result holds", "rename it"],
     ),
+    "key": (
+        "restitution,amplitude,particles\n0.9,1,3\n",
+        "",
+        ['column "particles"', "same for all realizations", "rename it"],
+    ),
     "no name": (",restitution,amplitude\n0,0.9,1\n", "", ['column ""', "letters, digits"]),
     "long row": (GOOD + "0.9,1\n0.9,1,3\n", "", ["line 3 has 3 values for 2 columns"]),
     "short row": (GOOD + "0.9,1\n\n0.9\n", "", ["line 4 has 1 values for 2 columns"]),

@@ -176,10 +176,10 @@ def summary(diagram: xr.Dataset) -> Iterator[str]:
 def _observable(
     observable: str | Observable,
 ) -> tuple[str, tuple[Callable[[Impacts, float], Array], str, str]]:
-    if not isinstance(observable, str):
+    if callable(observable):
         custom = observable
         return "observable", (lambda i, g: custom(i.phase, i.speed, g), "1", "observable")
-    if observable not in OBSERVABLES:
+    if not isinstance(observable, str) or observable not in OBSERVABLES:
         raise ParameterError(
             f"observable = {observable!r}: must be one of {', '.join(OBSERVABLES)}, or a function"
         )

@@ -55,6 +55,7 @@ def sobol_indices(
     from scipy.stats import qmc
 
     _require_ranges(ranges, base)
+    _require_asked(outputs, confidence)
     require_mount(observation.base, {*ranges, *(fixed or {})})
     low, high = np.array(list(ranges.values()), dtype=np.float64).T
     points = qmc.Sobol(2 * low.size, seed=np.random.default_rng(seed)).random(base)
@@ -102,6 +103,15 @@ def sobol_of_spec(
             confidence=confidence,
         )
     return found.assign_attrs(title=spec.title, sweep_file=spec.text)
+
+
+def _require_asked(outputs: Sequence[str], confidence: float) -> None:
+    if isinstance(outputs, str) or not len(outputs):
+        raise ParameterError(
+            f"outputs = {outputs!r}: must be a list of one or more measured variables"
+        )
+    if not (isinstance(confidence, float) and 0.0 < confidence < 1.0):
+        raise ParameterError(f"confidence = {confidence!r}: must be a number above 0 and below 1")
 
 
 def _require_ranges(ranges: Mapping[str, tuple[float, float]], base: int) -> None:

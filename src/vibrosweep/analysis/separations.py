@@ -67,7 +67,7 @@ def separation_distribution(
     (('rank',), 's')
     """
     sweep = flat(sweep)
-    _require_separations(sweep, "separation_distribution", measure)
+    _require_separations(sweep, "separation_distribution", measure, quantiles)
     values = sweep[measure].values
     rank = np.sort(values[np.isfinite(values)])
     found = xr.Dataset(
@@ -125,7 +125,7 @@ def separation_against(
     ('part', 'quantile')
     """
     sweep = flat(sweep)
-    _require_separations(sweep, "separation_against", measure)
+    _require_separations(sweep, "separation_against", measure, quantiles)
     require(sweep, "separation_against", parameter)
     values = per_realization(sweep, parameter)
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, bins + 1)))
@@ -183,7 +183,7 @@ def compare_separations(
     """
     sweeps = [flat(sweep) for sweep in sweeps]
     for sweep in sweeps:
-        _require_separations(sweep, "compare_separations", measure)
+        _require_separations(sweep, "compare_separations", measure, quantiles)
         if "particles" not in sweep.attrs:
             raise DataError(
                 "compare_separations needs the number of particles, which the dataset does not "
@@ -209,9 +209,17 @@ def _duration(sweep: xr.Dataset) -> float:
     return float(values[0]) if values.size == 1 else np.nan
 
 
-def _require_separations(sweep: xr.Dataset, analysis: str, measure: str) -> None:
+def _require_separations(
+    sweep: xr.Dataset, analysis: str, measure: str, quantiles: Sequence[float]
+) -> None:
     if measure not in MEASURES:
         raise ParameterError(f"measure = {measure!r}: must be one of {', '.join(MEASURES)}")
+    levels = np.asarray(quantiles)
+    numeric = levels.ndim == 1 and levels.dtype.kind in "iuf"
+    if not (numeric and np.all((levels >= 0.0) & (levels <= 1.0))):
+        raise ParameterError(
+            f"quantiles = {quantiles!r}: must be a list of numbers, at least 0 and at most 1"
+        )
     require(sweep, analysis, measure, "collision_free", "duration")
 
 

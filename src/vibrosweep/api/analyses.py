@@ -224,7 +224,7 @@ def sobol(
     DataError
         An output is undefined in some realizations, or the same in all.
     ParameterError
-        The number of realizations is no power of 2.
+        The number of realizations is no power of 2, or `outputs` or `confidence` is not allowed.
 
     Examples
     --------
@@ -286,7 +286,7 @@ def separations(
     DataError
         The result lacks separations, or `against` does not differ between realizations.
     ParameterError
-        The measure is not one of the two.
+        The measure is not one of the two, or `bins` or `quantiles` are not allowed.
 
     Examples
     --------
@@ -295,6 +295,7 @@ def separations(
     >>> int(found.known)
     64
     """
+    require_whole("bins", bins)
     if isinstance(spec, xr.Dataset):
         if keywords:
             raise ParameterError(f"{', '.join(keywords)}: cannot be given beside a result")

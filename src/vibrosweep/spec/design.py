@@ -180,10 +180,9 @@ def _open_table(spec: SweepSpec) -> Design:
     table = read_table(spec)
     count = len(next(iter(table.parameters.values())))
     if spec.realizations not in (None, count):
-        raise TableError(
-            f"{spec.table}: holds {count} rows, but sample.realizations = {spec.realizations} in "
-            f"{spec.source or 'the sweep'}; leave that key out"
-        )
+        asks = f"realizations = {spec.realizations}"
+        key = f"sample.{asks} in {spec.source}" if spec.source else asks
+        raise TableError(f"{spec.table}: holds {count} rows, but {key}; leave that out")
     return Design(count, tuple(table.parameters), _slices(table.parameters), table.labels)
 
 

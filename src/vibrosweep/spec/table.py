@@ -21,6 +21,7 @@ from vibrosweep.model.measures import RESERVED
 from vibrosweep.model.mount import mount_mistakes
 from vibrosweep.spec.columns import GivenTable, Label, columns_of
 from vibrosweep.spec.messages import in_python, likely_parameter
+from vibrosweep.spec.schema import SECTIONS
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.units import KNOWN_UNITS, factor
 from vibrosweep.store.trial import require_readable
@@ -84,7 +85,8 @@ def read_table(spec: SweepSpec) -> Table:
         columns = dict(path.columns)
     elif not path.is_file():
         reason = "is not a file" if path.exists() else "there is no such table"
-        raise TableError(f"{path}: {reason}; check sample.design in {_sweep(spec)}")
+        key = f"sample.design in {spec.source}" if spec.source else "design"
+        raise TableError(f"{path}: {reason}; check {key}")
     elif path.suffix.lower() == ".nc":
         columns = _read_netcdf(path)
     else:
@@ -219,6 +221,11 @@ def _judge_name(name: str, spec: SweepSpec, mistakes: _Mistakes) -> None:
         )
     elif name in RESERVED.union(spec.measures.own_names):
         mistakes.add(f'column "{name}" has the name of something that a result holds{elsewhere}')
+    elif name in {*SECTIONS["scene"], *SECTIONS["measure"]}:
+        mistakes.add(
+            f'column "{name}" has the name of a key that is the same for all '
+            f"realizations{elsewhere}"
+        )
     elif not name.isidentifier():
         mistakes.add(
             f'column "{name}" cannot be a label of a result, whose name is made of letters, digits '
