@@ -45,11 +45,27 @@ def test_errors_on_both_sides_do_not_bias_the_restitution(recordings):
     assert abs(np.mean(adjusted) - 0.85) < 3.0 * spread
 
 
-def test_a_locked_orbit_determines_nothing_and_says_so(locked):
-    found = estimate(find_impacts(locked.tracks), frequency=20.0)
+@pytest.mark.parametrize("known", [20.0, None])
+def test_a_locked_orbit_determines_nothing_and_says_so(locked, known):
+    """Nor is the frequency found that was sought: its multiples describe the bounces as well."""
+    found = estimate(find_impacts(locked.tracks), frequency=known)
     assert int(found["determined"]) == 0
     assert "does not determine restitution and amplitude" in found.attrs["warning"]
-    assert np.isnan(found["estimate"].values).all()
+    for name in ("estimate", "error", "covariance", "misfit"):
+        assert np.isnan(found[name].values).all()
+    np.testing.assert_equal(float(found["frequency_used"]), known or np.nan)
+
+
+def test_equations_that_noise_alone_determines_are_not_solved(found):
+    """Bounces at one phase and speed, to the error of the instants: their system is singular."""
+    same = found.copy(deep=True)
+    for name in ("landing_time", "liftoff_time"):
+        same[name] = found[name] * 0.0 + 0.05 * (1.0 + np.arange(found.sizes["impact"]))
+    same["flight_time"] = found["flight_time"] * 0.0 + 0.05
+    same["quality"] = found["quality"] * 0
+    estimated = estimate(same)
+    assert int(estimated["determined"]) == 0
+    assert np.isnan(estimated["estimate"].values).all()
 
 
 def test_the_phase_of_a_locked_orbit_is_that_of_the_stable_branch(locked):

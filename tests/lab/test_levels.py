@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from vibrosweep.lab.experiment import LABORATORY
+from vibrosweep.lab.flights import apparent_gravity
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
+from vibrosweep.lab.segments import Samples
 
 # m: up to thirty pixels; two particles are on a locked orbit, all bounces of which are alike
 TILT = np.array([5e-4, -2e-3, 3e-3])
@@ -54,3 +56,35 @@ def test_stays_between_flights_that_are_all_alike_are_no_low_level(trial):
     assert np.ptp(seen["level"].values) == 0.0
     stays = (seen["quality"].values == STAYED).sum(axis=1)
     assert (stays[resting.any(axis=1)] > 20).all()
+
+
+def test_stays_after_every_flight_do_not_lower_the_base(trial):
+    """Flights of 1 mm, each followed by a rest of as long: their parabolas meet 1.7 mm below."""
+    scene = {**LABORATORY, "amplitude": 1.5 * 3.0 * 9.81 / (2.0 * np.pi * 20.0), "restitution": 0.5}
+    film = trial(scene=scene, duration=3.0)
+    seen = find_impacts(film.tracks, frequency=20.0)
+    assert abs(seen.attrs["base"]) < 5.0 * seen.attrs["base_error"] < 1e-4
+    assert seen.attrs["noise"] == pytest.approx(np.hypot(1.0, 12.0**-0.5) * 1e-4, rel=0.1)
+    landed = seen["landing_time"].values
+    assert (seen["quality"].values == STAYED).sum() > 150
+    off = [
+        np.abs(own[np.isfinite(own)][:, np.newaxis] - true[np.isfinite(true)]).min(axis=1)
+        for own, true in zip(landed, film.record.landing_time, strict=True)
+    ]
+    assert np.sqrt(np.mean(np.concatenate(off) ** 2)) * 240.0 < 0.25
+
+
+def test_the_gravity_of_positions_in_whole_pixels_is_within_its_error():
+    """Flights of five frames at one phase: their curvatures are few values, as is a median."""
+    frames, flights = np.arange(-2, 3) / 120.0, 300
+    off = []
+    for seed in range(40):
+        noise = 0.5 * np.random.default_rng(seed).standard_normal((flights, 5))
+        height = 1e-4 * np.rint((3e-3 - 0.5 * 9.81 * frames**2) / 1e-4 + noise)
+        time = frames + 0.05 * np.arange(flights)[:, np.newaxis]
+        nobody = np.zeros(time.size, int)
+        samples = Samples(time.ravel(), height.ravel(), nobody, nobody, nobody)
+        seen, error = apparent_gravity(samples, np.repeat(np.arange(flights), 5), flights)
+        off.append((seen - 9.81) / error)
+    # of 40 squares of normal deviates the mean lies in here with 99.9 %
+    assert 0.4 < np.mean(np.square(off)) < 1.95

@@ -8,12 +8,15 @@ import pandas as pd
 import pytest
 
 from vibrosweep.errors import TrackError
+from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare_tracks
+from vibrosweep.lab.contacts import find_contacts
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 from vibrosweep.lab.lines import impact_lines
+from vibrosweep.lab.oscillation import fit_shaken
 from vibrosweep.lab.traces import make_trace, read_trace
 
 G, FREQUENCY = LABORATORY["gravity"], LABORATORY["frequency"]
@@ -106,6 +109,30 @@ def test_stays_on_the_base_are_no_flights_and_landings_are_finer_than_a_frame(ch
     assert np.sqrt(np.mean(off**2)) * 240.0 < 0.1
     # 68 % of so many: three standard deviations on either side
     assert 0.5 < np.mean(off < error) < 0.86
+
+
+@pytest.mark.parametrize("error", [-0.1, 0.1])
+def test_a_wrong_scale_is_corrected_by_gravity(error):
+    """Displacement and velocities of the base too, which the tracks show too large or small."""
+    tracks = film(1.5, 0.7, camera=Camera(scale_error=error)).tracks
+    found = find_impacts(tracks, frequency=FREQUENCY)
+    assert found.attrs["scale_off"] == 1
+    one = estimate(found, frequency=FREQUENCY)
+    off = float(one["base_acceleration"]) - 1.5
+    assert abs(off) < 5.0 * float(one["base_acceleration_error"])
+    speed = float(one.sel(parameter="amplitude")["estimate"]) / 1.7
+    # gravity is seen to a per cent in these tracks
+    assert speed == pytest.approx(1.5 * G / OMEGA, rel=0.01)
+    assert float(found["impact_speed"].mean()) == pytest.approx(
+        float(find_impacts(film(1.5, 0.7).tracks, frequency=FREQUENCY)["impact_speed"].mean()),
+        rel=0.02,
+    )
+
+
+def test_contacts_too_few_for_a_fit_are_refused(chattering):
+    contacts, _ = find_contacts(fit_tracks(chattering.tracks, G).samples, G)
+    with pytest.raises(TrackError, match="do not determine how the base moves"):
+        fit_shaken(contacts.first(2), FREQUENCY, free=False, moves=True)
 
 
 def test_the_frequency_is_found_where_it_is_not_told(chattering):

@@ -49,10 +49,14 @@ def test_heights_that_are_no_numbers():
     assert "a height is infinite" in refusal(make_tracks, [0.0, 1.0], [[np.inf], [0.0]])
 
 
-@pytest.mark.parametrize(("factor", "remedy"), [(1000.0, "0.001"), (0.001, "1e+03")])
-def test_wrong_units(sound, factor, remedy):
+@pytest.mark.parametrize("motion", ["level", "detect"])
+@pytest.mark.parametrize(
+    ("factor", "remedy"),
+    [(1000.0, "0.001"), (0.001, "1e+03"), (2.0, "0.5"), (1.5, "0.6"), (0.6, "1.7"), (0.25, "4")],
+)
+def test_wrong_units_and_scales(sound, factor, remedy, motion):
     time, height = sound
-    message = refusal(find_impacts, make_tracks(time, factor * height))
+    message = refusal(find_impacts, make_tracks(time, factor * height), motion=motion)
     assert "instead of 9.81 m s-2" in message
     assert f"multiply the scale by about {remedy}" in message
 

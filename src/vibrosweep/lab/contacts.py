@@ -7,13 +7,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.arrays import Array, Flags, Indices
-from vibrosweep.lab.flights import Fits, apparent_gravity, fit, meet
+from vibrosweep.lab.flights import Fits, apparent_gravity, fit, meet, scale_is_off
 from vibrosweep.lab.segments import Samples
 from vibrosweep.lab.stretches import clear_flights, stretches
 
-# Standard errors by which the acceleration that tracks show must differ from the true one.
-SCALE_OFF: Final = 5.0
-WRONG_SCALE: Final = 0.2
 # Stretches at least half as high as this quantile are flights.
 HIGH: Final = 0.95
 
@@ -69,8 +66,7 @@ def find_contacts(samples: Samples, gravity: float) -> tuple[Contacts, Indices]:
         extent -= np.minimum.reduceat(samples.height, start)
         high = extent > np.quantile(extent, HIGH) / 2.0
         seen, error = apparent_gravity(samples, np.where(high[member], member, -1), start.size)
-        # a larger difference has another cause than the scale
-        if not SCALE_OFF * error < abs(seen - fall) < WRONG_SCALE * gravity:
+        if not scale_is_off(seen, error, fall):
             break
         fall = seen
     fits = fit(samples, member, start.size, fall)

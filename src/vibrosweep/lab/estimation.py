@@ -41,12 +41,11 @@ WORST_AMPLITUDE: Final = 0.25
 
 
 class _Adjusted(NamedTuple):
-    """Result of the adjustment: (e, S, C) and f if it is free, covariance, chi-square, instants."""
+    """Result of the adjustment: (e, S, C) and f if it is free, covariance, chi-square."""
 
     values: Array
     covariance: Array
     chi_square: float
-    instant: Array
 
 
 def estimate(
@@ -102,14 +101,17 @@ def estimate(
             f"either side; at least {FEWEST} are needed: film for longer, or faster"
         )
     rate = find_frequency(bounces.speeds(), frequency_range) if frequency is None else frequency
-    found = _adjust(bounces, rate, free=frequency is None)
+    first = _regression(bounces, rate)
+    signal = _signal(bounces, first, rate)
+    if signal < SIGNAL:  # noise alone would determine the numbers, or none solve the equations
+        nothing = np.full(3 if frequency is not None else 4, np.nan)
+        found = _Adjusted(nothing, np.outer(nothing, nothing), np.nan)
+    else:
+        found = _adjust(bounces, first, rate, free=frequency is None)
     misfit = found.chi_square / (bounces.middle.size - found.values.size)
     values, covariance = _polar(found.values, found.covariance * max(1.0, misfit))
     rate = rate if frequency is not None else float(found.values[3])
-    signal = _signal(bounces, found, rate)
     warning = _warning(signal, values, np.sqrt(np.diag(covariance)))
-    if signal < SIGNAL:  # noise alone determines the numbers
-        values, covariance = np.full_like(values, np.nan), np.full_like(covariance, np.nan)
     about = {
         "misfit": ((), misfit, {"units": "1", "long_name": "chi-square per degree of freedom"}),
         "bounces": ((), bounces.middle.size, {"units": "1", "long_name": "bounces used"}),
@@ -197,13 +199,16 @@ def fit_phase(
     return float(trial[chosen[np.argmin(misfit[chosen])]])
 
 
-def _adjust(bounces: Bounces, rate: float, free: bool) -> _Adjusted:
-    """Adjust instants and parameters together, from an ordinary least-squares start."""
+def _regression(bounces: Bounces, rate: float) -> Array:
+    """e, S and C by ordinary least squares."""
     arrive, leave, time = bounces.speeds()
     wave = np.stack([arrive, np.sin(TURN * rate * time), np.cos(TURN * rate * time)], axis=1)
-    values = np.linalg.lstsq(wave, leave, rcond=1e-9)[0]
-    if free:
-        values = np.append(values, rate)
+    return np.asarray(np.linalg.lstsq(wave, leave, rcond=1e-9)[0])
+
+
+def _adjust(bounces: Bounces, first: Array, rate: float, free: bool) -> _Adjusted:
+    """Adjust instants and parameters together, from the `first` e, S and C."""
+    values = np.append(first, rate) if free else first
     errors, instant = bounces.errors, bounces.instant.copy()
     half = bounces.gravity / 2.0
     for _ in range(ROUNDS):
@@ -229,7 +234,7 @@ def _adjust(bounces: Bounces, rate: float, free: bool) -> _Adjusted:
         values = values + step
         if np.all(np.abs(step) <= 1e-6 * np.sqrt(np.diag(inverse))):
             break
-    return _Adjusted(values, inverse, float(forces @ (spread @ forces)), instant)
+    return _Adjusted(values, inverse, float(forces @ (spread @ forces)))
 
 
 def _polar(values: Array, covariance: Array) -> tuple[Array, Array]:
@@ -244,13 +249,13 @@ def _polar(values: Array, covariance: Array) -> tuple[Array, Array]:
     return polar, change @ covariance @ change.T
 
 
-def _signal(bounces: Bounces, found: _Adjusted, rate: float) -> float:
+def _signal(bounces: Bounces, values: Array, rate: float) -> float:
     """`weakest_signal` of bounces whose speeds follow from the times between them."""
     arrive, _, time = bounces.speeds()
     here = bounces.variance[bounces.middle]
     speed = bounces.gravity**2 / 4.0 * (here + bounces.variance[bounces.middle - 1])
     turned = (TURN * rate) ** 2 * here
-    amplitude = float(np.hypot(*found.values[1:3]))
+    amplitude = float(np.hypot(*values[1:3]))
     blurs = float(speed.mean()), float(turned.mean())
     return weakest_signal(arrive, TURN * rate * time, amplitude, blurs)
 

@@ -9,10 +9,10 @@ import xarray as xr
 
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.contacts import find_contacts
-from vibrosweep.lab.flight_search import Flights, find_flights
+from vibrosweep.lab.flight_search import Flights, check_gravity, find_flights
 from vibrosweep.lab.levels import flights_on_levels
 from vibrosweep.lab.moving_flights import flights_over
-from vibrosweep.lab.oscillation import Trace, fit_shaken
+from vibrosweep.lab.oscillation import UNDETERMINED, Trace, fit_shaken
 from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import Samples, samples_of
 from vibrosweep.lab.which_base import which_base
@@ -52,6 +52,7 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitte
     cuts = np.zeros(height.shape, bool)
     try:
         samples = samples_of(time, height, cuts)
+        check_gravity(samples, gravity, view.base)
         flights, says = _flights(samples, gravity, view)
         highest = float(flights.levels.max())
         if flights.shaken is not None:
@@ -80,7 +81,7 @@ def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str
     says, shaken = "moving", None
     if view.trace is None:
         says, shaken, _ = which_base(contacts, view.frequency)
-    elif contacts.time.size:
+    else:
         rate = float(view.trace.values[2])
         shaken = fit_shaken(contacts, rate, free=True, moves=True, trace=view.trace)
     moves = view.motion == "moving" or view.trace is not None
@@ -97,11 +98,7 @@ def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str
         )
         return over, says
     if moves:
-        raise TrackError(
-            "the landings do not determine how the base moves: they are too few, or all at nearly "
-            "the same phases and speeds; film the approach to the orbit, or give a trace of the "
-            "base"
-        )
+        raise TrackError(UNDETERMINED)
     return flights_on_levels(samples, contacts, gravity, view.exposure), says
 
 

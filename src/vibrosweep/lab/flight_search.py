@@ -10,7 +10,16 @@ from scipy.special import chdtri
 
 from vibrosweep.arrays import Array, Indices
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.flights import Ends, Fits, apparent_gravity, crossings, fit
+from vibrosweep.lab.flights import (
+    SCALE_OFF,
+    WRONG_SCALE,
+    Ends,
+    Fits,
+    apparent_gravity,
+    crossings,
+    fit,
+    scale_is_off,
+)
 from vibrosweep.lab.junctions import Junctions, base_level, join
 from vibrosweep.lab.oscillation import Shaken
 from vibrosweep.lab.segments import Samples, first_noise, low_points
@@ -25,12 +34,12 @@ WELL_SEEN: Final = 5.0
 FIRST_SHARE: Final = 0.6
 # Significance level: one good flight in a million is called poor.
 POOR: Final = 1e-6
+# Share of the flights that are poor above which they were not found
+MOSTLY: Final = 0.5
+# Standard deviations of the noise beyond which a sample is not on the base
+OFF_BASE: Final = 3.0
 # Iterations; after three, samples of most tracks no longer change their flight.
 ROUNDS: Final = 4
-# Standard errors by which the acceleration that tracks show must differ from the true one.
-SCALE_OFF: Final = 5.0
-# Largest plausible factor by which the scale of a track is wrong.
-WRONG_UNITS: Final = 5.0
 
 
 class Flights(NamedTuple):
@@ -67,25 +76,43 @@ def find_flights(
     lands belong to no flight where the shutter is open for an `exposure`, s.  Raises a TrackError
     where nothing flies, or what flies does not fall with gravity.
     """
+    flights = _searched(samples, gravity, base, exposure)
+    if scale_is_off(flights.gravity, flights.gravity_error, gravity):
+        # parabolas of the wrong curvature would miss the landings
+        return _searched(samples, flights.gravity, base, exposure)
+    _refuse(flights.gravity, flights.gravity_error, gravity)
+    return flights
+
+
+def _searched(samples: Samples, gravity: float, base: float | None, exposure: float) -> Flights:
     noise = first_noise(samples)
     # the first guess may be too large, and would hide low flights
     rough = _settle(samples, FIRST_SHARE * noise, gravity, base, exposure)
     noise = min(noise, rough.noise)
     flights = _settle(samples, noise, gravity, base, exposure)
-    if abs(flights.gravity - gravity) > SCALE_OFF * flights.gravity_error:
-        # the scale of the heights is off: parabolas of the wrong curvature would miss the landings
-        return _settle(samples, noise, flights.gravity, base, exposure)
-    return flights
+    if base is not None or flights.poor.mean() < MOSTLY:
+        return flights
+    # after every flight a stay: the parabolas meet below the base, on which the lowest samples lie
+    parted = _settle(samples, noise, gravity, low_points(samples, noise, None)[1], exposure)
+    rests = samples.height[parted.member < 0]
+    if not rests.size or parted.poor.mean() >= MOSTLY:
+        return flights
+    # those of bounces too low to be seen are left out
+    rests = rests[np.abs(rests - np.median(rests)) <= OFF_BASE * parted.noise]
+    found = _settle(samples, noise, gravity, float(rests.mean()), exposure)
+    return found._replace(base_error=parted.noise / float(np.sqrt(rests.size)))
 
 
 def _settle(
     samples: Samples, noise: float, gravity: float, given: float | None, exposure: float
 ) -> Flights:
     """Fit flights, join them, and assign samples to flights between the landings found; repeat."""
-    member, piece, base = _first_members(samples, noise, gravity, given)
-    error = 0.0
+    member, piece, base, _ = _first_members(samples, noise, given)
+    error, noise = 0.0, np.inf
     for turn in range(ROUNDS):
-        fits, piece, member, noise = _resolved(samples, member, piece, base, gravity)
+        fits, piece, member, found = _resolved(samples, member, piece, base, gravity)
+        # stays that were taken for parts of flights would enlarge it, and so hide themselves
+        noise = min(noise, found)
         ends = crossings(fits, base, gravity)
         junctions = join(fits, piece, ends, noise, gravity)
         if given is None:
@@ -115,9 +142,9 @@ def _settle(
 
 
 def _first_members(
-    samples: Samples, noise: float, gravity: float, given: float | None
-) -> tuple[Indices, Indices, float]:
-    """Samples of the upper part of each flight, the piece of each flight, and the base."""
+    samples: Samples, noise: float, given: float | None
+) -> tuple[Indices, Indices, float, Array]:
+    """Samples of the upper part of each flight, piece of each flight, the base, and the tops."""
     low, base = low_points(samples, noise, given)
     edges = np.unique(np.concatenate([samples.bounds[:-1], low]))
     tops = np.maximum.reduceat(samples.height, edges)
@@ -129,23 +156,26 @@ def _first_members(
     at_top = samples.height == tops[flight]
     kept = np.zeros(int(stretch[-1]) + 1, bool)
     kept[stretch[at_top]] = True
-    member = np.where(upper & kept[stretch], flight, -1)
+    return np.where(upper & kept[stretch], flight, -1), samples.piece[edges], base, tops
+
+
+def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
+    """Raise a TrackError where the highest flights fall with an acceleration far from gravity."""
+    noise = FIRST_SHARE * first_noise(samples)
+    member, _, base, tops = _first_members(samples, noise, base)
     high = tops - base > np.fmax(WELL_SEEN * noise, np.quantile(tops - base, 0.95) / 2.0)
-    seen = apparent_gravity(samples, np.where(high[member], member, -1), edges.size)
-    _check_gravity(*seen, gravity)
-    return member, samples.piece[edges], base
+    _refuse(*apparent_gravity(samples, np.where(high[member], member, -1), tops.size), gravity)
 
 
-def _check_gravity(seen: float, error: float, gravity: float) -> None:
-    ratio = seen / gravity
-    # where flights span four frames or fewer nothing is seen of their curvature: ratio is NaN
-    if 1.0 / WRONG_UNITS < ratio < WRONG_UNITS or not abs(seen - gravity) > 5.0 * error:
+def _refuse(seen: float, error: float, gravity: float) -> None:
+    # where flights span four frames or fewer nothing is seen of their curvature: both are NaN
+    if not abs(seen - gravity) > max(WRONG_SCALE * gravity, SCALE_OFF * error):
         return
-    units = f"multiply the scale by about {1.0 / ratio:.2g}" if ratio > 0.0 else "turn the axis"
+    units = f"multiply the scale by about {gravity / seen:.2g}, or " if seen > 0.0 else ""
     raise TrackError(
-        f"what is tracked falls with {seen:.3g} m s-2 instead of {gravity:g} m s-2: {units}, or "
-        f"correct the frame rate, or film faster where flights last fewer than five frames; what "
-        f"rides on a base shows the acceleration of the base"
+        f"what is tracked falls with {seen:.3g} m s-2 instead of {gravity:g} m s-2: {units}turn "
+        f"the axis, or correct the frame rate, or film faster where flights last fewer than five "
+        f"frames; what hardly leaves its base does not show gravity"
     )
 
 
@@ -166,7 +196,7 @@ def keep(fits: Fits, high: NDArray[np.bool_], member: Indices) -> tuple[Indices,
     kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
     if not kept.size:
         raise TrackError(
-            "no flight rises out of the noise: check the heights, the scale and the base"
+            "no flight rises out of the noise: check the heights, their axis, scale and base"
         )
     number = np.full(high.size + 1, -1)
     number[kept] = np.arange(kept.size)

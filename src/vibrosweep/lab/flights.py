@@ -7,13 +7,20 @@ is needed for it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import trim_mean
 
 from vibrosweep.arrays import Array, Indices
 from vibrosweep.lab.segments import Samples
+
+# Standard errors by which the acceleration that tracks show must differ from gravity to be another,
+# and the share of gravity up to which that is an error of the scale.
+SCALE_OFF: Final = 5.0
+WRONG_SCALE: Final = 0.2
+TRIMMED: Final = 0.25  # share of the curvatures that is left out on either side
 
 
 class Fits(NamedTuple):
@@ -91,17 +98,23 @@ def curvatures(samples: Samples, flight: Indices, flights: int) -> tuple[Array, 
 def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[float, float]:
     """Acceleration with which the flights fall, and its standard error, m s-2.
 
-    The median of the curvatures of all flights of at least four samples: stretches that are no
-    flights at all do not disturb it.  NaN if there are none.
+    The mean of the middle half of the curvatures of all flights of at least four samples: stretches
+    that are no flights at all do not disturb it, nor do positions in whole pixels, as they do a
+    median.  NaN if there are none.
     """
     seen, weight = curvatures(samples, flight, flights)
     seen = seen[weight > 0.0]
     if not seen.size:
         return float("nan"), float("nan")
-    middle = float(np.median(seen))
-    # standard error of a median, from the median absolute deviation
-    error = 1.2533 * 1.4826 * float(np.median(np.abs(seen - middle))) / np.sqrt(seen.size)
-    return middle, error
+    # standard error of a trimmed mean (Tukey and McLaughlin 1963, Sankhya A 25, 331)
+    held = np.clip(seen, *np.quantile(seen, [TRIMMED, 1.0 - TRIMMED]))
+    error = float(held.std()) / ((1.0 - 2.0 * TRIMMED) * float(np.sqrt(seen.size)))
+    return float(trim_mean(seen, TRIMMED)), error
+
+
+def scale_is_off(seen: float, error: float, gravity: float) -> bool:
+    """Whether flights contradict gravity, by what may be an error of the scale."""
+    return SCALE_OFF * error < abs(seen - gravity) < WRONG_SCALE * gravity
 
 
 def line_variance(fits: Fits, one: Array, other: Array | None = None) -> Array:

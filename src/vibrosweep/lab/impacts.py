@@ -125,7 +125,7 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
         found[name] = ("particle", values, {"units": units, "long_name": words})
     found = found.assign_coords(particle=tracks["particle"])
     if flights.shaken is not None:
-        found = found.merge(_shaken(flights.shaken))
+        found = found.merge(_shaken(flights.shaken, gravity / flights.curvature))
     found.attrs = {
         "method": method,
         "source": tracks.attrs["source"],
@@ -145,17 +145,21 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
     return found
 
 
-def _shaken(shaken: Shaken) -> xr.Dataset:
-    """Restitution and motion of the base, with covariance, without the levels."""
+def _shaken(shaken: Shaken, scale: float) -> xr.Dataset:
+    """Restitution and motion of the base, with covariance, without the levels.
+
+    `scale` is what its lengths are multiplied by, where gravity shows that the tracks' are wrong.
+    """
     names = ["restitution", "S", "C", "frequency"][: shaken.values.size - shaken.levels.size]
     own = slice(None, len(names))
+    scales = np.array([1.0, scale, scale, 1.0])[own]
     words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
     return xr.Dataset(
         {
-            "shaken": ("of_base", shaken.values[own], {"long_name": words}),
+            "shaken": ("of_base", scales * shaken.values[own], {"long_name": words}),
             "shaken_covariance": (
                 ("of_base", "other"),
-                shaken.covariance[own, own],
+                np.outer(scales, scales) * shaken.covariance[own, own],
                 {"long_name": "covariance"},
             ),
             "shaken_frequency": ((), shaken.oscillation.frequency, {"units": "Hz"}),
@@ -182,12 +186,11 @@ def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[st
     # the apex lies where the slope vanishes
     apex = fits.centre + fits.slope / flights.curvature
     height = fits.top(flights.curvature) - flights.levels[flights.particle]
-    base_error = np.nan_to_num(flights.base_error)
-    error = np.hypot(flights.noise * np.sqrt(line_variance(fits, apex)), base_error)
+    error = np.hypot(flights.noise * np.sqrt(line_variance(fits, apex)), flights.base_error)
     speed = 0.5 * gravity * duration
     if flights.shaken is not None:
         leaves = fits.slope[after] - flights.curvature * (joint.liftoff - fits.centre[after])
-        speed = np.where(whole, leaves, np.nan)
+        speed = np.where(whole, leaves * gravity / flights.curvature, np.nan)
     columns = {
         "landing_time": joint.landing,
         "landing_time_error": joint.landing_error,

@@ -22,6 +22,7 @@ from scipy.linalg import cholesky_banded, solve_banded
 from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array, Flags
+from vibrosweep.errors import TrackError
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.regression import TURN
 
@@ -30,6 +31,10 @@ from vibrosweep.lab.regression import TURN
 BENDS: Final = (30.0, 3.0)
 OUTLIER: Final = 4.5
 RIDGE: Final = 1e-9
+UNDETERMINED: Final = (
+    "the landings do not determine how the base moves: they are too few, or all at nearly the same "
+    "phases and speeds; film the approach to the orbit, or give a trace of the base"
+)
 ROUNDS: Final = 2
 MOST_STEPS: Final = 30
 STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in derivatives
@@ -178,14 +183,18 @@ class _Problem(NamedTuple):
 def fit_shaken(
     contacts: Contacts, frequency: float, *, free: bool, moves: bool, trace: Trace | None = None
 ) -> Shaken:
-    """Fit a base to contacts, at least as many as there are parameters.
+    """Fit a base to contacts.
 
     The frequency in Hz is adjusted where `free`.  A base that does not move stays at its level and
-    kicks.  With a measured motion of the base, a `trace`, the frequency is free.
+    kicks.  With a measured motion of the base, a `trace`, the frequency is free.  Raises a
+    TrackError where there are fewer equations than parameters.
     """
     particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None
     problem = _Problem(contacts, owner, None if free else frequency, float(moves), trace)
+    known = 0 if trace is None else trace.values.size
+    if 2 * contacts.time.size + known < problem.own + particles.size or not contacts.time.size:
+        raise TrackError(UNDETERMINED)
     start = first_guess(contacts, frequency)
     levels = [np.median(contacts.height[owner == p]) for p in range(particles.size)]
     values = np.array([*start, frequency, *levels])
@@ -214,7 +223,7 @@ def fit_shaken(
             max_nfev=MOST_STEPS,
         )
         values = found.x
-    misfit = 2.0 * found.cost / max(2 * kept.sum() - values.size, 1)
+    misfit = 2.0 * found.cost / max(found.fun.size - values.size, 1)
     # scaled: a trace without noise determines some parameters by many orders better than others
     slopes = np.asarray(found.jac)
     size = np.linalg.norm(slopes, axis=0)
