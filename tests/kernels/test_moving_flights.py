@@ -8,6 +8,7 @@ import pytest
 from first_roots import (
     LARGEST_ERROR,
     MOST_GRAZES,
+    Flights,
     clearance,
     first_root,
     judge,
@@ -23,6 +24,22 @@ def test_no_first_landing_is_missed(draw):
     assert not found.missed.any()
     assert np.nanmax(found.error) <= LARGEST_ERROR
     assert np.nanmax(found.speed_error) <= LARGEST_ERROR
+
+
+def test_a_search_that_could_go_round_in_a_circle_ends():
+    """The clearance almost touches zero before the only root: steps from there go far beyond it."""
+    flights = [
+        (3.302346846384233, -0.43936362171441556, 1.5382503131016738),
+        (3.316581779056401, -0.44437260812262924, 1.5150245044985238),
+        (3.2723546059369837, -0.4267990149481009, 1.5932871441334888),
+        (3.775636337046582, 0.4143900441613707, 0.6750001320711176),
+        (3.8301911075977197, 0.39186915745876116, 0.5458878846101514),
+    ]
+    gamma, x, y = np.array(flights).T
+    found = judge(Flights(gamma / math.pi, x.copy(), y.copy()), threads=1)
+    assert not found.missed.any()
+    assert np.max(found.error) <= LARGEST_ERROR
+    assert np.max(found.speed_error) <= LARGEST_ERROR
 
 
 def test_the_search_finds_the_first_change_of_sign_of_a_fine_scan():

@@ -16,7 +16,9 @@ elsewhere F is convex.  No root is missed:
 
 - Where Gamma <= 1, F is concave and has one root.  So it has where the particle is so fast that it
   arrives faster than the base ever moves, (pi u)^2 >= Gamma^2 + 2 Gamma (1 + cos(2 pi x)) for its
-  absolute speed u > 0.  Any iteration that converges has found it.
+  absolute speed u > 0.  Any iteration that converges has found it.  Where F almost touches zero
+  before the root, steps from F > 0 may go far beyond it and back for ever: where Gamma > 1 they are
+  those of the search that follows; steps from beyond the root, where F' < 0, come back.
 - Else the search goes from one stretch of time with F > 0 to the next.  In a concave stretch any
   step inside it may be tried: F > 0 there says that there is no root up to it, F <= 0 that there is
   one before it.  In a convex stretch Newton's step from the left passes no root; where F' >= 0 it
@@ -233,7 +235,7 @@ def _ends(x: float, x_lift: float) -> tuple[bool, float, float]:
 def _across(
     begin: Start, rise: float, s: float, clear: Clearance, newton: float, step: float
 ) -> float:
-    """Time to be tried next after s, of a flight that may have several roots.
+    """Time to be tried next after s, where the base may fall faster than gravity.
 
     The clearance at s is positive, and so it is before s.
     """
@@ -286,7 +288,7 @@ def try_landing(
     arrival = -2.0 * fma(step, fma(step, fma(step, fourth, third), f2), f1)
     if arcs is not None:
         across = _across(begin, rise, s, clear, newton, step)
-        tried = across if above & (not sure) & (not last) else tried
+        tried = across if above & (gamma > 1.0) & (not last) else tried
         swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s
         noise = NOISE * s * (begin.alpha * swept + 0.5 * (abs(begin.y) + s))
         grazes = (f <= 0.0) & (not (sure | last)) & ((-f <= noise) | (not nears))
