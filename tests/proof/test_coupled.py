@@ -88,56 +88,58 @@ def test_estimate_is_what_small_changes_do():
     assert again.time < estimate.time  # errors grow
 
 
-def test_a_recoil_that_decays_at_once_ends_no_flight():
-    """A particle sticks while three others fly; the base forgets it within 1e-7 periods."""
-    launches = (0.94, 2.0, 1.95, 5.28)
-    one = realization(
-        launch_times=launches,
-        duration=6.0,
-        restitution=0.064,
-        amplitude=4.3,
-        frequency=0.15,
-        phase=-3.58,
-        gravity=1.0,
-        launch_velocity=1.82,
-        contact_time=2e-5,
-        mass_ratio=1e-3,
-        mount_frequency=150.0,
-        mount_damping=1e3,
-    )
+@pytest.mark.parametrize(
+    ("launches", "duration", "resting", "changes"),
+    [
+        pytest.param(
+            (0.94, 2.0, 1.95, 5.28),
+            6.0,
+            4,
+            {
+                "restitution": 0.064,
+                "amplitude": 4.3,
+                "frequency": 0.15,
+                "phase": -3.58,
+                "gravity": 1.0,
+                "launch_velocity": 1.82,
+                "contact_time": 2e-5,
+                "mount_frequency": 150.0,
+            },
+            id="a particle sticks while others fly",
+        ),
+        pytest.param(
+            (0.0, 0.0, 0.0),
+            0.5,
+            0,
+            {
+                "restitution": 0.86,
+                "amplitude": 0.0034,
+                "frequency": 9.4,
+                "phase": -0.08,
+                "gravity": 15.3,
+                "launch_velocity": 1.91,
+                "contact_time": 3e-4,
+                "mount_frequency": 9400.0,
+            },
+            id="landings at once that rounding parts",
+        ),
+    ],
+)
+def test_estimate_holds_where_a_recoil_decays_at_once(launches, duration, resting, changes):
+    """The base has forgotten a recoil after 1e-7 periods."""
+    stiff = {"mass_ratio": 1e-3, "mount_damping": 1e3}
+    one = realization(launches, duration, **changes, **stiff)
     trajectories, estimate = prove(one, 100)
-    found = vs.simulate(base="sprung", launch_time=launches, duration=6.0, **one.parameters)
-    assert found.rested.sum() > 2
+    found = vs.simulate(base="sprung", launch_time=launches, duration=duration, **one.parameters)
+    assert found.rested.sum() == resting
     for p, proved in enumerate(trajectories):
-        times = found.landing_time.values[0, p, : len(proved.impacts)]
-        assert int(found.impact_count[0, p]) == len(proved.impacts)
-        np.testing.assert_allclose(times, proved.landing_time, rtol=0.0, atol=estimate.time)
-
-
-def test_estimate_holds_where_rounding_parts_landings_at_once():
-    """The base has forgotten a recoil after 1e-7 periods, and changes within much shorter times."""
-    launches = (0.0, 0.0, 0.0)
-    one = realization(
-        launch_times=launches,
-        duration=0.5,
-        restitution=0.86,
-        amplitude=0.0034,
-        frequency=9.4,
-        phase=-0.08,
-        gravity=15.3,
-        launch_velocity=1.91,
-        contact_time=3e-4,
-        mass_ratio=1e-3,
-        mount_frequency=9400.0,
-        mount_damping=1e3,
-    )
-    trajectories, estimate = prove(one, 100)
-    found = vs.simulate(base="sprung", launch_time=launches, duration=0.5, **one.parameters)
-    for p, proved in enumerate(trajectories):
-        speeds = found.rebound_velocity.values[0, p, : len(proved.impacts)]
-        np.testing.assert_allclose(
-            speeds, proved.rebound_velocity, rtol=0.0, atol=estimate.velocity
-        )
+        own = found.isel(realization=0, particle=p, impact=slice(len(proved.impacts)))
+        assert int(own.impact_count) == len(proved.impacts)
+        for name, claim in (
+            ("landing_time", estimate.time),
+            ("rebound_velocity", estimate.velocity),
+        ):
+            np.testing.assert_allclose(own[name], getattr(proved, name), rtol=0.0, atol=claim)
 
 
 def test_nothing_is_claimed_where_rounding_may_decide():
