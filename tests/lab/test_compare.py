@@ -10,6 +10,7 @@ from vibrosweep.lab.compare import compare
 from vibrosweep.lab.comparison import READINGS, comparable, errors, measured_means
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
+from vibrosweep.lab.fitting import View
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 from vibrosweep.lab.prediction import draw, predict
 from vibrosweep.lab.twin import Comparison
@@ -98,6 +99,28 @@ def test_what_cannot_be_compared_is_said(locked, irregular, trial, workers):
     resting = trial(particles=1, scene={**LABORATORY, "amplitude": 0.12, "restitution": 0.8})
     with pytest.raises(TrackError, match="nothing can be compared"):
         compare([resting.tracks], Comparison({**KNOWN, "restitution": 0.8}), workers)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"draws": 1}, ParameterError, "draws = 1: must be at least 2"),
+        ({"method": "parabola"}, TrackError, "method = 'parabola': must be one of fit, sign"),
+        ({"rebound": "stick"}, ParameterError, "rebound = 'stick': must be one of rest, reflect"),
+        ({"view": View(motion="up")}, TrackError, "motion = 'up': must be one of detect"),
+        ({"view": View(exposure=2.0)}, TrackError, r"exposure = 2\.0: must be at least 0"),
+        ({"view": View(frequency=-1.0)}, ParameterError, r"frequency = -1\.0: must be at least"),
+        ({"known": {"gravity": 0.0}}, ParameterError, r"gravity = 0\.0: must be at least"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused(locked, workers, change, error, message):
+    with pytest.raises(error, match=message):
+        compare([locked.tracks], Comparison(**({"known": KNOWN} | change)), workers)
+
+
+def test_nothing_to_compare(workers):
+    with pytest.raises(TrackError, match="there is no recording to compare"):
+        compare([], Comparison(KNOWN), workers)
 
 
 def test_quantities_of_a_locked_orbit(locked):

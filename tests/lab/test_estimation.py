@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibrosweep.errors import TrackError
+from vibrosweep.errors import DataError, ParameterError, TrackError
 from vibrosweep.lab.bounces import bounces_of
 from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.impacts import find_impacts
@@ -73,6 +73,25 @@ def test_the_phase_of_a_locked_orbit_is_that_of_the_stable_branch(locked):
     phase = fit_phase(found, restitution=0.9, amplitude=0.06, frequency=20.0)
     turns = (phase - np.pi) / (2.0 * np.pi)
     assert abs(turns - round(turns)) < 0.005
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"frequency": 0.0}, r"frequency = 0\.0: must be at least"),
+        ({"frequency": np.nan}, "frequency = nan: must be at least"),
+        ({"frequency_range": (30.0, 10.0)}, "must rise, in Hz"),
+        ({"frequency_range": (0.0, 10.0)}, r"frequency_range = 0\.0: must be at least"),
+    ],
+)
+def test_frequencies_that_cannot_be(found, options, message):
+    with pytest.raises(ParameterError, match=message):
+        estimate(found, **options)
+
+
+def test_landings_that_were_not_found_are_refused(irregular):
+    with pytest.raises(DataError, match="estimate takes the result of find_impacts"):
+        estimate(irregular.tracks)
 
 
 def test_too_few_bounces(trial):

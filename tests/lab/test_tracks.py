@@ -29,6 +29,17 @@ def test_no_positions():
     assert "holds no positions" in refusal(make_tracks, [0.0, 1.0], np.full((2, 1), np.nan))
 
 
+def test_a_particle_that_is_never_seen_and_shapes_and_names_that_differ():
+    heights = np.array([[0.1, np.nan], [0.2, np.nan], [0.1, np.nan]])
+    assert "particle 1 has no position" in refusal(make_tracks, [0.0, 1.0, 2.0], heights)
+    assert "must be (frame, particle), with 3 frames" in refusal(
+        make_tracks, [0.0, 1.0, 2.0], heights[:, 0]
+    )
+    for names in (["a"], ["a", "a"]):
+        message = refusal(make_tracks, [0.0, 1.0, 2.0], np.nan_to_num(heights), names)
+        assert "give each of 2 particles a name of its own" in message
+
+
 def test_one_frame():
     assert "holds one frame only" in refusal(table_to_tracks, [0.0, 0.0], [1, 2], [0.1, 0.2])
 
@@ -40,6 +51,7 @@ def test_times_that_are_missing_fall_back_or_appear_twice():
     assert "particle 7 goes back in time, from 0.2 s to 0.1 s" in message
     message = refusal(table_to_tracks, [0.0, 0.1, 0.1, 0.1], [7, 7, 7, 8], [0.1, 0.2, 0.3, 0.3])
     assert "particle 7 has two positions at 0.1 s" in message
+    assert "give particles different names" in message
 
 
 def test_heights_that_are_no_numbers():

@@ -15,6 +15,7 @@ from vibrosweep.study import (
     claims_on_order,
     claims_on_scheme,
     collect,
+    slots,
 )
 from vibrosweep.study.report import as_json
 from vibrosweep.study.samples import MOUNT, Plan
@@ -115,6 +116,18 @@ def test_heights_hardly_depend_on_a_narrow_range(monkeypatch):
         "A of Table 1",
     )
     assert max(map(abs, changes)) < 1e-4  # settling, by sqrt(e) per impact, takes longer
+
+
+def test_order_is_not_granted_where_a_population_cannot_be_judged(monkeypatch):
+    """Two populations in order, of which the second does not land: its share is not known."""
+    own = [slots.own_slots(5, HIGH_BOUNCE, Plan())] * 2
+    shares = iter((0.0, math.nan))
+    monkeypatch.setattr(
+        claims_on_order,
+        "order_of_landings",
+        lambda record: xr.Dataset({"sequence_change_fraction": ("realization", [next(shares)])}),
+    )
+    assert claims_on_order._in_order(own, HIGH_BOUNCE)[0].passed is None
 
 
 def test_a_coarse_step_fails_even_on_a_locked_orbit(monkeypatch):

@@ -76,7 +76,7 @@ def quantities(
     ()
     """
     needed = ("quality", "flight_time", "rebound_height", "impact_speed", "landing_time")
-    _check(impacts, "quantities", needed, "find_impacts")
+    require(impacts, "quantities", needed, "find_impacts")
     good = impacts["quality"].values == BOUNCED
     flight = impacts["flight_time"].values
     height = impacts["rebound_height"].values
@@ -103,7 +103,7 @@ def quantities(
     )
 
 
-def _check(dataset: xr.Dataset, taker: str, names: Iterable[str], source: str) -> None:
+def require(dataset: xr.Dataset, taker: str, names: Iterable[str], source: str) -> None:
     """Refuse what is no result of the function that a function takes results of."""
     absent = [name for name in names if name not in dataset.variables]
     if absent:
@@ -174,7 +174,7 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     ('quantity',)
     """
     for trial in trials:
-        _check(trial, "agreement", QUANTITY_UNITS, "quantities")
+        require(trial, "agreement", QUANTITY_UNITS, "quantities")
     values = np.array([[float(trial[name]) for name in QUANTITY_UNITS] for trial in trials])
     names = list(QUANTITY_UNITS)
     mean = values.mean(axis=0)

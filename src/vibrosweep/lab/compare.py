@@ -20,13 +20,13 @@ from vibrosweep.lab.comparison import (
     measured_means,
 )
 from vibrosweep.lab.estimation import estimate, fit_phase
-from vibrosweep.lab.fitting import MOTIONS, View, fit_tracks
-from vibrosweep.lab.impacts import impacts_of
+from vibrosweep.lab.fitting import View, fit_tracks
+from vibrosweep.lab.impacts import check_method, impacts_of
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.prediction import DRAWS, draw, predict
 from vibrosweep.lab.twin import Comparison, camera_shares
 from vibrosweep.model.forcing import ACCELERATION
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.parameters import LAWS, PARAMETERS
 from vibrosweep.runs.driver import thread_count
 
 __all__ = ["compare", "compare_tracks"]
@@ -76,7 +76,7 @@ def compare_tracks(
     rebound
         Law of rebound, ``"rest"`` or ``"reflect"``.
     draws
-        Parameter sets drawn within the errors of an estimate.
+        Parameter sets drawn within the errors of an estimate, at least 2.
     seed
         Of the random numbers.
     threads
@@ -97,7 +97,7 @@ def compare_tracks(
     Raises
     ------
     TrackError
-        A recording cannot be measured.
+        A recording cannot be measured, or there is none.
     ParameterError
         A parameter is not known by that name or outside its range, or is not determined.
 
@@ -117,8 +117,6 @@ def compare_tracks(
         if not PARAMETERS[name].accepts(value):
             raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
     several = [recordings] if isinstance(recordings, xr.Dataset) else recordings
-    if motion not in MOTIONS:
-        raise TrackError(f"motion = {motion!r}: must be one of {', '.join(MOTIONS)}")
     view = View(base, exposure, motion, known.get("frequency"), trace)
     how = Comparison(known, method, view, draws, rebound, seed)
     with Workers(thread_count(threads)) as workers:
@@ -130,6 +128,7 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
 
     Recordings are tracks as of `read_tracks`; result and errors are those of `compare_tracks`.
     """
+    _check(recordings, how)
     groups: dict[int, list[_One]] = {}
     for tracks in recordings:
         groups.setdefault(tracks.sizes["particle"], []).append(_one(tracks, how, workers))
@@ -156,6 +155,17 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
             **({f"study_{q}": STUDY[q] for q in QUANTITIES} if studied else {}),
         },
     )
+
+
+def _check(recordings: Sequence[xr.Dataset], how: Comparison) -> None:
+    """Refuse what would be found out only after recordings have been measured."""
+    check_method(how.method)
+    if not recordings:
+        raise TrackError("there is no recording to compare: give at least one")
+    if how.rebound not in LAWS:
+        raise ParameterError(f"rebound = {how.rebound!r}: must be one of {', '.join(LAWS)}")
+    if how.draws < 2:
+        raise ParameterError(f"draws = {how.draws}: must be at least 2, as one has no spread")
 
 
 def _errors(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:

@@ -15,9 +15,11 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import TrackError
+from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.lab.agreement import require
 from vibrosweep.lab.bounces import Bounces, bounces_of, solve
 from vibrosweep.lab.regression import FEWEST, TURN, find_frequency, weakest_signal
+from vibrosweep.model.parameters import PARAMETERS
 
 __all__ = ["PARAMETER_UNITS", "estimate", "fit_phase"]
 
@@ -82,6 +84,10 @@ def estimate(
     ------
     TrackError
         There are too few bounces.
+    ParameterError
+        The frequency is outside its range, or where it is sought.
+    DataError
+        The dataset is no result of `find_impacts`.
 
     Examples
     --------
@@ -92,6 +98,14 @@ def estimate(
     >>> found.parameter.values.tolist()
     ['restitution', 'amplitude', 'phase']
     """
+    require(impacts, "estimate", ("landing_time", "quality"), "find_impacts")
+    low, high = frequency_range
+    for name, value in (("frequency", frequency), ("frequency_range", low)):
+        if value is not None and not PARAMETERS["frequency"].accepts(value):
+            allowed = PARAMETERS["frequency"].allowed
+            raise ParameterError(f"{name} = {value!r}: must be {allowed}")
+    if not low < high < np.inf:
+        raise ParameterError(f"frequency_range = {frequency_range!r}: must rise, in Hz")
     if impacts.attrs["base_motion"] == "moving":
         return _of_moving_base(impacts)
     bounces = bounces_of(impacts)

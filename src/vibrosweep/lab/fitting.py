@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import xarray as xr
 
-from vibrosweep.errors import TrackError
+from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.contacts import find_contacts
 from vibrosweep.lab.flight_search import Flights, check_gravity, find_flights
 from vibrosweep.lab.levels import flights_on_levels
@@ -16,6 +16,7 @@ from vibrosweep.lab.oscillation import UNDETERMINED, Trace, fit_shaken
 from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import Samples, samples_of
 from vibrosweep.lab.which_base import which_base
+from vibrosweep.model.parameters import PARAMETERS
 
 MOTIONS: Final = ("detect", "level", "moving")
 
@@ -47,6 +48,7 @@ class Fitted(NamedTuple):
 
 def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitted:  # noqa: B008
     """Find and fit the flights of tracks; errors as of `find_impacts`."""
+    _check_view(gravity, view)
     _check_base(tracks, view.base)
     time, height = tracks["time"].values, tracks["height"].values
     cuts = np.zeros(height.shape, bool)
@@ -100,6 +102,16 @@ def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str
     if moves:
         raise TrackError(UNDETERMINED)
     return flights_on_levels(samples, contacts, gravity, view.exposure), says
+
+
+def _check_view(gravity: float, view: View) -> None:
+    for name, value in (("gravity", gravity), ("frequency", view.frequency)):
+        if value is not None and not PARAMETERS[name].accepts(value):
+            raise ParameterError(f"{name} = {value!r}: must be {PARAMETERS[name].allowed}")
+    if not 0.0 <= view.exposure <= 1.0:
+        raise TrackError(f"exposure = {view.exposure!r}: must be at least 0 and at most 1 s")
+    if view.motion not in MOTIONS:
+        raise TrackError(f"motion = {view.motion!r}: must be one of {', '.join(MOTIONS)}")
 
 
 def _check_base(tracks: xr.Dataset, base: float | None) -> None:

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.fitting import MOTIONS, Fitted, View, fit_tracks
+from vibrosweep.lab.fitting import Fitted, View, fit_tracks
 from vibrosweep.lab.flight_search import Flights
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import Shaken, Trace
@@ -90,6 +90,8 @@ def find_impacts(
     TrackError
         Nothing bounces, nothing falls with gravity, the base is not below the tracks, or
         `motion` is ``"moving"`` and the landings do not determine how.
+    ParameterError
+        Gravity or frequency is outside its range.
 
     Examples
     --------
@@ -99,11 +101,15 @@ def find_impacts(
     >>> vs.lab.find_impacts(film[0].tracks).landing_time.dims
     ('particle', 'impact')
     """
-    for name, value, known in (("method", method, METHODS), ("motion", motion, MOTIONS)):
-        if value not in known:
-            raise TrackError(f"{name} = {value!r}: must be one of {', '.join(known)}")
+    check_method(method)
     view = View(base, exposure, motion, frequency, trace)
     return impacts_of(tracks, fit_tracks(tracks, gravity, view), gravity, method)
+
+
+def check_method(method: str) -> None:
+    """Refuse, with a TrackError, what is none of the `METHODS`."""
+    if method not in METHODS:
+        raise TrackError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
 
 
 def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) -> xr.Dataset:

@@ -20,8 +20,8 @@ from vibrosweep.model.parameters import BASES, PARAMETERS
 DRAWS: Final = 64
 # The base of the engine by the motion of a recording's.
 BASE_OF_MOTION: Final = {"level": BASES[0], "moving": BASES[1]}
-# Largest share of draws from the posterior that may be unphysical.
-MOST_REFUSED: Final = 0.5
+# Draws that are not physical may be as many as the others, and so many more: a few are chance.
+CHANCE: Final = 10
 
 
 class Prediction(NamedTuple):
@@ -74,7 +74,7 @@ def draw(
             kept.append(values)
         else:
             refused += 1
-        if refused > MOST_REFUSED * draws + 10:
+        if refused > draws + CHANCE:
             raise ParameterError(
                 f"{refused} of {refused + len(kept)} sets drawn within the errors of the estimate "
                 f"are not physical: the parameters are too uncertain; give them"

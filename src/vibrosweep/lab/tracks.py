@@ -39,7 +39,7 @@ def make_tracks(
     Raises
     ------
     TrackError
-        There is nothing to see, or the times do not rise.
+        There is nothing to see, of one particle at least, the times do not rise, or shapes differ.
 
     Examples
     --------
@@ -54,6 +54,11 @@ def make_tracks(
     heights = np.asarray(height, dtype=np.float64)
     if not times.size or not heights.size or not np.isfinite(heights).any():
         raise TrackError(f"{source}: holds no positions; check the file and its columns")
+    if heights.ndim != 2 or len(heights) != times.size:
+        raise TrackError(
+            f"{source}: heights are of shape {heights.shape}: must be (frame, particle), with "
+            f"{times.size} frames as there are times"
+        )
     if times.size < 2:
         raise TrackError(
             f"{source}: holds one frame only; a flight needs at least five, so film for longer or "
@@ -64,6 +69,14 @@ def make_tracks(
     if not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
         raise TrackError(f"{source}: the times do not rise from frame to frame; sort the frames")
     names = np.arange(heights.shape[1]) if particle is None else np.asarray(particle)
+    if names.shape != heights.shape[1:] or np.unique(names).size < names.size:
+        raise TrackError(f"{source}: give each of {heights.shape[1]} particles a name of its own")
+    never = np.flatnonzero(~np.isfinite(heights).any(axis=0))
+    if never.size:
+        raise TrackError(
+            f"{source}: particle {names[never[0]]} has no position that is a number{_more(never)}; "
+            f"leave it out or track it again"
+        )
     return xr.Dataset(
         {"height": (("frame", "particle"), heights, {"units": "m", "long_name": "height"})},
         coords={
@@ -101,12 +114,6 @@ def table_to_tracks(
     axis, frame = np.unique(times, return_inverse=True)
     grid = np.full((axis.size, names.size), np.nan)
     grid[frame, index] = heights
-    never = np.flatnonzero(~np.isfinite(grid).any(axis=0))
-    if never.size and never.size < names.size:
-        raise TrackError(
-            f"{source}: particle {names[never[0]]} has no position that is a number{_more(never)}; "
-            f"leave it out or track it again"
-        )
     return make_tracks(axis, grid, names, source)
 
 
@@ -127,11 +134,11 @@ def _refuse_order(
     if steps[first] == 0.0:
         raise TrackError(
             f"{who} has two positions at {times[first]:.6g} s{_more(places)}; keep one position a "
-            f"frame"
+            f"frame, or give particles different names"
         )
     raise TrackError(
         f"{who} goes back in time, from {times[first]:.6g} s to {times[first + 1]:.6g} s"
-        f"{_more(places)}; sort the rows by time"
+        f"{_more(places)}; sort the rows by time, or give particles different names"
     )
 
 

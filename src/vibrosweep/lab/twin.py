@@ -57,7 +57,6 @@ def camera_shares(
     motions = _twin(impacts, scene, how.rebound)
     time = tracks["time"].values
     true = heights(motions, time, how.view.exposure)
-    true[:, ~np.isfinite(tracks["height"].values).any(axis=0)] = np.nan
     means = [motion.means(time[0], time[-1]) for motion in motions]
     predicted = dict(zip(QUANTITIES, np.array(means).T, strict=True))
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]

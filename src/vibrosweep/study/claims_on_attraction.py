@@ -159,7 +159,7 @@ def _staggered(plan: Plan, base: str) -> Evidence:
     returned = [_return(plan, base, n) for n in populations(base, 20)]
     near = check(
         "deviation from even spacing after 1400 impacts over that at launch, largest",
-        max(returned),
+        np.max(returned),
         "at most",
         1e-3,
     )

@@ -96,7 +96,7 @@ def _positive(plan: Plan, base: str) -> Evidence:
     for setting in settings_of(base):
         for name, one in _of_setting(plan, base, setting):
             checks.setdefault(name, []).append(one)
-    own = min(smallest_separation(own_slots(n, base, plan)) for n in populations(base))
+    own = np.min([smallest_separation(own_slots(n, base, plan)) for n in populations(base)])
     kept = check("smallest separation of landings", own, "at least", TAU_C, "s")
     return Evidence(
         base,

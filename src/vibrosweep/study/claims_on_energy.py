@@ -86,7 +86,7 @@ def _decay(plan: Plan, base: str) -> Evidence:
                     check(
                         "energy after an impact over e^2 times that before, largest deviation "
                         "from 1",
-                        max(ratios),
+                        np.max(ratios),
                         "at most",
                         ROUNDING,
                     ),
@@ -99,7 +99,7 @@ def _decay(plan: Plan, base: str) -> Evidence:
                     check(
                         "rate of decay per second at the last flight over that at the first, "
                         "largest",
-                        max(rates),
+                        np.max(rates),
                         "at most",
                         1.01,
                     ),
@@ -109,7 +109,7 @@ def _decay(plan: Plan, base: str) -> Evidence:
         ),
         numbers=(
             number("time until rest at e = 0.9", float(rest_time[RESTITUTIONS.index(0.9)]), "s"),
-            number("the closed form of that time, largest relative error", max(rest_errors)),
+            number("the closed form of that time, largest relative error", np.max(rest_errors)),
         ),
     )
 

@@ -171,7 +171,7 @@ def camera_from_above(plan: Plan) -> Outcome:
     return _any_base(
         Reading(
             "without perspective, as the study wants it",
-            (check(what, 0.0, "at least", 1.0, "pixel"),),
+            (check(what, shift(slow, math.inf), "at least", 1.0, "pixel"),),
         ),
         Reading(
             f"by perspective alone: at {slow:g} Hz, {near / 10:g} cm above",

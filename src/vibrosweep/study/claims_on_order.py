@@ -90,13 +90,13 @@ def _preserved(plan: Plan, base: str) -> Evidence:
         for when, window in WINDOWS.items()
         for what, checks in _kept(plan, base, *window).items()
     ]
-    largest = max(
-        float(
+    largest = np.max(
+        [
             separation_changes(own_slots(n, base, plan, SETTLED + 20), landed_before=SETTLED)[
                 "change_max"
             ][0]
-        )
-        for n in populations(base, 20)
+            for n in populations(base, 20)
+        ]
     )
     settled = check("change of a separation, largest", largest, "at most", 1e-8, "s")
     name = "settled on one locked orbit of one impact per cycle; " + slots_name(base)
@@ -195,13 +195,11 @@ def _in_order(own: Sequence[xr.Dataset], base: str) -> list[Check]:
     shared = [np.isfinite(first_shared_base(one)["first_shared_time"][0]) for one in own]
     bounds = [] if base == SPRUNG else [_over_bound(one, base) for one in own]
     return [
-        check(
-            "share of landings that change the sequence", max(map(float, orders)), "at most", 0.0
-        ),
+        check("share of landings that change the sequence", np.max(orders), "at most", 0.0),
         check("share of populations that share the base", np.mean(shared), "at most", 0.0),
         *(
             check("longest flight over its proved bound", one, "at most", 1.0 + 1e-12)
-            for one in ([max(bounds)] if bounds else [])
+            for one in ([np.max(bounds)] if bounds else [])
         ),
     ]
 

@@ -32,7 +32,7 @@ def step_of_one_millisecond(plan: Plan) -> Outcome:
     bouncing = ~(exact["rested"].values == 1).any(axis=-1)
     largest = [float(np.nanmax(errors[h].values[bouncing])) for h in STEPS]
     order = np.polyfit(np.log(STEPS), np.log(largest), 1)[0]
-    on_locked = max(_locked_error(plan, frequency) for frequency in FREQUENCIES)
+    on_locked = np.max([_locked_error(plan, frequency) for frequency in FREQUENCIES])
     within = check(
         "landing-time error in 100 s, largest, where 1 % of a period is enough",
         on_locked,
