@@ -445,7 +445,11 @@ def test_a_spent_budget_is_listed_and_tried_again(spec, refused, vibrosweep, tmp
     code, text, _ = vibrosweep(*again, 100_000)
     assert code == 0
     assert text.splitlines()[1] == f"{spent} realization{'s' * (spent > 1)} computed again"
+    assert text.endswith(f"written to {output}\n")
     assert "did not complete" not in vibrosweep("info", output)[1]
+    code, text, _ = vibrosweep(*again, 200_000)
+    assert text.splitlines()[1] == "0 realizations computed again"
+    assert text.endswith(f"{output} is as it was\n")
     assert "goes with --retry-failed" in refused("run", path, "--impact-budget", 3)
 
 

@@ -202,6 +202,10 @@ MISTAKES = {
         ["sample.realizations = 0", "at least 1 and at most 1000000000000"],
     ),
     "seed": ("[sample]\nseed = -1", ["sample.seed = -1", "whole number, at least 0"]),
+    "huge seed": (
+        f"[sample]\nseed = {2**63}",
+        ["sample.seed = 9223372036854775808", "at most 2**63 - 1"],
+    ),
     "empty range": (
         "[sample]\nrealizations = 2\nrestitution = [0.9, 0.9]",
         ["sample.restitution = [0.9, 0.9]", "range is empty", "at least 0 and at most 1", "0.9"],

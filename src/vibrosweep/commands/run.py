@@ -81,7 +81,8 @@ def perform(options: argparse.Namespace) -> None:
     if summary.repaired:
         print(f"{some(summary.repaired, 'damaged part')} found and computed again")
     print("\n".join(summary.lines()))
-    print(f"written to {output}")
+    unchanged = options.retry_failed and not again
+    print(f"{output} is as it was" if unchanged else f"written to {output}")
 
 
 def _check(options: argparse.Namespace, spec: SweepSpec, output: Path) -> None:

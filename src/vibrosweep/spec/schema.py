@@ -28,6 +28,7 @@ TABLES: Final = (".csv", ".nc")
 # Far beyond any disk or memory; indices of realizations and of drawn values stay far below 2**63.
 MAX_REALIZATIONS: Final = 10**12
 MAX_PARTICLES: Final = 10**9
+MAX_SEED: Final = 2**63 - 1  # the largest integer of TOML
 # An axis is held in memory.
 MAX_STEPS: Final = 10**6
 
@@ -180,9 +181,9 @@ def _table(name: str, value: object) -> Mapping[str, Any]:
     raise ValueError(f"must be a table: write [{name}] on a line of its own")
 
 
-def _whole(allowed: str, low: int, high: int | None, value: object) -> int:
+def _whole(allowed: str, low: int, high: int, value: object) -> int:
     integer = isinstance(value, int) and not isinstance(value, bool)
-    if integer and low <= value and (high is None or value <= high):  # type: ignore[operator]
+    if integer and low <= value <= high:  # type: ignore[operator]
         return int(value)  # type: ignore[call-overload, no-any-return]
     raise ValueError(f"must be a whole number{allowed}")
 
@@ -320,7 +321,7 @@ SECTIONS: Final[Mapping[str, Mapping[str, Check]]] = {
         "realizations": partial(
             _whole, f", at least 1 and at most {MAX_REALIZATIONS}", 1, MAX_REALIZATIONS
         ),
-        "seed": partial(_whole, ", at least 0", 0, None),
+        "seed": partial(_whole, ", at least 0 and at most 2**63 - 1", 0, MAX_SEED),
         "columns": _columns,
         **{name: partial(_spread, parameter) for name, parameter in INPUTS.items()},
     },
