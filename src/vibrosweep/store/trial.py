@@ -75,7 +75,7 @@ def _limit_memory() -> None:
     except ImportError:  # Windows has no such limit
         return
     half = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
-    with suppress(ValueError):  # nor have all versions of macOS
+    with suppress(OSError, ValueError):  # nor have all versions of macOS
         resource.setrlimit(resource.RLIMIT_AS, (half, half))
 
 
