@@ -88,3 +88,10 @@ def test_the_gravity_of_positions_in_whole_pixels_is_within_its_error():
         off.append((seen - 9.81) / error)
     # of 40 squares of normal deviates the mean lies in here with 99.9 %
     assert 0.4 < np.mean(np.square(off)) < 1.95
+
+
+def test_a_few_flights_before_long_rests_show_their_gravity(trial):
+    """Waves of noise between the low points of a rest are no flights, whatever they fall with."""
+    scene = {**LABORATORY, "amplitude": 1.9 * 0.4 * 9.81 / (40.0 * np.pi), "phase": 1.83}
+    film = trial(scene=scene | {"launch_velocity": 0.393}, transient=0.0, duration=6.0)
+    assert find_impacts(film.tracks, frequency=20.0).attrs["scale_off"] == 0

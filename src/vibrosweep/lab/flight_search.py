@@ -29,8 +29,9 @@ UPPER: Final = 0.25
 # A flight needs one sample more than it has unknowns, and this height in units of the noise.
 LEAST_SAMPLES: Final = 3
 LEAST_HEIGHT: Final = 4.0
-# Height in units of the noise above which the curvature of a flight shows the gravity.
-WELL_SEEN: Final = 5.0
+# Height in units of the noise, many times that of a wave of noise between two low points, above
+# which the curvature of a flight shows the gravity.
+WELL_SEEN: Final = 7.0
 FIRST_SHARE: Final = 0.6
 # Significance level: one good flight in a million is called poor.
 POOR: Final = 1e-6
@@ -80,7 +81,7 @@ def find_flights(
     if scale_is_off(flights.gravity, flights.gravity_error, gravity):
         # parabolas of the wrong curvature would miss the landings
         return _searched(samples, flights.gravity, base, exposure)
-    _refuse(flights.gravity, flights.gravity_error, gravity)
+    refuse_gravity(flights.gravity, flights.gravity_error, gravity)
     return flights
 
 
@@ -161,13 +162,15 @@ def _first_members(
 
 def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
     """Raise a TrackError where the highest flights fall with an acceleration far from gravity."""
-    noise = FIRST_SHARE * first_noise(samples)
-    member, _, base, tops = _first_members(samples, noise, base)
+    noise = first_noise(samples)
+    member, _, base, tops = _first_members(samples, FIRST_SHARE * noise, base)
     high = tops - base > np.fmax(WELL_SEEN * noise, np.quantile(tops - base, 0.95) / 2.0)
-    _refuse(*apparent_gravity(samples, np.where(high[member], member, -1), tops.size), gravity)
+    seen = apparent_gravity(samples, np.where(high[member], member, -1), tops.size)
+    refuse_gravity(*seen, gravity)
 
 
-def _refuse(seen: float, error: float, gravity: float) -> None:
+def refuse_gravity(seen: float, error: float, gravity: float) -> None:
+    """Raise a TrackError where flights fall with an acceleration far from gravity."""
     # where flights span four frames or fewer nothing is seen of their curvature: both are NaN
     if not abs(seen - gravity) > max(WRONG_SCALE * gravity, SCALE_OFF * error):
         return
@@ -196,7 +199,8 @@ def keep(fits: Fits, high: NDArray[np.bool_], member: Indices) -> tuple[Indices,
     kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
     if not kept.size:
         raise TrackError(
-            "no flight rises out of the noise: check the heights, their axis, scale and base"
+            "no flight rises out of the noise: check the heights, their axis, scale and base, or film "
+            "faster where flights last fewer than five frames"
         )
     number = np.full(high.size + 1, -1)
     number[kept] = np.arange(kept.size)

@@ -14,6 +14,7 @@ from vibrosweep.lab.flight_search import (
     flight_noise,
     keep,
     poor_flights,
+    refuse_gravity,
     share_out,
 )
 from vibrosweep.lab.flights import Ends, Fits, apparent_gravity, fit
@@ -69,6 +70,7 @@ def flights_over(
             contacts, shaken.oscillation.frequency, free=free, moves=True, trace=trace
         )
     seen, seen_error = apparent_gravity(samples, member, piece.size)
+    refuse_gravity(seen, seen_error, fall)
     own = slice(shaken.values.size - shaken.levels.size, None)
     spread = shaken.covariance[own, own]
     return Flights(
