@@ -199,8 +199,8 @@ def keep(fits: Fits, high: NDArray[np.bool_], member: Indices) -> tuple[Indices,
     kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
     if not kept.size:
         raise TrackError(
-            "no flight rises out of the noise: check the heights, their axis, scale and base, or film "
-            "faster where flights last fewer than five frames"
+            "no flight rises out of the noise: check the heights, their axis, scale and base, or "
+            "film faster where flights last fewer than five frames"
         )
     number = np.full(high.size + 1, -1)
     number[kept] = np.arange(kept.size)
