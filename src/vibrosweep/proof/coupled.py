@@ -126,10 +126,10 @@ def prove(
         edges = [exact(realization.duration)]
         if realization.windowed:
             edges.append(exact(realization.transient))
+        times = zip(_ends(proved, realization), _ends(other, neighbour), strict=True)
         near = any(
-            abs(time - edge) < estimate.time
-            for one in proved.particles
-            for time in _ends(one)
+            abs(time - edge) < max(estimate.time, _apart(time, moved))
+            for time, moved in times
             for edge in edges
         )
     return proved.particles, None if near else estimate
@@ -173,12 +173,19 @@ def _apart(a: arb | None, b: arb | None) -> float:
     return 0.0 if a is None or b is None else float((a - b).abs_upper())
 
 
-def _ends(trajectory: Trajectory) -> Iterator[arb]:
-    """Times of all landings, one after the end of the observation among them."""
-    for impact in trajectory.impacts:
-        yield impact.landing_time
-    if trajectory.impacts and (last := trajectory.impacts[-1]).flight is not None:
-        yield last.liftoff_time + last.flight.duration
+def _ends(motion: Coupled, realization: Realization) -> Iterator[arb]:
+    """Times of all landings and lift-offs, of the landings after the end of the observation too."""
+    period = 1 / arb(realization.parameters["frequency"])
+    for trajectory, launched in zip(motion.particles, realization.launch_times, strict=True):
+        left, flight = exact(launched), trajectory.launch
+        for impact in trajectory.impacts:
+            yield impact.landing_time
+            if impact.liftoff_time is None or impact.flight is None:
+                break  # it rides the base at the end
+            left, flight = impact.liftoff_time, impact.flight
+            yield left
+        else:
+            yield left + flight.duration * period
 
 
 def with_order(
