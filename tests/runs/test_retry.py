@@ -100,14 +100,23 @@ def test_only_what_failed_is_computed(sweep, output):
     assert told[-1] == (len(rows), len(rows))
 
 
+def ending(job, indices, tick):
+    in_process(1)(job, indices[:2], tick)
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_what_is_not_finished_is_not_retried(sweep, output, force):
+    with pytest.raises(Interruption, match="2 of"):
+        run_sweep(sweep(32), output, threads=1, chunk=1, runner=ending)
+    with pytest.raises(RunError, match="is not finished; finish the run before"):
+        retry_failed(sweep(32), output, threads=1, impact_budget=1000, force=force)
+    assert len(list(run_directory(output).glob("*.part"))) == 2
+
+
 def test_a_retry_that_is_ended_continues(sweep, output, tmp_path):
     run_sweep(sweep(32), output, threads=1)
     old = output.read_bytes()
-
-    def ending(job, indices, tick):
-        in_process(1)(job, indices[:2], tick)
-        raise KeyboardInterrupt
-
     with pytest.raises(Interruption, match="2 of"):
         retry_failed(sweep(32), output, threads=1, impact_budget=1000, chunk=1, runner=ending)
     assert output.read_bytes() == old

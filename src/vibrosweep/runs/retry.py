@@ -28,7 +28,7 @@ from vibrosweep.spec.design import Design, open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import reporting
-from vibrosweep.store.parts import Manifest, Parts, write_manifest
+from vibrosweep.store.parts import Manifest, Parts, read_manifest, write_manifest
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rows import read_rows
 from vibrosweep.store.rundir import abandon, empty, holding
@@ -82,16 +82,18 @@ def retry_failed(
     DataError
         There is no such result.
     RunError
-        The result is of another sweep or version, the new budget is lower, or another run is in the
-        way.
+        The result is not finished, or is of another sweep or version; the new budget is lower; or
+        another run is in the way.
     """
     if impact_budget:
         spec = replace(spec, measures=replace(spec.measures, impact_budget=impact_budget))
     with holding(output) as directory:
+        if not output.exists() and read_manifest(directory) is not None:
+            raise RunError(f"{output}: is not finished; finish the run before any of it is retried")
+        rows = _rows(spec, output)
         if force:
             with reporting(output):
                 empty(directory)
-        rows = _rows(spec, output)
         design = open_design(spec)
         now = {**identity(spec), "rows computed again": _digest(rows)}
         manifest = continued(output, directory, lambda: now)
