@@ -70,7 +70,7 @@ def recognition_periods(restitution: ArrayLike, k: ArrayLike = 1, base: str = HI
     Parameters
     ----------
     restitution, k
-        E (0 to 1) and mode (forcing periods between impacts); they broadcast.
+        Coefficient e (0 to 1) and mode (forcing periods between impacts); they broadcast.
     base
         ``"high-bounce"`` or ``"moving"``.
 
