@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.base_motion import BaseMotion, moves, recoils
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.model.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 NEEDS: Final = ("restitution", "amplitude", "frequency", "phase")
 

@@ -142,12 +142,10 @@ class Group:
 
     @undisturbed()
     def attributes(self, values: Mapping[str, Any]) -> None:
-        """Set attributes of the group; values that HDF5 cannot store are written as text."""
+        """Set attributes of the group; a zero byte, which ends a text in HDF5, is marked."""
         for name, value in values.items():
             if isinstance(value, str):
                 value = value.replace("\0", "\N{REPLACEMENT CHARACTER}")
-            elif isinstance(value, int) and value >= 2**63:
-                value = str(value)
             self._group.attrs[name] = value
 
     @undisturbed()
