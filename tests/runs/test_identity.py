@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.model.measures import MEASURES
+from vibrosweep.model.observables import Observable
 from vibrosweep.runs.identity import EXEMPT, differences, identity, sources
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
 
@@ -154,6 +155,22 @@ transient = 1
     before, now = identity(parse_spec(text)), identity(parse_spec(text.replace(old, new)))
     others = [one for one in differences(before, now) if not one.startswith("sample.realizations")]
     assert others == [line]
+
+
+def count(totals, landing):
+    totals[0] += 1.0
+
+
+def test_what_an_observable_does_not_have_is_not_told():
+    spec = parse_spec(SPECS["bare"])
+    plain, spread = (
+        identity(spec.observing([Observable("number", count, "landings", **more)]))
+        for more in ({}, {"along": "place", "values": [0.0, 1.0]})
+    )
+    assert differences(plain, spread) == [
+        "measure.observables.number.along: was not given, is place",
+        "measure.observables.number.values: was not given, is [0.0, 1.0]",
+    ]
 
 
 NUMBER = st.floats(0.0, 1.0)

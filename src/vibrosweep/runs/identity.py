@@ -89,7 +89,7 @@ def _entries(key: str, value: Any) -> Iterator[tuple[str, object]]:
     elif isinstance(value, Periods):
         yield key, f"{value.number} {unit_of(value)}"
     elif isinstance(value, str | int | float | tuple):
-        if value != ():
+        if value not in ((), ""):
             yield key, value
     elif value is not None:
         raise TypeError(f"{key}: the identity of a sweep cannot hold a {type(value).__name__}")
