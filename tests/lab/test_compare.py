@@ -12,7 +12,7 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.fitting import View
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
-from vibrosweep.lab.prediction import draw, predict
+from vibrosweep.lab.prediction import draw, first_flights, predict
 from vibrosweep.lab.twin import Comparison
 from vibrosweep.model.theory import locked_height
 from vibrosweep.study.table4 import Imperfection, in_band, study_imperfections, verdict
@@ -68,6 +68,18 @@ def test_prediction_follows_each_particle_from_its_first_flight(irregular, found
     assert among.any()
     means = measured_means(found, among)
     np.testing.assert_allclose(foretold.period[0][among], means["period"][among], rtol=0.01)
+
+
+def test_a_particle_that_never_flew_is_not_launched(found, workers):
+    """Its copy would be launched at t = 0 with no speed, and its camera errors those of nothing."""
+    still = found.copy(deep=True)
+    still["flight_time"][1] = np.nan
+    scene = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}
+    sets, _ = draw(scene, None, 0)
+    flights = first_flights(still, sets)
+    assert flights.particle.tolist() == [0, 2]
+    assert flights.sets["phase"].size == 2
+    assert np.isnan(predict(still, sets, workers).height[0]).tolist() == [False, True, False]
 
 
 def test_draws_stay_physical_or_are_refused(found):

@@ -5,9 +5,12 @@ import pytest
 
 from vibrosweep.errors import DataError, ParameterError, TrackError
 from vibrosweep.lab.bounces import bounces_of
+from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.estimation import estimate, fit_phase
+from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.impacts import find_impacts
 
+IRREGULAR = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}
 TRUTH = {"restitution": 0.85, "amplitude": 0.12, "phase": 0.0, "frequency": 20.0}
 
 
@@ -73,6 +76,31 @@ def test_the_phase_of_a_locked_orbit_is_that_of_the_stable_branch(locked):
     phase = fit_phase(found, restitution=0.9, amplitude=0.06, frequency=20.0)
     turns = (phase - np.pi) / (2.0 * np.pi)
     assert abs(turns - round(turns)) < 0.005
+
+
+def test_a_multiple_of_the_frequency_is_not_taken_for_it(trial):
+    """By ordinary least squares the third describes these bounces best."""
+    film = trial(
+        scene=IRREGULAR | {"phase": -0.3077},
+        camera=Camera(noise=0.5),
+        transient=5.0,
+        duration=6.0,
+        seed=9502,
+    )
+    found = estimate(find_impacts(film.tracks, motion="level"))
+    own = found.sel(parameter="frequency")
+    assert abs(float(own["estimate"]) - 20.0) < 5.0 * float(own["error"])
+    assert float(found["misfit"]) < 1.5
+
+
+def test_bounces_that_no_parameters_describe_are_refused(recordings):
+    """Landings that are wrong by many times their errors; 5 ms are a tenth of a flight."""
+    one = recordings[0].copy(deep=True)
+    wrong = 5e-3 * np.random.default_rng(0).standard_normal(one["landing_time"].shape)
+    for name in ("landing_time", "liftoff_time"):
+        one[name] = one[name] + wrong
+    with pytest.raises(TrackError, match="no restitution and forcing describe the bounces"):
+        estimate(one, frequency=20.0)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.agreement import require
 from vibrosweep.lab.bounces import Bounces, bounces_of, solve
-from vibrosweep.lab.regression import FEWEST, TURN, find_frequency, weakest_signal
+from vibrosweep.lab.regression import FEWEST, TURN, weakest_signal, with_subharmonics
 from vibrosweep.model.parameters import PARAMETERS
 
 __all__ = ["PARAMETER_UNITS", "estimate", "fit_phase"]
@@ -34,7 +34,9 @@ PARAMETER_UNITS: Final = {
 # sum of squares is above the smallest one by at most this share of the kicks' sum of squares.
 PHASES: Final = 1080
 TIE: Final = 0.01
-ROUNDS: Final = 25
+# Rounds of the adjustment, which has converged where a step is this small in standard errors.
+ROUNDS: Final = 50
+CLOSE: Final = 1e-6
 # Parameters are called undetermined if the signal in the weakest direction of the design matrix is
 # below this multiple of the noise of the instants, or if a relative standard error is above these.
 SIGNAL: Final = 10.0
@@ -83,7 +85,7 @@ def estimate(
     Raises
     ------
     TrackError
-        There are too few bounces.
+        There are too few bounces, or no parameters describe them.
     ParameterError
         The frequency is outside its range, or where it is sought.
     DataError
@@ -114,17 +116,20 @@ def estimate(
             f"{impacts.attrs['source']}: only {bounces.middle.size} bounces have a whole flight on "
             f"either side; at least {FEWEST} are needed: film for longer, or faster"
         )
-    rate = find_frequency(bounces.speeds(), frequency_range) if frequency is None else frequency
-    first = _regression(bounces, rate)
-    signal = _signal(bounces, first, rate)
-    if signal < SIGNAL:  # noise alone would determine the numbers, or none solve the equations
-        nothing = np.full(3 if frequency is not None else 4, np.nan)
-        found = _Adjusted(nothing, np.outer(nothing, nothing), np.nan)
-    else:
-        found = _adjust(bounces, first, rate, free=frequency is None)
+    free = frequency is None
+    rates = (
+        with_subharmonics(bounces.speeds(), frequency_range) if frequency is None else [frequency]
+    )
+    tried = [_at(bounces, rate, free) for rate in rates]
+    found, signal = min(tried, key=lambda one: np.nan_to_num(one[0].chi_square, nan=np.inf))
+    if np.isinf(found.chi_square):
+        raise TrackError(
+            f"{impacts.attrs['source']}: no restitution and forcing describe the bounces: look for "
+            f"exchanged names, flights that fit badly, and a wrong frequency"
+        )
     misfit = found.chi_square / (bounces.middle.size - found.values.size)
     values, covariance = _polar(found.values, found.covariance * max(1.0, misfit))
-    rate = rate if frequency is not None else float(found.values[3])
+    rate = float(found.values[3]) if free else rates[0]
     warning = _warning(signal, values, np.sqrt(np.diag(covariance)))
     about = {
         "misfit": ((), misfit, {"units": "1", "long_name": "chi-square per degree of freedom"}),
@@ -213,6 +218,23 @@ def fit_phase(
     return float(trial[chosen[np.argmin(misfit[chosen])]])
 
 
+def _at(bounces: Bounces, rate: float, free: bool) -> tuple[_Adjusted, float]:
+    """Parameters with a frequency, or one near by, and their signal.
+
+    NaN where noise alone would determine them, with a chi-square of infinity where nothing does.
+    """
+    first = _regression(bounces, rate)
+    signal = _signal(bounces, first, rate)
+    nothing = np.full(3 + free, np.nan)
+    none = _Adjusted(nothing, np.outer(nothing, nothing), np.nan)
+    if signal < SIGNAL:
+        return none, signal
+    try:
+        return _adjust(bounces, first, rate, free), signal
+    except np.linalg.LinAlgError:
+        return none._replace(chi_square=np.inf), signal
+
+
 def _regression(bounces: Bounces, rate: float) -> Array:
     """e, S and C by ordinary least squares."""
     arrive, leave, time = bounces.speeds()
@@ -246,8 +268,10 @@ def _adjust(bounces: Bounces, first: Array, rate: float, free: bool) -> _Adjuste
         forces = weighted[:, -1] + weighted[:, :-1] @ step
         instant = bounces.instant - errors @ (slopes.T @ forces)
         values = values + step
-        if np.all(np.abs(step) <= 1e-6 * np.sqrt(np.diag(inverse))):
+        if np.all(np.abs(step) <= CLOSE * np.sqrt(np.diag(inverse))):
             break
+    else:
+        raise np.linalg.LinAlgError("the adjustment does not converge")
     return _Adjusted(values, inverse, float(forces @ (spread @ forces)))
 
 

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import xarray as xr
 
-from vibrosweep.arrays import Array
+from vibrosweep.arrays import Array, Indices
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
@@ -84,30 +84,51 @@ def draw(
     return fixed | dict(zip(names, columns, strict=True)), refused
 
 
+class FirstFlights(NamedTuple):
+    """Particles that were seen to fly, from their first whole flight on."""
+
+    particle: Indices
+    # start, speed: when (s) and how fast (m s-1) each left the base
+    start: Array
+    speed: Array
+    # Parameters of shape (draw * particle,): a launch at phase phi + 2 pi f t is one at t = 0 with
+    # that phase, so each particle is a realization
+    sets: dict[str, Array]
+
+
+def first_flights(impacts: xr.Dataset, parameters: Mapping[str, Array]) -> FirstFlights:
+    """Launch each particle as it was first seen to leave the base.
+
+    The parameters are all of `model.parameters.PARAMETERS`, of shape (draw,); the phase is that at
+    t = 0 of the recording, and the launch velocity is not used.
+    """
+    whole = np.isfinite(impacts["flight_time"].values)
+    particle = np.flatnonzero(whole.any(axis=1))
+    first = whole[particle].argmax(axis=1) if particle.size else particle
+    start, speed = (
+        impacts[name].values[particle, first] for name in ("liftoff_time", "impact_speed")
+    )
+    draws = parameters["frequency"].size
+    sets = {name: np.repeat(values, particle.size) for name, values in parameters.items()}
+    turns = sets["frequency"] * np.tile(start, draws)
+    sets["phase"] = sets["phase"] + 2.0 * np.pi * (turns - np.rint(turns))
+    sets["launch_velocity"] = np.tile(speed, draws)
+    return FirstFlights(particle, start, speed, sets)
+
+
 def predict(
     impacts: xr.Dataset, parameters: Mapping[str, Array], workers: Workers, rebound: str = "rest"
 ) -> Prediction:
-    """Means of each particle from its first whole flight on, for as long as it was filmed.
+    """Means of each particle from its first whole flight on, for as long as the film goes on.
 
-    A particle is launched when and as fast as it was first seen to leave the base.  That launch at
-    phase phi + 2 pi f t is one at t = 0 with that phase, so each particle is a realization.  The
-    parameters are all of `model.parameters.PARAMETERS`, of shape (draw,); the phase is that at t =
-    0 of the recording, and the launch velocity is not used.
+    The parameters are those of `first_flights`.  A particle that is first seen late is followed for
+    as long as the others.
     """
-    flight = impacts["flight_time"].values
-    particles, draws = flight.shape[0], parameters["frequency"].size
-    whole = np.isfinite(flight)
-    first = whole.argmax(axis=1) if flight.shape[1] else np.zeros(particles, int)
-    there = np.flatnonzero(whole.any(axis=1))
-    height, period = np.full((2, draws, particles), np.nan)
+    draws = parameters["frequency"].size
+    height, period = np.full((2, draws, impacts.sizes["particle"]), np.nan)
+    there, start, _, sets = first_flights(impacts, parameters)
     if there.size:
-        start = impacts["liftoff_time"].values[there, first[there]]
-        speed = impacts["impact_speed"].values[there, first[there]]
         length = impacts.attrs["end"] - float(start.min())
-        sets = {name: np.repeat(values, there.size) for name, values in parameters.items()}
-        turns = np.repeat(parameters["frequency"], there.size) * np.tile(start, draws)
-        sets["phase"] = sets["phase"] + 2.0 * np.pi * (turns - np.rint(turns))
-        sets["launch_velocity"] = np.tile(speed, draws)
         base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
         observation = record_observation(1, (0.0,), length, rebound, Measures.impact_budget, base)
         found = measure(all_parameters(sets), observation, workers)

@@ -15,6 +15,8 @@ FEWEST: Final = 10  # bounces
 # width that the minimum then has.
 SCAN_SECONDS: Final = 10.0
 SCAN_BOUNCES: Final = 1000
+SUBHARMONICS: Final = (2, 3, 4)
+NEAR: Final = 0.05  # Hz, many times the error of a part of a frequency that was found
 
 
 def find_frequency(speeds: tuple[Array, Array, Array], between: tuple[float, float]) -> float:
@@ -52,6 +54,19 @@ def find_frequency(speeds: tuple[Array, Array, Array], between: tuple[float, flo
         if reach > time[-1] - time[0]:
             return best
         reach, width = 2.0 * reach, width / 2.0
+
+
+def with_subharmonics(
+    speeds: tuple[Array, Array, Array], between: tuple[float, float]
+) -> list[float]:
+    """Frequency in Hz as of `find_frequency`, and its halves, thirds and quarters in the range.
+
+    On orbits that visit few phases a multiple of the frequency may describe the bounces better by
+    ordinary least squares, which takes all errors for those of the departure.
+    """
+    best = find_frequency(speeds, between)
+    parts = [best / k for k in SUBHARMONICS if best / k > between[0]]
+    return [best, *(find_frequency(speeds, (f - NEAR, f + NEAR)) for f in parts)]
 
 
 def _misfits(frequency: Array, arrive: Array, leave: Array, time: Array) -> Array:

@@ -20,7 +20,7 @@ from vibrosweep.lab.comparison import QUANTITIES, comparable, errors
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.oscillation import Trace
-from vibrosweep.lab.prediction import BASE_OF_MOTION, DRAWS
+from vibrosweep.lab.prediction import BASE_OF_MOTION, DRAWS, first_flights
 from vibrosweep.lab.surfaces import LEVEL, oscillating
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
@@ -89,18 +89,11 @@ def _known(scene: Mapping[str, float]) -> Trace:
 
 
 def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list[Motion]:
-    """Predicted motion of every particle on the clock of the recording."""
-    flight = impacts["flight_time"].values
-    whole = np.isfinite(flight)
-    first, each = whole.argmax(axis=1), np.arange(len(flight))
-    start = np.nan_to_num(impacts["liftoff_time"].values[each, first])
-    speed = np.where(whole.any(axis=1), impacts["impact_speed"].values[each, first], 0.0)
-    sets = {name: np.full(each.size, value) for name, value in scene.items()}
-    turns = scene["frequency"] * start
-    sets["phase"] = scene["phase"] + 2.0 * np.pi * (turns - np.rint(turns))
-    sets["launch_velocity"] = speed
+    """Predicted motion of every particle that was seen to fly, on the clock of the recording."""
+    best = {name: np.array([value]) for name, value in scene.items()}
+    _, start, speed, sets = first_flights(impacts, best)
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
-    at_once = np.zeros((1, each.size))
+    at_once = np.zeros((1, start.size))
     base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
     surface = LEVEL if base == BASES[0] else oscillating(scene)
     batch = Batch(base_of(base, rebound), problem, Launches(at_once, at_once))
