@@ -10,6 +10,7 @@ import vibrosweep as vs
 from vibrosweep.errors import ExistingOutputError, ParameterError, RunError, SpecError, TableError
 from vibrosweep.proof.sampling import read_sample
 from vibrosweep.runs import chunks
+from vibrosweep.runs.describe import describe
 from vibrosweep.runs.retry import retry_failed
 from vibrosweep.spec.keywords import keyword_spec
 
@@ -121,7 +122,11 @@ def test_where_they_are_refused(tmp_path):
         vs.sweep(design=str(table), observables=[phases()])
 
 
-def test_verification_names_what_it_cannot_compare(tmp_path):
+def test_a_description_names_it_and_verification_says_that_it_cannot_compare(tmp_path):
     path = tmp_path / "out.h5"
-    vs.run(SWEEP, path, observables=[phases()]).close()
+    table = {"restitution": [0.8, 0.9], "amplitude": [1.0, 2.0], "ball": ["brass", "steel"]}
+    vs.run({"design": table}, path, observables=[phases()]).close()
+    told = [line.split(maxsplit=1) for line in describe(path)]
+    assert ["landings_at_phase", "landings by phase (realization, landing_phase)"] in told
+    assert ["ball", "(realization)"] in told
     assert "landings_at_phase" in read_sample(path, 2, 0)[0].others

@@ -11,7 +11,7 @@ import h5netcdf
 import numpy as np
 
 from vibrosweep.model.forcing import FORCINGS, INPUTS
-from vibrosweep.model.measures import OF_REALIZATIONS
+from vibrosweep.model.measures import OF_REALIZATIONS, RESERVED
 from vibrosweep.model.parameters import BASES
 from vibrosweep.model.status import Status
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
@@ -83,6 +83,10 @@ def _head(file: Any) -> Iterator[str]:
             if f"{name}_periods" in file.attrs:
                 remark = f" ({file.attrs[f'{name}_periods']:g} forcing periods)"
             yield f"{name:32}{_spread(file.variables[name])}{remark}"
+    for name, one in file.variables.items():  # labels, and measures of the user
+        if name not in RESERVED and name not in INPUTS:
+            words = f"{one.attrs.get('long_name', '')} ({', '.join(one.dimensions)})"
+            yield f"{name:32}{words.strip()}"
     if "record" in file.groups:
         landings = file.groups["record"].variables["impact_count"][...].sum()
         yield f"{'record of every landing':32}{landings} landings, in the group 'record'"
