@@ -135,8 +135,10 @@ def test_contacts_too_few_for_a_fit_are_refused(chattering):
         fit_shaken(contacts.first(2), FREQUENCY, free=False, moves=True)
 
 
-def test_the_frequency_is_found_where_it_is_not_told(chattering):
-    one = estimate(find_impacts(chattering.tracks))
+@pytest.mark.parametrize("transient", [0.0, 2.0])
+def test_the_frequency_is_found_where_it_is_not_told(transient):
+    """Nor its multiples, which describe the few phases after a transient as well at first sight."""
+    one = estimate(find_impacts(film(3.0, 0.5, transient=transient).tracks))
     own = one.sel(parameter="frequency")
     assert abs(float(own["estimate"]) - FREQUENCY) < 5.0 * float(own["error"])
     assert float(own["error"]) < 0.01

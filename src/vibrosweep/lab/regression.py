@@ -15,7 +15,7 @@ FEWEST: Final = 10  # bounces
 # width that the minimum then has.
 SCAN_SECONDS: Final = 10.0
 SCAN_BOUNCES: Final = 1000
-SUBHARMONICS: Final = (2, 3, 4)
+SUBHARMONICS: Final = (2, 3, 4, 5)
 NEAR: Final = 0.05  # Hz, many times the error of a part of a frequency that was found
 
 
@@ -59,7 +59,7 @@ def find_frequency(speeds: tuple[Array, Array, Array], between: tuple[float, flo
 def with_subharmonics(
     speeds: tuple[Array, Array, Array], between: tuple[float, float]
 ) -> list[float]:
-    """Frequency in Hz as of `find_frequency`, and its halves, thirds and quarters in the range.
+    """Frequency in Hz as of `find_frequency`, and its parts down to a fifth in the range.
 
     On orbits that visit few phases a multiple of the frequency may describe the bounces better by
     ordinary least squares, which takes all errors for those of the departure.

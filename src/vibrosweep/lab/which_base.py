@@ -10,7 +10,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import Shaken, first_guess, fit_shaken
-from vibrosweep.lab.regression import FEWEST, find_frequency, weakest_signal
+from vibrosweep.lab.regression import FEWEST, weakest_signal, with_subharmonics
 
 FREQUENCIES: Final = (1.0, 100.0)
 # Contacts that are used: more hardly change the decision.
@@ -43,15 +43,23 @@ def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
         return Judgement("undetermined", None, 0.0)
     free = frequency is None
     speeds = (-few.arrival, few.departure, few.time)
-    rate = find_frequency(speeds, FREQUENCIES) if frequency is None else frequency
-    if signal_of(few, first_guess(few, rate), rate) < LEAST_SIGNAL:
+    rates = with_subharmonics(speeds, FREQUENCIES) if frequency is None else [frequency]
+    rates = [r for r in rates if signal_of(few, first_guess(few, r), r) >= LEAST_SIGNAL]
+    if not rates:
         return Judgement("undetermined", None, 0.0)
-    shaken, still = (fit_shaken(few, rate, free=free, moves=moves) for moves in (True, False))
+    shaken, still = (
+        min((fit_shaken(few, r, free=free, moves=moves) for r in rates), key=_distance)
+        for moves in (True, False)
+    )
     better = shaken if shaken.distance < still.distance else still
     advantage = (still.distance - shaken.distance) / max(better.misfit, 1.0)
     if abs(advantage) < DECIDED:
         return Judgement("undetermined", shaken, advantage)
     return Judgement("moving" if advantage > 0.0 else "level", shaken, advantage)
+
+
+def _distance(shaken: Shaken) -> float:
+    return shaken.distance
 
 
 def signal_of(contacts: Contacts, guess: Array, frequency: float) -> float:
