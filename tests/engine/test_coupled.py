@@ -270,3 +270,20 @@ def test_no_landing_after_the_end_is_counted():
         duration=3.0,
     )
     assert float(found.landing_time.max()) <= 3.0
+
+
+@pytest.mark.parametrize("mass_ratio", [0.0, 0.01])
+def test_a_launch_that_lands_at_once_is_highest_where_it_begins(mass_ratio):
+    """The base rises faster than the particle, and carries it from its launch on."""
+    found = vs.sweep(
+        base="sprung",
+        mass_ratio=mass_ratio,
+        mount_frequency=0.4,
+        amplitude=0.1,
+        restitution=0.0,
+        launch_velocity=0.01,
+        launch=[1.0 / 3.0],
+        duration=3.0,
+    )
+    height = -0.1 / (2.0 * np.pi) * np.cos(2.0 * np.pi / 3.0)
+    assert float(found.flight_height_max.squeeze()) == pytest.approx(height, rel=1e-12)

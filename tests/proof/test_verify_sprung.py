@@ -106,3 +106,12 @@ def test_landings_before_the_window_count_as_too_many(sprung):
     report = verify(sprung, max_landings=in_window)
     assert report.count(State.TOO_LONG) > 0
     assert report.count(State.TOO_LONG) + report.count(State.COMPARED) == 2
+
+
+def test_without_a_landing_no_error_of_one_is_told(computed):
+    text = SPRUNG.replace("duration = 2.5", "duration = 1e-3").replace("transient = 0.5", "")
+    text = text.replace("launch = [0.0, 0.2, 0.2]", "launch = [0.0, 0.0, 0.0]")
+    report = verify(computed(text[: text.index("[record]")]))
+    assert report.passed
+    assert report.count(State.COMPARED) == 2
+    assert not any(line.startswith("largest error of a landing") for line in report.lines())

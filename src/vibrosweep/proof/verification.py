@@ -213,9 +213,10 @@ class Report:
             f"what changes of the parameters by {CHANGE:.2g} of themselves do"
         )
         found = [o.deviation for o in self.outcomes if o.deviation is not None]
+        found = [one for one in found if one[1] > 0.0]  # without a landing there is no estimate
         if found:
             largest = max(error for error, _ in found)
-            share = max(error / estimate for error, estimate in found if estimate > 0.0)
+            share = max(error / estimate for error, estimate in found)
             yield (
                 f"largest error of a landing, computed again: {largest:.3g} s; at most "
                 f"{share:.2g} of its estimate"

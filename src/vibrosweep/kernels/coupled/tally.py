@@ -79,8 +79,11 @@ def forget(work: Room, first: int, each: Each) -> None:
 @jit
 def apex(of: System, j: int) -> float:
     """Return the greatest height of the flight on which particle j sets out now."""
-    u = of.now[NOW.SPEED] + of.particle[PARTICLE.SPEED, j]
-    return float(of.now[NOW.HEIGHT] + (0.25 * u * u if u > 0.0 else 0.0))
+    relative = of.particle[PARTICLE.SPEED, j]
+    u = of.now[NOW.SPEED] + relative
+    # a particle that falls, or that the base pushes at once, is highest at its beginning
+    rises = u > 0.0 and relative >= 0.0
+    return float(of.now[NOW.HEIGHT] + (0.25 * u * u if rises else 0.0))
 
 
 @part
