@@ -112,7 +112,7 @@ def moving_flight(alpha, x_lift, x, y, count):
             if not sure and (-f <= NOISE * s * (alpha + abs(y - s)) or f1 >= 0.0):
                 return s, max(-2.0 * f1, 0.0), count
             s += step if -step < s else -0.75 * s
-        elif sure:
+        elif gamma <= 1.0:
             s += min(step, 0.5) if f1 < 0.0 else min(s, 0.25)
         else:
             tried = s + _next(alpha, x_lift, x + s, f, (f1, f2), step, newton, series, good)
