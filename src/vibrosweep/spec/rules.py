@@ -248,7 +248,10 @@ def realizations(
             mistakes.add(key, text, involves=["sample.design"])
         return product
     if number is None and spreads:
-        text = "is missing; state how many realizations to draw, a whole number, at least 1"
+        text = (
+            "is missing; state how many realizations to draw from the ranges, a whole number, at "
+            "least 1, or take a grid of values"
+        )
         mistakes.add(key, text, involves=["sample.design"])
     return number or 1
 
