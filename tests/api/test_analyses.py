@@ -49,6 +49,13 @@ def test_keywords_and_a_file_give_the_same(function, keywords, text, of_file):
         xr.testing.assert_identical(found, expected)
 
 
+def test_a_mapping_means_what_the_same_keywords_mean():
+    scene = {"amplitude": [0.1, 1.0, 2.0], "restitution": 0.9, "duration": 60.0}
+    assert vs.windows(scene).equals(vs.windows(**scene))
+    ranges = {"restitution": (0.8, 0.98), "duration": 2.0}
+    assert vs.sobol(ranges).equals(vs.sobol(**ranges))
+
+
 def test_sobol_takes_what_is_fixed_and_measures_what_it_needs():
     asks = {"restitution": (0.5, 0.9), "launch_velocity": (4.0, 5.0), "realizations": 64}
     found = vs.sobol(**asks, amplitude=0.0, gravity=2.0, outputs=["rebound_height_max"])

@@ -5,7 +5,7 @@ All take the keywords of `vibrosweep.sweep`, or the path of a sweep file, or a m
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import xarray as xr
@@ -84,9 +84,7 @@ def windows(
     >>> bool((abs(one.A_max - closed) <= one.A_max_bracket).all())
     True
     """
-    if spec is None:
-        keywords = {"windows": {}, **keywords}
-    return windows_of_spec(asked(spec, keywords, "windows"), thread_count(threads))
+    return windows_of_spec(asked(spec, keywords, "windows", windows={}), thread_count(threads))
 
 
 def bifurcation(
@@ -233,9 +231,9 @@ def sobol(
     >>> found.total_order.dims, found.parameter.values.tolist()
     (('output', 'parameter'), ['restitution', 'amplitude'])
     """
-    if any(name in INPUTS and isinstance(v, tuple) for name, v in keywords.items()):
-        keywords = {"realizations": SOBOL_SAMPLE, **keywords}
-    checked = asked(spec, keywords)
+    given = spec if isinstance(spec, Mapping) else keywords
+    ranged = any(name in INPUTS and isinstance(value, tuple) for name, value in given.items())
+    checked = asked(spec, keywords, **({"realizations": SOBOL_SAMPLE} if ranged else {}))
     return sobol_of_spec(checked, outputs, confidence, thread_count(threads))
 
 

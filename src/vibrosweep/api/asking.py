@@ -15,20 +15,23 @@ __all__ = ["Asked", "asked"]
 Asked = str | os.PathLike[str] | Mapping[str, Any]
 
 
-def asked(spec: Asked | None, keywords: Mapping[str, Any], *first: str) -> SweepSpec:
+def asked(
+    spec: Asked | None, keywords: Mapping[str, Any], *first: str, **defaults: Any
+) -> SweepSpec:
     """Return the sweep that a path or a mapping asks for, or keywords where there is neither.
 
-    `first` is that of `keyword_spec`.  Raises a SpecError that lists all mistakes, and a
+    `first` is that of `keyword_spec`; `defaults` are keywords of those that do not give them, which
+    a file does itself.  Raises a SpecError that lists all mistakes, and a
     ParameterError where there are both, or `spec` is neither path nor mapping.
     """
     if spec is None:
-        return keyword_spec(keywords, *first)
+        return keyword_spec({**defaults, **keywords}, *first)
     if keywords:
         raise ParameterError(
             f"{', '.join(keywords)}: not beside a sweep file or a mapping; write it there"
         )
     if isinstance(spec, Mapping):
-        return keyword_spec(spec, *first)
+        return keyword_spec({**defaults, **spec}, *first)
     if isinstance(spec, str | os.PathLike):
         return read_spec(spec)
     raise ParameterError(
