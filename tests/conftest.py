@@ -1,5 +1,6 @@
 """Shared by all tests: threads, sets of parameters, and random scenes over wide ranges."""
 
+import signal
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,9 @@ from hypothesis import settings
 # compiling a kernel takes seconds: no single example may be held to a time
 settings.register_profile("compiled", deadline=None)
 settings.load_profile("compiled")
+
+# ignored in the background of a shell, also by the commands that tests begin and interrupt
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -89,10 +89,7 @@ def result(tmp_path, vibrosweep):
 
 @pytest.fixture
 def start():
-    """Begin a command as a process, which ends with the test at the latest.
-
-    Signals end it, also where the tests run in the background of a shell, which ignores some.
-    """
+    """Begin a command as a process, which ends with the test at the latest."""
     begun = []
 
     def begin(*words, **options):
@@ -101,7 +98,6 @@ def start():
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             **options,
         )
         begun.append(process)

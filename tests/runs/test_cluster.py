@@ -345,12 +345,17 @@ def test_the_command_interrupted_from_a_terminal(tmp_path):
         start_new_session=True,
     )
     until = time.monotonic() + 60
-    while len(list(tmp_path.glob("sweep.h5.parts/chunk-*.part"))) < 2:
-        assert time.monotonic() < until
-        assert process.poll() is None, process.stderr.read()
-        time.sleep(0.1)
-    os.killpg(process.pid, signal.SIGINT)
-    messages = process.communicate(timeout=60)[1]
+    try:
+        while len(list(tmp_path.glob("sweep.h5.parts/chunk-*.part"))) < 2:
+            assert time.monotonic() < until
+            assert process.poll() is None, process.stderr.read()
+            time.sleep(0.1)
+        os.killpg(process.pid, signal.SIGINT)
+        messages = process.communicate(timeout=60)[1]
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
     assert process.returncode == 130
     assert messages.count("\n") == 1
     assert messages.startswith("vibrosweep: interrupted; ")
