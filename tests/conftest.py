@@ -13,7 +13,7 @@ from hypothesis import settings
 settings.register_profile("compiled", deadline=None)
 settings.load_profile("compiled")
 
-# ignored in the background of a shell, also by the commands that tests begin and interrupt
+# A shell makes what it runs in the background ignore SIGINT, and commands that tests begin too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 

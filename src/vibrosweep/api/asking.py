@@ -20,9 +20,9 @@ def asked(
 ) -> SweepSpec:
     """Return the sweep that a path or a mapping asks for, or keywords where there is neither.
 
-    `first` is that of `keyword_spec`; `defaults` are keywords of those that do not give them, which
-    a file does itself.  Raises a SpecError that lists all mistakes, and a
-    ParameterError where there are both, or `spec` is neither path nor mapping.
+    `first` is that of `keyword_spec`; `defaults` are what keywords or a mapping need not state, and
+    a file must.  Raises a SpecError that lists all mistakes, and a ParameterError where there are
+    both, or `spec` is neither path nor mapping.
     """
     if spec is None:
         return keyword_spec({**defaults, **keywords}, *first)

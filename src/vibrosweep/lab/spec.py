@@ -24,7 +24,7 @@ from vibrosweep.model.forcing import (
 from vibrosweep.model.mount import mount_mistakes
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED
 from vibrosweep.spec.messages import Mistakes, nearest
-from vibrosweep.spec.schema import Check, flag, is_plain, one_of
+from vibrosweep.spec.schema import MAX_SEED, Check, flag, is_plain, one_of
 from vibrosweep.spec.sweep import read_text
 
 MOST_PARTICLES: Final = 1000
@@ -193,6 +193,6 @@ _KEYS: Final[Mapping[str, Mapping[str, Check]]] = {
         "repeats": _whole(1, 1000),
         "transient": _number(0.0, 1e5, "s"),
         "duration": _number(0.0, 1e4, "s", above=True),
-        "seed": _whole(0, 2**63 - 1),
+        "seed": _whole(0, MAX_SEED),
     },
 }
