@@ -37,6 +37,15 @@ def test_nothing_is_said_of_table_1_as_it_stands(compute):
     assert not any("default" in line for line in describe(path))
 
 
+@pytest.mark.parametrize(("transient", "duration"), [(0.0, 12.0), (1000.0, 1010.0), (0.0, 64.0)])
+def test_a_window_too_short_for_exponents_is_told(compute, transient, duration):
+    path = compute(
+        f"[scene]\nduration = {duration}\n[measure]\nregimes = true\ntransient = {transient}\n"
+    )
+    told = "never aperiodic" in xr.load_dataset(path).attrs["notes"]
+    assert told == (duration - transient < 64.0)
+
+
 def test_an_observation_too_short_to_recognise_locked_orbits_is_told(compute, tmp_path, capsys):
     text = """
 [scene]

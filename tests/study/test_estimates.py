@@ -23,6 +23,16 @@ def test_the_ends_of_a_share_are_where_the_score_test_turns(count, size):
         assert abs(score) == pytest.approx(norm.ppf(0.975), rel=1e-9)
 
 
+@given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=30))
+def test_what_is_not_known_counts_neither_as_false_nor_as_true(rows):
+    flags, known = (np.array(column) for column in zip(*rows, strict=True))
+    found = share(flags, known)
+    least, most = share(flags & known), share(flags | ~known)
+    assert (found.low, found.high) == (least.low, most.high)
+    assert math.isnan(found.value) == (not known.all())
+    assert known.any() or (found.low < 1e-12 and found.high > 1.0 - 1e-12)
+
+
 def test_nothing_has_no_share_and_one_seed_no_interval():
     for found in (share([]), mean([1.0]), mean([1.0, math.nan])):
         assert math.isnan(found.low)

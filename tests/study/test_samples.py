@@ -6,7 +6,17 @@ import pytest
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.orbit_theory import FIXED, MOVING
 from vibrosweep.study import samples
-from vibrosweep.study.samples import ANY_PHASE, FIRST, Plan, by_seed, records, settings_of
+from vibrosweep.study.estimates import share
+from vibrosweep.study.samples import (
+    ANY_PHASE,
+    FIRST,
+    Plan,
+    by_seed,
+    irregular,
+    measured,
+    records,
+    settings_of,
+)
 
 
 @pytest.mark.parametrize("base", [*FIXED, SPRUNG])
@@ -40,3 +50,24 @@ def test_records_hold_all_that_is_drawn_in_its_order(monkeypatch):
     found = np.concatenate([one["restitution"].values for one in each])
     np.testing.assert_array_equal(found, drawn["restitution"])
     assert each[0].attrs["base"] == MOVING
+
+
+@pytest.mark.parametrize(("window", "known"), [(40.0, False), (2000.0, True)])
+def test_a_window_without_room_for_exponents_holds_no_share_of_irregular_motion(window, known):
+    """At e = 0.9 and 3 g over a moving base a flight takes a period or more."""
+    found = measured(
+        Plan(threads=1),
+        MOVING,
+        {"restitution": np.full(4, 0.9), "phase": np.linspace(0.1, 0.8, 4)},
+        base_acceleration=3.0,
+        amplitude=None,
+        particles=1,
+        duration=100.0 + window,
+        transient=100.0,
+        regimes=True,
+        lyapunov=True,
+        per_particle=True,
+    )
+    estimate = share(*irregular(found))
+    assert (estimate.value > 0.5) if known else np.isnan(estimate.value)
+    assert estimate.high > 0.9

@@ -6,6 +6,7 @@ A bad realization never ends a sweep; it gets a code, and the code has a sentenc
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Final
 
 
 class Status(IntEnum):
@@ -25,6 +26,10 @@ class Status(IntEnum):
     def meaning(self) -> str:
         """The code's name as it stands in a dataset's ``flag_meanings``."""
         return self.name.lower()
+
+
+# Fewer landings in the window tell nothing of how neighbouring orbits separate.
+LANDINGS_OF_AN_EXPONENT: Final = 64
 
 
 class Regime(IntEnum):
@@ -56,8 +61,8 @@ _REGIMES = {
         "be settling; observe for longer."
     ),
     Regime.APERIODIC: (
-        "No exact repetition was found, and the largest Lyapunov exponent, over 64 landings or "
-        "more, exceeds zero by three standard errors."
+        f"No exact repetition was found, and the largest Lyapunov exponent, over "
+        f"{LANDINGS_OF_AN_EXPONENT} landings or more, exceeds zero by three standard errors."
     ),
 }
 

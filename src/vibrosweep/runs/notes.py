@@ -8,6 +8,7 @@ import numpy as np
 
 from vibrosweep.model import theory
 from vibrosweep.model.forcing import INPUTS, inputs_of
+from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT
 from vibrosweep.model.times import Periods, in_periods
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.rules import Range
@@ -16,8 +17,12 @@ from vibrosweep.spec.sweep import SweepSpec
 
 def notes(spec: SweepSpec, design: Design) -> dict[str, str]:
     """Remarks on a sweep, by subject; empty if there are none."""
-    short = short_observation(spec, design) if spec.measures.regimes else ""
-    found = {"defaults": _defaults(spec, design), "observation": short}
+    found = {"defaults": _defaults(spec, design)}
+    if spec.measures.regimes:
+        found |= {
+            "observation": short_observation(spec, design),
+            "exponents": _short_window(spec, design),
+        }
     return {subject: text for subject, text in found.items() if text}
 
 
@@ -53,6 +58,19 @@ def short_observation(spec: SweepSpec, design: Design) -> str:
         f"an orbit locked to one period takes {takes} periods to return bit for bit at restitution "
         f"{restitution[1]:g}, and {observed:g} are observed: such orbits may "
         f"be called unsettled{longer}"
+    )
+
+
+def _short_window(spec: SweepSpec, design: Design) -> str:
+    """Say where a window is too short for the exponent of an orbit that lands once a period."""
+    frequency = np.array(_ends(spec, design, "frequency")[1:])
+    begin, end = (in_periods(t, frequency) for t in (spec.measures.transient, spec.duration))
+    periods = float((end - begin)[0])
+    if periods >= LANDINGS_OF_AN_EXPONENT:
+        return ""
+    return (
+        f"a Lyapunov exponent takes {LANDINGS_OF_AN_EXPONENT} landings, and the window has at most "
+        f"{periods:g} periods: without them motion is called unsettled, and never aperiodic"
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -23,6 +24,7 @@ from vibrosweep.study.samples import (
     TAU_C,
     Plan,
     Setting,
+    irregular,
     measured,
     settings_of,
 )
@@ -46,6 +48,9 @@ APART: Final = 0.25 * 0.5
 # Until when, and the window at the end that is judged, s
 LONG: Final = {base: 100.0 if base == SPRUNG else 600.0 for base in BASES}
 WINDOW: Final = 10.0
+# Exponents need more landings than fit into that, s
+WINDOW_OF_EXPONENTS: Final = 500.0
+PAIR: Final[Mapping[str, Any]] = {"particles": 2, "launch": [0.0, NEAR]}
 
 
 def synchronous(plan: Plan) -> Outcome:
@@ -54,7 +59,7 @@ def synchronous(plan: Plan) -> Outcome:
         Plan(plan.threads, seeds=1, realizations=200),
         theory.FIXED[0],
         FIRST,
-        _pair(theory.FIXED[0]),
+        {**PAIR, "regimes": True},
     )
     return Outcome(
         [_synchronous(plan, base) for base in BASES],
@@ -70,13 +75,13 @@ def synchronous(plan: Plan) -> Outcome:
     )
 
 
-def _pair(base: str) -> dict[str, Any]:
-    kind = {} if base == SPRUNG else {"regimes": True, "lyapunov": True}
-    return {"particles": 2, "launch": [0.0, NEAR], **kind}
-
-
 def _late(
-    plan: Plan, base: str, setting: Setting, scene: dict[str, Any], part: float = 1.0
+    plan: Plan,
+    base: str,
+    setting: Setting,
+    scene: Mapping[str, Any],
+    part: float = 1.0,
+    window: float = WINDOW,
 ) -> xr.Dataset:
     """The end of a long observation of drawn realizations launched at any phase."""
     return measured(
@@ -84,7 +89,7 @@ def _late(
         base,
         setting.drawn(plan, scale=part * SMALLER[base], phase=ANY_PHASE),
         duration=LONG[base],
-        transient=LONG[base] - WINDOW,
+        transient=LONG[base] - window,
         separation=True,
         **scene,
     )
@@ -92,12 +97,11 @@ def _late(
 
 def _synchronous(plan: Plan, base: str) -> Evidence:
     what = "share of pairs launched 1 µs apart, of those that still bounce, that have drawn apart"
-    late = {one.name: _late(plan, base, one, _pair(base)) for one in settings_of(base)}
     checks = []
-    for name, ends in late.items():
-        dt = ends["dt_min"].values
-        checks.append(nearly_all(what, dt[np.isfinite(dt)] > NEAR, name))
-    numbers = _bunch() if base == SPRUNG else _contraction(base, late[FIRST.name])
+    for one in settings_of(base):
+        dt = _late(plan, base, one, PAIR)["dt_min"].values
+        checks.append(nearly_all(what, dt[np.isfinite(dt)] > NEAR, one.name))
+    numbers = _bunch() if base == SPRUNG else _contraction(plan, base)
     drawn = Reading("pairs drawn at random", checks)
     return Evidence(base, (drawn,), [_in_one_slot(plan)] if base == SPRUNG else (), numbers)
 
@@ -122,11 +126,18 @@ def _in_one_slot(plan: Plan) -> Reading:
     return Reading("both locked to mode 1 (e = 0.9, 0.6 g)", (one,))
 
 
-def _contraction(base: str, late: xr.Dataset) -> tuple[Number, ...]:
+def _contraction(plan: Plan, base: str) -> tuple[Number, ...]:
     modulus = np.abs(theory.multipliers(1, 0.9, 1.2, base=base)).max()
-    irregular = share(late["aperiodic_count"].values > 0)
+    late = _late(
+        plan,
+        base,
+        FIRST,
+        {**PAIR, "regimes": True, "lyapunov": True, "per_particle": True},
+        window=WINDOW_OF_EXPONENTS,
+    )
+    what = "pairs in irregular motion (a positive Lyapunov exponent in the last 500 s), share"
     return (
-        number("pairs in irregular motion (a positive Lyapunov exponent), share", irregular),
+        number(what, share(*irregular(late))),
         number("factor by which a small separation changes per impact at Table 1", modulus),
     )
 
@@ -153,7 +164,7 @@ def _staggered(plan: Plan, base: str) -> Evidence:
             late = _late(plan, base, setting, {"particles": particles}, 0.125)["dt_min"].values
             what = f"share of {particles} staggered particles that bounce on more than τ_c apart"
             checks.append(nearly_all(what, late > contact, setting.name))
-        dt = _late(plan, base, setting, _pair(base))["dt_min"].values
+        dt = _late(plan, base, setting, PAIR)["dt_min"].values
         what = "share of pairs launched 1 µs apart that end a quarter of even spacing apart or more"
         together.append(nearly_all(what, dt[np.isfinite(dt)] >= APART, setting.name))
     returned = [_return(plan, base, n) for n in populations(base, 20)]

@@ -24,6 +24,7 @@ from vibrosweep.study.samples import (
     SMALLER,
     Plan,
     Setting,
+    irregular,
     measured,
     settings_of,
 )
@@ -234,11 +235,12 @@ def _strong(plan: Plan, base: str) -> Evidence:
             duration=1000.0,
             regimes=True,
             lyapunov=True,
+            per_particle=True,
         )
-        irregular = found["aperiodic_count"].values > 0
         what = "share of launches that end irregular (a positive Lyapunov exponent)"
-        every.append(nearly_all(what, irregular, setting.name))
-        some.append(check(what, share(irregular), "at least", SOME, setting=setting.name))
+        found_share = share(*irregular(found))
+        every.append(check(what, found_share, "at least", NEARLY_ALL, setting=setting.name))
+        some.append(check(what, found_share, "at least", SOME, setting=setting.name))
     return Evidence(
         base,
         readings=(Reading("always irregular", every), Reading("sometimes irregular", some)),

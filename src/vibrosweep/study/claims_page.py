@@ -165,9 +165,11 @@ def _number(one: Number) -> str:
 
 
 def _estimate(estimate: Estimate, units: str) -> str:
-    if estimate.low == estimate.high or math.isnan(estimate.value):
+    if estimate.low == estimate.high or math.isnan(estimate.low):
         return quantity(estimate.value, units)
     low, high = (quantity(end, "1", 3) for end in (estimate.low, estimate.high))
+    if math.isnan(estimate.value):
+        return f"between {low} and {quantity(estimate.high, units, 3)}"
     return f"{quantity(estimate.value, units, 3)} ({low} to {high})"
 
 

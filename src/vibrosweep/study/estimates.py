@@ -27,19 +27,25 @@ def exact(value: Estimate | SupportsFloat) -> Estimate:
     return Estimate(float(value), float(value), float(value))
 
 
-def share(flags: ArrayLike) -> Estimate:
+def share(flags: ArrayLike, known: ArrayLike = True) -> Estimate:
     """Share of independent realizations that are true, with Wilson's interval.
 
-    Of none it is NaN.
+    Of none it is NaN.  Where some are not known, so is the share: its interval then reaches from
+    that with all of these false to that with all of them true.
     """
     from scipy.stats import binomtest
 
     each = np.asarray(flags, np.bool_)
+    unknown = ~np.broadcast_to(np.asarray(known, np.bool_), each.shape)
     if not each.size:
         return Estimate(np.nan, np.nan, np.nan)
-    count = int(np.count_nonzero(each))
-    ends = binomtest(count, each.size).proportion_ci(CONFIDENCE, method="wilson")
-    return Estimate(count / each.size, float(ends.low), float(ends.high))
+    least, most = (int(np.count_nonzero(some)) for some in (each & ~unknown, each | unknown))
+    low, high = (
+        binomtest(count, each.size).proportion_ci(CONFIDENCE, method="wilson")
+        for count in (least, most)
+    )
+    value = least / each.size if least == most else np.nan
+    return Estimate(value, float(low.low), float(high.high))
 
 
 def mean(values: ArrayLike) -> Estimate:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from vibrosweep import simulate, sweep, theory
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime
 
 IMPACT_BUDGET: Final = 1_000_000
 # Part of the realizations where every landing is looked at
@@ -144,6 +145,18 @@ def _split(base: str, parameters: Mapping[str, Any]) -> tuple[dict[str, Any], di
 def mount(base: str) -> dict[str, Any]:
     """The mount of this package's base of finite mass; nothing for other bases."""
     return dict(MOUNT) if base == SPRUNG else {}
+
+
+def irregular(found: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether a particle's motion is aperiodic, and whether that is known; shape (realization,).
+
+    It is not known where a particle has not settled and its landings in the window are too few for
+    an exponent.  `found` holds regimes and per-particle results.
+    """
+    few = found["particle_impact_count"].values < LANDINGS_OF_AN_EXPONENT
+    unknown = (found["regime"].values == Regime.UNSETTLED) & few
+    aperiodic = found["aperiodic_count"].values > 0
+    return aperiodic, aperiodic | ~unknown.any(axis=1)
 
 
 def by_seed(plan: Plan, values: NDArray[Any]) -> NDArray[Any]:
