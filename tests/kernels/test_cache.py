@@ -1,26 +1,35 @@
 """The disk cache of machine code: several processes, damaged files."""
 
 import fcntl
+import struct
 import threading
 
 import numba
+import numpy as np
 import pytest
 
 from vibrosweep.kernels import _jit, vectors
-from vibrosweep.kernels._cache import Variants, variants
+from vibrosweep.kernels._cache import CheckedFiles, Variants, variants
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs machine code")
+
+
+CONSTANT = 1.2345678901234567
 
 
 def law(x, reflect):
     return -x if reflect is not None else x
 
 
+def scaled(x):
+    return CONSTANT * x
+
+
 @pytest.fixture
 def kernel(tmp_path, monkeypatch):
     """Make kernels of one function, each as a fresh process would have it."""
     monkeypatch.setattr(_jit, "cache_directory", tmp_path)
-    return lambda: _jit.kernel(law)
+    return lambda function=law: _jit.kernel(function)
 
 
 def hits(kernel):
@@ -56,18 +65,52 @@ def test_one_process_writes_at_a_time(kernel, tmp_path):
     assert variants(tmp_path) == Variants(2, 0, 0)
 
 
+def flipped(data, place, bit=0):
+    """Return the bytes with one bit changed."""
+    return data[:place] + bytes([data[place] ^ 1 << bit]) + data[place + 1 :]
+
+
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
-@pytest.mark.parametrize("damage", [b"", b"\x80\x04no pickle", b"\xff" * 64])
-def test_a_damaged_file_is_compiled_again(kernel, tmp_path, ending, damage):
+@pytest.mark.parametrize("damage", ["nothing", "text", "shorter", "longer", *range(6)])
+def test_a_damaged_file_is_compiled_again_and_replaced(kernel, tmp_path, ending, damage):
     kernel()(2.0, 1)
     (file,) = tmp_path.rglob(f"*.{ending}")
-    file.write_bytes(damage)
-    if ending == "nbi":
-        assert variants(tmp_path) == Variants(0, 0, 1)
+    data = file.read_bytes()
+    if isinstance(damage, int):
+        place, bit = np.random.default_rng(damage).integers([len(data), 8]).tolist()
+        changed = flipped(data, place, bit)
+    else:
+        words = {"nothing": b"", "text": b"\x80\x04no pickle", "shorter": data[:-1]}
+        changed = words.get(damage, data + b"\0")
+    file.write_bytes(changed)
+    assert variants(tmp_path) == Variants(0, 0, 1)
     again = kernel()
     assert (again(2.0, 1), hits(again)) == (-2.0, 0)
+    assert variants(tmp_path) == Variants(1, 0, 0)
+    assert file.read_bytes() != changed
     mended = kernel()
     assert (mended(2.0, 1), hits(mended)) == (-2.0, 1)
+
+
+def test_a_changed_bit_of_a_number_gives_no_other_result(kernel, tmp_path):
+    """Machine code with another constant is as good as any to a loader that compares nothing."""
+    kernel(scaled)(1.0)
+    (file,) = tmp_path.rglob("*.nbc")
+    data = file.read_bytes()
+    place = data.index(struct.pack("<d", CONSTANT))
+    file.write_bytes(flipped(data, place + 5))
+    assert kernel(scaled)(1.0) == CONSTANT
+
+
+def test_machine_code_of_another_variant_under_the_same_name(kernel, tmp_path):
+    """As a process that is killed between the two files of a variant may leave it."""
+    first = kernel()
+    assert (first(2.0, None), first(2.0, 1)) == (2.0, -2.0)
+    one, other = tmp_path.rglob("*.nbc")
+    one.write_bytes(other.read_bytes())
+    assert variants(tmp_path) == Variants(1, 0, 1)
+    again = kernel()
+    assert (again(2.0, None), again(2.0, 1), hits(again)) == (2.0, -2.0, 1)
 
 
 def test_a_missing_file_counts_as_damaged(kernel, tmp_path):
@@ -97,6 +140,6 @@ def test_a_disk_that_takes_nothing_still_computes(kernel, tmp_path, monkeypatch)
     def full(*arguments):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(numba.core.caching.IndexDataCacheFile, "save", full)
+    monkeypatch.setattr(CheckedFiles, "_open_for_write", full)
     assert kernel()(2.0, 1) == -2.0
     assert variants(tmp_path) == Variants(0, 0, 0)

@@ -101,5 +101,9 @@ def kernel_cache() -> Finding:
     if found.usable == 0:
         state += "; the next run compiles what it needs, vibrosweep warmup all there is"
     if found.damaged:
-        return Finding(subject, state, f"{found.damaged} are damaged: delete {directory}")
+        trouble = (
+            f"damaged or missing files: {found.damaged}; they are not used, vibrosweep warmup "
+            f"writes them again, or delete {directory}"
+        )
+        return Finding(subject, state, trouble)
     return Finding(subject, state)

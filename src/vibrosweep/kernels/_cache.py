@@ -4,27 +4,102 @@ Numba numbers the files of a kernel's compiled variants in an index that it read
 writes back.  Two processes that do this at once can take the same number; one variant is then
 loaded in place of the other, for example with a wrong law of rebound, and without an error.
 Therefore only one process at a time may write.
+
+Nor does numba notice a changed bit, which may give wrong numbers, or end the process.  Therefore
+every file has a checksum, which is compared before anything is made of its bytes.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import itertools
 import pickle
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
-import numba
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 
 from vibrosweep.kernels.vectors import vector_bits
 from vibrosweep.system import locked
 
+BYTES: Final = 32  # of a checksum
+
+# Name of a file of machine code, and its checksum
+Entry = tuple[str, bytes]
+
+
+def _checksum(data: bytes) -> bytes:
+    return hashlib.sha256(data).digest()
+
+
+def _indexed(path: Path) -> tuple[Any, dict[Any, Entry]]:
+    """Read an index: a stamp of the source, and the variants; a ValueError if it is damaged."""
+    data = path.read_bytes()
+    if _checksum(data[BYTES:]) != data[:BYTES]:
+        raise ValueError(f"{path}: is damaged")
+    stamp, entries = pickle.loads(data[BYTES:])
+    return stamp, entries
+
+
+def _machine_code(directory: Path, entry: Entry) -> bytes | None:
+    """Read a file of machine code; None if it is damaged or missing."""
+    name, checksum = entry
+    try:
+        data = (directory / name).read_bytes()
+    except OSError:
+        return None
+    return data if _checksum(data) == checksum else None
+
+
+class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]
+    """The files of one kernel: an index with its checksum before it, and machine code.
+
+    The checksums of the machine code stand in the index, so that a file of another variant, which a
+    process that was killed may have left under the same number, is not taken either.
+    """
+
+    def load(self, key: Any) -> Any:
+        """Return what was saved of a variant, or None."""
+        entry = self._load_index().get(key)
+        data = None if entry is None else _machine_code(Path(self._cache_path), entry)
+        return None if data is None else pickle.loads(data)
+
+    def save(self, key: Any, data: Any) -> None:
+        """Save a variant, in place of an earlier or damaged one."""
+        entries = self._load_index()
+        taken = {name for name, _ in entries.values()}
+        free = (name for name in map(self._data_name, itertools.count(1)) if name not in taken)
+        name = entries[key][0] if key in entries else next(free)
+        code = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(code)
+        entries[key] = name, _checksum(code)
+        index = self._dump((self._source_stamp, entries))
+        with self._open_for_write(self._index_path) as file:
+            file.write(_checksum(index) + index)
+
+    def _load_index(self) -> dict[Any, Entry]:
+        """Variants that were compiled from this source; none where the index cannot be read."""
+        try:
+            stamp, entries = _indexed(Path(self._index_path))
+        except Exception:  # the exceptions of unpickling have no common base class
+            return {}
+        return entries if stamp == self._source_stamp else {}
+
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The cache of one kernel; an unreadable file counts as missing."""
+    """The cache of one kernel; a damaged file counts as missing, and is written again."""
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        files = self._cache_file
+        self._cache_file = CheckedFiles(
+            self._cache_path, self._impl.filename_base, files._source_stamp
+        )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the machine code of a variant, or None.
@@ -33,12 +108,10 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         takes longer than all else.  Machine code that is complete needs no more than the functions
         that count references; where there is none, the compiler imports the rest itself.
         """
-        try:
+        # what another version of a library wrote may fail in any way
+        with contextlib.suppress(Exception):
             rtsys.initialize(target_context)
-            with self._guard_against_spurious_io_errors():
-                return self._load_overload(sig, target_context)
-        except Exception:  # the exceptions of unpickling damaged bytes have no common base class
-            self._discard()
+            return self._load_overload(sig, target_context)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -49,11 +122,6 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         """Tell variants apart by the width of their vectors too, which the environment can set."""
         return (*super()._index_key(sig, codegen), vector_bits())
-
-    def _discard(self) -> None:
-        index = Path(self._cache_file._index_path)
-        with contextlib.suppress(OSError), self._alone():
-            index.unlink(missing_ok=True)
 
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
@@ -66,32 +134,30 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 class Variants(NamedTuple):
     """How many compiled variants a directory holds."""
 
-    usable: int  # of them, those that this processor and this numba can use
-    foreign: int  # those of other processors, versions or widths of vectors
-    damaged: int  # those that cannot be read
+    usable: int  # of them, those that this processor can use
+    foreign: int  # those of other processors or widths of vectors
+    damaged: int  # those whose file, or that of their kernel's index, is damaged or missing
 
 
 def variants(directory: Path) -> Variants:
-    """Count the compiled variants in a directory of machine code.
+    """Count the compiled variants in a directory of machine code, and compare every checksum.
 
-    An index file holds the version of numba, and then a stamp of the source and the variants: names
-    of files by (signature, (system, processor, its features), digest, width of vectors).
+    Variants are told apart by (signature, (system, processor, its features), digest, width of
+    vectors).
     """
     cpu_target.target_context.refresh()
     here = cpu_target.target_context.codegen().magic_tuple()
     usable = foreign = damaged = 0
     for index in directory.rglob("*.nbi"):
         try:
-            with index.open("rb") as file:
-                version = pickle.load(file)
-                _, overloads = pickle.load(file)
+            _, entries = _indexed(index)
         except Exception:
             damaged += 1
             continue
-        for key, name in overloads.items():
-            if not (index.parent / name).is_file():
+        for key, entry in entries.items():
+            if _machine_code(index.parent, entry) is None:
                 damaged += 1
-            elif version == numba.__version__ and (key[1], key[-1]) == (here, vector_bits()):
+            elif (key[1], key[-1]) == (here, vector_bits()):
                 usable += 1
             else:
                 foreign += 1
