@@ -12,6 +12,7 @@ from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.retry import retry_failed
+from vibrosweep.runs.summary import unsettled
 from vibrosweep.spec.sweep import parse_spec, read_spec
 from vibrosweep.store.rundir import run_directory
 
@@ -129,6 +130,32 @@ def test_a_retry_that_is_ended_continues(sweep, output, tmp_path):
     assert told[0][0] == 2
     run_sweep(sweep(1000), tmp_path / "large.h5", threads=1)
     assert bits(output) == bits(tmp_path / "large.h5")
+
+
+@pytest.mark.parametrize("budget", [1000, 64])
+def test_a_retry_that_is_killed_after_its_result_had_its_name(sweep, output, monkeypatch, budget):
+    """Whether or not the new budget settled all."""
+    run_sweep(sweep(32), output, threads=1)
+    with monkeypatch.context() as patch:
+        patch.setattr("vibrosweep.runs.retry.abandon", lambda directory: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            retry_failed(sweep(32), output, threads=1, impact_budget=budget)
+    made = bits(output)
+    assert run_directory(output).exists()
+    _, again = retry_failed(sweep(32), output, threads=1, impact_budget=budget)
+    assert again == np.sum(unsettled(xr.load_dataset(output)))
+    assert bits(output) == made
+    assert not run_directory(output).exists()
+
+
+def test_a_retry_of_a_run_that_was_killed_after_its_result_had_its_name(sweep, output, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr("vibrosweep.runs.driver.abandon", lambda directory: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            run_sweep(sweep(32), output, threads=1, chunk=2)
+    assert run_directory(output).exists()
+    retry_failed(sweep(32), output, threads=1, impact_budget=1000)
+    assert not run_directory(output).exists()
 
 
 def test_what_is_not_the_same_sweep(sweep, output, tmp_path):

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import vibrosweep
+from vibrosweep.cli import main
 from vibrosweep.engine import measuring
 from vibrosweep.errors import Interruption, OutputError, RunError
 from vibrosweep.model.measures import Measures
@@ -393,18 +395,75 @@ def test_a_directory_that_is_removed(sweep, expected, tmp_path, what):
     assert (place / "out.h5").read_bytes() == expected
 
 
-def test_killed_between_the_result_and_its_parts(sweep, expected, tmp_path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "vibrosweep.runs.driver.abandon", lambda directory: exec("raise Killed", globals())
-        )
-        with pytest.raises(Killed):
-            sweep()
+LEFT = {
+    "all": [],
+    "no manifest": ["manifest.json"],
+    "some parts": ["manifest.json", "chunk-0000000000*", "chunk-0000000003*"],
+    "the lock": ["manifest.json", "chunk-*"],
+}
+
+
+@pytest.fixture
+def left(sweep, tmp_path):
+    """Kill a run after its result had its name, with these files left of its directory."""
+
+    def leave(kept, **options):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(
+                "vibrosweep.runs.driver.abandon", lambda path: exec("raise Killed", globals())
+            )
+            with pytest.raises(Killed):
+                sweep(**options)
+        directory = run_directory(tmp_path / "out.h5")
+        for path in [path for pattern in LEFT[kept] for path in directory.glob(pattern)]:
+            path.unlink()
+        return directory
+
+    return leave
+
+
+@pytest.mark.parametrize("by", ["command", "python"])
+@pytest.mark.parametrize("kept", LEFT)
+def test_killed_after_the_result_had_its_name(left, expected, tmp_path, capsys, by, kept):
+    """The same command again finds the result complete and clears away what is left."""
+    directory = left(kept)
+    spec, output = tmp_path / "sweep.toml", tmp_path / "out.h5"
+    if kept == "all":
+        assert len(parts(tmp_path)) == CHUNKS
+    if by == "command":
+        assert main(["run", str(spec), "-o", str(output)]) == 0
+        assert "out.h5: is the finished result of exactly this sweep" in capsys.readouterr().out
+    else:
+        vibrosweep.run(spec, output).close()
+    assert output.read_bytes() == expected
+    assert not directory.exists()
+
+
+def test_killed_after_a_result_was_replaced(left, sweep, expected, tmp_path):
+    (tmp_path / "out.h5").write_bytes(b"old")
+    directory = left("all", force=True)
+    sweep()
     assert (tmp_path / "out.h5").read_bytes() == expected
-    with pytest.raises(OutputError, match="exists and is kept"):
-        sweep()
-    sweep(force=True)
-    assert not run_directory(tmp_path / "out.h5").exists()
+    assert not directory.exists()
+
+
+def test_an_unfinished_run_of_another_sweep_is_not_cleared_away(sweep, expected, tmp_path, capsys):
+    spec, output = tmp_path / "sweep.toml", tmp_path / "out.h5"
+    with unfinished(sweep, text=SWEEP.replace("seed = 3", "seed = 4")):
+        before = parts(tmp_path)
+    output.write_bytes(expected)
+    spec.write_text(SWEEP)
+    assert main(["run", str(spec), "-o", str(output)]) == 2
+    assert "is the finished result of exactly this sweep;" in capsys.readouterr().err
+    assert parts(tmp_path) == before
+
+
+def test_what_cannot_be_cleared_away_is_in_nobodys_way(left, expected, tmp_path):
+    directory = left("all")
+    with holding(tmp_path / "out.h5"):
+        vibrosweep.run(tmp_path / "sweep.toml", tmp_path / "out.h5").close()
+    assert directory.exists()
+    assert (tmp_path / "out.h5").read_bytes() == expected
 
 
 def test_killed_while_the_parts_are_removed(sweep, expected, computed, tmp_path):

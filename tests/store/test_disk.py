@@ -9,8 +9,9 @@ import h5py
 import numpy as np
 import pytest
 
-from vibrosweep.errors import OutputError
+from vibrosweep.errors import OutputError, TakenOutputError
 from vibrosweep.model.measures import VARIABLES
+from vibrosweep.store import disk
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, replacing, undisturbed
 
@@ -165,3 +166,15 @@ def test_a_directory_that_takes_no_file(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.TemporaryFile", refuse)
     with pytest.raises(OutputError, match=r"cannot write in .*Permission denied.*output="):
         check_output(tmp_path / "out.h5", force=False)
+
+
+def test_a_result_under_another_name_is_flushed_before_it_is_told(tmp_path, monkeypatch):
+    """Whoever is told removes the parts of the run, which must not be durable before the result."""
+    flushed = []
+    monkeypatch.setattr(
+        disk, "flush_directory", lambda path: flushed.extend(sorted(p.name for p in path.iterdir()))
+    )
+    (tmp_path / "out.h5").write_bytes(b"other")
+    with pytest.raises(TakenOutputError), replacing(tmp_path / "out.h5", force=False) as new:
+        new.write(b"new")
+    assert flushed == ["out-1.h5", "out.h5"]

@@ -15,7 +15,7 @@ from vibrosweep.errors import ExistingOutputError, ParameterError
 from vibrosweep.kernels.observing import compiled
 from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import require_whole, run_sweep, thread_count
-from vibrosweep.runs.finished import is_of, origin
+from vibrosweep.runs.finished import cleared, is_of, origin
 from vibrosweep.runs.inmemory import sweep_in_memory
 from vibrosweep.runs.progress import showing
 from vibrosweep.spec.sweep import SweepSpec
@@ -182,6 +182,7 @@ def run(
         check_output(path, force=force or replaces(path), inputs=checked.inputs)
     except ExistingOutputError as error:
         if is_of(checked, path):
+            cleared(checked, path)
             return open_sweep(path)
         raise ExistingOutputError(path, origin(checked, path)) from error
     with showing(progress) as advance:

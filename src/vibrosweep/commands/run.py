@@ -49,7 +49,12 @@ def perform(options: argparse.Namespace) -> None:
 
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
-    _check(options, spec, output)
+    if not _to_compute(options, spec, output):
+        print(
+            f"{output}: is the finished result of exactly this sweep; the parts that its run left "
+            f"beside it are cleared away"
+        )
+        return
     from vibrosweep.runs.driver import run_sweep
     from vibrosweep.runs.progress import reporting
 
@@ -85,8 +90,8 @@ def perform(options: argparse.Namespace) -> None:
     print(f"{output} is as it was" if unchanged else f"written to {output}")
 
 
-def _check(options: argparse.Namespace, spec: SweepSpec, output: Path) -> None:
-    """Raise for impossible options before slow imports."""
+def _to_compute(options: argparse.Namespace, spec: SweepSpec, output: Path) -> bool:
+    """Raise for impossible options before slow imports; False where a killed run had ended."""
     from vibrosweep.errors import ExistingOutputError, ParameterError
     from vibrosweep.store.disk import check_output
     from vibrosweep.store.rundir import replaces
@@ -100,6 +105,9 @@ def _check(options: argparse.Namespace, spec: SweepSpec, output: Path) -> None:
     try:
         check_output(output, force=replace or replaces(output), inputs=spec.inputs)
     except ExistingOutputError as error:
-        from vibrosweep.runs.finished import origin
+        from vibrosweep.runs.finished import cleared, is_of, origin
 
+        if is_of(spec, output) and cleared(spec, output):
+            return False
         raise ExistingOutputError(output, origin(spec, output)) from error
+    return True

@@ -96,10 +96,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def __init__(self, function: Any) -> None:
         super().__init__(function)
-        files = self._cache_file
-        self._cache_file = CheckedFiles(
-            self._cache_path, self._impl.filename_base, files._source_stamp
-        )
+        stamp = self._impl.locator.get_source_stamp()
+        self._cache_file = CheckedFiles(self._cache_path, self._impl.filename_base, stamp)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the machine code of a variant, or None.

@@ -7,17 +7,37 @@ from pathlib import Path
 
 import h5netcdf
 
-from vibrosweep.errors import DataError
+from vibrosweep.errors import DataError, OutputError, RunError
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.runs.result import identity_in
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.kinds import SWEEP, kind_of
+from vibrosweep.store.parts import read_manifest
 from vibrosweep.store.reading import reading
+from vibrosweep.store.rundir import abandon, holding, run_directory
 
 
 def is_of(spec: SweepSpec, path: Path) -> bool:
     """Whether a file is the finished result of exactly this sweep and version."""
     return _changes(spec, path) == []
+
+
+def cleared(spec: SweepSpec, output: Path) -> bool:
+    """Clear away what a run that was killed left beside the finished result of this sweep.
+
+    Returns whether there was anything.  An unfinished run of another sweep, or a retry, is kept.
+    """
+    if not run_directory(output).exists():
+        return False
+    try:
+        with holding(output) as directory:
+            manifest = read_manifest(directory)
+            if manifest is not None and differences(manifest.identity, identity(spec)):
+                return False
+            abandon(directory)
+    except (OutputError, RunError):  # nothing can be written here, or another run is at work
+        return False
+    return True
 
 
 def origin(spec: SweepSpec, path: Path) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,6 +34,7 @@ from vibrosweep.store.rows import read_rows
 from vibrosweep.store.rundir import abandon, empty, holding
 
 BUDGET = "measure.impact_budget"
+AGAIN = "rows computed again"
 
 
 def retry_failed(
@@ -90,12 +91,13 @@ def retry_failed(
     with holding(output) as directory:
         if not output.exists() and read_manifest(directory) is not None:
             raise RunError(f"{output}: is not finished; finish the run before any of it is retried")
-        rows = _rows(spec, output)
+        before, rows = _rows(spec, output)
         if force:
             with reporting(output):
                 empty(directory)
         design = open_design(spec)
-        now = {**identity(spec), "rows computed again": _digest(rows)}
+        now = {**identity(spec), AGAIN: _digest(rows)}
+        _abandon_merged(directory, before, now)
         manifest = continued(output, directory, lambda: now)
         if manifest is None and rows:
             with Workers(threads) as workers:
@@ -115,8 +117,8 @@ def retry_failed(
     return summary, len(rows)
 
 
-def _rows(spec: SweepSpec, output: Path) -> tuple[int, ...]:
-    """Indices of the realizations to retry, in a result of this sweep.
+def _rows(spec: SweepSpec, output: Path) -> tuple[dict[str, str], tuple[int, ...]]:
+    """Identity of a result of this sweep, and indices of the realizations to retry.
 
     The first one is among them where the record lacks landings.
     """
@@ -141,7 +143,16 @@ def _rows(spec: SweepSpec, output: Path) -> tuple[int, ...]:
             f"{output}: was computed with an impact budget of {budget}, which "
             f"{spec.measures.impact_budget} would not reach: raise it with impact_budget="
         )
-    return tuple(np.flatnonzero(failed).tolist())
+    return before, tuple(np.flatnonzero(failed).tolist())
+
+
+def _abandon_merged(directory: Path, before: Mapping[str, str], now: Mapping[str, str]) -> None:
+    """Abandon a run that was killed after what it computed had come into the result."""
+    manifest = read_manifest(directory)
+    if manifest is not None and manifest.identity.get(AGAIN) != now[AGAIN]:
+        made = {key: value for key, value in manifest.identity.items() if key != AGAIN}
+        if made == before:
+            abandon(directory)
 
 
 def _digest(rows: tuple[int, ...]) -> str:

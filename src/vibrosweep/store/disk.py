@@ -141,7 +141,7 @@ def replacing(path: Path, room: Path | None = None, *, force: bool = True) -> It
     without `force`, another file of this name appeared meanwhile; the new file was then saved next
     to it, under another name.
     """
-    target = target_of(path)
+    target, beside = target_of(path), None
     partial = (room or target.parent) / f".{target.name[:40]}.{secrets.token_hex(4)}.partial"
     try:
         with reporting(path):
@@ -155,12 +155,14 @@ def replacing(path: Path, room: Path | None = None, *, force: bool = True) -> It
             if force:
                 partial.replace(target)
             elif not _named(partial, target):
-                raise TakenOutputError(path, _named_beside(partial, target))
+                beside = _named_beside(partial, target)
     finally:
         with suppress(OSError):  # the directory may have been removed
             partial.unlink()
     with suppress(OSError):  # not every system can flush a directory
         flush_directory(target.parent)
+    if beside is not None:
+        raise TakenOutputError(path, beside)
 
 
 def _named(partial: Path, name: Path) -> bool:
