@@ -1,0 +1,436 @@
+"""Cut the power at every moment of a run, and see what is lost.
+
+    python checks/crashes.py [--states 400] [--seed 1] [--write]
+
+What a run does to its files is recorded: names given and taken away, bytes written, flushes.  The
+power may fail after each of these operations.  What was flushed by then is on the disk; all else is
+there, or not, or in part: a name may be there without its bytes and the other way round, a write
+may have stopped half way or left zeros, and of two operations the later one may have come first.
+Each such state is laid out in a directory and the same command is given again: it must end well,
+compute no chunk again that was finished, nor any once the parts were being cleared away, give the
+bytes of an undisturbed run, and leave nothing beside them.  At no moment may anything but a
+complete file have the name of the result.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import platform
+import shutil
+import stat
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest import mock
+
+import numpy as np
+
+from accuracy import processor, table, write_section
+from vibrosweep.cli import main as command
+from vibrosweep.store.disk import Disk
+from vibrosweep.store.parts import MANIFEST, Parts
+from vibrosweep.store.rundir import LOCK, run_directory
+
+REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
+OUTPUT, SPEC = "out.h5", "sweep.toml"
+SWEEP = """title = "A sweep whose power is cut"
+[scene]
+particles = 2
+[sample]
+realizations = {realizations}
+seed = 3
+amplitude = [0.001, 3.0]
+restitution = [0.5, 0.99]
+[measure]
+separation = true
+impact_budget = 32
+"""
+CREATED = {"created": "2000-01-01T00:00:00+00:00"}
+ENDS = (f"/{MANIFEST}", f"/{LOCK}")  # with these a run clears away
+MODES = ("kept", "dropped", "no bytes", "zeros", "torn", "any")
+Tree = dict[str, bytes | None]  # what each path holds: None for a directory
+
+
+class Scenario(NamedTuple):
+    """A command, and whether a result is there before."""
+
+    chunk: int
+    chunks: int
+    words: tuple[str, ...] = ()
+    replaces: bool = False
+
+
+SCENARIOS = {
+    "one chunk": Scenario(4, 1),
+    "3 chunks": Scenario(2, 3),
+    "200 chunks": Scenario(1, 200),
+    "an old result replaced": Scenario(2, 3, ("--force",), replaces=True),
+    "a retry": Scenario(2, 12, ("--retry-failed", "--impact-budget", "1000000"), replaces=True),
+}
+
+
+class Operation(NamedTuple):
+    """What was done: to a file, which has a number, or to a name; or that a chunk is finished."""
+
+    kind: str
+    path: str = ""
+    file: int = -1  # or the number of the chunk
+    old: str = ""  # the name before a renaming
+    place: int = 0
+    data: bytes = b""
+
+    @property
+    def folder(self) -> str:
+        """Directory of the name."""
+        return self.path.rpartition("/")[0] or "."
+
+
+class Recorder:
+    """Notes what this process does to names and new files below a directory.
+
+    HDF5 writes through an object of Python, so that nothing is hidden in its library.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.operations: list[Operation] = []
+        self._files: dict[int, int] = {}  # numbers of files, by those of the system
+        self._count = 0
+
+    def _inside(self, path: Any) -> str | None:
+        """Path below the directory; None outside."""
+        inside = os.path.relpath(os.path.realpath(path), self.root)
+        return None if inside.startswith("..") else inside
+
+    def _note(self, kind: str, path: Any, **more: Any) -> None:
+        inside = self._inside(path)
+        if inside is not None:
+            self.operations.append(Operation(kind, inside, **more))
+
+    def begins(self, path: Any) -> None:
+        """Note a new file."""
+        self._files[Path(path).stat().st_ino] = self._count
+        self._note("create", path, file=self._count)
+        self._count += 1
+
+    def _moves(self, kind: str, old: Any, new: Any) -> None:
+        file = self._files.get(Path(new).stat().st_ino, -1)
+        self._note(kind, new, old=self._inside(old) or "", file=file)
+
+    def _flushes(self, descriptor: int) -> None:
+        found = os.fstat(descriptor)
+        if not stat.S_ISDIR(found.st_mode):
+            self.operations.append(Operation("flush", file=self._files[found.st_ino]))
+            return
+        for path in (self.root, run_directory(self.root / OUTPUT)):
+            if path.exists() and os.path.samestat(found, path.stat()):
+                self._note("flush names", path)
+
+    @contextmanager
+    def recording(self) -> Iterator[None]:
+        """Note all that happens inside."""
+        opening, beginning, writing, cutting = os.open, Disk.__init__, Disk.write, Disk.truncate
+        finishing = Parts.write
+
+        def opened(path: Any, flags: int, *rest: Any, **more: Any) -> int:
+            new = flags & os.O_CREAT and not os.path.lexists(path)
+            descriptor = opening(path, flags, *rest, **more)
+            if new and self._inside(path):
+                self.begins(path)
+            return descriptor
+
+        def begun(disk: Disk, path: Path, output: Path) -> None:
+            beginning(disk, path, output)
+            self.begins(path)
+
+        def write(disk: Disk, data: Any, /) -> int:
+            file, place = self._files[os.fstat(disk.fileno()).st_ino], disk.tell()
+            self.operations.append(
+                Operation("write", file=file, place=place, data=bytes(memoryview(data)))
+            )
+            return writing(disk, data)
+
+        def cut(disk: Disk, size: int | None = None, /) -> int:
+            size, file = cutting(disk, size), self._files[os.fstat(disk.fileno()).st_ino]
+            self.operations.append(Operation("cut", file=file, place=size))
+            return size
+
+        def finished(parts: Parts, index: int, columns: Any) -> None:
+            finishing(parts, index, columns)
+            self.operations.append(Operation("finished", file=index))
+
+        notes: Mapping[str, Callable[..., object]] = {
+            "fsync": self._flushes,
+            "replace": partial(self._moves, "rename"),
+            "link": partial(self._moves, "link"),
+            "unlink": partial(self._note, "unlink"),
+            "mkdir": lambda path, *mode: self._note("mkdir", path),
+            "rmdir": partial(self._note, "rmdir"),
+        }
+        with ExitStack() as stack:
+            patch = lambda *what: stack.enter_context(mock.patch.object(*what))  # noqa: E731
+            for name, note in notes.items():
+                patch(os, name, _noting(getattr(os, name), note))
+            patch(os, "open", opened)
+            patch(Parts, "write", finished)
+            patch(Disk, "__init__", begun)
+            patch(Disk, "write", write)
+            patch(Disk, "truncate", cut)
+            yield
+
+
+def _noting(call: Callable[..., Any], note: Callable[..., object]) -> Callable[..., Any]:
+    def noting(*arguments: Any, **more: Any) -> Any:
+        result = call(*arguments, **more)
+        note(*arguments)
+        return result
+
+    return noting
+
+
+class Recorded:
+    """A run, and what a power cut at a moment of it may leave."""
+
+    def __init__(self, first: Tree, operations: list[Operation]) -> None:
+        self.first = first
+        self.operations = operations
+
+    def durable(self, moment: int) -> list[bool]:
+        """Tell which of the operations until a moment were flushed by then."""
+        flushed: set[int | str] = set()
+        found = []
+        for one in reversed(self.operations[:moment]):
+            if one.kind == "flush":
+                flushed.add(one.file)
+            elif one.kind == "flush names":
+                flushed.add(one.path)
+            of = one.file if one.kind in ("write", "cut") else one.folder
+            found.append(of in flushed)
+        return found[::-1]
+
+    def left(self, moment: int, mode: str, rng: np.random.Generator) -> Tree:
+        """Lay out what a cut at a moment leaves, where what was not flushed has one of `MODES`."""
+        names: dict[str, int | None] = dict.fromkeys((".", *self.first))
+        data: dict[int, bytearray] = {}
+        for number, (path, held) in enumerate(self.first.items(), start=1):
+            if held is not None:
+                names[path], data[-number] = -number, bytearray(held)
+        for one, safe in zip(self.operations[:moment], self.durable(moment), strict=True):
+            fate = "kept" if safe else str(rng.choice(MODES[:-1])) if mode == "any" else mode
+            if one.kind in ("write", "cut"):
+                _write(data.setdefault(one.file, bytearray()), one, fate)
+            elif fate != "dropped" and one.folder in names:
+                _name(names, one)
+        return {
+            path: None if file is None else bytes(data.get(file, b""))
+            for path, file in names.items()
+            if path != "."
+        }
+
+    def promised(self, moment: int) -> tuple[set[int], bool]:
+        """Chunks that were finished by a moment, and whether the parts were being cleared away."""
+        done = self.operations[:moment]
+        chunks = {one.file for one in done if one.kind == "finished"}
+        ended = any(one.kind == "unlink" and one.path.endswith(ENDS) for one in done)
+        return chunks, ended
+
+
+def _write(data: bytearray, one: Operation, fate: str) -> None:
+    """Carry a change of a file out, or what the power cut lets through."""
+    if fate in ("dropped", "no bytes"):
+        return
+    if one.kind == "cut":
+        del data[one.place :]
+        data.extend(bytes(one.place - len(data)))
+        return
+    new = {"zeros": bytes(len(one.data)), "torn": one.data[: len(one.data) // 2]}.get(
+        fate, one.data
+    )
+    data.extend(bytes(max(0, one.place - len(data))))
+    data[one.place : one.place + len(new)] = new
+
+
+def _name(names: dict[str, int | None], one: Operation) -> None:
+    """Carry a change of names out."""
+    if one.kind == "mkdir":
+        names[one.path] = None
+    elif one.kind in ("create", "link", "rename"):
+        names[one.path] = one.file
+        if one.kind == "rename":
+            names.pop(one.old, None)
+    elif one.kind == "unlink" or (
+        one.kind == "rmdir" and not any(path.startswith(f"{one.path}/") for path in names)
+    ):
+        names.pop(one.path, None)
+
+
+def tree_of(root: Path) -> Tree:
+    """What a directory holds."""
+    found = sorted(root.rglob("*"))
+    return {str(p.relative_to(root)): None if p.is_dir() else p.read_bytes() for p in found}
+
+
+def lay_out(tree: Tree, root: Path) -> None:
+    """Make a directory that holds a tree, and nothing else."""
+    shutil.rmtree(root, ignore_errors=True)
+    root.mkdir()
+    for path, held in sorted(tree.items()):
+        (root / path).mkdir() if held is None else (root / path).write_bytes(held)
+
+
+def given(root: Path, scenario: Scenario, words: tuple[str, ...]) -> tuple[int, str]:
+    """Give the command; return its exit code and what it says."""
+    said, output = io.StringIO(), str(root / OUTPUT)
+    chunk = ("--chunk", str(scenario.chunk), "--threads", "1")
+    with (
+        redirect_stdout(said),
+        redirect_stderr(said),
+        mock.patch("vibrosweep.runs.result.provenance", return_value=CREATED),
+    ):
+        code = command(["run", str(root / SPEC), "-o", output, *chunk, *words])
+    return code, said.getvalue()
+
+
+def record(root: Path, scenario: Scenario) -> tuple[Recorded, bytes]:
+    """Record a run; return it and the result."""
+    spec = SWEEP.format(realizations=scenario.chunk * scenario.chunks)
+    lay_out({SPEC: spec.encode()}, root)
+    if scenario.replaces:
+        given(root, scenario, ())
+    recorder = Recorder(root.resolve())
+    first = tree_of(root)
+    with recorder.recording():
+        code, said = given(root, scenario, scenario.words)
+    run = Recorded(first, recorder.operations)
+    found = tree_of(root)
+    if code or run.left(len(run.operations), "kept", np.random.default_rng()) != found:
+        raise SystemExit(f"what the run did is not what was recorded of it ({code}): {said}")
+    result = found[OUTPUT]
+    assert result is not None
+    return run, result
+
+
+@dataclass
+class Findings:
+    """What was seen."""
+
+    operations: int = 0
+    states: int = 0
+    finished: int = 0
+    lost: int = 0
+    incomplete: int = 0
+    refused: int = 0
+    different: int = 0
+    left: int = 0
+
+    @property
+    def failures(self) -> int:
+        return self.lost + self.incomplete + self.refused + self.different + self.left
+
+
+def again(root: Path, scenario: Scenario, tree: Tree, result: bytes) -> bool:
+    """Give the command again until it ends well; tell whether it did."""
+    lay_out(tree, root)
+    # a run with --force goes on without it; where none has begun, it is to be given again
+    tries = ((), scenario.words) if scenario.words == ("--force",) else (scenario.words,)
+    for words in tries:
+        code, said = given(root, scenario, words)
+        if code == 0:
+            return True
+        if tree == {SPEC: tree[SPEC], OUTPUT: result}:
+            return "is the finished result of exactly this sweep" in said
+    return False
+
+
+def campaign(root: Path, scenario: Scenario, states: int, seed: int) -> Findings:
+    """Go on from so many states that differ, or from all there are."""
+    run, result = record(root, scenario)
+    rng, seen = np.random.default_rng(seed), set()
+    findings = Findings(operations=len(run.operations))
+    moments = np.arange((len(run.operations) + 1) * len(MODES))
+    for number in rng.permutation(moments).tolist():
+        moment, mode = divmod(number, len(MODES))
+        tree = run.left(moment, MODES[mode], rng)
+        if (key := hash(frozenset(tree.items()))) not in seen:
+            seen.add(key)
+            _try(root, scenario, run, moment, tree, result, findings)
+        if len(seen) == states:
+            break
+    return findings
+
+
+def _try(
+    root: Path,
+    scenario: Scenario,
+    run: Recorded,
+    moment: int,
+    tree: Tree,
+    result: bytes,
+    findings: Findings,
+) -> None:
+    """Go on from what is left at a moment, and compare."""
+    chunks, ended = run.promised(moment)
+    findings.states += 1
+    findings.finished += len(chunks)
+    findings.incomplete += tree.get(OUTPUT) not in (
+        (result,) if ended else (result, run.first.get(OUTPUT))
+    )
+    computed: list[int] = []
+    writing = Parts.write
+
+    def write(parts: Parts, index: int, columns: Any) -> None:
+        computed.append(index)
+        writing(parts, index, columns)
+
+    with (
+        mock.patch.object(Parts, "write", write),
+        mock.patch.object(os, "fsync", return_value=None),
+    ):
+        findings.refused += not again(root, scenario, tree, result)
+    findings.lost += len(computed) if ended else len(chunks & set(computed))
+    found = tree_of(root)
+    findings.different += found.pop(OUTPUT, None) != result
+    findings.left += set(found) != {SPEC}
+
+
+def report(found: Mapping[str, Findings], seconds: float, seed: int) -> str:
+    each = found.values()
+    rows = [
+        ("operations on files", *(f.operations for f in each)),
+        ("states after a power cut that were gone on from", *(f.states for f in each)),
+        ("finished chunks in them", *(f.finished for f in each)),
+        ("finished chunks lost", *(f.lost for f in each)),
+        ("incomplete files under the name of the result", *(f.incomplete for f in each)),
+        ("states from which the same command does not go on", *(f.refused for f in each)),
+        ("results that differ from that of an undisturbed run", *(f.different for f in each)),
+        ("results with anything left beside them", *(f.left for f in each)),
+    ]
+    made = f"Python {platform.python_version()}; {processor()}; seed {seed}; {seconds:.0f} s"
+    return f"{table(('', *found), rows)}\n\n*{made}.*"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--states", type=int, default=400, help="of each kind of run, at most")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--write", action="store_true", help="write the table into the report")
+    options = parser.parse_args()
+    began, found = time.perf_counter(), {}
+    for name, scenario in SCENARIOS.items():
+        with tempfile.TemporaryDirectory() as directory:
+            root = Path(directory) / "disk"
+            found[name] = campaign(root, scenario, options.states, options.seed)
+    text = report(found, time.perf_counter() - began, options.seed)
+    print(text) if not options.write else write_section("crashes", text, REPORT)
+    raise SystemExit(1 if any(findings.failures for findings in found.values()) else 0)
+
+
+if __name__ == "__main__":
+    main()
