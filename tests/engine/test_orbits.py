@@ -80,12 +80,19 @@ def test_one_particle_without_landings_leaves_the_exponents_of_the_others(
 
 
 REPEATS = (Regime.RESTING, Regime.LOCKED)
+OF_EACH = [
+    variable.name
+    for key in ("regimes", "lyapunov")
+    for variable in MEASURES[key].variables
+    if "particle" in variable.dims
+]
+KINDS = (("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest"))
 
 
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_all_that_is_said_of_an_orbit_agrees_with_itself_and_with_a_longer_run(data):
-    rebound = data.draw(st.sampled_from(["rest", "reflect"]))
+    base, rebound = data.draw(st.sampled_from(KINDS))
     duration = data.draw(st.sampled_from([3.0, 12.0, 60.0, 300.0, 1000.0]))
     transient = data.draw(st.sampled_from([0.0, 0.3])) * duration
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
@@ -109,6 +116,7 @@ def test_all_that_is_said_of_an_orbit_agrees_with_itself_and_with_a_longer_run(d
             lyapunov=data.draw(st.booleans()),
             impact_budget=10**6,
         ),
+        base=base,
     )
     with Workers(1) as one:
         found = measure(scene, asked, one)
@@ -134,6 +142,72 @@ def test_all_that_is_said_of_an_orbit_agrees_with_itself_and_with_a_longer_run(d
         assert np.array_equal(longer[name][repeats], found[name][repeats]), name
     at_rest = found["regime"] == Regime.AT_REST
     assert np.all(longer["regime"][at_rest] == Regime.AT_REST)
+
+
+@settings(max_examples=60)
+@given(
+    kind=st.sampled_from(KINDS),
+    duration=st.sampled_from([3.0, 12.0, 60.0, 300.0]),
+    share=st.sampled_from([0.0, 0.1, 0.9]),
+    exponents=st.booleans(),
+    seed=st.integers(0, 2**32),
+)
+def test_an_orbit_that_is_lifted_from_two_rests_is_resting(
+    kind, duration, share, exponents, seed, parameters, observe, record, workers
+):
+    rng = np.random.default_rng(seed)
+    scene = parameters(
+        restitution=rng.choice([0.0, 0.3, 0.6, 0.9], 12) * rng.uniform(0.9, 1.0, 12),
+        amplitude=rng.uniform(1.0, 9.0, 12),
+        frequency=rng.choice([0.7, 1.0, 3.0], 12),
+        contact_time=10.0 ** rng.uniform(-5.0, -2.0, 12),
+    )
+    asked = observe((0.0, 0.37), duration=duration, separation=False, base=kind[0], rebound=kind[1])
+    begin = share * duration
+    found = measure(
+        scene, asked.measuring(transient=begin, regimes=True, lyapunov=exponents), workers
+    )
+    kept = record(scene, asked)
+    for place in np.ndindex(12, 2):
+        landings = kept["impact_count"][place]
+        rests = np.flatnonzero(kept["rested"][place][:landings])
+        lifted = kept["liftoff_time"][place][rests]
+        one = {name: found[name][place] for name in OF_EACH if name in found}
+        if np.isnan(lifted).any():
+            assert one["regime"] == Regime.AT_REST
+            continue
+        assert (one["regime"] == Regime.RESTING) == (rests.size > 1)
+        if rests.size > 1:
+            cycle, apart = rests[1] - rests[0], lifted[1] - lifted[0]
+            assert (one["cycle_rests"], one["cycle_impacts"]) == (1, cycle)
+            assert one["cycle_periods"] == pytest.approx(apart * scene["frequency"][place[0]])
+            assert one["recurrent_from"] == pytest.approx(lifted[0], rel=1e-12)
+        seen = np.count_nonzero(kept["landing_time"][place][rests] >= begin)
+        if exponents and (rests.size > 1 or (seen > 0 and one["regime"] != Regime.LOCKED)):
+            # -inf of a cycle; of one rest without a cycle nothing is known
+            value = -np.inf if rests.size > 1 else np.nan
+            error = np.inf if one["cycle_uncertain"] == 1 else 0.0 if rests.size > 1 else np.nan
+            for name in ("largest", "sum"):
+                np.testing.assert_equal(one[f"lyapunov_{name}"], value)
+                np.testing.assert_equal(one[f"lyapunov_{name}_error"], error)
+
+
+def test_two_rests_close_a_cycle_however_long_it_is(parameters, observe, workers):
+    scene = parameters(restitution=0.5, amplitude=5.0)
+    asked = observe((0.0,), duration=20_000.0, separation=False, lyapunov=True, rebound="reflect")
+    found = measure(scene, asked, workers)
+    # it rests after impacts 6354, 14428 and 22502
+    assert found["particle_rest_count"].item() == 3
+    assert found["regime"].item() == Regime.RESTING
+    assert found["cycle_impacts"].item() == 22502 - 14428 == 14428 - 6354
+    assert found["lyapunov_largest"].item() == -np.inf
+    once = measure(scene, replace(asked, duration=9000.0), workers)
+    assert once["particle_rest_count"].item() == 1
+    assert once["regime"].item() == Regime.UNSETTLED
+    assert np.isnan(once["lyapunov_largest"].item())
+    before = measure(scene, replace(asked.measuring(transient=5000.0), duration=9000.0), workers)
+    assert before["particle_rest_count"].item() == 0
+    assert before["lyapunov_largest"].item() > 0.0
 
 
 def test_exponents_do_not_change_what_is_said_of_regimes(parameters, observe, workers):

@@ -173,22 +173,76 @@ def test_recurrence_within_a_cycle_of_the_end(computed):
     text = """
 title = "Observed for hardly longer than it takes to recur"
 [scene]
-restitution = 0.6
-launch = [0.0]
-duration = 12.0
+restitution = 0.3
+launch = [0.3]
+launch_velocity = 4.905
+duration = 73.0
 [sample]
 design = "grid"
-amplitude = { start = 0.5, stop = 2.5, num = 41 }
+amplitude = { start = 3.45, stop = 4.0, num = 21 }
 [measure]
 regimes = true
 trust = true
 """
     path = computed(text)
     with h5py.File(path) as file:
-        assert np.any(file["recurrent_from"][...] > 11.0)
+        assert np.sum(file["recurrent_from"][...] > 72.0) > 10
     report = everything(path)
     assert report.passed
-    assert len(report.variables()["recurrent_from"].compared) == 41
+    assert len(report.variables()["recurrent_from"].compared) == 21
+
+
+RESTS = """
+title = "Orbits that rest twice, once, or never, over few periods"
+[scene]
+base = "{}"
+rebound = "{}"
+particles = 3
+launch = [0.0, 0.37, 10.7]
+duration = 12.0
+[sample]
+realizations = 30
+seed = 4
+contact_time = 0.02
+restitution = [0.1, 0.5]
+base_acceleration = [1.05, 4.0]
+[measure]
+transient = {}
+regimes = true
+lyapunov = true
+trust = true
+per_particle = true
+"""
+# What a file says of a particle for which it knows no cycle
+UNSETTLED = {
+    "regime": Regime.UNSETTLED,
+    **dict.fromkeys(("cycle_impacts", "cycle_periods", "cycle_rests"), 0),
+    **dict.fromkeys(("cycle_uncertain", "orbit", "slot"), -1),
+    **dict.fromkeys(("recurrent_from", "lyapunov_largest", "lyapunov_sum"), math.nan),
+}
+
+
+@pytest.mark.parametrize("transient", [0.0, 6.0])
+@pytest.mark.parametrize(
+    "scene", [("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest")]
+)
+def test_a_cycle_that_is_closed_by_two_rests(computed, edited, scene, transient):
+    path = computed(RESTS.format(*scene, transient))
+    report = everything(path)
+    assert not list(report.complaints())
+    proved = {o.realization for o in report.outcomes if o.state is State.COMPARED}
+    with edited(path) as (changed, file):
+        rests = file["particle_rest_count"][...]
+        once = (rests == 1) & (file["regime"][...] == Regime.UNSETTLED)
+        assert np.any(once)
+        assert np.all(np.isnan(file["lyapunov_largest"][...][once]))
+        row = min(proved & set(np.flatnonzero(rests[:, 0] > 1).tolist()))
+        # all that says so is taken back, and only that
+        for name, none in UNSETTLED.items():
+            assert file[name][row, 0] != none
+            file[name][row, 0] = none
+    found = {c.partition(": ")[2].partition(" ")[0] for c in everything(changed).complaints()}
+    assert found >= UNSETTLED.keys()
 
 
 @pytest.mark.parametrize("number", range(12))

@@ -1,8 +1,10 @@
 """The orbit that each trajectory settles on: regime, cycle, multipliers, Lyapunov exponents.
 
-Cycles are those that were recognised while the trajectory was advanced (see `cycles`); nothing here
-looks for a recurrence.  The exponents of an orbit that does not recur are means along it, over the
-landings in the window; those of a cycle are in `exponents`.
+Cycles without rests are those that were recognised while the trajectory was advanced (see
+`cycles`).  After a rest the state is that of the one lift-off from rest there is, bit for bit: with
+its second rest an orbit has closed its cycle, which it entered with the first.  The exponents of
+an orbit that does not recur are means along it, over the landings in the window; those of a cycle
+are in `exponents`.
 """
 
 from __future__ import annotations
@@ -16,7 +18,6 @@ from vibrosweep.kernels import growth
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel
 from vibrosweep.kernels.bases import (
     Constants,
-    after_rest,
     constants,
     contraction,
     density,
@@ -57,7 +58,8 @@ class Orbits(NamedTuple):
     # 1 where rounding may have changed a decision along the cycle, 0 where it cannot have, -1 where
     # there is no cycle
     uncertain: Flags
-    # Time in forcing periods from which on the orbit is known to repeat; NaN if it is not
+    # Time in forcing periods from which on the orbit is known to repeat, of one with rests that of
+    # the first lift-off from rest; NaN if it is not
     since: Floats
     # whole, phase, flight: a state from which the orbit can be continued: whole periods and phase
     # of a lift-off, and the duration of the flight that follows.  On a cycle, the representative:
@@ -70,8 +72,9 @@ class Orbits(NamedTuple):
     # The leading multiplier of the cycle, 0 if it has a rest; NaN where there is no cycle
     multiplier: NDArray[np.complex128]
     # largest, largest_error: largest Lyapunov exponent per impact, and the standard error of its
-    # mean, or the rounding error to first order where multipliers give it; -inf with error 0 where
-    # a rest occurs.  The error is infinite where the cycle is uncertain.
+    # mean, or the rounding error to first order where multipliers give it; -inf with error 0 of a
+    # cycle with a rest, and at rest for good; NaN where the window sees one rest and no cycle is
+    # closed.  The error is infinite where the cycle is uncertain.
     largest: Floats
     largest_error: Floats
     # total, total_error: sum of both exponents per impact, from the areas of the frames that are
@@ -101,25 +104,42 @@ def empty_orbits(trajectories: int) -> Orbits:
     )
 
 
+class Rests(NamedTuple):
+    """Rests of a trajectory, up to the second from which it is lifted."""
+
+    lifted: int  # those from which it is lifted: 0, 1 or 2
+    seen: int  # those in the window
+    first: float  # whole periods of the first lift-off
+    # impacts, periods: from the first lift-off to the second, the cycle
+    impacts: int
+    periods: int
+
+
 @jit
 def _follow(
-    fixed: Constants, launched: State, begin: Instant, end: Instant, budget: int, g: Floats
-) -> tuple[State, int, float, float]:
-    """Simulate a trajectory to its end.
+    fixed: Constants,
+    launched: State,
+    begin: Instant,
+    end: Instant,
+    budget: int,
+    g: Floats,
+) -> tuple[State, Rests, float, float]:
+    """Simulate a trajectory to its end, or until two rests have closed its cycle.
 
-    Returns the state reached and, of the impacts in the window, the number of rests, the sum of the
+    Returns the state reached; what `Rests` holds; and, of the impacts in the window, the sum of the
     logarithms of areas, and the bound of its rounding error.
     """
     n, x, u = launched
     c, d = 1.0, 0.0
-    rests, area, slack = 0, 0.0, 0.0
+    lifted, seen, first, since, impacts, periods = 0, 0, np.nan, 0, 0, 0
+    area, slack = 0.0, 0.0
     growth.empty(g)
-    for _ in range(budget):
+    for age in range(budget):
         hit = impact(fixed, n, x, u)
         if not hit.n - end[0] <= end[1] - hit.x:
             break
         if begin[0] - hit.n <= hit.x - begin[1]:
-            rests += 0 if hit.leaves else 1
+            seen += 0 if hit.leaves else 1
             c, d, along, across, error = stretch(c, d, jacobian(fixed, hit.flight))
             growth.add(g, growth.logarithm(along))
             before = density(fixed, abs(u))
@@ -129,9 +149,16 @@ def _follow(
             else:  # in these coordinates nothing is left to be measured
                 area += growth.logarithm(contraction(fixed, hit.v))
         if hit.n_off == np.inf:
-            return (hit.n, hit.x, 0.0), rests, area, slack
+            n, x, u = hit.n, hit.x, 0.0
+            break
         n, x, u = hit.n_off, hit.x_off, hit.u
-    return (n, x, u), rests, area, slack
+        if not hit.leaves:
+            if lifted == 0:
+                lifted, first, since = 1, n, age
+            elif n > first:  # not where it makes no headway
+                lifted, impacts, periods = 2, age - since, int(n - first)
+                break
+    return (n, x, u), Rests(lifted, seen, first, impacts, periods), area, slack
 
 
 @jit
@@ -222,12 +249,9 @@ def _write_cycle(fixed: Constants, t: int, state: State, out: Orbits) -> None:
 
 @jit
 def _write_mean(
-    t: int, fixed: Constants, rests: int, area: float, slack: float, g: Floats, out: Orbits
+    t: int, fixed: Constants, area: float, slack: float, g: Floats, out: Orbits
 ) -> None:
-    """Write the exponents of an orbit that does not recur, which may have `rests` rests."""
-    if rests > 0:
-        _write_exponents(t, fixed, (-np.inf, 0.0), (-np.inf, 0.0), out)
-        return
+    """Write the exponents of an orbit that does not recur, and does not rest in the window."""
     impacts = growth.count(g)
     total = (area / impacts, slack / impacts) if impacts > 0.0 else (np.nan, np.nan)
     _write_exponents(t, fixed, (growth.mean(g), growth.error(g)), total, out)
@@ -260,9 +284,9 @@ def settle(
 ) -> None:
     """Determine the orbits that trajectories first ... last - 1 of a batch settle on.
 
-    Statistics and cycles are as `advance` left them.  With `exponents` 0 only those are computed,
-    among orbits that do not recur, that may turn out to be aperiodic.  Only the slots first ...
-    last - 1 are written.
+    Statistics and cycles are as `advance` left them.  With `exponents` 0 orbits are followed only
+    where they may turn out to rest again and again, or to be aperiodic; of the others the exponents
+    are not computed.  Only the slots first ... last - 1 are written.
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]
@@ -272,31 +296,39 @@ def settle(
         i = t // particles
         fixed = constants(base, problem, i)
         _write_nothing(t, out)
-        if each.at_rest[t] == 0 and cycles[CYCLE.IMPACTS, t] > 0.0:
+        at_rest = each.at_rest[t] > 0
+        recurs = cycles[CYCLE.IMPACTS, t] > 0.0 and not at_rest
+        if recurs and cycles[CYCLE.RESTS, t] == 0.0:
             x, u = cycles[CYCLE.PHASE, t], cycles[CYCLE.FLIGHT, t]
             n = cycles[CYCLE.WHOLE, t] + problem.end_count[i]
             impacts, periods = int(cycles[CYCLE.IMPACTS, t]), int(cycles[CYCLE.PERIODS, t])
-            out.rests[t] = int(cycles[CYCLE.RESTS, t])
-            if out.rests[t] > 0:  # a rest resets the state exactly
-                if judged != i:
-                    judged = i
-                    x_lift, u_lift = after_rest(fixed)
-                    doubtful = 0 if is_certain(fixed, x_lift, u_lift, impacts, 0.0) else 1
-                out.uncertain[t] = doubtful
-            else:
-                impacts, periods = _shortest(fixed, x, u, impacts, periods)
-            out.regime[t] = RESTING if out.rests[t] > 0 else LOCKED
-            out.impacts[t], out.periods[t] = impacts, periods
-            out.since[t] = n + (x - problem.phase[i])
+            out.impacts[t], out.periods[t] = _shortest(fixed, x, u, impacts, periods)
+            out.regime[t], out.since[t] = LOCKED, n + (x - problem.phase[i])
             _write_cycle(fixed, t, (n, x, u), out)
-        else:
-            out.regime[t] = AT_REST if each.at_rest[t] > 0 else UNSETTLED
-            if exponents == 0 and (each.at_rest[t] > 0 or each.landings[t] < FIRST_ANCHOR):
+            continue
+        out.regime[t] = AT_REST if at_rest else UNSETTLED
+        n, x = launch(launches, i, t % particles, problem.phase[i])
+        begin = problem.begin_count[i], problem.begin_phase[i]
+        end = problem.end_count[i], problem.end_phase[i]
+        if exponents == 0:
+            # rests before the window are not counted
+            rests_again = recurs or each.rests[t] > 1 or begin[0] - n > x - begin[1]
+            if at_rest or not (rests_again or each.landings[t] >= FIRST_ANCHOR):
                 continue
-            n, x = launch(launches, i, t % particles, problem.phase[i])
-            begin = problem.begin_count[i], problem.begin_phase[i]
-            end = problem.end_count[i], problem.end_phase[i]
-            launched = (n, x, launch_speed(fixed, problem, i, x))
-            state, rests, area, slack = _follow(fixed, launched, begin, end, budget, g)
-            out.whole[t], out.phase[t], out.flight[t] = state
-            _write_mean(t, fixed, 1 if each.at_rest[t] > 0 else rests, area, slack, g, out)
+        launched = (n, x, launch_speed(fixed, problem, i, x))
+        state, rests, area, slack = _follow(fixed, launched, begin, end, budget, g)
+        if rests.lifted == 2:
+            _, x, u = state
+            if judged != i:
+                judged = i
+                doubtful = 0 if is_certain(fixed, x, u, rests.impacts, 0.0) else 1
+            out.regime[t], out.rests[t], out.uncertain[t] = RESTING, 1, doubtful
+            out.impacts[t], out.periods[t] = rests.impacts, rests.periods
+            out.since[t] = rests.first + (x - problem.phase[i])
+            _write_cycle(fixed, t, (rests.first, x, u), out)
+            continue
+        out.whole[t], out.phase[t], out.flight[t] = state
+        if at_rest:
+            _write_exponents(t, fixed, (-np.inf, 0.0), (-np.inf, 0.0), out)
+        elif rests.seen == 0:
+            _write_mean(t, fixed, area, slack, g, out)

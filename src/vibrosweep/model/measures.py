@@ -275,7 +275,7 @@ _REGIMES: Final = Measure(
             _RP,
             "s",
             "time at which the orbit had entered its cycle at the latest",
-            "NaN where no recurrence was found",
+            "where it rests, its first lift-off from rest; NaN where no recurrence was found",
             judged="recurrent_from",
         ),
     ),
@@ -291,7 +291,7 @@ _LYAPUNOV: Final = Measure(
             _R,
             "1",
             "largest Lyapunov exponent",
-            "per impact; of all particles with landings in the window",
+            "per impact; of all particles whose own is defined",
             judged="exponent_max",
         ),
         _count(
@@ -310,7 +310,8 @@ _LYAPUNOV: Final = Measure(
             "1",
             "largest Lyapunov exponent",
             "per impact; from the multipliers of the cycle, else the mean over the landings in the "
-            "window; -inf where the orbit rests; NaN without landings",
+            "window; -inf where the regime is resting or at_rest; NaN without landings, and where "
+            "the window sees a rest but no cycle is known",
             judged="exponent",
         ),
         _real(
@@ -327,8 +328,8 @@ _LYAPUNOV: Final = Measure(
             _RP,
             "1",
             "sum of both Lyapunov exponents per impact",
-            "the logarithm of the restitution, over a moving base twice that; -inf where the orbit "
-            "rests; NaN without landings",
+            "the logarithm of the restitution, over a moving base twice that; -inf and NaN as for "
+            "lyapunov_largest",
             judged="exponent_sum",
         ),
         _real(

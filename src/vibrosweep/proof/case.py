@@ -92,17 +92,16 @@ class Case:
 
     @cached_property
     def cycles(self) -> Sequence[Cycle | None]:
-        """Cycle of each particle that recurs according to the majority of its variables."""
+        """Cycle of each particle: from rest to rest, or as the majority of its variables says."""
         said = [np.array([SAID[n](v) for v in self.stored[n]]) for n in SAID if n in self.stored]
-        return [
-            orbit.recurrence(
-                float(self.stored["recurrent_from"][particle]),
-                max(0, int(self.stored["cycle_impacts"][particle])),
-            )
-            if 2 * sum(one[particle] for one in said) >= len(said)
-            else None
-            for particle, orbit in enumerate(self.orbits)
-        ]
+        found = []
+        for particle, orbit in enumerate(self.orbits):
+            cycle = orbit.from_rest_to_rest()
+            if cycle is None and 2 * sum(one[particle] for one in said) >= len(said):
+                stated = max(0, int(self.stored["cycle_impacts"][particle]))
+                cycle = orbit.recurrence(float(self.stored["recurrent_from"][particle]), stated)
+            found.append(cycle)
+        return found
 
     @cached_property
     def _states(self) -> Sequence[State | None]:
@@ -134,9 +133,6 @@ class Case:
         unclaimed = self.claims["impact_count"] is None and cycle is None
         if orbit.trajectory.at_rest or (cycle is not None and cycle.rests):
             return Exponents(-math.inf, 0.0, -math.inf, 0.0, 0.0)
-        if cycle is None and any(i.rested for i in impacts[first:]):
-            claim = None if unclaimed else 0.0
-            return Exponents(-math.inf, claim, -math.inf, claim, 0.0)
         rounding = self._stated("lyapunov_sum_error", particle)
         if cycle is not None:
             last = len(orbit.speeds) - 1
@@ -147,8 +143,8 @@ class Case:
             return Exponents(found, claim, total, _with(rounding, change), bounds_rounding=True)
         if unclaimed:
             return Exponents(None, None, None, None)
-        if first == len(impacts):
-            return Exponents(None, 0.0, None, 0.0)
+        if first == len(impacts) or any(i.rested for i in impacts[first:]):
+            return Exponents(None, 0.0, None, 0.0)  # undefined
         mean = orbit.growth(first, len(impacts))
         total, change = orbit.contraction(first, len(impacts))
         claim = _with(rounding, change)

@@ -1,11 +1,12 @@
 """Recurrence of a proved orbit: whether it repeats as stated, its cycle, slot and exponents.
 
-The kernel detects recurrence when a state returns bit for bit.  The exact orbit approaches its
-cycle asymptotically, or enters it at a rest.  What can be proved is that it repeats as stated, up
-to the tolerance with which the kernel identifies states and to the errors that the dataset claims;
-impacts, periods and rests of the cycle then follow exactly.  The state at which a recurrence is
-stated occurred one cycle earlier, so states are compared with those a cycle later from there on;
-after it the orbit may end almost at once.
+The state after a rest is always the same: an orbit that is lifted from two rests has closed its
+cycle, and entered it with the first.  Else the kernel detects recurrence when a state returns bit
+for bit, whereas the exact orbit approaches its cycle asymptotically.  What can be proved is that it
+repeats as stated, up to the tolerance with which the kernel identifies states and to the errors
+that the dataset claims; impacts and periods of the cycle then follow exactly.  The state at which a
+recurrence is stated occurred one cycle earlier, so states are compared with those a cycle later
+from there on; after it the orbit may end almost at once.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 from vibrosweep.kernels.settle import SAME_ORBIT
@@ -52,7 +52,7 @@ class State(NamedTuple):
 class Cycle:
     """A cycle that a proved orbit has entered."""
 
-    since: int  # number of the state at which the recurrence is stated
+    since: int  # number of the state at which the recurrence is stated, or of that after a rest
     # impacts, periods, rests: in one cycle
     impacts: int
     periods: int
@@ -91,13 +91,17 @@ class Orbit:
         # of the difference of two states of the kernel, in periods
         self._error = 2.0 * max(time, bounds.speed_error(realization)) + 8.0 * EPS
 
-    @cached_property
-    def _rests(self) -> list[int]:
-        """Numbers of the states that follow rests."""
-        return [n for n, i in enumerate(self.trajectory.impacts, 1) if i.rested]
+    def from_rest_to_rest(self) -> Cycle | None:
+        """Cycle that an orbit enters with its first rest, and closes with its second; else None."""
+        lifted = (n for n, i in enumerate(self.trajectory.impacts, 1) if i.rested)
+        first, second = next(lifted, None), next(lifted, None)
+        if first is None or second is None:
+            return None
+        with ctx.workprec(2 * self.trajectory.precision_bits):
+            return Cycle(first, second - first, self._periods(first, second - first), 1)
 
     def recurrence(self, time: float, stated: int) -> Cycle | None:
-        """Cycle from a stated time on, with the stated number of impacts if that is correct.
+        """Cycle without rests from a stated time on, of the stated impacts if that is correct.
 
         With NaN for the time (s) the last state is taken, and 0 impacts are none stated.  None
         where the orbit does not repeat.
@@ -108,9 +112,7 @@ class Orbit:
             for since in self._at(time):
                 impacts = self._cycle(since, stated)
                 if impacts > 0:
-                    rests = sum(since - impacts < n <= since for n in self._rests)
-                    periods = self._periods(since - impacts, impacts)
-                    return Cycle(since, impacts, periods, rests)
+                    return Cycle(since, impacts, self._periods(since - impacts, impacts), 0)
         return None
 
     def _at(self, time: float) -> Sequence[int]:
@@ -129,11 +131,8 @@ class Orbit:
         """Impacts in the cycle of a state; 0 if the orbit does not repeat.
 
         The stated number is correct if the orbit repeats after it and provably not after any of its
-        divisors.  The orbit from one rest to the next is unique.
+        divisors.
         """
-        if len(self._rests) > 1 and self._rests[0] <= since:
-            cycle = self._rests[-1] - self._rests[-2]
-            return cycle if self._repeats(since - cycle, cycle, SAME_ORBIT + self._error) else 0
         if stated > 0 and self._repeats(since - stated, stated, SAME_ORBIT + self._error):
             shorter = (d for d in range(1, stated) if stated % d == 0)
             certain = SAME_ORBIT - self._error
