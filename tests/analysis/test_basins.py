@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from vibrosweep import simulate
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.engine.measure import measure
@@ -26,6 +27,39 @@ def test_every_launch_is_on_the_attractor_that_a_sweep_finds(workers):
     for name in ("cycle_impacts", "cycle_periods", "cycle_rests"):
         assert np.array_equal(found[name].values[at], measured[name]), name
     assert np.array_equal(found["regime"].values[at], measured["regime"])
+
+
+CYCLES = [
+    {"base": "high-bounce", "amplitude": 0.5, "restitution": 0.8, "rebound": "reflect"},
+    {"base": "high-bounce", "amplitude": 3.4, "restitution": 0.95, "phase": 0.7},
+    {"base": "high-bounce", "amplitude": 2.0, "restitution": 0.3},
+    {"base": "high-bounce", "amplitude": 2.5, "restitution": 0.8, "rebound": "reflect"},
+    {"base": "moving", "base_acceleration": 0.6866, "restitution": 0.9466, "phase": 2.361},
+    {"base": "moving", "base_acceleration": 2.5, "restitution": 0.4},
+    {"base": "moving", "base_acceleration": 6.0, "restitution": 0.2},
+]
+
+
+@pytest.mark.parametrize("scene", CYCLES, ids=str)
+def test_the_impact_of_an_attractor_is_the_one_before_its_shortest_flight(scene):
+    times, speeds, end = [0.0, 0.09, 0.3, 0.62], [0.5, 3.0, 7.4], 3000.0
+    found = basins(Scene(**scene, duration=end), times, speeds)
+    cycles = np.flatnonzero(found["cycle_impacts"].values > 0)
+    assert cycles.size
+    for i in cycles:
+        one = found.isel(attractor=i)
+        row, column = np.argwhere(found["basin"].values == i)[0]
+        launch = {"launch_time": times[column], "launch_velocity": speeds[row]}
+        record = simulate(**scene, **launch, duration=end)
+        count = int(one["cycle_impacts"])
+        names = ("landing_time", "liftoff_time", "rebound_velocity")
+        landed, left, speed = (record[name].values[0, 0, -count - 1 :] for name in names)
+        flights = landed[1:] - left[:-1]
+        shortest = np.flatnonzero(flights - flights.min() < 1e-8)
+        turns = landed[shortest] + scene.get("phase", 0.0) / (2.0 * np.pi)
+        phase = (turns - float(one["impact_phase"]) + 0.5) % 1.0 - 0.5
+        apart = np.hypot(phase, speed[shortest] - float(one["rebound_velocity"]))
+        assert apart.min() < 1e-8
 
 
 def test_fractions_count_the_launches():

@@ -17,9 +17,11 @@ from vibrosweep.engine.landings import launch_times
 from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits
+from vibrosweep.kernels.shortest import empty_shortest, shortest_flights
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import PARAMETERS, Launches, dimensionless
+from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless
 from vibrosweep.model.status import Regime
 from vibrosweep.model.turns import reduced_turns
 from vibrosweep.runs.driver import thread_count
@@ -63,9 +65,9 @@ def basins(
         ``slot``, which of the time-shifted copies of the attractor it is, -1 without recurrence.
         Dim attractor, the most frequent first: ``fraction`` of the launches, ``regime``,
         ``cycle_impacts``, ``cycle_periods``, ``cycle_rests``, ``lyapunov_largest``,
-        ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1) of the member of the cycle with
-        the shortest flight.  All launches at rest for good are one attractor, and so are all that
-        are unsettled, and all that are aperiodic.
+        ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1) of the impact of the cycle after
+        which the flight is shortest.  All launches at rest for good are one attractor, and so are
+        all that are unsettled, and all that are aperiodic.
 
     Raises
     ------
@@ -93,9 +95,9 @@ def basins(
     with Workers(thread_count(threads)) as workers:
         alone = replace(scene.observation(), particles=1, launch=tuple(times))
         orbits = find_orbits(problem, launch, alone, workers)
-    speed = lift_off_speeds(scene.base, problem, orbits.phase, orbits.flight)
-    labels = _labels(orbits)
-    first, index, count = _by_frequency(labels)
+        labels = _labels(orbits)
+        first, index, count = _by_frequency(labels)
+        landed, speed = _shortest(scene, problem, orbits, first, workers)
     data: dict[str, Any] = {
         "basin": (
             PLANE,
@@ -103,7 +105,7 @@ def basins(
             {"units": "1", "long_name": "index of the attractor that the launch leads to"},
         ),
         "slot": (PLANE, slots(orbits).reshape(shape), VARIABLES["slot"].attributes),
-        **_attractors(scene, orbits, speed, first, count / labels.size),
+        **_attractors(orbits, landed, speed, first, count / labels.size),
         **scene.shared(("launch_velocity",)),
     }
     return xr.Dataset(data, _coordinates(times, speeds), scene.attributes("Basins of attraction"))
@@ -153,11 +155,31 @@ def _by_frequency(labels: Codes) -> tuple[Codes, Codes, Codes]:
     return first[order], rank[inverse], count[order]
 
 
+def _shortest(
+    scene: Scene, problem: Dimensionless, orbits: Orbits, first: Codes, workers: Workers
+) -> tuple[Array, Array]:
+    """Phase of landing in turns, and speed at lift-off in m/s, before each shortest flight.
+
+    Of the attractors that the launches `first` lead to; NaN where an attractor is no cycle.
+    """
+    recurs = orbits.impacts[first] > 0
+    rows = first[recurs]
+    own = Dimensionless(*(values[rows] for values in problem))
+    base, found = base_of(scene.base, scene.rebound), empty_shortest(rows.size)
+    states = (orbits.phase[rows], orbits.flight[rows], orbits.impacts[rows])
+    workers.each(
+        lambda begin, end: shortest_flights(begin, end, base, own, *states, found), rows.size, 16
+    )
+    landed, speed = (np.full(first.size, np.nan) for _ in range(2))
+    landed[recurs] = found.landed
+    speed[recurs] = lift_off_speeds(scene.base, own, found.left, found.speed)
+    return landed, speed * (scene.gravity / (2.0 * scene.frequency))
+
+
 def _attractors(
-    scene: Scene, orbits: Orbits, speed: Array, first: Codes, fraction: Array
+    orbits: Orbits, landed: Array, speed: Array, first: Codes, fraction: Array
 ) -> dict[str, Any]:
     """Variables along the dim attractor, from the first launch that leads to each."""
-    unit = scene.gravity / (2.0 * scene.frequency)
     recurs = orbits.impacts[first] > 0
     same = recurs | (orbits.regime[first] == Regime.AT_REST)
     exponent = np.where(same, orbits.largest[first], np.nan)
@@ -173,11 +195,11 @@ def _attractors(
             | {"comment": "NaN where orbits do not repeat: each has its own"},
         ),
         "impact_phase": (
-            np.where(recurs, orbits.phase[first], np.nan),
-            {"units": "1", "long_name": "phase in turns of the lift-off to the shortest flight"},
+            landed,
+            {"units": "1", "long_name": "phase in turns of the impact before the shortest flight"},
         ),
         "rebound_velocity": (
-            np.where(recurs, speed[first] * unit, np.nan),
+            speed,
             {"units": "m s-1", "long_name": "speed at the lift-off to the shortest flight"},
         ),
     }

@@ -161,8 +161,8 @@ def basins(
         Dims (launch_velocity, launch_time): ``basin``, an index into the dim attractor, and
         ``slot``, which of its time-shifted copies.  Dim attractor, the most frequent first:
         ``fraction`` of the launches, ``regime``, ``cycle_impacts``, ``cycle_periods``,
-        ``cycle_rests``, ``lyapunov_largest``, ``impact_phase`` (turns), ``rebound_velocity``
-        (m s-1).
+        ``cycle_rests``, ``lyapunov_largest``; and of the impact before the shortest flight of the
+        cycle ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1).
 
     Raises
     ------

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.evaluate import locked
 from vibrosweep.analysis.scene import Scene
@@ -30,6 +31,7 @@ from vibrosweep.kernels.impact import BASE_OF
 from vibrosweep.kernels.record import record
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.settle import settle
+from vibrosweep.kernels.shortest import shortest_flights
 from vibrosweep.kernels.statistics import combine
 from vibrosweep.kernels.trust import trust
 from vibrosweep.model.forcing import invalid_law
@@ -47,6 +49,7 @@ KERNELS: Final[tuple[Any, ...]] = (
     separate,
     settle,
     settle_jointly,
+    shortest_flights,
     trace,
     trust,
 )
@@ -87,6 +90,7 @@ def warm_up() -> Compiled:
         for base, rebound in ways:
             point = {"restitution": np.array([0.9]), "amplitude": np.array([1.2])}
             locked(Scene(base=base, rebound=rebound), Locked(1), point, workers)
+            basins(Scene(base=base, rebound=rebound), [0.0], [5.0], threads=1)
         mount = {"mass_ratio": 0.01, "mount_frequency": 0.5, "mount_damping": 0.05}
         scene = all_parameters({name: np.array([value]) for name, value in mount.items()})
         coupled = record_observation(2, "staggered", 2.0, "rest", 1000, SPRUNG)

@@ -62,10 +62,10 @@ class Orbits(NamedTuple):
     # the first lift-off from rest; NaN if it is not
     since: Floats
     # whole, phase, flight: a state from which the orbit can be continued: whole periods and phase
-    # of a lift-off, and the duration of the flight that follows.  On a cycle, the representative:
-    # the state with the shortest flight, which is the same for all particles on one orbit, up to
-    # rounding.  At rest for good, the last landing, with a flight of 0.  NaN if the trajectory was
-    # not simulated.
+    # of a lift-off, and its speed relative to the base, in units of g / (2 f), which over a base at
+    # rest is the duration of the flight that follows.  On a cycle, the representative: the state
+    # with the smallest speed, which is the same for all particles on one orbit, up to rounding.  At
+    # rest for good, the last landing, with a speed of 0.  NaN if the trajectory was not simulated.
     whole: Floats
     phase: Floats
     flight: Floats
@@ -200,7 +200,7 @@ def _shortest(fixed: Constants, x: float, u: float, impacts: int, periods: int) 
 
 @jit
 def _representative(fixed: Constants, state: State, impacts: int) -> State:
-    """Member of the cycle with the shortest flight; of equal ones that with the first phase."""
+    """Member of the cycle with the smallest speed; of equal ones that with the first phase."""
     n_best, x_best, u_best = state
     for _ in range(impacts):
         state = _next(fixed, state)
