@@ -1,4 +1,4 @@
-"""Every mistake a user can make, as one family of exceptions.
+"""Every mistake a user can make, as one family of exceptions; and what is warned of.
 
 Each message is one clear text that names the file, the key, the value, what is allowed and what
 to do.  The command line prints it, with its own options, and exits with code 2; no traceback is
@@ -19,6 +19,7 @@ __all__ = [
     "OutputError",
     "ParameterError",
     "RunError",
+    "ShortObservationWarning",
     "SpecError",
     "TableError",
     "TakenOutputError",
@@ -100,3 +101,7 @@ class Interruption(KeyboardInterrupt):
 
 class TrackError(VibrosweepError, ValueError):
     """Tracks of a camera cannot be read, or are no tracks of bouncing particles."""
+
+
+class ShortObservationWarning(UserWarning):
+    """Orbits are observed for too short a time to tell what they settle on."""

@@ -36,15 +36,17 @@ def test_all_windows_of_a_row_are_kept_and_an_end_of_the_scan_is_no_edge():
     codes, edges = find_edges(between(0.21, 0.43, 0.77), 1, AXIS, 1e-12)
     first, second = windows_of_row(codes, edges, 0, {1})
     assert first[:2] == pytest.approx((0.21, 0.43), rel=1e-11)
-    assert max(first[2:]) < 1e-12
+    assert max(first[2:4]) < 1e-12
+    assert (first.below, first.above, second.below, second.above) == (0, 0, 0, None)
     assert second[0] == pytest.approx(0.77, rel=1e-11)
     assert np.isnan(second[1])
     assert np.isnan(second[3])
     outside = windows_of_row(codes, edges, 0, {0})
     assert [w[0] for w in outside] == pytest.approx([np.nan, 0.43], rel=1e-11, nan_ok=True)
     assert np.isnan(outside[0][2])
-    ((begin, end, *brackets),) = windows_of_row(codes, edges, 0, {0, 1})
-    assert np.isnan([begin, end, *brackets]).all()
+    (whole,) = windows_of_row(codes, edges, 0, {0, 1})
+    assert np.isnan(whole[:4]).all()
+    assert whole[4:] == (None, None)
 
 
 def test_a_middle_code_narrower_than_the_scan_is_found():

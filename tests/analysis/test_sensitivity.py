@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from vibrosweep import sobol
 from vibrosweep.analysis import sensitivity
 from vibrosweep.analysis.heights import heights_against_restitution
 from vibrosweep.analysis.sensitivity import sobol_indices
@@ -23,7 +24,7 @@ def linear(monkeypatch):
 
     def measure(parameters, observation, workers):
         e, a = parameters["restitution"], parameters["amplitude"]
-        return {"dt_min": (e - 0.8) / 0.18 + 2.0 * (a - 0.2) / 3.3}
+        return {"dt_min": (e - 0.8) / 0.18 + 2.0 * (a - 0.2) / 3.3, "status": 0 * e}
 
     monkeypatch.setattr(sensitivity, "measure", measure)
 
@@ -44,7 +45,8 @@ def test_indices_of_a_linear_function_are_its_shares_of_variance(linear):
 def test_any_forcing_may_vary(monkeypatch):
     def measure(parameters, observation, workers):
         speed = parameters["amplitude"] / (1.0 + parameters["restitution"])
-        return {"dt_min": speed * parameters["frequency"] / parameters["gravity"]}
+        gap = speed * parameters["frequency"] / parameters["gravity"]
+        return {"dt_min": gap, "status": 0 * gap}
 
     monkeypatch.setattr(sensitivity, "measure", measure)
     ranges = dict.fromkeys(("restitution", "base_acceleration", "frequency", "gravity"), (0.5, 0.9))
@@ -56,11 +58,10 @@ def test_any_forcing_may_vary(monkeypatch):
 
 
 def test_what_varies_may_be_of_a_mount(monkeypatch):
-    monkeypatch.setattr(
-        sensitivity,
-        "measure",
-        lambda parameters, observation, workers: {"dt_min": 1.0 / parameters["mass_ratio"]},
-    )
+    def measure(parameters, observation, workers):
+        return {"dt_min": 1.0 / parameters["mass_ratio"], "status": 0 * parameters["mass_ratio"]}
+
+    monkeypatch.setattr(sensitivity, "measure", measure)
     sprung, ranges = replace(ONE, base="sprung"), {"base_mass": (1.0, 3.0), "mount_damping": (0, 1)}
     fixed = {"particle_mass": 2.0, "mount_frequency": 1.0}
     found = sobol_indices(ranges, sprung, None, fixed=fixed, outputs=["dt_min"], base=64)
@@ -126,6 +127,44 @@ def test_outputs_must_be_measured_and_defined(observe, workers):
     short = observe((0.0, 0.5), duration=0.1)
     with pytest.raises(DataError, match="undefined in 10 of 10"):
         sobol_indices(RANGES, short, workers, outputs=["rebound_height_max"], base=2)
+
+
+COUPLED = {"base": "sprung", "mass_ratio": 0.01, "mount_frequency": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("output", "options"),
+    [
+        # the impact budget runs out before it is known
+        ("collision_free", {"launch": [0.0, 0.3], "impact_budget": 20}),
+        ("dt_min_resolved", {"launch": [0.0, 0.3], "impact_budget": 20, "base": "moving"}),
+        ("base_shared", {"launch": [0.0, 0.3], "impact_budget": 20, **COUPLED}),
+        ("rebound_height_max", {"impact_budget": 3}),
+        # no cycle is found, of which 0 is said
+        ("joint_cycle_impacts", {"launch": [0.0, 0.3], "duration": 3.0, **COUPLED}),
+        ("joint_cycle_rests", {"launch": [0.0, 0.3], "duration": 3.0, **COUPLED}),
+    ],
+)
+def test_what_stands_where_nothing_is_known_is_no_number(output, options):
+    with pytest.raises(DataError, match=r"did not complete|is undefined in \d+ of"):
+        sobol(
+            restitution=(0.7, 0.95),
+            amplitude=(0.3, 3.0),
+            realizations=4,
+            outputs=[output],
+            **{"duration": 12.0} | options,
+        )
+
+
+@pytest.mark.parametrize("output", ["status", "joint_regime", "regime", "particle_impact_count"])
+def test_codes_and_what_is_of_particles_have_no_indices(output):
+    ranges = {"restitution": (0.7, 0.95), "amplitude": (0.3, 3.0)}
+    with pytest.raises(
+        ParameterError, match=f"outputs: {output} (is a code|has a number for each)"
+    ):
+        sobol(
+            **ranges, realizations=4, outputs=[output], duration=3.0, launch=[0.0, 0.3], **COUPLED
+        )
 
 
 def heights_sweep(e, height):

@@ -8,7 +8,14 @@ from vibrosweep.analysis.basins import basins_of_spec
 from vibrosweep.analysis.bifurcation import bifurcation_of_spec
 from vibrosweep.analysis.separations import separation_against, separation_distribution
 from vibrosweep.analysis.windows import windows_of_spec
-from vibrosweep.errors import DataError, ParameterError, SpecError, TableError
+from vibrosweep.cli import main
+from vibrosweep.errors import (
+    DataError,
+    ParameterError,
+    ShortObservationWarning,
+    SpecError,
+    TableError,
+)
 from vibrosweep.spec.sweep import parse_spec
 
 TITLE = 'title = "x"\n'
@@ -30,14 +37,20 @@ def only_numbers(dataset):
         ),
         (
             vs.bifurcation,
-            {"base_velocity": [0.3, 0.4], "samples": 5, "observable": "flight_time"},
-            '[sample]\ndesign = "grid"\nbase_velocity = [0.3, 0.4]',
+            {
+                "base_velocity": [0.3, 0.4],
+                "samples": 5,
+                "observable": "flight_time",
+                "duration": 1500.0,
+            },
+            '[scene]\nduration = 1500.0\n[sample]\ndesign = "grid"\nbase_velocity = [0.3, 0.4]',
             lambda spec, threads: bifurcation_of_spec(spec, "flight_time", 5, threads),
         ),
         (
             vs.basins,
-            {"launch_velocity": [4.0, 5.0], "launch": [0.0, 0.5]},
-            '[scene]\nlaunch = [0.0, 0.5]\n[sample]\ndesign = "grid"\nlaunch_velocity = [4.0, 5.0]',
+            {"launch_velocity": [4.0, 5.0], "launch": [0.0, 0.5], "duration": 1500.0},
+            "[scene]\nduration = 1500.0\nlaunch = [0.0, 0.5]\n"
+            '[sample]\ndesign = "grid"\nlaunch_velocity = [4.0, 5.0]',
             basins_of_spec,
         ),
     ],
@@ -101,3 +114,50 @@ def test_separations_of_keywords_and_of_a_result():
 def test_mistakes_are_told_in_keywords(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+ORBITS = [
+    (vs.windows, {"amplitude": [0.5, 1.0], "conditions": ["ordered"]}),
+    (vs.windows, {"amplitude": [0.5, 1.0], "conditions": ["regular"], "continuation": True}),
+    (vs.bifurcation, {"amplitude": [0.5, 1.0], "samples": 2}),
+    (vs.basins, {"launch_velocity": [4.0]}),
+]
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+@pytest.mark.parametrize(("analysis", "keywords"), ORBITS)
+def test_orbits_that_are_observed_too_briefly_are_warned_of_once_and_noted(
+    analysis, keywords, base
+):
+    enough = vs.theory.recognition_periods(0.9, base=base)
+    for given in ({}, {"duration_periods": 0.9 * enough}):
+        with pytest.warns(ShortObservationWarning, match="such orbits may be called") as caught:
+            found = analysis(**keywords, **given, base=base, restitution=0.9)
+        (warning,) = caught
+        assert warning.filename == __file__
+        assert found.attrs["notes"] == str(warning.message)
+    found = analysis(**keywords, duration_periods=1.1 * enough, base=base, restitution=0.9)
+    assert found.attrs["notes"] == ""
+
+
+def test_indices_of_orbits_are_warned_of_and_others_are_not():
+    asks = {"amplitude": (0.2, 3.0), "phase": (0.0, 1.0), "realizations": 8, "particles": 6}
+    with pytest.warns(ShortObservationWarning):
+        vs.sobol(**asks, outputs=["unsettled_count"], duration=100.0)
+    assert vs.sobol(**asks).attrs["notes"] == ""
+
+
+@pytest.mark.parametrize("command", ["windows", "basins", "bifurcation"])
+def test_the_command_line_says_it_once(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    swept = "launch_velocity = [4.0, 5.0]" if command == "basins" else "amplitude = [0.5, 1.0]"
+    text = TITLE + f'[scene]\nparticles = 2\n[sample]\ndesign = "grid"\n{swept}\n'
+    if command == "windows":
+        text += '[windows]\nconditions = ["ordered"]\n'
+    (tmp_path / "x.toml").write_text(text)
+    assert main([command, "x.toml"]) == 0  # warnings are errors here
+    said, complained = capsys.readouterr()
+    assert said.count("such orbits may be called unsettled") == 1
+    assert not complained
+    with xr.open_dataset(tmp_path / "x.h5", engine="h5netcdf") as found:
+        assert "such orbits may be called unsettled" in found.attrs["notes"]

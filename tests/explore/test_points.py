@@ -66,7 +66,7 @@ def test_ends_of_windows_are_points_and_open_ends_are_none():
 
 def test_impacts_of_a_bifurcation_diagram_are_points():
     found = vs.bifurcation(
-        restitution=0.9, amplitude=[0.6, 1.2], launch=[0.125, 0.45], duration=300.0
+        restitution=0.9, amplitude=[0.6, 1.2], launch=[0.125, 0.45], duration=1500.0
     )
     points = of_result(found, HERE, "bifurcation")
     values = found[found.attrs["observable"]].values
@@ -82,7 +82,7 @@ def test_a_launch_of_basins_is_followed_by_itself():
         amplitude=1.2,
         particles=4,
         launch_velocity=[2.0, 5.0, 8.0],
-        duration=300.0,
+        duration=1500.0,
     )
     points = of_result(found, HERE, "basins")
     assert points.count == 12

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 import xarray as xr
 
+from vibrosweep.explore.points import _column, _numbers
 from vibrosweep.figures import style
-from vibrosweep.figures.data import conditions, fixed, format_units, label, varies
+from vibrosweep.figures.data import conditions, fixed, format_units, label, quantity, varies
+from vibrosweep.model.measures import OF_REALIZATIONS
 
 
 @pytest.mark.parametrize(
@@ -60,3 +63,17 @@ def test_a_remark_that_fits_no_line_is_broken_after_commas():
         assert title.get_text().replace("\n", " ") == remark
         assert title.get_text().count("\n") == lines - 1
         assert title.get_window_extent().x1 < figure.bbox.x1
+
+
+@pytest.mark.parametrize("name", sorted(OF_REALIZATIONS))
+def test_what_stands_for_no_value_is_left_blank(name):
+    variable = OF_REALIZATIONS[name]
+    none = np.nan if variable.dtype == "float64" else 0 if variable.cycle else -1
+    values = np.array([none, 1.0]).astype(variable.dtype)
+    data = {name: ("realization", values, variable.attributes)}
+    dataset = xr.Dataset(data | {variable.cycle or name: data[name]})
+    drawn, column = quantity(dataset, name), _column(name, _numbers(name, dataset))
+    expected = values if variable.flags else [np.nan, 1.0]  # a code has its name
+    np.testing.assert_array_equal(drawn, expected)
+    np.testing.assert_array_equal(column.values, expected)
+    assert bool(column.codes) == bool(variable.flags)

@@ -16,7 +16,9 @@ from vibrosweep.figures.basins import basins_of_attraction
 from vibrosweep.figures.bifurcation import bifurcation_diagram
 from vibrosweep.figures.stability_windows import stability_windows
 from vibrosweep.model import theory
+from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.status import Regime
+from vibrosweep.model.theory import FIXED
 from vibrosweep.spec.sweep import read_spec
 
 SCENE = Scene(particles=2, duration=300.0)
@@ -36,7 +38,7 @@ def labels(axes):
 def test_every_window_is_a_bar_between_its_ends(windows):
     locked, periodic = stability_windows(windows).axes
     assert labels(locked) == ["locked(1)", "locked(4)"]
-    assert labels(periodic) == ["periodic, up", "periodic, down"]
+    assert labels(periodic) == ["undetermined", "periodic, up", "periodic, down"]
     bars = [bar for bar in locked.patches if bar.get_height() > 0.0]
     lower = windows["A_min"].sel(condition=["locked(1)", "locked(4)"], direction="up")
     upper = windows["A_max"].sel(condition=["locked(1)", "locked(4)"], direction="up")
@@ -52,6 +54,31 @@ def test_every_window_is_a_bar_between_its_ends(windows):
 def test_a_dataset_without_windows_is_refused(windows):
     with pytest.raises(DataError, match="figure stability_windows needs the variable A_min"):
         stability_windows(windows.drop_vars("A_min"))
+
+
+@pytest.mark.parametrize("base", FIXED)
+@pytest.mark.parametrize("forcing", FORCINGS)
+def test_windows_of_any_forcing_are_drawn_with_its_symbol(forcing, base):
+    scene, scan = Scene(base=base, frequency=2.0), np.geomspace(0.01, 4.0, 8)
+    figure = stability_windows(
+        find_windows(scene, [0.7, 0.9], scan, ["locked(1)"], forcing=forcing)
+    )
+    figure.savefig(io.BytesIO())
+    assert len(figure.axes[0].texts) == 2
+
+
+@pytest.mark.parametrize("rebound", ["rest", "reflect"])
+def test_what_is_undetermined_is_grey(rebound):
+    scene = Scene(particles=2, duration=20.0, rebound=rebound)
+    found = find_windows(scene, [0.9, 0.95], [0.5, 1.0, 1.5, 2.0], ["ordered"])
+    unknown = found["holds"].values[0, 0] == -1
+    assert unknown.any()
+    (axes,) = stability_windows(found).axes
+    (mesh,) = axes.collections
+    np.testing.assert_array_equal(
+        np.ma.getmaskarray(mesh.get_array()).T.reshape(-1), ~unknown.ravel()
+    )
+    assert "undetermined" in labels(axes)
 
 
 def test_windows_of_another_forcing_have_its_axis_and_curves():

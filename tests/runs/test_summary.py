@@ -4,6 +4,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from vibrosweep.model.measures import OF_REALIZATIONS
 from vibrosweep.model.status import Status
 from vibrosweep.runs.summary import Summary
 
@@ -85,3 +86,17 @@ def test_what_is_stored_is_what_is_said(values, said):
 
 def test_nothing_is_not_an_error():
     assert len(list(Summary().lines())) == 1
+
+
+@pytest.mark.parametrize("name", sorted(OF_REALIZATIONS))
+def test_what_stands_for_no_value_enters_no_mean(name):
+    variable = OF_REALIZATIONS[name]
+    if variable.flags:
+        return  # codes are counted, each by its name
+    none = np.nan if variable.dtype == "float64" else 0 if variable.cycle else -1
+    measured = {"impact_count": np.array([2, 4]), variable.cycle or name: np.array([none, 6.0])}
+    measured[name] = np.array([none, 6.0]).astype(variable.dtype)
+    summary = Summary()
+    summary.add(measured)
+    (line,) = [line for line in summary.lines() if line.split()[:1] == [name]]
+    assert line.split()[-6:] == ["6", "6", "6", "undefined", "in", "1"]

@@ -66,8 +66,9 @@ def basins(
         Dim attractor, the most frequent first: ``fraction`` of the launches, ``regime``,
         ``cycle_impacts``, ``cycle_periods``, ``cycle_rests``, ``lyapunov_largest``,
         ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1) of the impact of the cycle after
-        which the flight is shortest.  All launches at rest for good are one attractor, and so are
-        all that are unsettled, and all that are aperiodic.
+        which the flight is shortest.  All launches at rest for good are one attractor.  All that
+        are aperiodic have one index, and so have all that are unsettled, which is no attractor:
+        ``regime`` says so.  Attribute ``notes``: whether launches are observed for long enough.
 
     Raises
     ------
@@ -108,7 +109,9 @@ def basins(
         **_attractors(orbits, landed, speed, first, count / labels.size),
         **scene.shared(("launch_velocity",)),
     }
-    return xr.Dataset(data, _coordinates(times, speeds), scene.attributes("Basins of attraction"))
+    attributes = scene.attributes("Basins of attraction")
+    attributes["notes"] = scene.short_observation()
+    return xr.Dataset(data, _coordinates(times, speeds), attributes)
 
 
 def basins_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:

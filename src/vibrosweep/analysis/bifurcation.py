@@ -96,7 +96,9 @@ def bifurcation(
     xarray.Dataset
         Dims (direction, amplitude, particle, sample): the observable under its name, ``observable``
         for a function; dims (direction, amplitude, particle): ``lyapunov_largest`` with its error,
-        ``regime``, ``cycle_impacts``, ``cycle_periods`` and ``cycle_rests``.
+        ``regime``, ``cycle_impacts``, ``cycle_periods`` and ``cycle_rests``.  What is unsettled by
+        ``regime`` may be on its way to an attractor.  Attribute ``notes``: whether orbits are
+        followed for long enough.
 
     Raises
     ------
@@ -240,5 +242,10 @@ def _dataset(
     return xr.Dataset(
         {name: ((*dims, "sample"), values, attributes), **data, **scene.shared(("amplitude",))},
         coordinates,
-        {**title, "forcing": "amplitude", "observable": name},
+        {
+            **title,
+            "forcing": "amplitude",
+            "observable": name,
+            "notes": scene.short_observation(),
+        },
     )

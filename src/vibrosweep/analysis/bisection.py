@@ -128,24 +128,29 @@ def _bisect(evaluate: Evaluate, brackets: _Brackets, tolerance: float) -> _Brack
     return finished
 
 
-def windows_of_row(
-    codes: Codes, edges: Edges, row: int, wanted: Collection[int]
-) -> list[tuple[float, float, float, float]]:
-    """Return the windows of one row in which the code is one of those wanted.
+class Window(NamedTuple):
+    """An interval in which the code is one of those wanted."""
 
-    Lower end, upper end and the widths of their brackets; the middle of a bracket is its end.  Both
-    are NaN where the window reaches an end of the scan.
-    """
-    windows = []
-    begin = width = np.nan
-    inside = codes[row, 0] in wanted
+    # Its ends, the middles of brackets; NaN where it reaches an end of the scan
+    lower: float
+    upper: float
+    # lower_bracket, upper_bracket: their widths
+    lower_bracket: float
+    upper_bracket: float
+    # Codes beyond its ends; None beyond the ends of the scan
+    below: int | None
+    above: int | None
+
+
+def windows_of_row(codes: Codes, edges: Edges, row: int, wanted: Collection[int]) -> list[Window]:
+    """Return the windows of one row in which the code is one of those wanted."""
+    windows, outside = [], Window(np.nan, np.nan, np.nan, np.nan, None, None)
+    code, window = int(codes[row, 0]), outside
     for i in np.flatnonzero(edges.row == row):
-        middle, gap = 0.5 * (edges.low[i] + edges.high[i]), edges.high[i] - edges.low[i]
-        if inside and edges.code_high[i] not in wanted:
-            windows.append((begin, middle, width, gap))
-            inside = False
-        elif not inside and edges.code_high[i] in wanted:
-            begin, width, inside = middle, gap, True
-    if inside:
-        windows.append((begin, np.nan, width, np.nan))
-    return [tuple(float(v) for v in window) for window in windows]  # type: ignore[misc]
+        middle, gap = float(0.5 * (edges.low[i] + edges.high[i])), edges.high[i] - edges.low[i]
+        before, code = code, int(edges.code_high[i])
+        if before in wanted and code not in wanted:
+            windows.append(window._replace(upper=middle, upper_bracket=float(gap), above=code))
+        elif before not in wanted and code in wanted:
+            window = outside._replace(lower=middle, lower_bracket=float(gap), below=before)
+    return [*windows, window] if code in wanted else windows

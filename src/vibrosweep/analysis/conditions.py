@@ -12,12 +12,17 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.measures import MEASURE_OF, VARIABLES
+from vibrosweep.model.measures import MEASURE_OF, UNDETERMINED, VARIABLES, known
+from vibrosweep.model.status import Regime, Status
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NAMES", "Condition", "Locked", "named"]
+__all__ = ["FAILS", "HOLDS", "NAMES", "UNDETERMINED", "Condition", "Locked", "named"]
+
+Codes = NDArray[np.int64]
+
+FAILS, HOLDS = 0, 1  # codes of what is decided
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,9 @@ class Condition:
     holds
         Function from a dataset with dim ``realization`` to booleans, one per realization.  The
         dataset holds the variables named below, the physical parameters as coordinates, and the
-        attribute ``particles``.
+        attribute ``particles``.  Where one of these variables has no value, or the realization
+        did not complete, the condition is undetermined, whatever the function gives; one that
+        judges that itself gives codes instead: `HOLDS`, `FAILS` or `UNDETERMINED`.
     variables
         The measured variables that `holds` reads.
     sentence
@@ -66,8 +73,8 @@ class Condition:
         """The measures that an observation must be asked for."""
         return {MEASURE_OF[name]: True for name in self.variables if name in MEASURE_OF}
 
-    def judge(self, dataset: xr.Dataset) -> NDArray[np.bool_]:
-        """Tell for each realization of a dataset whether the condition holds.
+    def judge(self, dataset: xr.Dataset) -> Codes:
+        """Code for each realization of a dataset: `HOLDS`, `FAILS` or `UNDETERMINED`.
 
         Raises
         ------
@@ -77,13 +84,21 @@ class Condition:
             The function does not give one boolean per realization.
         """
         require(dataset, f"condition {self.name}", *self.variables)
-        held = np.asarray(self.holds(dataset))
-        if held.dtype != np.bool_ or held.shape != (dataset.sizes["realization"],):
+        size, held = dataset.sizes["realization"], np.asarray(self.holds(dataset))
+        coded = held.dtype.kind == "i" and np.isin(held, (FAILS, HOLDS, UNDETERMINED)).all()
+        if not (held.dtype == np.bool_ or coded) or held.shape != (size,):
             raise ParameterError(
                 f"condition {self.name}: its function gave {held.dtype} of shape {held.shape}; it "
                 f"must give one boolean per realization"
             )
-        return held
+        if coded:
+            return held.astype(np.int64)
+        decided = np.ones(size, np.bool_)
+        if "status" in dataset:
+            decided = dataset["status"].values == Status.COMPLETED
+        for name in self.variables:
+            decided = decided & known(name, dataset).reshape(size, -1).all(axis=1)
+        return np.where(decided, np.where(held, HOLDS, FAILS), UNDETERMINED)
 
 
 @dataclass(frozen=True)
@@ -107,11 +122,40 @@ class Locked:
         return f"The locked orbit with one impact every {self.k} periods exists and attracts."
 
 
-def _all_particles(*counts: str) -> Callable[[xr.Dataset], object]:
+def _of_particles(holds: NDArray[np.bool_], decided: NDArray[np.bool_]) -> Codes:
+    """Whether something holds for all particles; both arrays have shape (realization, particle)."""
+    fails = (decided & ~holds).any(axis=1)
+    return np.where(fails, FAILS, np.where(decided.all(axis=1), HOLDS, UNDETERMINED))
+
+
+def _settled(dataset: xr.Dataset) -> NDArray[np.bool_]:
+    """Which particles are known to follow an orbit of their regime; (realization, particle)."""
+    return np.asarray(known("regime", dataset) & (dataset["regime"].values != Regime.UNSETTLED))
+
+
+def _in_regimes(*regimes: Regime) -> Callable[[xr.Dataset], object]:
     def holds(dataset: xr.Dataset) -> object:
-        return sum(dataset[name].values for name in counts) == dataset.attrs["particles"]
+        return _of_particles(np.isin(dataset["regime"].values, regimes), _settled(dataset))
 
     return holds
+
+
+def _regular(dataset: xr.Dataset) -> object:
+    decided = _settled(dataset) & known("lyapunov_largest", dataset)
+    return _of_particles(dataset["lyapunov_largest"].values < 0.0, decided)
+
+
+def _separated(dataset: xr.Dataset) -> object:
+    """A single particle is separated, and so are particles of which no two have landed."""
+    gap, followed = dataset["dt_min"].values, known("base_shared", dataset)
+    holds = np.isnan(gap) | (gap > dataset["contact_time"].values)
+    decided = ~np.isnan(gap) | followed | (dataset.attrs["particles"] == 1)
+    return _of_particles(holds[:, np.newaxis], decided[:, np.newaxis])
+
+
+def _collision_free(dataset: xr.Dataset) -> object:
+    free = dataset["collision_free"].values
+    return np.full_like(free, HOLDS) if dataset.attrs["particles"] == 1 else free
 
 
 NAMED: Final = {
@@ -119,32 +163,32 @@ NAMED: Final = {
     for condition in (
         Condition(
             "ordered",
-            _all_particles("locked_count"),
-            ("locked_count",),
+            _in_regimes(Regime.LOCKED),
+            ("regime",),
             "The orbits of all particles repeat without a rest.",
         ),
         Condition(
             "periodic",
-            _all_particles("locked_count", "resting_count"),
-            ("locked_count", "resting_count"),
+            _in_regimes(Regime.LOCKED, Regime.RESTING),
+            ("regime",),
             "The orbits of all particles repeat, with rests or without.",
         ),
         Condition(
             "separated",
-            lambda dataset: (dataset["dt_min"] > dataset["contact_time"]).values,
-            ("dt_min",),
-            "No two landings in the window are closer than the contact time.",
+            _separated,
+            ("dt_min", "base_shared"),
+            "No two landings of different particles are closer than the contact time.",
         ),
         Condition(
             "collision_free",
-            lambda dataset: dataset["collision_free"].values == 1,
+            _collision_free,
             ("collision_free",),
             "No two particles are on the base at once in the window.",
         ),
         Condition(
             "regular",
-            lambda dataset: dataset["lyapunov_max"].values < 0.0,
-            ("lyapunov_max",),
+            _regular,
+            ("regime", "lyapunov_largest"),
             "The largest Lyapunov exponent of every particle is below zero.",
         ),
     )

@@ -39,9 +39,8 @@ Codes = NDArray[np.int64]
 States = NDArray[np.float64]
 Points = dict[str, Array]  # restitution, and the forcing by its name, each of shape (point,)
 
-FAILS, HOLDS = 0, 1  # codes of points
 STATES: Final = 3  # of a fixed orbit
-# The codes of `locked` at which an orbit attracts; HOLDS, of the other conditions, is one of them
+# The codes of `locked` at which an orbit attracts; `HOLDS`, of the other conditions, is one of them
 HOLDING: Final = frozenset(
     straight + STATES * turned
     for straight in (ABSENT, ATTRACTS, REPELS)
@@ -50,10 +49,6 @@ HOLDING: Final = frozenset(
 )
 TRAJECTORIES_AT_A_TIME: Final = 1 << 18
 FIXED_PER_TASK: Final = 256
-
-
-def _codes(held: NDArray[np.bool_]) -> Codes:
-    return np.where(held, HOLDS, FAILS)
 
 
 def _dataset(scene: Scene, parameters: dict[str, Array], measured: dict[str, Any]) -> xr.Dataset:
@@ -91,7 +86,7 @@ def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) ->
 
 
 def launched(scene: Scene, condition: Condition, points: Points, workers: Workers) -> Codes:
-    """Whether a condition holds for the scene's launches at each point; shape (point,)."""
+    """Code of a condition for the scene's launches at each point; shape (point,)."""
     observation = scene.observation(**condition.measures)
     size = max(1, TRAJECTORIES_AT_A_TIME // scene.particles)
     held = []
@@ -100,7 +95,7 @@ def launched(scene: Scene, condition: Condition, points: Points, workers: Worker
         parameters = scene.parameters(**piece)
         measured = measure(parameters, observation, workers)
         held.append(condition.judge(_dataset(scene, parameters, measured)))
-    return _codes(np.concatenate(held))
+    return np.concatenate(held)
 
 
 def lift_off_speeds(base: str, problem: Dimensionless, phase: Array, speed: Array) -> Array:
@@ -168,7 +163,7 @@ def continued(
     states: States,
     workers: Workers,
 ) -> tuple[Codes, States]:
-    """Whether a condition holds for orbits continued from given states, and their final states.
+    """Code of a condition for orbits continued from given states, and their final states.
 
     Raises a ParameterError where it is about launches, which a continued orbit has left behind.
     """
@@ -183,4 +178,4 @@ def continued(
             f"cannot be continued along the forcing; leave continuation out for it"
         )
     held = condition.judge(_dataset(scene, parameters, measured))
-    return _codes(held), reached(orbits, scene.particles)
+    return held, reached(orbits, scene.particles)

@@ -27,6 +27,7 @@ from vibrosweep.model.mount import OF_MOUNT, SPRUNG
 from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, STAGGERED, refuse_masked
 from vibrosweep.model.theory import FIXED
 from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, precedes, unit_of
+from vibrosweep.runs.notes import short_observation
 from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
 from vibrosweep.spec.rules import Axis
 from vibrosweep.system import physical_memory
@@ -192,6 +193,11 @@ class Scene:
             self.particles, self.launch, self.end, self.rebound, measures, base=self.base
         )
         return plain.measuring(**measured)
+
+    def short_observation(self, restitution: float | None = None) -> str:
+        """Say where orbits of up to that restitution may not be recognised in time; else empty."""
+        highest = self.restitution if restitution is None else restitution
+        return short_observation(self.base, highest, self.frequency, self.end)
 
     def attributes(self, title: str) -> dict[str, Any]:
         """Attributes of a dataset, without those parameters that it holds as coordinates."""

@@ -17,8 +17,17 @@ from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS, completed, forcing_of, inputs_of, only_parameters
-from vibrosweep.model.measures import MEASURE_OF
+from vibrosweep.model.measures import (
+    MEASURE_OF,
+    OF_REALIZATIONS,
+    UNDETERMINED,
+    VARIABLES,
+    known,
+)
 from vibrosweep.model.mount import require_mount
+from vibrosweep.model.status import Status
+from vibrosweep.runs.notes import observation_of_orbits
+from vibrosweep.spec.design import open_design
 from vibrosweep.spec.rules import Range
 from vibrosweep.spec.sweep import SweepSpec
 
@@ -49,8 +58,9 @@ def sobol_indices(
 
     Dims (output, parameter): ``first_order`` and ``total_order``, each with ``_low`` and ``_high``;
     dim ``output``: ``mean`` and ``standard_deviation`` over the sample.  Raises a ParameterError
-    where a range or the base is not allowed, or there are two forcings, and a DataError where an
-    output is undefined in some realizations, or the same in all.
+    where a range, an output or the base is not allowed, or there are two forcings, and a DataError
+    where a realization did not complete, or an output is undetermined or undefined in some, or the
+    same in all.
     """
     from scipy.stats import qmc
 
@@ -102,7 +112,9 @@ def sobol_of_spec(
             seed=spec.seed,
             confidence=confidence,
         )
-    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
+    recognised = asks.keys() & {"regimes", "lyapunov"}
+    note = observation_of_orbits(spec, open_design(spec)) if recognised else ""
+    return found.assign_attrs(title=spec.title, sweep_file=spec.text, notes=note)
 
 
 def _require_asked(outputs: Sequence[str], confidence: float) -> None:
@@ -110,6 +122,20 @@ def _require_asked(outputs: Sequence[str], confidence: float) -> None:
         raise ParameterError(
             f"outputs = {outputs!r}: must be a list of one or more measured variables"
         )
+    for name in outputs:
+        variable = VARIABLES.get(name)
+        if variable is None:
+            continue
+        if name not in OF_REALIZATIONS:
+            raise ParameterError(
+                f"outputs: {name} has a number for each {variable.dims[-1]}; choose variables with "
+                f"one for each realization"
+            )
+        if len([code for code, _ in variable.flags if code != UNDETERMINED]) > 2:
+            raise ParameterError(
+                f"outputs: {name} is a code, whose numbers have no mean; choose variables that "
+                f"count or measure"
+            )
     if not (isinstance(confidence, float) and 0.0 < confidence < 1.0):
         raise ParameterError(f"confidence = {confidence!r}: must be a number above 0 and below 1")
 
@@ -138,7 +164,7 @@ def _measured(
     outputs: Sequence[str],
 ) -> Array:
     """Outputs at the points, shape (output, point)."""
-    found, count = [], len(next(iter(points.values())))
+    found, statuses, count = [], [], len(next(iter(points.values())))
     for start in range(0, count, BATCH):
         given = {name: np.ascontiguousarray(v[start : start + BATCH]) for name, v in points.items()}
         size = len(next(iter(given.values())))
@@ -146,14 +172,23 @@ def _measured(
         every = _every_parameter(others | given, observation.base)
         measured = measure(every, observation, workers)
         _require_outputs(measured, outputs)
-        found.append(np.array([measured[name] for name in outputs], dtype=np.float64))
-    values = np.concatenate(found, axis=1)
+        numbers = [np.where(known(n, measured), measured[n], np.nan) for n in outputs]
+        found.append(np.array(numbers, dtype=np.float64))
+        statuses.append(measured["status"])
+    values, status = np.concatenate(found, axis=1), np.concatenate(statuses)
+    if np.any(status):
+        worst = Status(int(status.max()))
+        raise DataError(
+            f"sobol_indices: {np.count_nonzero(status)} of {count} realizations did not complete: "
+            f"{worst.sentence}"
+        )
     for name, row in zip(outputs, values, strict=True):
         undefined = int(np.count_nonzero(~np.isfinite(row)))
         if undefined:
             raise DataError(
                 f"sobol_indices: {name} is undefined in {undefined} of {row.size} realizations: "
-                f"lengthen the duration, or take ranges in which all particles land"
+                f"lengthen the duration, raise measure.impact_budget, or take ranges in which all "
+                f"particles land"
             )
         if np.ptp(row) == 0.0:
             raise DataError(f"sobol_indices: {name} is the same in all realizations")
@@ -204,7 +239,7 @@ def _index_dataset(
     names: tuple[str, ...],
 ) -> xr.Dataset:
     dims = ("output", "parameter")
-    known = parts[:, :2].reshape(len(outputs), -1)
+    sample = parts[:, :2].reshape(len(outputs), -1)
     variables = {}
     for i, (name, values) in enumerate((("first_order", first), ("total_order", total))):
         words = f"{name.replace('_', '-')} Sobol' index"
@@ -214,9 +249,9 @@ def _index_dataset(
     return xr.Dataset(
         {
             **variables,
-            "mean": variable(("output",), known.mean(axis=1), "mean, in the output's own unit"),
+            "mean": variable(("output",), sample.mean(axis=1), "mean, in the output's own unit"),
             "standard_deviation": variable(
-                ("output",), known.std(axis=1), "standard deviation, in the output's own unit"
+                ("output",), sample.std(axis=1), "standard deviation, in the output's own unit"
             ),
         },
         coords={"output": list(outputs), "parameter": list(names)},

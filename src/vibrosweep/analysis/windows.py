@@ -17,8 +17,16 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from vibrosweep.analysis import evaluate
-from vibrosweep.analysis.bisection import find_edges, windows_of_row
-from vibrosweep.analysis.conditions import NAMES, Condition, Locked, named
+from vibrosweep.analysis.bisection import Window, find_edges, windows_of_row
+from vibrosweep.analysis.conditions import (
+    FAILS,
+    HOLDS,
+    NAMES,
+    UNDETERMINED,
+    Condition,
+    Locked,
+    named,
+)
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
@@ -39,7 +47,6 @@ __all__ = [
     "DIRECTIONS",
     "TOLERANCE",
     "find_windows",
-    "recognises_orbits",
     "summary",
     "windows_of_spec",
 ]
@@ -56,19 +63,35 @@ BYTES_PER_POINT: Final = 200
 BYTES_PER_STATE: Final = 16  # that a continued particle has at a point
 NO_WINDOW: Final = -1
 OPEN_BELOW, OPEN_ABOVE = 1, 2
+UNDETERMINED_BELOW, UNDETERMINED_ABOVE = 4, 8
 ENDS: Final = Variable(
     "window_ends",
     ("condition", "direction", "restitution", "window"),
     "int8",
     "1",
-    "ends of the scan that the window reaches",
+    "ends of the window that are none of the condition",
     flags=(
         (NO_WINDOW, "no_window"),
         (0, "closed"),
         (OPEN_BELOW, "open_below"),
         (OPEN_ABOVE, "open_above"),
         (OPEN_BELOW + OPEN_ABOVE, "open_both"),
+        (UNDETERMINED_BELOW, "undetermined_below"),
+        (UNDETERMINED_BELOW + OPEN_ABOVE, "undetermined_below_open_above"),
+        (UNDETERMINED_ABOVE, "undetermined_above"),
+        (OPEN_BELOW + UNDETERMINED_ABOVE, "open_below_undetermined_above"),
+        (UNDETERMINED_BELOW + UNDETERMINED_ABOVE, "undetermined_both"),
     ),
+    comment="open: the window reaches the end of the scan; undetermined: beyond this end, as far "
+    "as the next code, nothing shows whether the condition holds",
+)
+HELD: Final = Variable(
+    "holds",
+    ("condition", "direction", "restitution", "scan"),
+    "int8",
+    "1",
+    "whether the condition holds at a point of the scan",
+    flags=((UNDETERMINED, "undetermined"), (FAILS, "fails"), (HOLDS, "holds")),
 )
 
 
@@ -115,9 +138,12 @@ def find_windows(
         brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window reaches the
         end of the scan, which is no edge of it, and past the last window; their names begin with
         the symbol of what is scanned: ``A``, ``V0``, ``B`` or ``Gamma``;
-        ``window_ends``, which of its ends are so open, -1 past the last window.  Dims (condition,
-        direction, restitution): ``window_count`` and ``widest``, the index of the window that
-        covers most of the scan, -1 without any.
+        ``window_ends``, which of its ends are so open, and beyond which it is undetermined whether
+        the condition holds, -1 past the last window.  Dims (condition, direction, restitution):
+        ``window_count`` and ``widest``, the index of the window that covers most of the scan, -1
+        without any.  Dims (condition, direction, restitution, scan): ``holds``, at each point of
+        the scan, -1 where that is undetermined.  Attribute ``notes``: whether orbits are observed
+        for long enough.
 
     Raises
     ------
@@ -154,18 +180,18 @@ def find_windows(
             for condition in chosen
             for direction in directions
         ]
-    table = _table(found, (len(chosen), len(directions), e.size))
+    shape = (len(chosen), len(directions), e.size)
+    table = _table(found, shape)
+    held = np.array([row.codes for rows in found for row in rows], np.int8)
+    held = held.reshape(*shape, a.size)
     dataset = _dataset(scene, chosen, directions, Scan(forcing, e, a), table)
-    return dataset.assign_attrs(tolerance=tolerance)
-
-
-def recognises_orbits(spec: SweepSpec) -> bool:
-    """Whether a condition of a sweep file depends on orbits that are recognised."""
-    conditions = () if spec.windows is None else map(named, spec.windows.conditions)
-    return any(
-        isinstance(condition, Condition) and condition.measures.keys() & {"regimes", "lyapunov"}
-        for condition in conditions
-    )
+    dataset[HELD.name] = (HELD.dims, held, HELD.attributes)
+    note = ""
+    if any(
+        isinstance(c, Condition) and c.measures.keys() & {"regimes", "lyapunov"} for c in chosen
+    ):
+        note = scene.short_observation(float(e.max()))
+    return dataset.assign_attrs(tolerance=tolerance, notes=note)
 
 
 def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
@@ -206,18 +232,33 @@ def summary(windows: xr.Dataset) -> Iterator[str]:
             one = windows.sel(condition=condition, direction=direction)
             count, ends = one["window_count"].values, one[ENDS.name].values
             name = condition if direction in FRESH else f"{condition} {direction}"
+            unknown = "".join(_undetermined(one))
             if not count.any():
-                yield f"{name:24}no window was found from {first:g} to {last:g}{unit}"
+                yield f"{name:24}no window was found from {first:g} to {last:g}{unit}{unknown}"
                 continue
-            number = np.count_nonzero(ends > 0)
+            number = np.count_nonzero((ends > 0) & (ends & (OPEN_BELOW | OPEN_ABOVE) > 0))
             reach = f"; {number} of {count.sum()} reach the end of the scan" if number else ""
             yield (
                 f"{name:24}holds at {np.count_nonzero(count)} of {count.size} restitutions, in up "
-                f"to {count.max()} windows{reach}"
+                f"to {count.max()} windows{reach}{unknown}"
             )
 
 
-Row = list[tuple[float, float, float, float]]
+def _undetermined(one: xr.Dataset) -> Iterator[str]:
+    """Say of one condition and direction where it could not be told whether it holds."""
+    bits, ends = UNDETERMINED_BELOW | UNDETERMINED_ABOVE, one[ENDS.name].values
+    if number := np.count_nonzero((ends > 0) & (ends & bits > 0)):
+        yield f"; {number} of {one['window_count'].values.sum()} end where it is undetermined"
+    held = one[HELD.name].values if HELD.name in one else np.zeros(0)
+    if number := np.count_nonzero(held == UNDETERMINED):
+        yield f"; undetermined at {number} of {held.size} points of the scan"
+
+
+class Row(NamedTuple):
+    """What a condition does at one restitution."""
+
+    codes: Codes  # at the points of the scan: `FAILS`, `HOLDS` or `UNDETERMINED`
+    windows: list[Window]
 
 
 class Scan(NamedTuple):
@@ -256,7 +297,10 @@ def _windows(
     width = tolerance - 2.0 * error  # so that the brackets keep to the tolerance with the error
     codes, edges = find_edges(judge, e.size, a, width, start=start, upward=upward)
     edges = edges._replace(low=edges.low * (1.0 - error), high=edges.high * (1.0 + error))
-    return [windows_of_row(codes, edges, row, evaluate.HOLDING) for row in range(e.size)]
+    held = np.where(np.isin(codes, list(evaluate.HOLDING)), HOLDS, np.minimum(codes, FAILS))
+    return [
+        Row(held[row], windows_of_row(codes, edges, row, evaluate.HOLDING)) for row in range(e.size)
+    ]
 
 
 def _table(found: list[list[Row]], shape: tuple[int, int, int]) -> Array:
@@ -264,16 +308,20 @@ def _table(found: list[list[Row]], shape: tuple[int, int, int]) -> Array:
 
     Past the last window they are NaN, and the code is `NO_WINDOW`.
     """
-    rows = [row for rows in found for row in rows]
+    rows = [row.windows for rows in found for row in rows]
     most = max(1, max(len(row) for row in rows))
     table = np.full((5, len(rows), most), np.nan)
     table[4] = NO_WINDOW
     for i, row in enumerate(rows):
-        if row:
-            table[:4, i, : len(row)] = np.array(row).T
-            below, above = np.isnan(table[:2, i, : len(row)])
-            table[4, i, : len(row)] = OPEN_BELOW * below + OPEN_ABOVE * above
+        for j, window in enumerate(row):
+            table[:, i, j] = (*window[:4], _code_of_ends(window))
     return table.reshape(5, *shape, most)
+
+
+def _code_of_ends(window: Window) -> int:
+    below = {None: OPEN_BELOW, UNDETERMINED: UNDETERMINED_BELOW}
+    above = {None: OPEN_ABOVE, UNDETERMINED: UNDETERMINED_ABOVE}
+    return below.get(window.below, 0) + above.get(window.above, 0)
 
 
 def _dataset(
@@ -332,5 +380,8 @@ def _dataset(
 
 
 def _attributes(long_name: str, units: str) -> dict[str, str]:
-    comment = "NaN where the window reaches the end of the scan, which is no edge of it"
+    comment = (
+        "NaN where the window reaches the end of the scan, which is no edge of it; where "
+        f"{ENDS.name} says undetermined, the condition is known to hold up to here only"
+    )
     return {"units": units, "long_name": long_name, "comment": comment}

@@ -5,6 +5,7 @@ All take the keywords of `vibrosweep.sweep`, or the path of a sweep file, or a m
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -21,7 +22,7 @@ from vibrosweep.analysis.separations import (
 from vibrosweep.analysis.windows import windows_of_spec
 from vibrosweep.api.asking import Asked, asked
 from vibrosweep.api.sweeps import sweep
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import ParameterError, ShortObservationWarning
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.runs.driver import require_whole, thread_count
 
@@ -64,9 +65,12 @@ def windows(
         Dims (condition, direction, restitution, window): ``A_min`` and ``A_max`` (m s-1), the
         middles of brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window
         reaches the end of the scan and past the last window; ``window_ends``, which of its ends are
-        so open.  Names begin with the symbol of what is scanned: ``A``, ``V0``, ``B``, ``Gamma``.
+        so open, and beyond which it is undetermined whether the condition holds.  Names begin with
+        the symbol of what is scanned: ``A``, ``V0``, ``B``, ``Gamma``.
         Dims (condition, direction, restitution): ``window_count`` and ``widest``, the
-        index of the widest window, -1 without any.
+        index of the widest window, -1 without any.  Dims (condition, direction, restitution, scan):
+        ``holds``, whether the condition holds at a point of the scan, -1 where that is
+        undetermined.
 
     Raises
     ------
@@ -74,6 +78,12 @@ def windows(
         Keywords hold mistakes, all of which are listed, or the scan has other axes.
     ParameterError
         A condition cannot be continued, or the points do not fit into memory.
+
+    Warns
+    -----
+    ShortObservationWarning
+        Orbits are observed for too short a time to tell what all of them settle on; the attribute
+        ``notes`` of the result says so too.
 
     Examples
     --------
@@ -84,7 +94,8 @@ def windows(
     >>> bool((abs(one.A_max - closed) <= one.A_max_bracket).all())
     True
     """
-    return windows_of_spec(asked(spec, keywords, "windows", windows={}), thread_count(threads))
+    checked = asked(spec, keywords, "windows", windows={})
+    return _warned(windows_of_spec(checked, thread_count(threads)))
 
 
 def bifurcation(
@@ -127,6 +138,12 @@ def bifurcation(
     ParameterError
         The observable is not known, or the impacts do not fit into memory.
 
+    Warns
+    -----
+    ShortObservationWarning
+        Orbits are observed for too short a time to tell what all of them settle on; the attribute
+        ``notes`` of the result says so too.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -137,7 +154,7 @@ def bifurcation(
     """
     require_whole("samples", samples)
     checked = asked(spec, keywords)
-    return bifurcation_of_spec(checked, observable, samples, thread_count(threads))
+    return _warned(bifurcation_of_spec(checked, observable, samples, thread_count(threads)))
 
 
 def basins(
@@ -171,6 +188,12 @@ def basins(
     ParameterError
         The launches do not fit into memory.
 
+    Warns
+    -----
+    ShortObservationWarning
+        Orbits are observed for too short a time to tell what all of them settle on; the attribute
+        ``notes`` of the result says so too.
+
     Examples
     --------
     >>> import vibrosweep as vs
@@ -178,7 +201,7 @@ def basins(
     >>> found.basin.dims, found.basin.shape
     (('launch_velocity', 'launch_time'), (3, 20))
     """
-    return basins_of_spec(asked(spec, keywords), thread_count(threads))
+    return _warned(basins_of_spec(asked(spec, keywords), thread_count(threads)))
 
 
 def sobol(
@@ -220,9 +243,16 @@ def sobol(
     SpecError
         Keywords hold mistakes, all of which are listed, or no parameter varies.
     DataError
-        An output is undefined in some realizations, or the same in all.
+        A realization did not complete, or an output is undetermined or undefined in some, or the
+        same in all.
     ParameterError
         The number of realizations is no power of 2, or `outputs` or `confidence` is not allowed.
+
+    Warns
+    -----
+    ShortObservationWarning
+        Orbits are observed for too short a time to tell what all of them settle on; the attribute
+        ``notes`` of the result says so too.
 
     Examples
     --------
@@ -234,7 +264,7 @@ def sobol(
     given = spec if isinstance(spec, Mapping) else keywords
     ranged = any(name in INPUTS and isinstance(value, tuple) for name, value in given.items())
     checked = asked(spec, keywords, **({"realizations": SOBOL_SAMPLE} if ranged else {}))
-    return sobol_of_spec(checked, outputs, confidence, thread_count(threads))
+    return _warned(sobol_of_spec(checked, outputs, confidence, thread_count(threads)))
 
 
 def separations(
@@ -304,3 +334,10 @@ def separations(
     if against is None:
         return separation_distribution(result, measure=measure, quantiles=quantiles)
     return separation_against(result, against, bins=bins, measure=measure, quantiles=quantiles)
+
+
+def _warned(found: xr.Dataset) -> xr.Dataset:
+    """Warn of what the notes of a result say; the command line prints them itself."""
+    if found.attrs["notes"]:
+        warnings.warn(found.attrs["notes"], ShortObservationWarning, stacklevel=3)
+    return found

@@ -32,12 +32,10 @@ def produce(
     options: argparse.Namespace,
     kind: str,
     compute: Callable[[SweepSpec, int], xr.Dataset],
-    recognises: Callable[[SweepSpec], bool] = lambda spec: True,
 ) -> None:
     """Compute a dataset, print its summary, and write it and its picture side by side.
 
-    `compute` makes the dataset of a sweep with a number of threads; `recognises` tells whether that
-    of a sweep depends on the recognition of orbits.
+    `compute` makes the dataset of a sweep with a number of threads.
     """
     from vibrosweep.spec.sweep import read_spec
 
@@ -47,8 +45,6 @@ def produce(
     _check(options, spec, output, picture)
     from vibrosweep.figures.registry import save
     from vibrosweep.runs.driver import available_threads
-    from vibrosweep.runs.notes import short_observation
-    from vibrosweep.spec.design import open_design
     from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.provenance import provenance
     from vibrosweep.store.saving import save_dataset
@@ -59,10 +55,8 @@ def produce(
     found = compute(spec, threads)
     print(f"{time.perf_counter() - began:.3g} s on {some(threads, 'thread')}")
     print("\n".join(KINDS[kind].lines(found)))
-    note = short_observation(spec, open_design(spec)) if recognises(spec) else ""
-    if note:
-        print(f"observation: {note}")
-    found = found.assign_attrs(notes=note)
+    if found.attrs["notes"]:
+        print(f"observation: {found.attrs['notes']}")
     save_dataset(found.assign_attrs(provenance(threads)), output, KINDS[kind], force=options.force)
     with drawing(output):
         save(KINDS[kind].draw(found), picture, force=options.force)

@@ -16,6 +16,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.analysis.windows import recognises_orbits, windows_of_spec
+    from vibrosweep.analysis.windows import windows_of_spec
 
-    produce(options, NAME, windows_of_spec, recognises_orbits)
+    produce(options, NAME, windows_of_spec)

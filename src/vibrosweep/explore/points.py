@@ -15,6 +15,7 @@ from vibrosweep.errors import DataError
 from vibrosweep.explore.choice import Choice, Spread
 from vibrosweep.explore.labels import input_label, label
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
+from vibrosweep.model.measures import known
 from vibrosweep.model.mount import MASSES
 from vibrosweep.model.parameters import STAGGERED
 from vibrosweep.model.times import Periods
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 # What colours the plane at first, if it was measured
 COLOURS: Final = ("dt_min", "rebound_height_max")
 SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "gap_min")
+WINDOW_ENDS: Final = ("lower", "upper", "lower, undetermined beyond", "upper, undetermined beyond")
 LAUNCHED: Final = "launched_at"
 LONGEST_LABEL: Final = 45  # letters that fit beside a plane
 
@@ -126,7 +128,7 @@ def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
     numbers = {n: v for n, v in along.items() if v.dtype.kind in "iufb" and n != REALIZATION}
     inputs = [name for name in INPUTS if name in numbers]
     columns = {name: _column(name, numbers[name]) for name in inputs}
-    columns |= {name: _column(name, v) for name, v in numbers.items() if name not in columns}
+    columns |= {n: _column(n, _numbers(n, sweep)) for n in numbers if n not in columns}
     index = np.arange(sweep.sizes[REALIZATION], dtype=np.float64)
     columns["number"] = Column("number of the realization", index)
     given = str(sweep.attrs.get("forcing", "amplitude"))
@@ -146,6 +148,8 @@ def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
 
 def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
     """Every end of a window is a point; an end of the scan is none."""
+    from vibrosweep.analysis.windows import ENDS, UNDETERMINED_ABOVE, UNDETERMINED_BELOW
+
     forcing = str(windows.attrs["forcing"])
     symbol = FORCINGS[forcing].symbol
     lower, upper = (windows[f"{symbol}_{end}"] for end in ("min", "max"))
@@ -153,11 +157,13 @@ def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
     ends = np.stack([one.transpose(*dims).values for one in (lower, upper)])
     end, condition, direction, row, window = np.nonzero(np.isfinite(ends))
     at = (end, condition, direction, row, window)
+    codes = windows[ENDS.name].transpose(*dims).values[at[1:]]
+    unsure = (codes & np.array([UNDETERMINED_BELOW, UNDETERMINED_ABOVE])[end]) > 0
     columns = {
         "restitution": _column("restitution", windows["restitution"], row),
         forcing: Column(input_label(forcing), ends[at]),
         "condition": _named("condition", windows["condition"].values, condition),
-        "end": _named("end of the window", ("lower", "upper"), end),
+        "end": _named("end of the window", WINDOW_ENDS, end + 2 * unsure),
         "direction": _named("direction of the scan", windows["direction"].values, direction),
     }
     return {
@@ -182,7 +188,7 @@ def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
         "direction": _named("direction of the scan", diagram["direction"].values, direction),
     }
     for measured in ("regime", "lyapunov_largest", "cycle_impacts", "cycle_periods"):
-        one = diagram[measured].transpose("direction", "amplitude", "particle")
+        one = _numbers(measured, diagram).transpose("direction", "amplitude", "particle")
         columns[measured] = _column(measured, one, of_orbit)
     columns["particle"] = Column("number of the particle", particle.astype(np.float64))
     along = str(diagram.attrs.get("forcing", "amplitude"))
@@ -209,7 +215,7 @@ def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
         LAUNCHED: Column("time of launch (s)", basins["launch_time"].values[column]),
         "launch_velocity": _column("launch_velocity", basins["launch_velocity"], row),
         "basin": _named("attractor", meanings, found.values[row, column]),
-        "slot": _column("slot", basins["slot"].transpose(*found.dims), (row, column)),
+        "slot": _column("slot", _numbers("slot", basins).transpose(*found.dims), (row, column)),
     }
     forcing = str(basins.attrs.get("forcing", "amplitude"))
     return {
@@ -219,6 +225,12 @@ def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
         "axes": (LAUNCHED, "launch_velocity"),
         "colour": "basin",
     }
+
+
+def _numbers(name: str, dataset: xr.Dataset) -> xr.DataArray:
+    """Take a variable, NaN where it holds nothing; codes say that themselves."""
+    found = dataset[name]
+    return found if "flag_values" in found.attrs else found.where(known(name, dataset))
 
 
 def _column(name: str, variable: Any, index: Any = slice(None)) -> Column:

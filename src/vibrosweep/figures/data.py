@@ -14,6 +14,7 @@ from vibrosweep.analysis.requirements import remedy
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.measures import known
 from vibrosweep.model.mount import OF_MOUNT
 from vibrosweep.model.parameters import MOUNT, PARAMETERS
 
@@ -98,8 +99,13 @@ def fixed(dataset: xr.Dataset, name: str) -> float | None:
 
 
 def quantity(dataset: xr.Dataset, name: str) -> Array:
-    """Values of a variable or parameter, one per realization, as float64."""
+    """Values of a variable or parameter, one per realization, as float64.
+
+    NaN where there is none, unless the values are codes, of which one says that.
+    """
     values = np.asarray(dataset[name].values, dtype=np.float64)
+    if "flag_values" not in dataset[name].attrs:
+        values = np.where(known(name, dataset), values, np.nan)
     return np.broadcast_to(values, (dataset.sizes["realization"],))
 
 

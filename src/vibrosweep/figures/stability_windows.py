@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
 from vibrosweep.analysis.base_motion import base_name, moves
+from vibrosweep.analysis.conditions import UNDETERMINED
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
 from vibrosweep.figures.window_curves import MODES, Forcing, draw_windows
@@ -36,8 +38,9 @@ def stability_windows(windows: xr.Dataset) -> Figure:
     All locked orbits share the first panel, every other condition has its own.  Where orbits were
     continued along the forcing, both directions are drawn over each other: where only one of
     them is seen, the window is hysteretic.  A bar that reaches the end of the scan may go on beyond
-    it.  Curves are the closed forms of locked orbits without reflection: solid from where they
-    exist, dashed up to where they are stable.
+    it, and so may one that ends where points of the scan are grey: there it is undetermined whether
+    the condition holds.  Curves are the closed forms of locked orbits without reflection: solid
+    from where they exist, dashed up to where they are stable.
 
     Parameters
     ----------
@@ -90,6 +93,7 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
         chosen = windows.sel(condition=name, direction=direction)
         label = name.replace("_", " ") + ("" if len(directions) == 1 else f", {direction}")
         top = max(top, _bands(axes, chosen, scan, colour, label))
+        _undetermined(axes, chosen)
     axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
     name = _scanned(windows)
     scanned = FORCINGS[name]
@@ -137,6 +141,28 @@ def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label
             **BAND,
         )
     return float(np.max(upper, initial=0.0, where=there))
+
+
+def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
+    """Grey cells around the points of the scan where it is undetermined whether a condition holds.
+
+    Earlier versions did not tell.
+    """
+    held = chosen["holds"].values if "holds" in chosen else np.zeros(0)
+    if not np.any(held == UNDETERMINED):
+        return
+    axes.pcolormesh(
+        _edges(chosen["restitution"].values),
+        _edges(chosen["scan"].values),
+        np.ma.masked_not_equal(held.T, UNDETERMINED),
+        cmap=ListedColormap([style.GREY]),
+        alpha=0.3,
+        linewidth=0.0,
+        zorder=0.5,
+        rasterized=True,
+    )
+    if "undetermined" not in axes.get_legend_handles_labels()[1]:
+        axes.plot([], [], "s", color=style.GREY, alpha=0.3, label="undetermined")
 
 
 def _scanned(windows: xr.Dataset) -> str:

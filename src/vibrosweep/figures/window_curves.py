@@ -98,7 +98,7 @@ def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[in
         axes.text(
             curve.restitution[at],
             curve.forcing[at],
-            rf"${forcing.symbol}_{{{end}}}({curve.mode})$",
+            rf"${{{forcing.symbol}}}_{{{end}}}({curve.mode})$",
             rotation=_slope(curve, at),
             rotation_mode="anchor",
             transform_rotates_text=True,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep.model.parameters import BASES
 from vibrosweep.model.status import Regime, Status
@@ -45,6 +46,8 @@ class Variable:
     judged: str = "measure"  # how `verify` judges it: a key of `vibrosweep.proof.judges.JUDGES`
     # Whether it is undetermined, or NaN, just where the impact budget did not suffice
     open_by_budget: bool = False
+    # Name of the variable that is 0 where no cycle was found, of what holds nothing there
+    cycle: str = ""
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -258,9 +261,14 @@ _REGIMES: Final = Measure(
             " ".join(f"{r.meaning}: {r.sentence}" for r in Regime),
             judged="regime",
         ),
-        _count("cycle_impacts", _RP, "impacts in a cycle", _WITHOUT, judged="cycle"),
-        _count("cycle_periods", _RP, "forcing periods in a cycle", _WITHOUT, judged="cycle"),
-        _count("cycle_rests", _RP, "rests in a cycle", _WITHOUT, judged="cycle"),
+        *(
+            _count(f"cycle_{name}", _RP, words, _WITHOUT, judged="cycle", cycle="cycle_impacts")
+            for name, words in (
+                ("impacts", "impacts in a cycle"),
+                ("periods", "forcing periods in a cycle"),
+                ("rests", "rests in a cycle"),
+            )
+        ),
         _code(
             "cycle_uncertain",
             _RP,
@@ -424,26 +432,20 @@ _JOINT: Final = Measure(
             "that of a particle, with the state of all in its place; see regime",
             judged="recomputed",
         ),
-        _count(
-            "joint_cycle_impacts",
-            _R,
-            "impacts of all particles in a cycle of the joint state",
-            _WITHOUT,
-            judged="recomputed",
-        ),
-        _count(
-            "joint_cycle_periods",
-            _R,
-            "forcing periods in a cycle of the joint state",
-            _WITHOUT,
-            judged="recomputed",
-        ),
-        _count(
-            "joint_cycle_rests",
-            _R,
-            "rests in a cycle of the joint state",
-            _WITHOUT,
-            judged="recomputed",
+        *(
+            _count(
+                f"joint_cycle_{name}",
+                _R,
+                f"{words} in a cycle of the joint state",
+                _WITHOUT,
+                judged="recomputed",
+                cycle="joint_cycle_impacts",
+            )
+            for name, words in (
+                ("impacts", "impacts of all particles"),
+                ("periods", "forcing periods"),
+                ("rests", "rests"),
+            )
         ),
         _real(
             "joint_recurrent_from",
@@ -627,6 +629,24 @@ MEASURE_OF: Final[Mapping[str, str]] = {
 OF_REALIZATIONS: Final[Mapping[str, Variable]] = {
     name: variable for name, variable in VARIABLES.items() if variable.dims == _R
 }
+
+
+def known(name: str, held: Mapping[Any, Any]) -> NDArray[np.bool_]:
+    """Tell where a variable holds a value, and not what stands where there is none.
+
+    That is NaN, `UNDETERMINED`, and of a cycle 0 where none was found.  `held` are arrays by their
+    names, or a dataset, as a sweep holds them; any value of what is not in `VARIABLES`, such as a
+    label of a table, is one unless it is NaN.
+    """
+    values, variable = np.asarray(held[name]), VARIABLES.get(name)
+    if values.dtype.kind == "f":
+        return np.asarray(~np.isnan(values))
+    if variable is None:
+        return np.ones(values.shape, np.bool_)
+    if variable.cycle in held:
+        return np.asarray((values != UNDETERMINED) & (np.asarray(held[variable.cycle]) > 0))
+    return np.asarray(values != UNDETERMINED)
+
 
 # Every landing, for small scenes.
 RECORD: Final[Mapping[str, Variable]] = {

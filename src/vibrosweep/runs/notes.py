@@ -9,7 +9,7 @@ import numpy as np
 from vibrosweep.model import theory
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT
-from vibrosweep.model.times import Periods, in_periods
+from vibrosweep.model.times import Periods, Time, in_periods
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.rules import Range
 from vibrosweep.spec.sweep import SweepSpec
@@ -20,7 +20,7 @@ def notes(spec: SweepSpec, design: Design) -> dict[str, str]:
     found = {"defaults": _defaults(spec, design)}
     if spec.measures.regimes:
         found |= {
-            "observation": short_observation(spec, design),
+            "observation": observation_of_orbits(spec, design),
             "exponents": _short_window(spec, design),
         }
     return {subject: text for subject, text in found.items() if text}
@@ -40,23 +40,31 @@ def _defaults(spec: SweepSpec, design: Design) -> str:
     )
 
 
-def short_observation(spec: SweepSpec, design: Design) -> str:
+def observation_of_orbits(spec: SweepSpec, design: Design) -> str:
     """Say where locked orbits cannot be recognised before the observation ends; else empty."""
-    if spec.base not in theory.FIXED:
-        return ""  # how long coupled orbits take to return is not known
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
-    needed = float(theory.recognition_periods(restitution[1], base=spec.base))
-    observed = float(in_periods(spec.duration, np.array(frequency[:1]))[0])
+    return short_observation(spec.base, restitution[1], frequency[0], spec.duration)
+
+
+def short_observation(base: str, restitution: float, frequency: float, duration: Time) -> str:
+    """Say whether orbits locked at this restitution and frequency may not be recognised in time.
+
+    Empty where they are.
+    """
+    if base not in theory.FIXED:
+        return ""  # how long coupled orbits take to return is not known
+    needed = float(theory.recognition_periods(restitution, base=base))
+    observed = float(in_periods(duration, np.array([frequency]))[0])
     if observed >= needed:
         return ""
     takes = f"up to {needed:.0f}" if math.isfinite(needed) else "more than any number of"
-    enough = f"{needed / frequency[0]:.4g} s"
-    if isinstance(spec.duration, Periods):
+    enough = f"{needed / frequency:.4g} s"
+    if isinstance(duration, Periods):
         enough = f"{needed:.0f} periods"
     longer = f"; {enough} are enough" if math.isfinite(needed) else ""
     return (
         f"an orbit locked to one period takes {takes} periods to return bit for bit at restitution "
-        f"{restitution[1]:g}, and {observed:g} are observed: such orbits may "
+        f"{restitution:g}, and {observed:g} are observed: such orbits may "
         f"be called unsettled{longer}"
     )
 

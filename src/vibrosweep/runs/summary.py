@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.model.measures import OF_REALIZATIONS, UNDETERMINED, VARIABLES, Variable
+from vibrosweep.model.measures import OF_REALIZATIONS, VARIABLES, Variable, known
 from vibrosweep.model.status import Status
 
 # What tells whether a larger impact budget would give more, as far as a result holds it.
@@ -31,8 +31,6 @@ class _Spread:
             if some := int(np.count_nonzero(values == sign)):
                 self.infinite[sign] = self.infinite.get(sign, 0) + some
         finite = values[np.isfinite(values)]
-        if values.dtype.kind == "i":
-            finite = values[values != UNDETERMINED]
         if finite.size:
             self.count += finite.size
             self.total += float(finite.sum())
@@ -59,17 +57,17 @@ class Summary:
         """Add the measured variables of a chunk, each of shape (realization, ...)."""
         self.realizations += measured["impact_count"].size
         counts = measured["impact_count"]
-        self.landings += int(counts[counts != UNDETERMINED].sum())
+        self.landings += int(counts[known("impact_count", measured)].sum())
         for name, variable in OF_REALIZATIONS.items():
             if name not in measured:
                 continue
             if variable.flags:
                 codes, counts = np.unique(measured[name], return_counts=True)
-                known = self.codes.setdefault(name, {})
+                seen = self.codes.setdefault(name, {})
                 for code, count in zip(codes.tolist(), counts.tolist(), strict=True):
-                    known[code] = known.get(code, 0) + count
+                    seen[code] = seen.get(code, 0) + count
             else:
-                self.spreads.setdefault(name, _Spread()).add(measured[name])
+                self.spreads.setdefault(name, _Spread()).add(measured[name][known(name, measured)])
 
     def lines(self) -> Iterator[str]:
         """Give the summary as a table of text."""
@@ -120,8 +118,5 @@ def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
     # cycles are counted to the end for nothing, but other measures must follow every landing
     for name in SETTLING[1:]:
         if name in columns:
-            values = columns[name]
-            failed = failed | (
-                values == UNDETERMINED if VARIABLES[name].flags else np.isnan(values)
-            )
+            failed = failed | ~known(name, columns)
     return np.asarray(failed)
