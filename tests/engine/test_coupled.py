@@ -223,7 +223,7 @@ def test_a_separation_of_equal_numbers_once_unknown_stays_unknown():
     for time, who in ((0.1, 0), (0.2, 0), (0.3, 1), (0.4, 1)):
         # the first landing of particle 1 meets a memory in which that of particle 0 is lost
         of.now[NOW.X] = time
-        order = note(of, 0, memory, order, who, (True, False), 1e-4)
+        order = note(of, memory, order, who, (True, False), (0.0, 0.0), 1e-4)
     assert memory.numbered[1, 0] == 0.4
     assert np.isnan(order.same)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.observation import Observation, launched_in_window
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.coupled.follow import (
@@ -48,7 +48,9 @@ def measure_coupled(
     frequency, particles = parameters["frequency"], observation.particles
     unit = parameters["gravity"] / (2.0 * frequency**2)
     found = _physical(sums, frequency, unit)
-    launched = np.where(sums.launch_height > -np.inf, sums.launch_height * unit, np.nan)
+    launched = each.launch_height.reshape(-1, particles)
+    launched = np.where(launched_in_window(observation, frequency), launched, -np.inf).max(axis=1)
+    launched = np.where(launched > -np.inf, launched * unit, np.nan)
     found |= {
         "at_rest_count": sums.at_rest,
         "status": sums.status,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.observation import Observation
+from vibrosweep.engine.observation import Observation, launched_in_window
 from vibrosweep.engine.observed import observed
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow
@@ -22,7 +22,7 @@ from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, launches
-from vibrosweep.model.times import Periods, Time, amount, in_periods, in_seconds
+from vibrosweep.model.times import in_seconds
 
 Measured = dict[str, NDArray[Any]]
 
@@ -98,7 +98,7 @@ def _launch_height_max(
 
     `low` is `vibrosweep.kernels.bases.lowest` of the realizations.
     """
-    launched = _launched_in_window(observation, parameters["frequency"])
+    launched = launched_in_window(observation, parameters["frequency"])
     with np.errstate(over="ignore"):
         thrown = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
         if low is None:
@@ -114,30 +114,6 @@ def _launch_height_max(
         heights = np.where(flies, thrown[:, np.newaxis] + base, base)
     highest = np.where(launched, heights, -np.inf).max(axis=1)
     return np.where(launched.any(axis=1), highest, np.nan)
-
-
-def _launched_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:
-    """Whether particles are launched inside the window; shape (realization or 1, particle)."""
-    frequency = frequency[:1] if np.all(frequency == frequency[:1]) else frequency
-    begin, end = observation.measures.transient, observation.duration
-    if isinstance(observation.launch, str):
-        particles = observation.particles
-        each = np.arange(particles, dtype=np.float64)
-        first = _launches_until(begin, particles, frequency)[:, np.newaxis]
-        last = _launches_until(end, particles, frequency)[:, np.newaxis]
-        return np.asarray((first <= each) & (each <= last))
-    times = np.asarray(observation.launch)[np.newaxis, :]
-    if not isinstance(begin, Periods) and not isinstance(end, Periods):
-        return np.asarray((begin <= times) & (times <= end))
-    first, last = (in_periods(time, frequency)[:, np.newaxis] for time in (begin, end))
-    periods = frequency[:, np.newaxis] * times
-    return np.asarray((first <= periods) & (periods <= last))
-
-
-def _launches_until(time: Time, particles: int, frequency: Array) -> Array:
-    """Staggered launches up to a time, if they went on for ever; not rounded."""
-    per_time = particles * (np.ones_like(frequency) if isinstance(time, Periods) else frequency)
-    return np.asarray(per_time * amount(time))
 
 
 def _separations(found: Separations, frequency: Array) -> Measured:

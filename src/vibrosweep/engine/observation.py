@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import BASES
-from vibrosweep.model.times import Periods, Time, amount
+from vibrosweep.model.times import Periods, Time, amount, in_periods
 
 
 @dataclass(frozen=True)
@@ -55,3 +59,27 @@ class Observation:
         begin = amount(self.measures.transient)
         early_launch = not isinstance(self.launch, str) and min(self.launch) < begin
         return begin > 0.0 or early_launch
+
+
+def launched_in_window(observation: Observation, frequency: Array) -> NDArray[np.bool_]:
+    """Whether particles are launched inside the window; shape (realization or 1, particle)."""
+    frequency = frequency[:1] if np.all(frequency == frequency[:1]) else frequency
+    begin, end = observation.measures.transient, observation.duration
+    if isinstance(observation.launch, str):
+        particles = observation.particles
+        each = np.arange(particles, dtype=np.float64)
+        first = _launches_until(begin, particles, frequency)[:, np.newaxis]
+        last = _launches_until(end, particles, frequency)[:, np.newaxis]
+        return np.asarray((first <= each) & (each <= last))
+    times = np.asarray(observation.launch)[np.newaxis, :]
+    if not isinstance(begin, Periods) and not isinstance(end, Periods):
+        return np.asarray((begin <= times) & (times <= end))
+    first, last = (in_periods(time, frequency)[:, np.newaxis] for time in (begin, end))
+    periods = frequency[:, np.newaxis] * times
+    return np.asarray((first <= periods) & (periods <= last))
+
+
+def _launches_until(time: Time, particles: int, frequency: Array) -> Array:
+    """Staggered launches up to a time, if they went on for ever; not rounded."""
+    per_time = particles * (np.ones_like(frequency) if isinstance(time, Periods) else frequency)
+    return np.asarray(per_time * amount(time))

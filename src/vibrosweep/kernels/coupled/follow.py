@@ -13,13 +13,25 @@ from vibrosweep.kernels.coupled.neighbours import (
     HARMONICS,
     Landings,
     Order,
+    began,
     clear,
+    end_stay,
     gap_median,
     lacks_room,
     note,
     order_of,
+    share,
 )
-from vibrosweep.kernels.coupled.state import EVENT, NOW, Event, begin, motion_after
+from vibrosweep.kernels.coupled.state import (
+    EVENT,
+    MODE,
+    NOW,
+    PARTICLE,
+    Event,
+    begin,
+    motion_after,
+    since_now,
+)
 from vibrosweep.kernels.coupled.tally import (
     Each,
     Room,
@@ -36,6 +48,7 @@ from vibrosweep.kernels.coupled.written import (
     write_landing,
     write_lift_off,
 )
+from vibrosweep.kernels.impact import Instant
 from vibrosweep.kernels.record import Record, Units
 from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
 from vibrosweep.model.status import Status
@@ -43,7 +56,11 @@ from vibrosweep.model.status import Status
 COMPLETED = int(Status.COMPLETED)
 BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
 NON_FINITE = int(Status.NON_FINITE)
-AFTER_THE_END = 100_000  # events in which flights that began before the end are to land
+AFTER_THE_END = 100_000  # events in which flights that count are to land
+# Periods after the end up to which a lift-off is waited for: a base without particles that lifts
+# what rests on it does so within one
+PATIENCE = 1.0
+SAME_INSTANT = 2.0**-50  # periods; two sums of the same time and phase differ by less
 
 
 class Coupled(NamedTuple):
@@ -90,59 +107,76 @@ class Written(NamedTuple):
 
 
 @jit
-def _windows(problem: Dimensionless, i: int, now: Floats, past: bool) -> tuple[bool, bool]:
-    """Whether now is in the window, and in its last period."""
-    early = (problem.begin_count[i] - problem.end_count[i] - now[NOW.N]) + (
-        problem.begin_phase[i] - now[NOW.X]
-    )
-    left = problem.end_phase[i] - now[NOW.X] - now[NOW.N]
-    return not past and early <= 0.0, not past and early <= 0.0 and left <= 1.0
+def _windows(begin: Instant, now: Floats, left: float) -> tuple[bool, bool]:
+    """Whether a landing now, up to the end, is in the window, and in its last period."""
+    seen = begin[0] - now[NOW.N] <= now[NOW.X] - begin[1]
+    return seen, seen and left <= 1.0
 
 
 @part
-def _leave(work: Room, first: int, past: bool, each: Each) -> None:
-    """Count the flights of the riders, which leave now."""
+def _leave(work: Room, first: int, least: float, each: Each) -> None:
+    """Count the flights of the riders, which leave now after a stay of at least the contact time."""
     for j in range(work.rides.size):
         if work.rides[j] == 1:
-            count_flight(work, first + j, j, past, each)
+            end_stay(work.of, work.landings, j, least)
+            count_flight(work, first + j, j, each)
 
 
 @part
-def _count(work: Room, event: Event, windows: tuple[bool, bool], first: int, each: Each) -> None:
-    """Count a landing, and the flight that begins with it; it has been noted."""
+def _count(work: Room, event: Event, seen: bool, first: int, each: Each) -> None:
+    """Count a landing, where it is seen, and the flight that begins with it; it has been noted."""
     j = event.who
     t = first + j
     sticks = event.kind == EVENT.STICK
-    if windows[0]:
+    if seen:
         each.landings[t] += 1
         each.rests[t] += 1 if sticks else 0
-    work.counts[j] = 1 if windows[0] else 0
+    work.counts[j] = 1 if seen else 0
     if not sticks:
-        count_flight(work, t, j, False, each)
+        count_flight(work, t, j, each)
 
 
 @jit
-def _launched(work: Room, j: int, t: int, seen: bool, each: Each) -> None:
+def _launched(work: Room, j: int, t: int, each: Each) -> None:
     """Count a launch."""
-    work.lifted[0, j], work.lifted[1, j] = work.of.now[NOW.N], work.of.now[NOW.X]
-    if seen:
-        each.launch_height[t] = apex(work.of, j)
+    of = work.of
+    work.lifted[0, j], work.lifted[1, j] = of.now[NOW.N], of.now[NOW.X]
+    each.launch_height[t] = apex(
+        of.now[NOW.HEIGHT], of.now[NOW.SPEED], of.particle[PARTICLE.SPEED, j]
+    )
+
+
+@part
+def _launched_at_the_end(
+    work: Room, load: Load, left: float, launch_speed: float, first: int, each: Each
+) -> None:
+    """Count launches at the very end, which is `left` from now and rounding puts after it."""
+    of = work.of
+    motion = motion_after(of, load, left)
+    height = of.now[NOW.HEIGHT] + of.now[NOW.SPEED] * left + motion.rise
+    speed = of.now[NOW.SPEED] + motion.gain
+    for j in range(of.mode.size):
+        if of.mode[j] == MODE.WAITING and since_now(of, j) - left <= SAME_INSTANT:
+            each.launch_height[first + j] = apex(height, speed, launch_speed - speed)
 
 
 @part
 def _write(
     work: Room, load: Load, event: Event, scale: Scale, place: tuple[int, int], out: Written
 ) -> None:
-    """Write an event; `place`: the realization, and how many events came before."""
+    """Write an event up to the end; `place`: the realization, and how many events came before."""
     i, number = place
-    first = i * work.rides.size
     write_base(work.of, load, scale, i, number, out.track)
     if event.kind == EVENT.BOUNCE or event.kind == EVENT.STICK:
-        write_landing(work, scale, first + event.who, event, out.record)
-    if event.kind == EVENT.LIFT or event.dropped:
-        for j in range(work.rides.size):
-            if work.rides[j] == 1:
-                write_lift_off(work, scale, first + j, j, out.record)
+        write_landing(work, scale, i * work.rides.size + event.who, event, out.record)
+
+
+@part
+def _write_lift_offs(work: Room, scale: Scale, first: int, out: Written) -> None:
+    """Write the lift-off of the riders."""
+    for j in range(work.rides.size):
+        if work.rides[j] == 1:
+            write_lift_off(work, scale, first + j, j, out.record)
 
 
 @part
@@ -158,19 +192,12 @@ def _conclude(work: Room, memory: Landings, order: Order, i: int, out: Whole) ->
 
 
 @jit
-def _flies(work: Room) -> bool:
-    """Whether a flight that counts has not ended."""
+def _any(flags: Integers) -> bool:
+    """Whether a particle has the flag."""
     number = 0
-    for flag in work.flies:
+    for flag in flags:
         number += flag
     return number > 0
-
-
-@jit
-def _shared(order: Order) -> Order:
-    """Return the same, with two particles on the base at once."""
-    gap, same, _, who, number, seen, changes, gaps = order
-    return Order(gap, same, 1, who, number, seen, changes, gaps)
 
 
 @jit
@@ -199,9 +226,10 @@ def _resting(work: Room, load: Load, weighs: bool, first: int, left: float, each
     """
     motion = motion_after(work.of, load, left)
     stays = bounds(load, motion.d, motion.b).pull <= 2.0
-    for_good = stays and (load.riders == work.rides.size or not weighs)
-    for j in range(work.rides.size):
-        each.at_rest[first + j] = 1 if for_good and work.rides[j] == 1 else 0
+    if stays and (load.riders == work.rides.size or not weighs):
+        for j in range(work.rides.size):
+            each.at_rest[first + j] = work.rides[j]
+            work.rides[j] = 0  # no lift-off is waited for
 
 
 @uncounted
@@ -217,62 +245,73 @@ def follow(
 ) -> int:
     """Follow realizations first ... last - 1 to the end of their windows.
 
-    At most `budget` landings of a particle; `work` is not shared between threads, and only the
-    slots of these realizations are written.  Returns `last`, or the realization that is to be begun
-    again with a roomier `work`.
+    And on until flights that count have ended, and what rests at the end has left the base or has
+    rested for another `PATIENCE`.  At most `budget` landings of a particle; `work` is not shared
+    between threads, and only the slots of these realizations are written.  Returns `last`, or the
+    realization that is to be begun again with a roomier `work`.
     """
     problem, mounts, launches = batch
     each, sums = statistics
     of, memory = work.of, work.landings
-    particles = of.mode.size
+    particles, writes = of.mode.size, written.track.time.shape[1] > 0
     for i in range(first, last):
         fixed, place = mount(problem, mounts, i), i * particles
         load = begin(of, fixed, problem, launches, i)
         forget(work, place, each)
         order = clear(memory)
+        opening = problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i]
+        scale = _scale(problem, written.units, i)
         past, events, late, status = False, 0, 0, COMPLETED
         if not np.isfinite(fixed.alpha):
             status = NON_FINITE
         while status == COMPLETED:
             until = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
-            riders, horizon = load.riders, np.inf if past else until
+            horizon = until
+            if past:
+                horizon = np.inf if _any(work.flies) else until + PATIENCE
+                if not (horizon >= 0.0 and (horizon == np.inf or _any(work.rides))):
+                    break
             event, load = next_event(of, fixed, load, problem.launch_flight[i], horizon)
-            if event.kind <= EVENT.LOST:
-                if riders > 1 and not past:
-                    order = _shared(order)
-                if event.kind == EVENT.LOST:
-                    status = BUDGET_EXCEEDED
-                elif not past:
-                    _resting(work, load, fixed.mu > 0.0, place, max(until, 0.0), each)
-                if event.kind == EVENT.NONE and _flies(work):
-                    past = True
-                    continue
+            if event.kind == EVENT.LOST or late >= AFTER_THE_END:
+                status = BUDGET_EXCEEDED
                 break
-            windows = _windows(problem, i, of.now, past)
+            if event.kind == EVENT.NONE or event.kind == EVENT.FINISHED:
+                if past:
+                    break
+                left, past = max(until, 0.0), True
+                if began(memory, order, opening):
+                    order = share(order)
+                _launched_at_the_end(work, load, left, problem.launch_flight[i], place, each)
+                _resting(work, load, fixed.mu > 0.0, place, left, each)
+                continue
+            left = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
             if event.kind == EVENT.LAUNCH:
-                _launched(work, event.who, place + event.who, windows[0], each)
+                if not past:
+                    _launched(work, event.who, place + event.who, each)
             elif event.kind != EVENT.LIFT:
+                windows = _windows(opening, of.now, left)
                 if not past and memory.total[event.who] >= budget:
                     status = BUDGET_EXCEEDED
                     break
-                if not past and lacks_room(memory, event.who):
+                if not past and lacks_room(memory, event.who, windows[0]):
                     return i
                 end_flight(work, place + event.who, event.who, each)
-                if not past:
-                    order = note(of, riders, memory, order, event.who, windows, fixed.r)
-                    _count(work, event, windows, place, each)
-                elif not _flies(work):
-                    break
-                elif late >= AFTER_THE_END:
-                    status = BUDGET_EXCEEDED
+                if past:
+                    work.counts[event.who] = 0
+                else:
+                    stay = np.inf if event.kind == EVENT.STICK else fixed.r
+                    order = note(of, memory, order, event.who, windows, opening, stay)
+                    _count(work, event, windows[0], place, each)
+            if writes and not past:
+                _write(work, load, event, scale, (i, events), written)
             if event.kind == EVENT.LIFT or event.dropped:
-                _leave(work, place, past, each)
-            if written.track.time.shape[1] > 0 and not past:
-                _write(work, load, event, _scale(problem, written.units, i), (i, events), written)
-            if event.kind == EVENT.LIFT or event.dropped:
+                if left >= -PATIENCE:
+                    _leave(work, place, fixed.r, each)
+                    if writes:
+                        _write_lift_offs(work, scale, place, written)
                 for j in range(particles):
                     work.rides[j] = 0
-            if event.kind == EVENT.STICK:
+            if event.kind == EVENT.STICK and not past:
                 work.rides[event.who] = 1
             events += 1
             late += 1 if past else 0

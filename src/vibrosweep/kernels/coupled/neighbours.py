@@ -11,6 +11,7 @@ import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit, part
 from vibrosweep.kernels.coupled.state import NOW, System
+from vibrosweep.kernels.impact import Instant
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
 GAPS = 4096  # of the last period; with more they are left undetermined
@@ -25,12 +26,14 @@ class Landings(NamedTuple):
 
     # Whole periods and phase of the last landing of each particle; shape (2, particle)
     last: Floats
+    # How long each stays on the base after it, at least the contact time; infinite while it rests
+    stay: Floats
     # Number of that landing among all of the realization, 0 without any; shape (particle,)
     turn: Integers
     total: Integers  # landings of each particle since its launch
-    # Last landing of each impact number: whole periods and phase; shape (2, number)
+    # Last landing in the window of an impact number: whole periods and phase; shape (2, place)
     numbered: Floats
-    number: Integers  # the impact number that stands in each place, 0 for none in the window
+    number: Integers  # the impact number that stands in each place, 0 for none
     gaps: Floats  # between neighbouring landings of different particles in the last period
 
 
@@ -41,7 +44,7 @@ class Order(NamedTuple):
     # number
     gap: float
     same: float
-    shared: int  # 1 where two particles were on the base at once
+    shared: int  # 1 where two particles were on the base at once in the window
     # who, number, seen: the last particle that landed, how many landings there were, and whether
     # the last one was in the window
     who: int
@@ -53,9 +56,9 @@ class Order(NamedTuple):
 
 def landings(particles: int, indices: int = INDICES) -> Landings:
     """Allocate what is remembered of landings, of so many impact numbers."""
-    last, numbered = np.zeros((2, particles)), np.zeros((2, indices))
+    last, stay, numbered = np.zeros((2, particles)), np.zeros(particles), np.zeros((2, indices))
     turn, total = np.zeros(particles, np.int64), np.zeros(particles, np.int64)
-    return Landings(last, turn, total, numbered, np.zeros(indices, np.int64), np.zeros(GAPS))
+    return Landings(last, stay, turn, total, numbered, np.zeros(indices, np.int64), np.zeros(GAPS))
 
 
 @jit
@@ -69,58 +72,90 @@ def clear(room: Landings) -> Order:
 
 
 @jit
-def lacks_room(room: Landings, who: int) -> bool:
-    """Whether the next landing of particle `who` would displace one that is still compared with.
-
-    With `MOST_INDICES` it may.
-    """
-    size, mine, least = room.number.size, room.total[who] + 1, room.total[who]
-    if size >= MOST_INDICES or room.number[mine % size] in (0, mine):
+def _displaced(room: Landings, mine: int) -> bool:
+    """Whether landing number `mine` would take the place of one that is still compared with."""
+    there = room.number[mine % room.number.size]
+    if there in (0, mine):
         return False
+    least = there
     for total in room.total:
         least = min(least, total)
-    return bool(mine - least >= size)
+    return bool(least < there)  # of that particle the same number is still to come
 
 
 @jit
-def _numbered(of: System, room: Landings, who: int, seen: bool) -> float:
-    """Compare with the last landing of the same number; return the separation.
+def lacks_room(room: Landings, who: int, seen: bool) -> bool:
+    """Whether the next landing of particle `who` needs more room.
 
-    Infinity without one, NaN where it is no longer remembered.
+    Results do not depend on how much there is: what `MOST_INDICES` cannot hold is unknown, whatever
+    room the realization was begun with.
     """
-    mine = room.total[who]
+    return seen and room.number.size < MOST_INDICES and _displaced(room, room.total[who] + 1)
+
+
+@jit
+def _numbered(of: System, room: Landings, mine: int) -> float:
+    """Compare with the last landing of the same number in the window; return the separation.
+
+    Infinity without one, NaN where one is no longer remembered.
+    """
     place, gap = mine % room.number.size, np.inf
-    if room.number[place] == mine and seen:
+    if room.number[place] == mine:
         gap = (of.now[NOW.N] - room.numbered[0, place]) + (of.now[NOW.X] - room.numbered[1, place])
-    elif room.number[place] > mine:
+    elif _displaced(room, mine):
         return np.nan
     room.numbered[0, place], room.numbered[1, place] = of.now[NOW.N], of.now[NOW.X]
-    room.number[place] = mine if seen else 0
+    room.number[place] = mine
     return gap
+
+
+@jit
+def _on_base(room: Landings, n: float, x: float, but: int) -> int:
+    """Count the particles that are on the base at an instant after their last landings.
+
+    Apart from particle `but`.
+    """
+    count = 0
+    for j in range(room.turn.size):
+        since = (n - room.last[0, j]) + (x - room.last[1, j])
+        count += 1 if j != but and room.turn[j] > 0 and since <= room.stay[j] else 0
+    return count
+
+
+@jit
+def began(room: Landings, order: Order, begin: Instant) -> bool:
+    """Whether two particles are on the base as the window begins; no landing is in it yet."""
+    return not order.seen and _on_base(room, begin[0], begin[1], -1) > 1
+
+
+@jit
+def share(order: Order) -> Order:
+    """Return the same, with two particles on the base at once."""
+    gap, same, _, who, number, seen, changes, gaps = order
+    return Order(gap, same, 1, who, number, seen, changes, gaps)
 
 
 @part
 def note(
     of: System,
-    riders: int,
     room: Landings,
     order: Order,
     who: int,
     windows: tuple[bool, bool],
-    r: float,
+    begin: Instant,
+    stay: float,
 ) -> Order:
-    """Note a landing of particle `who`, now.
+    """Note a landing of particle `who`, now, after which it stays on the base for so long.
 
-    `riders`: how many rested before.  `windows`: whether now is in the window, and in its last
-    period.
+    `windows`: whether now is in the window, which begins at `begin`, and in its last period.
     """
     seen, late = windows
     n, x = of.now[NOW.N], of.now[NOW.X]
-    gap, gaps, own = order.gap, order.gaps, room.turn[who]
-    shared = 1 if seen and riders > 0 else order.shared
+    gap, gaps, own, shared, same = order.gap, order.gaps, room.turn[who], order.shared, order.same
+    if seen and (began(room, order, begin) or _on_base(room, n, x, who) > 0):
+        shared = 1
     if order.who >= 0 and order.who != who:
         apart = (n - room.last[0, order.who]) + (x - room.last[1, order.who])
-        shared = 1 if seen and apart <= r else shared
         gap = min(gap, apart) if seen and order.seen else gap
         if late:
             if gaps < GAPS:
@@ -131,11 +166,19 @@ def note(
         for turn in room.turn:
             earlier += 1 if 0 < turn < own else 0
     room.total[who] += 1
-    same = np.minimum(order.same, _numbered(of, room, who, seen))  # NaN once it is not known
-    room.last[0, who], room.last[1, who] = n, x
+    if seen:
+        same = np.minimum(same, _numbered(of, room, room.total[who]))  # NaN once it is not known
+    room.last[0, who], room.last[1, who], room.stay[who] = n, x, stay
     room.turn[who] = order.number + 1
     changes = order.changes + (1 if earlier > 0 else 0)
     return Order(gap, same, shared, who, order.number + 1, seen, changes, gaps)
+
+
+@jit
+def end_stay(of: System, room: Landings, who: int, least: float) -> None:
+    """Note that particle `who` leaves the base, now."""
+    stayed = (of.now[NOW.N] - room.last[0, who]) + (of.now[NOW.X] - room.last[1, who])
+    room.stay[who] = max(stayed, least)
 
 
 @part

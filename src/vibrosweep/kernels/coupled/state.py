@@ -122,6 +122,8 @@ def begin(of: System, fixed: Mount, problem: Dimensionless, launches: Launches, 
         n, x = launch(launches, i, j, problem.phase[i])
         particle[PARTICLE.N, j], particle[PARTICLE.X, j] = n - problem.end_count[i], x
         mode[j] = MODE.WAITING
+        for row in (PARTICLE.HEIGHT, PARTICLE.SPEED, PARTICLE.ABOVE, PARTICLE.SCALE):
+            particle[row, j] = 0.0
         if _between(particle, j, first) < 0.0:
             first = j
     for place in range(now.size):

@@ -15,7 +15,7 @@ class Each(NamedTuple):
     """Statistics of particles over the window, each array of shape (realization * particle,)."""
 
     # landings, rests, flights: numbers of landings, of those after which the particle rested, and
-    # of the flights that follow on them and began before the end
+    # of the flights that follow on them and begin up to a period after the end
     landings: Integers
     rests: Integers
     flights: Integers
@@ -24,7 +24,7 @@ class Each(NamedTuple):
     flight_sum: Floats
     height_sum: Floats
     height_max: Floats
-    launch_height: Floats  # greatest height of the launch, -inf where that is not in the window
+    launch_height: Floats  # greatest height of the launch, -inf of one after the end
     # 1 if it came to rest for good; of a realization, the number of such particles
     at_rest: Integers
     status: Flags  # `vibrosweep.model.status.Status`
@@ -38,7 +38,7 @@ class Room(NamedTuple):
     # Whole periods and phase of the last lift-off of each particle; shape (2, particle)
     lifted: Floats
     # counts, flies, rides: for each particle, 1 where its last landing is in the window, where its
-    # flight counts, and where it rests
+    # flight counts, and where it rests since a landing up to the end
     counts: Integers
     flies: Integers
     rides: Integers
@@ -77,22 +77,25 @@ def forget(work: Room, first: int, each: Each) -> None:
 
 
 @jit
-def apex(of: System, j: int) -> float:
-    """Return the greatest height of the flight on which particle j sets out now."""
-    relative = of.particle[PARTICLE.SPEED, j]
-    u = of.now[NOW.SPEED] + relative
+def apex(height: float, speed: float, relative: float) -> float:
+    """Return the greatest height of a flight.
+
+    From the base at this height and speed, with a speed relative to it.
+    """
+    u = speed + relative
     # a particle that falls, or that the base pushes at once, is highest at its beginning
     rises = u > 0.0 and relative >= 0.0
-    return float(of.now[NOW.HEIGHT] + (0.25 * u * u if rises else 0.0))
+    return height + (0.25 * u * u if rises else 0.0)
 
 
 @part
-def count_flight(work: Room, t: int, j: int, past: bool, each: Each) -> None:
+def count_flight(work: Room, t: int, j: int, each: Each) -> None:
     """Count the flight on which particle j, in place t, sets out now."""
-    work.lifted[0, j], work.lifted[1, j] = work.of.now[NOW.N], work.of.now[NOW.X]
-    if past or work.counts[j] == 0:
+    of = work.of
+    work.lifted[0, j], work.lifted[1, j] = of.now[NOW.N], of.now[NOW.X]
+    if work.counts[j] == 0:
         return
-    height = apex(work.of, j)
+    height = apex(of.now[NOW.HEIGHT], of.now[NOW.SPEED], of.particle[PARTICLE.SPEED, j])
     each.height_max[t] = max(each.height_max[t], height) if each.flights[t] > 0 else height
     each.height_sum[t] += height
     each.flights[t] += 1
@@ -120,6 +123,5 @@ def add_up(i: int, particles: int, each: Each, out: Each) -> None:
             least = out.height_max[i] if out.flights[i] > 0 else -np.inf
             out.height_max[i] = max(least, each.height_max[t])
         out.flights[i] += each.flights[t]
-        out.launch_height[i] = max(out.launch_height[i], each.launch_height[t])
         out.at_rest[i] += each.at_rest[t]
         out.status[i] = max(out.status[i], each.status[t])
