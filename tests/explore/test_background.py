@@ -4,55 +4,63 @@ import threading
 
 import pytest
 
-import vibrosweep as vs
-from vibrosweep.errors import ParameterError
 from vibrosweep.explore.background import Background
 
 
 @pytest.fixture
 def background():
-    return Background()
+    made = Background()
+    yield made
+    made.close()
 
 
-def test_work_is_done_in_turn_in_another_thread(background):
-    done, gate = [], threading.Event()
-    first = background.call(lambda: (gate.wait(10.0), done.append(1), threading.get_ident()))
-    second = background.call(lambda: done.append(2))
+class Gate:
+    """Work that says when it begins, and waits to be let through."""
+
+    def __init__(self):
+        self.begun, self.open = threading.Event(), threading.Event()
+
+    def __call__(self):
+        self.begun.set()
+        assert self.open.wait(10.0)
+        return threading.get_ident()
+
+
+def test_one_thing_is_done_at_a_time_and_of_what_waits_the_newest(background):
+    gate, done = Gate(), []
+    first = background.call(gate)
+    assert gate.begun.wait(10.0)
+    others = [background.call(lambda i=i: done.append(i)) for i in range(5)]
     assert background.busy
-    gate.set()
-    second.result(10.0)
-    assert first.result()[2] != threading.get_ident()
-    assert done == [1, 2]
+    assert done == []
+    gate.open.set()
+    others[-1].result(10.0)
+    assert first.result(10.0) != threading.get_ident()
+    assert done == [4]
+    assert all(one.cancelled() for one in others[:-1])
     assert not background.busy
+
+
+def test_two_visitors_do_not_wait_for_each_other(background):
+    gate, other = Gate(), Background()
+    background.call(gate)
+    assert other.call(lambda: 3).result(10.0) == 3
+    gate.open.set()
+    other.close()
+
+
+def test_what_waits_is_given_up_where_a_visitor_leaves(background):
+    gate = Gate()
+    background.call(gate)
+    assert gate.begun.wait(10.0)
+    waits = background.call(lambda: 3)
+    background.close()
+    assert waits.cancelled()
+    assert background.busy
+    gate.open.set()
 
 
 def test_a_mistake_is_handed_on_and_ends_nothing(background):
     with pytest.raises(ZeroDivisionError):
         background.call(lambda: 1 / 0).result(10.0)
     assert background.call(lambda: 3).result(10.0) == 3
-
-
-def test_kernels_are_prepared_once_for_each_base(background, points):
-    choice = points.choice(4)
-    prepared = background.prepare(choice)
-    assert prepared.result(100.0).identical(choice.simulate())
-    assert background.prepare(choice.with_inputs(amplitude=2.0)) is prepared
-    assert background.prepare(choice.over("moving")) is not prepared
-
-
-def test_more_than_gravity_needs_other_kernels_over_a_moving_base(points):
-    choice = points.choice(4).over("moving")
-    variants = {
-        gamma: choice.with_inputs(amplitude=(1.0 + choice.inputs["restitution"]) * gamma * 1.5613)
-        for gamma in (0.9, 0.99, 1.01, 2.0)
-    }
-    assert [variants[gamma].variant[2] for gamma in variants] == [False, False, True, True]
-    record = vs.simulate(**variants[1.01].keywords())
-    assert float(record.base_acceleration) == pytest.approx(1.01, rel=1e-4)
-
-
-def test_what_cannot_be_computed_is_tried_again(background, points):
-    choice = points.choice(4)
-    failed = background.prepare(choice.with_inputs(gravity=-1.0))
-    assert isinstance(failed.exception(10.0), ParameterError)
-    assert background.prepare(choice).result(100.0).identical(choice.simulate())

@@ -1,7 +1,10 @@
 """The page without a browser: what it shows is what `simulate` gives, value for value."""
 
+import math
 from concurrent.futures import Future
 from dataclasses import replace
+from threading import Event
+from time import sleep
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,9 +15,13 @@ import vibrosweep as vs
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.explore import motion_view, pictures, plane_view
 from vibrosweep.explore.background import Background
+from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.live import Page
 from vibrosweep.explore.points import Column
+from vibrosweep.explore.sources import MOST_PIXELS, inner_pixels
 from vibrosweep.explore.table import TABLE, table
+
+ENDS = ("x0", "x1", "y0", "y1")
 
 
 class Foreground(Background):
@@ -22,11 +29,11 @@ class Foreground(Background):
 
     def call(self, work):
         future = Future()
-        future.set_result(work())
+        try:
+            future.set_result(work())
+        except VibrosweepError as error:
+            future.set_exception(error)
         return future
-
-    def prepare(self, choice):
-        return self.call(lambda: None)
 
 
 @pytest.fixture
@@ -83,8 +90,8 @@ def test_a_click_on_a_point_shows_its_realization(page, points):
 
 
 def test_a_click_between_points_shows_that_place(page):
-    page.click(0.5, 10.0)
-    record = vs.simulate(restitution=0.5, amplitude=10.0, launch_time=np.arange(5) / 5.0)
+    page.click(0.5, 5.0)
+    record = vs.simulate(restitution=0.5, amplitude=5.0, launch_time=np.arange(5) / 5.0)
     assert_shows(page.motions[0], record)
     assert "between the points" in page.status.text
 
@@ -122,7 +129,7 @@ def test_sliders_of_the_mount_appear_with_the_sprung_base(page):
 
 def window(page, name, *ends):
     """What is drawn of a picture in another window."""
-    ranges = dict(zip(("x0", "x1", "y0", "y1"), ends, strict=True))
+    ranges = dict(zip(ENDS, ends, strict=True))
     page.motions[0]._moved(name, SimpleNamespace(**ranges))
     return page.motions[0].content
 
@@ -149,35 +156,143 @@ def test_what_cannot_be_computed_is_told(page):
     assert "amplitude" in page.status.text
 
 
-def test_kernels_that_are_not_ready_are_waited_for_with_a_message(page, monkeypatch):
+def late_callback(page):
+    (found,) = (c for c in page.document.session_callbacks if "_simulate" in repr(c.callback))
+    return found.callback
+
+
+def test_what_takes_long_is_waited_for_with_a_message(page, monkeypatch):
     waits = Future()
-    monkeypatch.setattr(page.background, "prepare", lambda choice: waits)
+    monkeypatch.setattr(page.background, "call", lambda work: waits)
     before = page.motions[0].content
     page.controls.base.active = 1
     page._follow()
-    assert "kernels of the moving base are being loaded" in page.status.text
+    assert "is being computed" in page.status.text
     assert page.motions[0].content["heading"] == before["heading"]
-    waits.set_result(None)
-    (callback,) = (c for c in page.document.session_callbacks if "_prepares" in repr(c.callback))
-    callback.callback()
+    waits.set_result([page.controls.choice.simulate()])
+    late_callback(page)()
     assert_shows(page.motions[0], page.controls.choice.simulate())
 
 
-def test_what_cannot_be_prepared_is_told_and_not_tried_for_ever(page, monkeypatch):
-    tried = []
-
-    def prepare(choice):
-        tried.append(Future())
-        return tried[-1]
-
-    monkeypatch.setattr(page.background, "prepare", prepare)
+def test_what_cannot_be_computed_after_long_is_told(page, monkeypatch):
+    waits = Future()
+    monkeypatch.setattr(page.background, "call", lambda work: waits)
     page._follow()
-    tried[0].set_exception(VibrosweepError("no such thing"))
-    (callback,) = (c for c in page.document.session_callbacks if "_prepares" in repr(c.callback))
-    callback.callback()
+    waits.set_exception(VibrosweepError("no such thing"))
+    late_callback(page)()
     assert "not computed" in page.status.text
     assert "no such thing" in page.status.text
-    assert len(tried) == 1
+
+
+def test_of_many_movements_all_but_the_running_and_the_newest_are_given_up(points):
+    """One computation at a time, and pictures of no movement but the last."""
+    background, gate, begun, simulated = Background(), Event(), Event(), []
+    page = Page(points, Document(), background)
+
+    def simulate(choice):
+        simulated.append(choice)
+        begun.set()
+        assert gate.wait(10.0)
+        return vs.simulate(**choice.keywords())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Choice, "simulate", simulate)
+        for i in range(5):
+            page.controls.sliders["restitution"].value = 0.8 + 0.01 * i
+            page._follow()
+            assert begun.wait(10.0)
+        last = page.controls.choice
+        gate.set()
+        background.call(lambda: None).cancel()
+        background.close()
+        while background.busy:
+            sleep(0.01)
+    assert [one.inputs["restitution"] for one in simulated] == [0.8]
+    assert last.inputs["restitution"] > 0.83
+
+
+WILD = (1e6, -1e6, 1e308, -1e308, 1e-320, math.nan, math.inf, -math.inf, 10**309, 0)
+
+
+@pytest.mark.parametrize("wild", WILD, ids=str)
+def test_what_comes_from_a_browser_is_held_to_the_ranges_of_the_widgets(page, wild):
+    """Whatever it says of the widgets themselves, too."""
+    sliders = {**page.controls.sliders, **page.controls.launch}
+    ranges = {name: (slider.start, slider.end) for name, slider in sliders.items()}
+    for name, slider in sliders.items():
+        slider.update(start=-1e308, end=1e308)
+        slider.value = wild
+        assert ranges[name][0] <= slider.value <= ranges[name][1], name
+    page._follow()
+    assert "Shown" in page.status.text
+    page._tapped(SimpleNamespace(x=wild, y=wild))
+    choice = page.controls.choice
+    assert 1 <= choice.particles <= 100
+    assert choice.periods <= 200.0
+    for name in page.controls.sliders:
+        assert ranges[name][0] <= choice.inputs[name] <= ranges[name][1], name
+
+
+def test_a_duration_in_seconds_is_no_more_periods_than_its_slider_has(page):
+    page.controls.set(replace(page.controls.choice, end=90.0))
+    page.controls.launch["particles"].value = 1
+    sliders = page.controls.sliders
+    sliders["frequency"].update(end=1e6)
+    sliders["frequency"].value = 1e6
+    assert page.controls.choice.periods == 180.0
+    page.controls.set(replace(page.controls.choice, end=190.0).with_inputs(frequency=1.0))
+    sliders["frequency"].value = 2.0
+    assert page.controls.choice.periods == 200.0 == page.controls.launch["periods"].value
+
+
+@pytest.mark.parametrize("wild", [None, -1, 7])
+def test_a_base_that_there_is_not_is_not_taken(page, wild):
+    page.controls.base.active = wild
+    assert page.controls.base.active == 0
+    assert page.controls.choice.base == "high-bounce"
+
+
+def test_a_column_that_there_is_not_is_not_shown(page):
+    for name, one in page.pickers.items():
+        before = one.value
+        one.options = ["nothing"]
+        one.value = "nothing"
+        assert one.value == before == getattr(page.plane, name)
+
+
+@pytest.mark.parametrize("wild", [None, "a", math.nan, math.inf, 10**309, [0.0]], ids=str)
+def test_places_and_windows_that_are_none_change_nothing(page, wild):
+    before = page.motions[0].content, page.status.text
+    page._tapped(SimpleNamespace(x=0.9, y=wild))
+    page._tapped(SimpleNamespace(x=wild, y=1.0))
+    for ends in ((wild, 1.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0), (-1.7e308, 1.7e308, 0.0, 1.0)):
+        page.motions[0]._moved("phases", SimpleNamespace(**dict(zip(ENDS, ends, strict=True))))
+    for shape in (
+        {"type": "poly", "x": [0.0, 1.0, wild], "y": [0.0, 1.0, 2.0]},
+        {"type": "poly", "x": [], "y": [0.0, 1.0, 2.0]},
+        {"type": "poly", "x": wild, "y": wild},
+        {"type": "poly"},
+        {"type": "rect", "x0": wild, "x1": 1.0, "y0": 0.0, "y1": 1.0},
+        {"type": "rect"},
+        {},
+    ):
+        page._selected(geometry(**shape))
+    assert (page.motions[0].content, page.status.text) == before
+    assert not page.rows.size
+
+
+def test_a_view_without_a_size_is_that_of_all_points(points, monkeypatch):
+    monkeypatch.setattr(plane_view, "MANY", 10)
+    page = Page(points, Document(), Foreground())
+    whole = page.plane.image.data["image"][0]
+    plot = page.plane.figure
+    for start, end in ((0.9, 0.9), (math.nan, 1.0), (-1.7e308, 1.7e308)):
+        plot.x_range.update(start=start, end=end)
+        page._paint()
+        assert np.array_equal(page.plane.image.data["image"][0], whole, equal_nan=True)
+    for name in ("inner_width", "inner_height"):
+        plot.set_from_json(name, 10**9)
+    assert inner_pixels(plot, (1, 1)) == (MOST_PIXELS, MOST_PIXELS)
 
 
 def geometry(**given):

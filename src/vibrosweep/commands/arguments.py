@@ -10,11 +10,12 @@ def positive(text: str) -> int:
     return whole(text, 1)
 
 
-def whole(text: str, low: int = 0) -> int:
-    """Read a whole number of at least `low`."""
+def whole(text: str, low: int = 0, high: int | None = None) -> int:
+    """Read a whole number of at least `low`, and at most `high`."""
     value = int(text) if text.isdecimal() else -1
-    if value < low:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least {low}")
+    if value < low or (high is not None and value > high):
+        upper = "" if high is None else f" and at most {high}"
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least {low}{upper}")
     return value
 
 

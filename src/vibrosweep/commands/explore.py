@@ -11,6 +11,7 @@ from vibrosweep.errors import VibrosweepError
 
 NAME: Final = "explore"
 HELP: Final = "look at a result in a browser, and at the motion behind every point of it"
+LAST_PORT: Final = 65535
 
 
 class MissingBokehError(VibrosweepError, ImportError):
@@ -28,8 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--force", action="store_true", help="replace an existing PAGE.html")
     parser.add_argument(
-        "--port", metavar="N", type=whole, default=0, help="of this machine; default: a free one"
+        "--port", metavar="N", type=_port, default=0, help="of this machine; default: a free one"
     )
+
+
+def _port(text: str) -> int:
+    return whole(text, 0, LAST_PORT)
 
 
 def perform(options: argparse.Namespace) -> None:

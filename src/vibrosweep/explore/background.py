@@ -1,4 +1,4 @@
-"""What is computed while the page goes on: kernels that are not ready yet, and what takes long."""
+"""What is computed while the page goes on."""
 
 from __future__ import annotations
 
@@ -8,43 +8,48 @@ from concurrent.futures import Future
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
-from vibrosweep.explore.choice import Choice
-
 T = TypeVar("T")
 
 
 class Background:
-    """A thread that computes in turn what it is given, for all pages of a server."""
+    """A thread that computes for one visitor: one thing at a time, of those that wait the newest.
+
+    What a kernel has begun it ends, for it cannot be interrupted.
+    """
 
     def __init__(self) -> None:
-        self._queue: SimpleQueue[tuple[Future[Any], Callable[[], Any]]] = SimpleQueue()
-        self._prepared: dict[tuple[str, str, bool], Future[Any]] = {}
-        self._last: Future[Any] | None = None
+        self._queue: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = SimpleQueue()
+        self._given: Future[Any] | None = None
+        self._begun: Future[Any] | None = None
         threading.Thread(target=self._run, daemon=True).start()
 
     @property
     def busy(self) -> bool:
-        """Whether anything is still being computed."""
-        return self._last is not None and not self._last.done()
+        """Whether anything is still being computed, or waits for that."""
+        return any(one is not None and not one.done() for one in (self._begun, self._given))
 
     def call(self, work: Callable[[], T]) -> Future[T]:
-        """Compute something, after all that was given before."""
-        self._last = future = Future[T]()
+        """Compute something; what was given before and has not begun is given up."""
+        self._give_up()
+        self._given = future = Future[T]()
         self._queue.put((future, work))
         return future
 
-    def prepare(self, choice: Choice) -> Future[Any]:
-        """Load the kernels that a choice is simulated with, or compile them at their first use."""
-        known = self._prepared.get(choice.variant)
-        # what cannot be computed may have stopped before its kernels were ready
-        if known is None or (known.done() and known.exception() is not None):
-            known = self._prepared[choice.variant] = self.call(choice.simulate)
-        return known
+    def close(self) -> None:
+        """End the thread once what has begun is finished."""
+        self._give_up()
+        self._queue.put(None)
+
+    def _give_up(self) -> None:
+        if self._given is not None:
+            self._given.cancel()
 
     def _run(self) -> None:
-        while True:
-            future, work = self._queue.get()
-            try:
-                future.set_result(work())
-            except Exception as error:
-                future.set_exception(error)
+        while (given := self._queue.get()) is not None:
+            future, work = given
+            self._begun = future
+            if future.set_running_or_notify_cancel():
+                try:
+                    future.set_result(work())
+                except Exception as error:
+                    future.set_exception(error)

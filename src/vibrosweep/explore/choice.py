@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
 from vibrosweep.engine.landings import launch_times
-from vibrosweep.model.forcing import ACCELERATION, completed, inputs_of
+from vibrosweep.model.forcing import inputs_of
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED
 from vibrosweep.model.times import Periods, Time, amount
@@ -59,14 +57,6 @@ class Choice:
         """End of what is drawn, in forcing periods."""
         number = amount(self.end)
         return number if isinstance(self.end, Periods) else number * self.inputs["frequency"]
-
-    @property
-    def variant(self) -> tuple[str, str, bool]:
-        """What decides with which kernels it is simulated."""
-        given = {name: np.array([value]) for name, value in self.inputs.items()}
-        # no particle is ever lifted by a base that falls more slowly than they do
-        lifts = self.base == BASES[1] and bool(completed(given)[ACCELERATION][0] > 1.0)
-        return self.base, self.rebound, lifts
 
     def shortened(self, most: float = MOST_PERIODS) -> Choice:
         """Return the same with at most so many forcing periods."""

@@ -51,6 +51,8 @@ class Controls:
         self.choice = choice
         self._changed = changed
         self._setting = False
+        # Of each slider, kept here: a browser can change those that the slider itself has
+        self._ranges: dict[str, tuple[float, float]] = {}
         inputs = {**MOUNT_VALUES, **choice.inputs}
         names = [name for name in INPUTS if name in inputs_of(inputs, BASES[2])]
         self.choice = replace(choice, inputs={name: inputs[name] for name in names})
@@ -60,6 +62,7 @@ class Controls:
             for name, (title, low, high, step) in OF_LAUNCH.items()
         }
         for name, slider in {**self.sliders, **self.launch}.items():
+            self._ranges[name] = slider.start, slider.end
             slider.update(sizing_mode="stretch_width", min_width=WIDTH)
             slider.on_change("value", self._mover(name))
         self.base = RadioButtonGroup(labels=list(BASES), active=0, name="base")
@@ -81,6 +84,11 @@ class Controls:
             name="controls",
         )
         self.set(self.choice)
+
+    def held(self, name: str, value: float) -> float:
+        """Value that the slider of a quantity may have, the next one to a value."""
+        low, high = self._ranges[name]
+        return min(max(value, low), high)
 
     def set(self, choice: Choice) -> None:
         """Take over a choice; what is of a mount stays where the choice says nothing of it."""
@@ -121,29 +129,34 @@ class Controls:
         )
 
     def _move(self, slider: Slider, value: float) -> None:
-        slider.update(start=min(slider.start, value), end=max(slider.end, value), value=value)
+        low, high = self._ranges[slider.name]
+        low, high = self._ranges[slider.name] = min(low, value), max(high, value)
+        slider.update(start=low, end=high, value=value)
 
     def _mover(self, name: str) -> Callable[[str, Any, Any], None]:
         def moved(attribute: str, old: Any, new: Any) -> None:
             if self._setting:
                 return
             self.choice = self._after(name, new)
-            if name == "base":
-                self.set(self.choice)
+            self.set(self.choice)  # a browser may have sent what no widget allows
             self._changed()
 
         return moved
 
     def _after(self, name: str, value: Any) -> Choice:
-        """Return the choice after a widget was moved."""
+        """Return the choice after a widget was moved, as far as it can be."""
         choice = self.choice
-        if name in self.sliders:
-            return choice.with_inputs(**{name: float(value)})
         if name == "base":
-            return choice.over(BASES[value])
+            return choice.over(BASES[value]) if value in range(len(BASES)) else choice
+        if value != value:
+            return choice
+        value = float(self.held(name, value))
+        if name in self.sliders:
+            # a duration in seconds is more periods at a higher frequency
+            return choice.with_inputs(**{name: value}).shortened(self._ranges["periods"][1])
         if name == "particles":
             return choice.with_particles(int(value))
         if name == "periods":
-            return choice.lasting(float(value))
+            return choice.lasting(value)
         launch = choice.launch if isinstance(choice.launch, Spread) else Spread()
-        return replace(choice, launch=replace(launch, **{name: float(value)}))
+        return replace(choice, launch=replace(launch, **{name: value}))

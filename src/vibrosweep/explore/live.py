@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable
-from concurrent.futures import Future
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, wait
+from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
@@ -21,7 +22,6 @@ from bokeh.models import (
 )
 from numpy.typing import NDArray
 
-from vibrosweep.errors import VibrosweepError
 from vibrosweep.explore import python_lines as lines
 from vibrosweep.explore.background import Background
 from vibrosweep.explore.choice import Choice
@@ -31,7 +31,8 @@ from vibrosweep.explore.layout import TEMPLATE, parts, picker
 from vibrosweep.explore.motion_view import MotionView
 from vibrosweep.explore.plane_view import PlaneView
 from vibrosweep.explore.points import Points
-from vibrosweep.explore.table import TABLE, in_polygon, in_rectangle, table
+from vibrosweep.explore.sources import are_numbers
+from vibrosweep.explore.table import TABLE, enclosed, table
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.parameters import BASES
 
@@ -41,9 +42,11 @@ SHOWN_ROWS: Final = 6
 PATIENCE: Final = 250
 # ms between two looks at whether the view of a raster has changed
 LOOK: Final = 120
+# s for which a computation is waited for, so that its pictures are in the same message
+AT_ONCE: Final = 0.1
 PREPARING: Final = (
-    "<b>The kernels of the {} base are being loaded</b>, or compiled, which takes up to a minute "
-    "at the first use of an installation. The pictures follow."
+    "<b>The motion is being computed.</b> At the first use of an installation the kernels of a "
+    "base are compiled before, which takes up to a minute."
 )
 COMPUTING: Final = (
     "Regimes and exponents are being computed; at the first use of an installation their kernels "
@@ -134,9 +137,9 @@ class Page:
 
     def _listen(self) -> None:
         for name, one in self.pickers.items():
-            one.on_change("value", self._picked(name))
+            one.on_change("value", self._picked(name, {option[0] for option in one.options}))
         plot = self.plane.figure
-        plot.on_event(Tap, lambda event: self.click(event.x, event.y))
+        plot.on_event(Tap, self._tapped)
         plot.on_event(SelectionGeometry, self._selected)
         self.picture.on_change("value", lambda attribute, old, new: self._show_code())
         self.save.on_click(self._save)
@@ -159,6 +162,10 @@ class Page:
         self.document.template = TEMPLATE
         self.document.template_variables.update(self.places)
 
+    def _tapped(self, event: Any) -> None:
+        if are_numbers(event.x, event.y):
+            self.click(event.x, event.y)
+
     def click(self, x: float, y: float) -> None:
         """Take the realization at a place: that of a point there, or, between points, the place."""
         index, near = self.plane.hit((x, y))
@@ -168,10 +175,9 @@ class Page:
             self.select_point(index)
             return
         inputs = {
-            name: float(np.clip(value, INPUTS[name].low, INPUTS[name].high))
-            for name, value in zip(axes, (x, y), strict=True)
+            name: self.controls.held(name, value) for name, value in zip(axes, (x, y), strict=True)
         }
-        self.plane.mark(x, y)
+        self.plane.mark(*inputs.values())
         self.controls.set(self.controls.choice.with_inputs(**inputs))
         self._show("a place between the points")
 
@@ -195,10 +201,15 @@ class Page:
         self._show("moved by the controls")
 
     def _show(self, what: str) -> None:
-        """Show the choice of the controls, in one message to the browser."""
+        """Show the choice of the controls, once it is computed."""
+        with self._one_message():
+            self._simulate(what)
+
+    @contextmanager
+    def _one_message(self) -> Iterator[None]:
         self.document.hold("combine")
         try:
-            self._simulate(what)
+            yield
         finally:
             self.document.unhold()
 
@@ -210,52 +221,52 @@ class Page:
         shown = [choice]
         if second:
             shown.append(choice.over(BASES[1 - BASES.index(choice.base)]))
-        if self._prepares(shown, what):
+        self._shown = shown
+        self._stop_waiting()
+        future = self.background.call(lambda: [one.simulate() for one in shown])
+        wait([future], AT_ONCE)
+        if future.done():
+            self._draw(future, shown, what)
+        else:
+            self.status.text, self.facts.text = PREPARING, ""
+            self._after(future, lambda: self._show_late(future, shown, what))
+
+    def _show_late(self, future: Future[Any], shown: list[Choice], what: str) -> None:
+        """Show what took long, unless something else is to be shown by now."""
+        if self._shown is shown:
+            with self._one_message():
+                self._draw(future, shown, what)
+
+    def _draw(self, future: Future[Any], shown: list[Choice], what: str) -> None:
+        """Show what was simulated, or why it could not be."""
+        error = future.exception()
+        if error is not None:
+            self.status.text = f"<b>not computed:</b> {html.escape(str(error))}"
             return
-        try:
-            for motion, one in zip(self.motions, shown, strict=False):
-                motion.show(one.simulate(), named(one))
-        except VibrosweepError as error:
-            self._refused(error)
-            return
-        self.motions[1].heading.visible = second
+        for motion, record, one in zip(self.motions, future.result(), shown, strict=False):
+            motion.show(record, named(one))
+        self.motions[1].heading.visible = len(shown) > 1
         self.status.text = html.escape(f"Shown: {what}. {self.plane.why_no_curves}")
         self._show_code()
         self._later(shown)
 
-    def _prepares(self, shown: list[Choice], what: str) -> bool:
-        """Whether kernels are not ready; they are shown once they are, unless others are then."""
-        self._shown = shown
-        futures = [self.background.prepare(one) for one in shown]
-        late = [future for future in futures if not future.done()]
-        if late:
-            bases = " and ".join(one.base for one in shown)
-            self.status.text = PREPARING.format(html.escape(bases))
-            self.facts.text = ""
-            self._after(late[-1], lambda: self._prepared(late[-1].exception(), shown, what))
-        return bool(late)
-
-    def _prepared(self, error: BaseException | None, shown: list[Choice], what: str) -> None:
-        """Show what kernels were prepared for, unless something else is to be shown by now."""
-        if self._shown is not shown:
-            return
-        if error is None:
-            self._show(what)
-        else:
-            self._refused(error)
-
-    def _refused(self, error: BaseException) -> None:
-        self.status.text = f"<b>not computed:</b> {html.escape(str(error))}"
-
     def _after(self, future: Future[Any], then: Callable[[], object]) -> None:
         """Do something in the thread of the page once the background has done its work."""
-        future.add_done_callback(lambda done: self.document.add_next_tick_callback(then))
+
+        def tell(done: Future[Any]) -> None:
+            if not done.cancelled():
+                self.document.add_next_tick_callback(then)
+
+        future.add_done_callback(tell)
+
+    def _stop_waiting(self) -> None:
+        if self._waiting is not None:
+            self.document.remove_timeout_callback(self._waiting)
+            self._waiting = None
 
     def _later(self, shown: list[Choice]) -> None:
         """Compute regimes and exponents once nothing moves any more."""
         self.facts.text = COMPUTING  # not those of another motion
-        if self._waiting is not None:
-            self.document.remove_timeout_callback(self._waiting)
 
         def ask() -> None:
             self._waiting = None
@@ -279,8 +290,11 @@ class Page:
         else:
             self.code.text = lines.table_lines(self.points, TABLE)
 
-    def _picked(self, name: str) -> Any:
+    def _picked(self, name: str, options: set[str]) -> Any:
         def picked(attribute: str, old: str, new: str) -> None:
+            if new not in options:
+                self.pickers[name].value = getattr(self.plane, name)
+                return
             setattr(self.plane, name, new)
             if name in ("x", "y"):
                 self.plane.show()
@@ -301,17 +315,11 @@ class Page:
         self.plane.paint()
 
     def _selected(self, event: Any) -> None:
-        if not event.final or event.geometry["type"] not in ("poly", "rect"):
+        x, y = (self.plane.values(name) for name in (self.plane.x, self.plane.y))
+        rows = enclosed(event.geometry, x, y) if event.final else None
+        if rows is None:
             return
-        found, x, y = (
-            event.geometry,
-            self.plane.values(self.plane.x),
-            self.plane.values(self.plane.y),
-        )
-        if found["type"] == "rect":
-            self.rows = in_rectangle(x, y, tuple(found[k] for k in ("x0", "x1", "y0", "y1")))
-        else:
-            self.rows = in_polygon(x, y, *(np.asarray(found[k], np.float64) for k in "xy"))
+        self.rows = rows
         self.save.disabled = not self.rows.size
         self.selection.text = self._selection_html()
 

@@ -23,7 +23,7 @@ from vibrosweep.explore import pictures
 from vibrosweep.explore.colours import particle_colours
 from vibrosweep.explore.pictures import Columns
 from vibrosweep.explore.seen import Axis, seen
-from vibrosweep.explore.sources import empty_source, inner_pixels
+from vibrosweep.explore.sources import empty_source, inner_pixels, is_window
 
 View = tuple[float, float, float, float]  # x and y, each from where to where
 
@@ -199,8 +199,10 @@ class MotionView:
 
     def _moved(self, name: str, event: RangesUpdate) -> None:
         """Send what is seen now that the window of a picture was moved."""
-        self._views[name] = (event.x0, event.x1, event.y0, event.y1)
-        self._send(self._seen(name))
+        ends = event.x0, event.x1, event.y0, event.y1
+        if is_window(*ends):
+            self._views[name] = ends
+            self._send(self._seen(name))
 
     def _seen(self, name: str) -> dict[str, Columns]:
         """Columns of what is seen in the window of a picture."""

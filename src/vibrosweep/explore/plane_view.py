@@ -20,7 +20,7 @@ from vibrosweep.explore.curves import WindowEnd, window_ends
 from vibrosweep.explore.labels import SYMBOLS
 from vibrosweep.explore.points import Points
 from vibrosweep.explore.raster import View, nearest, raster
-from vibrosweep.explore.sources import empty_source, inner_pixels
+from vibrosweep.explore.sources import empty_source, inner_pixels, is_window
 
 # More points than this are gathered in pixels
 MANY: Final = 20_000
@@ -129,12 +129,8 @@ class PlaneView:
 
     def paint(self) -> None:
         """Gather the points in the pixels of the present view."""
-        plot = self.figure
-        view = View(
-            (plot.x_range.start, plot.x_range.end),
-            (plot.y_range.start, plot.y_range.end),
-            *inner_pixels(plot, GUESS),
-        )
+        left, right, bottom, top = self._window()
+        view = View((left, right), (bottom, top), *inner_pixels(self.figure, GUESS))
         names = self._coloured.names
         codes = np.arange(len(names), dtype=np.float64) if names else None
         found = raster(self.values(self.x), self.values(self.y), self._coloured.values, view, codes)
@@ -148,16 +144,22 @@ class PlaneView:
 
     def hit(self, place: tuple[float, float]) -> tuple[int, bool]:
         """Number of the point nearest to a place, and whether it is within `REACH` of it."""
-        plot = self.figure
-        columns, rows = inner_pixels(plot, GUESS)
-        unit = (
-            abs(plot.x_range.end - plot.x_range.start) / columns,
-            abs(plot.y_range.end - plot.y_range.start) / rows,
-        )
+        columns, rows = inner_pixels(self.figure, GUESS)
+        left, right, bottom, top = self._window()
+        unit = abs(right - left) / columns, abs(top - bottom) / rows
         x, y = self.values(self.x), self.values(self.y)
         index = nearest(x, y, place, unit)
-        far = np.hypot((x[index] - place[0]) / unit[0], (y[index] - place[1]) / unit[1])
+        with np.errstate(over="ignore"):
+            far = np.hypot((x[index] - place[0]) / unit[0], (y[index] - place[1]) / unit[1])
         return index, bool(far <= REACH)
+
+    def _window(self) -> tuple[float, float, float, float]:
+        """Present view, x and y each from where to where."""
+        ranges = self.figure.x_range, self.figure.y_range
+        ends = tuple(end for one in ranges for end in (one.start, one.end))
+        if is_window(*ends):
+            return ends
+        return (*limits(self.values(self.x)), *limits(self.values(self.y)))
 
     def mark(self, x: float, y: float) -> None:
         """Put a ring around what is chosen."""

@@ -81,5 +81,6 @@ def nearest(x: Array, y: Array, place: tuple[float, float], unit: tuple[float, f
 
     `unit` is what counts as one along x and along y, such as the size of a pixel.
     """
-    distance = np.square((x - place[0]) / unit[0]) + np.square((y - place[1]) / unit[1])
+    with np.errstate(over="ignore"):  # what is so far away is not the nearest
+        distance = np.square((x - place[0]) / unit[0]) + np.square((y - place[1]) / unit[1])
     return int(np.argmin(np.where(np.isfinite(distance), distance, np.inf)))

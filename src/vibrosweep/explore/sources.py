@@ -1,11 +1,17 @@
-"""Data of figures, and their size."""
+"""Data of figures, and what a browser says of them, which may be anything."""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+import sys
+from typing import Any, Final
 
 from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.models import ColumnDataSource
+
+# Pixels along an axis, more than screens have: an array of them must fit in memory
+MOST_PIXELS: Final = 8192
+LARGEST: Final = sys.float_info.max  # whole numbers may be larger
 
 
 def empty_source(*names: str) -> ColumnDataSource:
@@ -19,4 +25,16 @@ def inner_pixels(plot: Any, guess: tuple[int, int]) -> tuple[int, int]:
         width, height = plot.inner_width, plot.inner_height
     except UnsetValueError:
         return guess
-    return (width, height) if min(width, height) > 0 else guess  # 0 where it is hidden
+    if min(width, height) <= 0:  # 0 where it is hidden
+        return guess
+    return min(width, MOST_PIXELS), min(height, MOST_PIXELS)
+
+
+def are_numbers(*values: object) -> bool:
+    """Whether all are finite numbers."""
+    return all(isinstance(value, int | float) and abs(value) <= LARGEST for value in values)
+
+
+def is_window(x0: Any, x1: Any, y0: Any, y1: Any) -> bool:
+    """Whether these are the ends of a window, x and y each from where to where."""
+    return are_numbers(x0, x1, y0, y1) and 0 < abs(x1 - x0) < math.inf > abs(y1 - y0) > 0

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.explore.points import LAUNCHED, Points
+from vibrosweep.explore.sources import are_numbers, is_window
 
 Rows = NDArray[np.int64]
 TABLE: Final = "selection.csv"  # name of the file that a browser saves
@@ -36,6 +37,19 @@ def table(points: Points, rows: Rows) -> str:
 def table_columns(points: Points) -> list[str]:
     """Names of the columns of a table of points."""
     return [name for name in (*points.varied, LAUNCHED) if name in points.columns]
+
+
+def enclosed(outline: Any, x: Array, y: Array) -> Rows | None:
+    """Numbers of the points within an outline as a browser sends it; None where it is none."""
+    if outline.get("type") == "rect":
+        x0, x1, y0, y1 = (outline.get(name) for name in ("x0", "x1", "y0", "y1"))
+        return in_rectangle(x, y, (x0, x1, y0, y1)) if is_window(x0, x1, y0, y1) else None
+    sent = [outline.get(name) for name in "xy"]
+    corners = [v.tolist() if isinstance(v, np.ndarray) else v for v in sent]
+    pairs = list(zip(*corners, strict=False)) if all(isinstance(v, list) for v in corners) else []
+    if not pairs or not are_numbers(*(number for pair in pairs for number in pair)):
+        return None
+    return in_polygon(x, y, *np.array(pairs, np.float64).T)
 
 
 def in_rectangle(x: Array, y: Array, corners: tuple[float, float, float, float]) -> Rows:

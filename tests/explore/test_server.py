@@ -1,0 +1,138 @@
+"""What the server answers: to browsers of this machine all of the page, to anybody else nothing."""
+
+import asyncio
+import http.client
+import re
+import threading
+
+import pytest
+from bokeh.client import pull_session
+from tornado.ioloop import IOLoop
+
+from vibrosweep.explore.server import opened
+
+PATHS = (
+    "/",
+    "/ws",
+    "/static/js/bokeh.min.js",
+    "/favicon.ico",
+    "/metadata",
+    "/autoload.js?bokeh-autoload-element=x",
+    "/nothing",
+)
+OWN = ("localhost:{}", "127.0.0.1:{}", "[::1]:{}", "LOCALHOST:{}")
+FOREIGN = (
+    "example.org:{}",
+    "example.org",
+    "localhost",
+    "localhost:1",
+    "localhost:{}0",
+    "localhost.example.org:{}",
+    "127.0.0.1.example.org:{}",
+    "0.0.0.0:{}",
+)
+UPGRADE = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+    "Sec-WebSocket-Version": "13",
+}
+
+
+@pytest.fixture(scope="module")
+def port(points):
+    """That of a server in a thread."""
+    made, found = threading.Event(), []
+
+    def serve():
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        loop = IOLoop.current()
+        server, address = opened(points, 0, lambda background: None)
+        server.start()
+        found.extend([loop, int(address.strip("/").rpartition(":")[2])])
+        made.set()
+        loop.start()
+        server.stop()
+        loop.run_sync(server._http.close_all_connections)
+        loop.close()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    assert made.wait(60.0)
+    yield found[1]
+    found[0].add_callback(found[0].stop)
+    thread.join(60.0)
+
+
+@pytest.fixture
+def ask(port):
+    """Ask for something as a browser that was told a name of the server."""
+
+    def answer(path, method="GET", host="localhost:{}", **headers):
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
+        headers = {name: value.format(port) for name, value in headers.items()}
+        connection.request(method, path, headers={"Host": host.format(port), **headers})
+        found = connection.getresponse()
+        found.text = "" if found.status == 101 else found.read().decode(errors="replace")
+        connection.close()
+        return found
+
+    return answer
+
+
+def assert_refused(found):
+    assert found.status == 403
+    assert "for browsers of its own machine" in found.text or not found.text
+    assert "docs_json" not in found.text
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("host", FOREIGN)
+def test_whoever_asks_another_name_is_refused_whatever_is_asked(ask, path, host):
+    """The name server of another site may say that its name is this machine."""
+    upgrade = UPGRADE if path == "/ws" else {}
+    assert_refused(ask(path, host=host, **upgrade))
+    assert_refused(ask(path, host=host, Origin=f"http://{host}", **upgrade))
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("method", ["GET", "HEAD", "POST", "OPTIONS"])
+@pytest.mark.parametrize("origin", ["http://example.org:{}", "https://localhost:{}", "null"])
+def test_pages_of_other_origins_are_refused_whatever_they_ask(ask, path, method, origin):
+    assert_refused(ask(path, method, Origin=origin, **(UPGRADE if path == "/ws" else {})))
+
+
+@pytest.mark.parametrize("host", OWN)
+def test_the_page_is_there_under_every_name_of_this_machine_for_itself(ask, host):
+    page = ask("/", host=host)
+    assert page.status == 200
+    token = re.search(r'"token":"([^"]+)"', page.text)[1]
+    for script in re.findall(r'src="(/?static/[^"]+)"', page.text):
+        assert ask(f"/{script.lstrip('/')}", host=host).status == 200
+    headers = {**UPGRADE, "Sec-WebSocket-Protocol": f"bokeh, {token}"}
+    assert ask("/ws", host=host, Origin=f"http://{host.lower()}", **headers).status == 101
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("method", ["GET", "OPTIONS"])
+def test_no_other_page_is_told_that_it_may_read_an_answer(ask, path, method):
+    for headers in ({}, {"Origin": "http://localhost:{}"}, {"Cookie": "a=b"}):
+        found = ask(path, method, **headers)
+        assert not [name for name, _ in found.getheaders() if "access-control" in name.lower()]
+
+
+def test_only_what_the_page_asks_for_is_served(ask):
+    """A script that shows the page within another one is not."""
+    assert [ask(path).status for path in PATHS[4:]] == [404] * 3
+
+
+def test_a_value_that_comes_by_the_socket_is_held_to_the_range_of_its_widget(port):
+    session = pull_session(url=f"http://localhost:{port}/")
+    slider = session.document.get_model_by_name("particles")
+    slider.end = 1e7
+    slider.value = 1e6
+    session.pull()  # what the server has now
+    slider, status = (session.document.get_model_by_name(n) for n in ("particles", "status"))
+    assert slider.value == slider.end == 100
+    assert "not computed" not in status.text
+    session.close()
