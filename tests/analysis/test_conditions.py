@@ -6,15 +6,15 @@ import xarray as xr
 
 from vibrosweep.analysis.conditions import FAILS, HOLDS, UNDETERMINED, Condition, named
 from vibrosweep.analysis.scene import Scene
-from vibrosweep.analysis.windows import (
+from vibrosweep.analysis.window_codes import (
     ENDS,
     OPEN_ABOVE,
     OPEN_BELOW,
     UNDETERMINED_ABOVE,
     UNDETERMINED_BELOW,
-    find_windows,
     summary,
 )
+from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.status import Regime, Status

@@ -11,14 +11,8 @@ from hypothesis import strategies as st
 from vibrosweep import windows
 from vibrosweep.analysis.conditions import NAMED, Condition, named
 from vibrosweep.analysis.scene import Scene
-from vibrosweep.analysis.windows import (
-    ENDS,
-    NO_WINDOW,
-    OPEN_ABOVE,
-    OPEN_BELOW,
-    find_windows,
-    summary,
-)
+from vibrosweep.analysis.window_codes import ENDS, NO_WINDOW, OPEN_ABOVE, OPEN_BELOW, summary
+from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model import theory

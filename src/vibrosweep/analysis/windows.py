@@ -9,7 +9,7 @@ stable: every window of theirs that is wider than the tolerance is found.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -22,19 +22,18 @@ from vibrosweep.analysis.conditions import (
     FAILS,
     HOLDS,
     NAMES,
-    UNDETERMINED,
     Condition,
     Locked,
     named,
 )
 from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
+from vibrosweep.analysis.window_codes import ENDS, FRESH, HELD, NO_WINDOW, code_of_ends
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import END_ERROR
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of, refuse_large
-from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
@@ -47,13 +46,11 @@ __all__ = [
     "DIRECTIONS",
     "TOLERANCE",
     "find_windows",
-    "summary",
     "windows_of_spec",
 ]
 
 
 TOLERANCE: Final = 1e-9
-FRESH: Final = ("launch",)
 DIRECTIONS: Final = ("up", "down")
 FINEST: Final = 1e-14
 # Relative error of the amplitude that `model.forcing.completed` makes of another forcing: at most
@@ -61,38 +58,6 @@ FINEST: Final = 1e-14
 FORCING_ERROR: Final = 6.0 * HALF_ULP
 BYTES_PER_POINT: Final = 200
 BYTES_PER_STATE: Final = 16  # that a continued particle has at a point
-NO_WINDOW: Final = -1
-OPEN_BELOW, OPEN_ABOVE = 1, 2
-UNDETERMINED_BELOW, UNDETERMINED_ABOVE = 4, 8
-ENDS: Final = Variable(
-    "window_ends",
-    ("condition", "direction", "restitution", "window"),
-    "int8",
-    "1",
-    "ends of the window that are none of the condition",
-    flags=(
-        (NO_WINDOW, "no_window"),
-        (0, "closed"),
-        (OPEN_BELOW, "open_below"),
-        (OPEN_ABOVE, "open_above"),
-        (OPEN_BELOW + OPEN_ABOVE, "open_both"),
-        (UNDETERMINED_BELOW, "undetermined_below"),
-        (UNDETERMINED_BELOW + OPEN_ABOVE, "undetermined_below_open_above"),
-        (UNDETERMINED_ABOVE, "undetermined_above"),
-        (OPEN_BELOW + UNDETERMINED_ABOVE, "open_below_undetermined_above"),
-        (UNDETERMINED_BELOW + UNDETERMINED_ABOVE, "undetermined_both"),
-    ),
-    comment="open: the window reaches the end of the scan; undetermined: beyond this end, as far "
-    "as the next code, nothing shows whether the condition holds",
-)
-HELD: Final = Variable(
-    "holds",
-    ("condition", "direction", "restitution", "scan"),
-    "int8",
-    "1",
-    "whether the condition holds at a point of the scan",
-    flags=((UNDETERMINED, "undetermined"), (FAILS, "fails"), (HOLDS, "holds")),
-)
 
 
 def find_windows(
@@ -222,38 +187,6 @@ def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
     ).assign_attrs(title=spec.title, sweep_file=spec.text)
 
 
-def summary(windows: xr.Dataset) -> Iterator[str]:
-    """Say in a line for each condition and direction where there are windows, if anywhere."""
-    first, last = windows["scan"].values[[0, -1]]
-    units = FORCINGS[windows.attrs["forcing"]].units
-    unit = "" if units == "1" else f" {units}"
-    for condition in windows["condition"].values:
-        for direction in windows["direction"].values:
-            one = windows.sel(condition=condition, direction=direction)
-            count, ends = one["window_count"].values, one[ENDS.name].values
-            name = condition if direction in FRESH else f"{condition} {direction}"
-            unknown = "".join(_undetermined(one))
-            if not count.any():
-                yield f"{name:24}no window was found from {first:g} to {last:g}{unit}{unknown}"
-                continue
-            number = np.count_nonzero((ends > 0) & (ends & (OPEN_BELOW | OPEN_ABOVE) > 0))
-            reach = f"; {number} of {count.sum()} reach the end of the scan" if number else ""
-            yield (
-                f"{name:24}holds at {np.count_nonzero(count)} of {count.size} restitutions, in up "
-                f"to {count.max()} windows{reach}{unknown}"
-            )
-
-
-def _undetermined(one: xr.Dataset) -> Iterator[str]:
-    """Say of one condition and direction where it could not be told whether it holds."""
-    bits, ends = UNDETERMINED_BELOW | UNDETERMINED_ABOVE, one[ENDS.name].values
-    if number := np.count_nonzero((ends > 0) & (ends & bits > 0)):
-        yield f"; {number} of {one['window_count'].values.sum()} end where it is undetermined"
-    held = one[HELD.name].values if HELD.name in one else np.zeros(0)
-    if number := np.count_nonzero(held == UNDETERMINED):
-        yield f"; undetermined at {number} of {held.size} points of the scan"
-
-
 class Row(NamedTuple):
     """What a condition does at one restitution."""
 
@@ -314,14 +247,8 @@ def _table(found: list[list[Row]], shape: tuple[int, int, int]) -> Array:
     table[4] = NO_WINDOW
     for i, row in enumerate(rows):
         for j, window in enumerate(row):
-            table[:, i, j] = (*window[:4], _code_of_ends(window))
+            table[:, i, j] = (*window[:4], code_of_ends(window))
     return table.reshape(5, *shape, most)
-
-
-def _code_of_ends(window: Window) -> int:
-    below = {None: OPEN_BELOW, UNDETERMINED: UNDETERMINED_BELOW}
-    above = {None: OPEN_ABOVE, UNDETERMINED: UNDETERMINED_ABOVE}
-    return below.get(window.below, 0) + above.get(window.above, 0)
 
 
 def _dataset(

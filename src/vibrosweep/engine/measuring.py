@@ -12,9 +12,8 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.measures import UNDETERMINED, Variable
+from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import representable
-from vibrosweep.model.status import Status
 from vibrosweep.model.times import Time
 
 
@@ -47,10 +46,4 @@ def _times(observation: Observation) -> tuple[Time, ...]:
 
 def _refused(variable: Variable, sizes: Mapping[str, int]) -> NDArray[Any]:
     """Values of a variable for realizations that were not computed."""
-    shape = tuple(sizes[d] for d in variable.dims)
-    codes = [code for code, _ in variable.flags]
-    if np.issubdtype(np.dtype(variable.dtype), np.floating):
-        fill: float = np.nan
-    else:
-        fill = Status.REFUSED if codes and UNDETERMINED not in codes else UNDETERMINED
-    return np.full(shape, fill, variable.dtype)
+    return np.full([sizes[d] for d in variable.dims], variable.blank, variable.dtype)

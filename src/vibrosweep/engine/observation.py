@@ -24,7 +24,7 @@ class Observation:
     Raises
     ------
     ParameterError
-        The law of rebound has no meaning with the base.
+        The base does not implement the law of rebound.
     """
 
     particles: int  # number of particles per realization

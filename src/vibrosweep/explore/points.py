@@ -148,7 +148,7 @@ def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
 
 def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
     """Every end of a window is a point; an end of the scan is none."""
-    from vibrosweep.analysis.windows import ENDS, UNDETERMINED_ABOVE, UNDETERMINED_BELOW
+    from vibrosweep.analysis.window_codes import ENDS, UNDETERMINED_ABOVE, UNDETERMINED_BELOW
 
     forcing = str(windows.attrs["forcing"])
     symbol = FORCINGS[forcing].symbol

@@ -26,6 +26,7 @@ from vibrosweep.kernels.bases import (
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.laws import LAW_OF
+from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.parameters import Dimensionless, Launches
 
 Instant = tuple[float, float]  # whole periods and phase
@@ -60,13 +61,16 @@ class Impact(NamedTuple):
 def base_of(base: str, rebound: str) -> Base:
     """Base and law of rebound by their names, in `vibrosweep.model.parameters` BASES and LAWS.
 
-    Raises a ParameterError unless particles over the base are independent of each other.
+    Raises a ParameterError unless particles over the base are independent of each other, and it
+    implements the law.
     """
     if base not in BASE_OF:
         raise ParameterError(
             f'base = "{base}": couples particles, which cannot be followed one by one; take '
             f"one of {', '.join(BASE_OF)}"
         )
+    if wrong := invalid_law(base, rebound):
+        raise ParameterError(wrong)
     return BASE_OF[base](LAW_OF[rebound])
 
 

@@ -1,7 +1,7 @@
 """Laws of rebound: the speed after an impact, from the arrival speed and the kick.
 
 A law is an empty named tuple, whose type numba knows when it compiles.  A new one is a class here
-with its answers, and its name, here and in `vibrosweep.model.parameters.LAWS`.
+with its answers, and its name, here and in `vibrosweep.model.parameters.LAWS_OF`.
 
 Speeds are the durations of the flights that they begin, in forcing periods.
 """

@@ -7,6 +7,7 @@ could be computed, how `vibrosweep verify` judges, reserved names, and tables of
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Final
@@ -48,6 +49,14 @@ class Variable:
     open_by_budget: bool = False
     # Name of the variable that is 0 where no cycle was found, of what holds nothing there
     cycle: str = ""
+
+    @property
+    def blank(self) -> float:
+        """What stands where nothing was computed: no value, or the status that says so."""
+        if np.dtype(self.dtype).kind == "f":
+            return math.nan
+        codes = [code for code, _ in self.flags]
+        return Status.REFUSED if codes and UNDETERMINED not in codes else UNDETERMINED
 
     @property
     def attributes(self) -> dict[str, Any]:

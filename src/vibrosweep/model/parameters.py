@@ -19,8 +19,14 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.times import Periods, Time, amount, unit_of
 from vibrosweep.model.turns import reduced_turns, turns_of_radians
 
-BASES: Final = ("high-bounce", "moving", "sprung")
-LAWS: Final = ("rest", "reflect")
+# The laws of rebound that each base implements; over any other base a law is refused
+LAWS_OF: Final[Mapping[str, tuple[str, ...]]] = {
+    "high-bounce": ("rest", "reflect"),
+    "moving": ("rest",),
+    "sprung": ("rest",),
+}
+BASES: Final = tuple(LAWS_OF)
+LAWS: Final = tuple(dict.fromkeys(law for laws in LAWS_OF.values() for law in laws))
 STAGGERED: Final = "staggered"
 
 # Whole periods are counted in float64, exactly up to 2**53; this leaves room for the flights.

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Final
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.runs.chunks import batch_size, compute_rows
+from vibrosweep.runs.chunks import batch_size, column_kinds, compute_rows
 from vibrosweep.runs.plan import bytes_per_realization
 from vibrosweep.runs.progress import Advance, silent
-from vibrosweep.runs.result import declare
+from vibrosweep.runs.result import Rows, declare
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.memory import InMemory
@@ -42,12 +42,12 @@ def sweep_in_memory(spec: SweepSpec, *, threads: int, advance: Advance = silent)
     declare(found, spec, design, threads)
     piece = max(-(-total // PIECES), TRAJECTORIES_PER_PIECE // spec.particles, 1)
     piece, done = min(piece, batch_size(spec)), 0
+    rows = Rows(found, column_kinds(spec, design), piece)
     with Workers(threads) as workers:
         while done < total:
             for columns in compute_rows(spec, design, done, min(done + piece, total), workers):
-                for name, values in columns.items():
-                    if found.awaits(name):
-                        found.write(name, done, values)
+                rows.add(columns)
             done = min(done + piece, total)
             advance(done, total)
+    rows.flush()
     return found.dataset()

@@ -69,7 +69,7 @@ class Rows:
         Rows that are written at a time.
     """
 
-    def __init__(self, file: Group, kinds: Mapping[str, str], block: int) -> None:
+    def __init__(self, file: Group | InMemory, kinds: Mapping[str, str], block: int) -> None:
         self._file = file
         self._kinds = dict(kinds)
         self._block = block

@@ -14,10 +14,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.errors import RunError
 from vibrosweep.model.measures import Variable
 from vibrosweep.store.disk import Disk, replacing, undisturbed
-from vibrosweep.store.rows import REALIZATION, along, boxes
+from vibrosweep.store.rows import REALIZATION, along, boxes, require_written
 from vibrosweep.store.seal import append_seal
 
 # Measured on 10^6 realizations: level 1 compresses counts and flags to a tenth and doubles the time
@@ -165,12 +164,7 @@ class Group:
 
         Raises a RunError if values were never written: HDF5 would fill them with zeros.
         """
-        missing = [name for name, rows in self._missing.items() if rows]
-        if missing:
-            raise RunError(
-                f"{self._disk.path}: {', '.join(missing)}: not written to the end; this is a fault "
-                f"of vibrosweep: please report it"
-            )
+        require_written(str(self._disk.path), self._missing)
         for name, size in self._sizes.items():
             scale, _ = self._variables.get(name, (None, ()))
             if scale is None:

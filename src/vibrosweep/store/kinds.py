@@ -58,7 +58,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         Kind(
             "windows",
             "vibrosweep windows",
-            "vibrosweep.analysis.windows:summary",
+            "vibrosweep.analysis.window_codes:summary",
             "vibrosweep.figures.stability_windows:stability_windows",
             "stability_windows",
             unverified=f"{_PROVES} this holds ends of intervals of the forcing",

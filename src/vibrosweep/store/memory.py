@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.model.measures import Variable
-from vibrosweep.store.rows import REALIZATION, along
+from vibrosweep.store.rows import REALIZATION, along, require_written
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,7 +26,7 @@ class InMemory:
     _coordinates: dict[str, Any] = field(default_factory=dict)
     _variables: dict[str, Any] = field(default_factory=dict)
     _attributes: dict[str, Any] = field(default_factory=dict)
-    _awaited: set[str] = field(default_factory=set)
+    _missing: dict[str, int] = field(default_factory=dict)
 
     def dimensions(self, sizes: Mapping[str, int], axes: tuple[str, ...] = (REALIZATION,)) -> None:
         """Declare dimensions by name and length, and along which of them realizations lie."""
@@ -41,8 +42,8 @@ class InMemory:
     ) -> None:
         """Declare a coordinate, whose values are written later where they are not given."""
         if values is None:
-            values = np.empty(self._shape(dims))
-            self._awaited.add(name)
+            values = np.full(self._shape(dims), np.nan)
+            self._missing[name] = values.size
         self._coordinates[name] = (dims, values, dict(attributes))
 
     def fixed(self, name: str, attributes: Mapping[str, Any], value: float) -> None:
@@ -52,28 +53,30 @@ class InMemory:
     def variable(self, variable: Variable) -> None:
         """Declare a variable of the registry."""
         dims = along(variable.dims, self._axes)
-        room = np.empty(self._shape(dims), variable.dtype)
+        room = np.full(self._shape(dims), variable.blank, variable.dtype)
         self._variables[variable.name] = (dims, room, variable.attributes)
-        self._awaited.add(variable.name)
+        self._missing[variable.name] = math.prod(self._sizes[axis] for axis in self._axes)
 
     def write(self, name: str, start: int, values: NDArray[Any]) -> None:
         """Write a piece that begins at realization `start`."""
         _, room, _ = self._coordinates.get(name) or self._variables[name]
         rows = room.reshape(-1, *values.shape[1:])  # a view
         rows[start : start + values.shape[0]] = values
+        self._missing[name] -= values.shape[0]
 
     def awaits(self, name: str) -> bool:
-        """Whether values of a variable are to be written."""
-        return name in self._awaited
+        """Whether values of a variable are still to be written."""
+        return self._missing.get(name, 0) > 0
 
     def attributes(self, values: Mapping[str, Any]) -> None:
         """Set attributes."""
         self._attributes.update(values)
 
     def dataset(self) -> xr.Dataset:
-        """Return the dataset, once all is written."""
+        """Return the dataset; a RunError where values were never written."""
         import xarray as xr
 
+        require_written("the result", self._missing)
         return xr.Dataset(self._variables, self._coordinates, self._attributes)
 
     def _shape(self, dims: tuple[str, ...]) -> tuple[int, ...]:

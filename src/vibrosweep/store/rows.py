@@ -8,12 +8,13 @@ its last axis varying fastest.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.errors import RunError
 from vibrosweep.model.forcing import INPUTS
 
 if TYPE_CHECKING:
@@ -29,6 +30,16 @@ Box = tuple[slice, ...]
 def along(dims: tuple[str, ...], axes: tuple[str, ...]) -> tuple[str, ...]:
     """Dimensions in a result of what the registry has along realizations."""
     return tuple(d for dim in dims for d in (axes if dim == REALIZATION else (dim,)))
+
+
+def require_written(what: str, missing: Mapping[str, int]) -> None:
+    """Raise a RunError where rows of a variable, which are counted by its name, are missing."""
+    names = [name for name, rows in missing.items() if rows]
+    if names:
+        raise RunError(
+            f"{what}: {', '.join(names)}: not written to the end; this is a fault of vibrosweep: "
+            f"please report it"
+        )
 
 
 def flat(sweep: xr.Dataset) -> xr.Dataset:
