@@ -1,5 +1,6 @@
 """The registry of measures agrees with itself, and whatever derives from it with the registry."""
 
+import re
 from collections import Counter
 from dataclasses import fields, replace
 
@@ -20,6 +21,9 @@ from vibrosweep.model.measures import (
     VARIABLES,
     Measures,
 )
+from vibrosweep.proof.judgement import Judgement
+from vibrosweep.proof.verification import VariableReport
+from vibrosweep.runs.summary import Summary
 from vibrosweep.spec.sweep import parse_spec
 
 
@@ -90,3 +94,22 @@ def test_tables_go_between_their_markers():
     assert all(f" -->\n{table}\n<!-- end" in insert(f"a\n{empty}\nb") for table in TABLES.values())
     with pytest.raises(ValueError, match="variables"):
         insert(empty.replace("<!-- end variables -->", ""))
+
+
+@pytest.mark.parametrize("name", [n for n in VARIABLES if "lyapunov" in n or "exponent" in n])
+def test_an_exponent_says_in_what_growth_is_counted(name):
+    variable = VARIABLES[name]
+    per = "period" if name.startswith("joint") else "impact"
+    assert variable.attributes["per"] == per
+    assert re.search(rf"per (forcing )?{per}\b", variable.attributes["long_name"])
+    report = VariableReport()
+    report.add("realization 0", Judgement(name, None, 0.0, 1e-9))
+    for line in (report.line(name, 1), *_summary(name)):
+        assert line.startswith(f"{name} (per {per})")
+
+
+def _summary(name):
+    """The line that a summary has on a variable of realizations."""
+    summary = Summary()
+    summary.add({"impact_count": np.ones(1, np.int64), name: np.ones(1)})
+    return [line for line in summary.lines() if line.startswith(name)]

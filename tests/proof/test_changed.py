@@ -1,7 +1,9 @@
 """Whatever is changed in a dataset by hand is found, and named."""
 
+import h5py
 import numpy as np
 import pytest
+import xarray as xr
 
 from vibrosweep.model.measures import MEASURE_OF, MEASURES, RECORD, VARIABLES
 from vibrosweep.model.mount import OF_MOUNT
@@ -121,6 +123,37 @@ def test_changed_coordinates(claimed, edited):
         assert found[name].outside == {"realization 1" if varies else "dataset"}, name
     for name in recorded:
         assert found[f"record/{name}"].outside == {"record"}, name
+
+
+def test_every_array_of_a_file_is_judged(claimed, edited):
+    """Whatever HDF5 shows, also what readers of netCDF do not."""
+    arrays = []
+    with h5py.File(claimed) as file:
+        file.visititems(lambda name, one: arrays.append(name) if hasattr(one, "dtype") else None)
+    known = {
+        *VARIABLES,
+        *SWEEP_COORDINATES,
+        *RECORDED,
+        *(f"record/{n}" for n in RECORD_COORDINATES),
+    }
+    axes = set(arrays) - known
+    assert {"realization", "particle", "record/record_impact"} <= axes
+    for name in sorted(axes):
+        with edited(claimed) as (path, file):
+            file[name][1 % file[name].size] = 3.0
+        (complaint,) = everything(path).complaints()
+        assert complaint.startswith(f"dataset: {name} is 3.0 at ")
+
+
+def test_axes_that_another_program_numbers_are_variables(claimed, tmp_path):
+    path = tmp_path / "again.h5"
+    with xr.open_dataset(claimed, engine="h5netcdf") as opened:
+        held = opened.load().assign_coords(realization=np.arange(3), particle=np.arange(2))
+    for changed in ({}, {"particle": np.array([0, 2])}, {"realization": np.array([0, 2, 1])}):
+        held.assign_coords(changed).to_netcdf(path, engine="h5netcdf")
+        report = everything(path)
+        assert [c.split()[1] for c in report.complaints()] == list(changed)
+        assert {"realization", "particle"} <= report.variables().keys()
 
 
 @pytest.mark.parametrize("name", ["restitution", "amplitude"])

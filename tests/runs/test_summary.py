@@ -81,7 +81,7 @@ def test_what_is_stored_is_what_is_said(values, said):
         one = {"impact_count": np.ones(1, np.int64), "lyapunov_max": np.array([value])}
         summary.add(one)
     line = next(text for text in summary.lines() if text.startswith("lyapunov_max"))
-    assert line.split() == ["lyapunov_max", *said.split()]
+    assert line.split() == ["lyapunov_max", "(per", "impact)", *said.split()]
 
 
 def test_nothing_is_not_an_error():

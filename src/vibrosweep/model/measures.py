@@ -49,6 +49,7 @@ class Variable:
     open_by_budget: bool = False
     # Name of the variable that is 0 where no cycle was found, of what holds nothing there
     cycle: str = ""
+    per: str = ""  # of a growth without unit: in what it is counted
 
     @property
     def blank(self) -> float:
@@ -67,9 +68,17 @@ class Variable:
             attributes["flag_meanings"] = " ".join(f[1] for f in self.flags)
         else:
             attributes["units"] = self.units
+        if self.per:
+            attributes["per"] = self.per
         if self.comment:
             attributes["comment"] = self.comment
         return attributes
+
+    @property
+    def label(self) -> str:
+        """Its name, with what its numbers are in."""
+        unit = f"per {self.per}" if self.per else "" if self.units == "1" else self.units
+        return f"{self.name} ({unit})" if unit else self.name
 
 
 @dataclass(frozen=True)
@@ -307,9 +316,10 @@ _LYAPUNOV: Final = Measure(
             "lyapunov_max",
             _R,
             "1",
-            "largest Lyapunov exponent",
-            "per impact; of all particles whose own is defined",
+            "largest Lyapunov exponent per impact",
+            "of all particles whose own is defined",
             judged="exponent_max",
+            per="impact",
         ),
         _count(
             "orbit_count", _R, "distinct orbits that particles settled on", judged="orbit_count"
@@ -325,20 +335,22 @@ _LYAPUNOV: Final = Measure(
             "lyapunov_largest",
             _RP,
             "1",
-            "largest Lyapunov exponent",
-            "per impact; from the multipliers of the cycle, else the mean over the landings in the "
-            "window; -inf where the regime is resting or at_rest; NaN without landings, and where "
-            "the window sees a rest but no cycle is known",
+            "largest Lyapunov exponent per impact",
+            "from the multipliers of the cycle, else the mean over the landings in the window; "
+            "-inf where the regime is resting or at_rest; NaN without landings, and where the "
+            "window sees a rest but no cycle is known",
             judged="exponent",
+            per="impact",
         ),
         _real(
             "lyapunov_largest_error",
             _RP,
             "1",
-            "standard error of the largest Lyapunov exponent",
+            "standard error of the largest Lyapunov exponent per impact",
             "from the means of blocks of impacts; of a cycle, its rounding error, infinite where "
             "the cycle is uncertain",
             judged="exponent_error",
+            per="impact",
         ),
         _real(
             "lyapunov_sum",
@@ -348,14 +360,16 @@ _LYAPUNOV: Final = Measure(
             "the logarithm of the restitution, over a moving base twice that; -inf and NaN as for "
             "lyapunov_largest",
             judged="exponent_sum",
+            per="impact",
         ),
         _real(
             "lyapunov_sum_error",
             _RP,
             "1",
-            "bound of the rounding error of the sum of both Lyapunov exponents",
+            "bound of the rounding error of the sum of both Lyapunov exponents per impact",
             "infinite where the cycle is uncertain",
             judged="exponent_sum_error",
+            per="impact",
         ),
         _count(
             "orbit",
@@ -471,14 +485,16 @@ _JOINT: Final = Measure(
             "largest Lyapunov exponent of the joint state per forcing period",
             "mean over the window; NaN where a sixteenth of it sees no event",
             judged="recomputed",
+            per="period",
         ),
         _real(
             "joint_exponent_error",
             _R,
             "1",
-            "standard error of the largest Lyapunov exponent of the joint state",
+            "standard error of the largest Lyapunov exponent of the joint state per forcing period",
             "from the means over sixteenths of the window",
             judged="recomputed",
+            per="period",
         ),
     ),
     coupled=True,

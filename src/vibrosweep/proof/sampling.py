@@ -18,8 +18,10 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
 from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import BASES, LAWS, MOUNT, PARAMETERS, STAGGERED
+from vibrosweep.model.parameters import BASES, LAWS_OF, MOUNT, PARAMETERS, STAGGERED
 from vibrosweep.model.times import Periods, Time, amount
+from vibrosweep.proof.axes import judge_axes
+from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.setting import (
     RECORD_COORDINATES,
@@ -32,24 +34,30 @@ from vibrosweep.store.reading import reading
 from vibrosweep.store.rows import read_rows, row_count, row_dims
 
 
-def read_sample(path: Path, size: int, seed: int) -> tuple[Sample, Sample | None, Setting]:
+def read_sample(
+    path: Path, size: int, seed: int
+) -> tuple[Sample, Sample | None, Setting, list[Judgement]]:
     """Draw realizations without replacement; all where there are no more than `size`.
 
     The second sample is the dataset's record of every landing, where it holds one; then comes what
-    its sweep file asks for.  Raises a ParameterError for a size or a seed that cannot be used, and
-    a DataError where there is no such file, or it is not a result that can be read.
+    its sweep file asks for, and what is said of the axes.  Raises a ParameterError for a size or a
+    seed that cannot be used, and a DataError where there is no such file, or it is not a result
+    that can be read.
     """
     for name, value, low in (("sample", size, 1), ("seed", seed, 0)):
         if value < low:
             raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {low}")
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
+        for group in (file, *(file.groups[name] for name in file.groups if name == "record")):
+            if group.attrs["rebound"] not in LAWS_OF.get(group.attrs.get("base", BASES[0]), ()):
+                raise _unsound(path, ["rebound or base"])
         sample = _drawn(file, size, seed)
         record = _record(file, sample) if "record" in file.groups else None
-        setting = asked(path, file, sample.rows)
+        setting, axes = asked(path, file, sample.rows), list(judge_axes(path))
     _require_sound(path, sample, VARIABLES)
     if record is not None:
         _require_sound(path, record, RECORD)
-    return sample, record, setting
+    return sample, record, setting, axes
 
 
 def _drawn(file: Any, size: int, seed: int) -> Sample:
@@ -168,10 +176,6 @@ def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable])
         bad.append("transient, duration or launch_time")
     if observation.particles < 1 or (times and len(times) != observation.particles):
         bad.append("particles")
-    if observation.rebound not in LAWS:
-        bad.append("rebound")
-    if observation.base not in BASES:
-        bad.append("base")
     shapes = {"realization": sample.rows.size, "particle": observation.particles}
     for name, variable in registry.items():
         if name not in sample.stored:
@@ -179,9 +183,13 @@ def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable])
         elif not _fits(sample.stored[name].shape, tuple(shapes.get(d) for d in variable.dims)):
             bad.append(name)
     if bad:
-        raise DataError(
-            f"{path}: {', '.join(bad)}: is not what vibrosweep run writes; compute it again"
-        )
+        raise _unsound(path, bad)
+
+
+def _unsound(path: Path, bad: list[str]) -> DataError:
+    return DataError(
+        f"{path}: {', '.join(bad)}: is not what vibrosweep run writes; compute it again"
+    )
 
 
 def _fits(shape: tuple[int, ...], sizes: tuple[int | None, ...]) -> bool:

@@ -89,8 +89,10 @@ class VariableReport:
         """Row of the table, of a variable that could be compared in so many places."""
         variable = ALL.get(name)
         exact = variable is not None and (bool(variable.flags) or variable.dtype == "int64")
-        units = UNITS[name.removeprefix("record/")] if variable is None else variable.units
+        units = UNITS.get(name.removeprefix("record/"), "1")
         label = name if units == "1" else f"{name} ({units})"
+        if variable is not None:
+            label = name.removesuffix(variable.name) + variable.label
         known = [error for error in self.errors if not math.isnan(error)]
         cells = [
             f"{len(self.compared)}/{places}",
@@ -107,7 +109,7 @@ class VariableReport:
 
 
 def _row(label: str, cells: Sequence[str]) -> str:
-    return f"{label:34}" + "".join(f"{cell:>11}" for cell in cells)
+    return f"{label:36}" + "".join(f"{cell:>11}" for cell in cells)
 
 
 @dataclass(frozen=True)

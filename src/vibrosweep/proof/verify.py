@@ -99,7 +99,7 @@ def verify(
         raise DataError(
             f"{path}: is a result of {kind.command}, which cannot be verified: {kind.unverified}"
         )
-    drawn, record, setting = read_sample(Path(path), sample, seed)
+    drawn, record, setting, axes = read_sample(Path(path), sample, seed)
     coupled = drawn.observation.base == SPRUNG
     if max_landings is None:
         max_landings = MAX_COUPLED if coupled else MAX_LANDINGS
@@ -123,7 +123,7 @@ def verify(
         outcomes=outcomes,
         claimed=claimed,
         coupled=coupled,
-        coordinates=list(_coordinates(drawn, setting, "")),
+        coordinates=[*_coordinates(drawn, setting, ""), *axes],
         names=_names(drawn, record),
         unknown={**setting.unknown, **dict.fromkeys(_others(drawn, record), UNKNOWN)},
     )

@@ -73,12 +73,7 @@ class Summary:
         """Give the summary as a table of text."""
         yield f"{'':32}{'min':>12}{'mean':>12}{'max':>12}"
         for name, spread in self.spreads.items():
-            label = (
-                f"{name} ({OF_REALIZATIONS[name].units})"
-                if OF_REALIZATIONS[name].units != "1"
-                else name
-            )
-            yield f"{label:32}{self._spread(spread)}"
+            yield f"{OF_REALIZATIONS[name].label:32}{self._spread(spread)}"
         for name, counts in self.codes.items():
             yield f"{name:32}{_counted(OF_REALIZATIONS[name], counts)}"
         for subject, text in self.notes.items():
