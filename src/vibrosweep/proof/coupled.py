@@ -19,7 +19,12 @@ from typing import Final, NamedTuple
 
 from vibrosweep.proof.measured import Measured
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx, exact
-from vibrosweep.proof.reference.coupled import Coupled, TooManyLandingsError, coupled
+from vibrosweep.proof.reference.coupled import (
+    PATIENCE,
+    Coupled,
+    TooManyLandingsError,
+    coupled,
+)
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Realization
@@ -123,7 +128,8 @@ def prove(
     with ctx.workprec(proved.precision_bits):
         changes = [change for a, b in pairs for change in _changes(a, b)]
         estimate = Estimate(*(max(column) for column in zip(*changes, strict=True)))
-        edges = [exact(realization.duration)]
+        end = exact(realization.duration)
+        edges = [end, end + PATIENCE / exact(realization.parameters["frequency"])]
         if realization.windowed:
             edges.append(exact(realization.transient))
         times = zip(_ends(proved, realization), _ends(other, neighbour), strict=True)

@@ -1,7 +1,11 @@
 """What the joint state of all particles and their base settles on, and how it spreads.
 
 The state recurs where all of it returns bit for bit, apart from whole periods; compared at landings
-with a kept state that is renewed after 1, 2, 4, ... landings (Brent 1980).
+with a kept state that is renewed after 1, 2, 4, ... landings (Brent 1980).  Every landing carries
+the states of all on, with a rounding, and on an orbit that repeats after one period these may
+repeat after three: where a state is met in between that differs by rounding only, and the cycle is
+a whole number of such rounds, the cycle is one of them.  Particles that have become one land in any
+order: no state is kept between their landings.
 """
 
 from __future__ import annotations
@@ -28,6 +32,9 @@ from vibrosweep.kernels.coupled.state import (
 )
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
+# Up to which states differ by rounding, which grows along a cycle before it is forgotten.  Two states
+# of a doubled orbit that is still so narrow do not come to rest within 10**17 impacts.
+ALIKE: Final = 2.0**-30
 BLOCKS: Final = 16  # of equal time, from whose means the error of the exponent follows
 
 
@@ -53,6 +60,15 @@ def empty_joint(realizations: int) -> JointOrbit:
     return JointOrbit(
         impacts, periods, rests, np.full(realizations, np.nan), landings, growth, at_rest
     )
+
+
+class Round(NamedTuple):
+    """What passes from a state to its return; no impacts: none is known."""
+
+    # impacts, periods, rests: as of a `JointOrbit`
+    impacts: int
+    periods: int
+    rests: int
 
 
 class Notes(NamedTuple):
@@ -83,6 +99,48 @@ def _same(a: System, b: System) -> bool:
             if a.mode[j] == MODE.FLYING and a.particle[row, j] != b.particle[row, j]:
                 return False
     return True
+
+
+@jit
+def _alike(a: System, b: System) -> bool:
+    """Whether two states differ by whole periods and rounding only."""
+    turned = a.now[NOW.X] - b.now[NOW.X]
+    off = abs(turned - np.rint(turned))
+    off = max(off, abs(a.now[NOW.D] - b.now[NOW.D]), abs(a.now[NOW.B] - b.now[NOW.B]))
+    for j in range(a.mode.size):
+        if off > ALIKE or a.mode[j] != b.mode[j] or a.mode[j] == MODE.WAITING:
+            return False
+        if a.mode[j] == MODE.FLYING:
+            scale = max(abs(a.particle[PARTICLE.SCALE, j]), 1.0)
+            for row, unit in ((PARTICLE.HEIGHT, scale * scale), (PARTICLE.SPEED, scale)):
+                off = max(off, abs(a.particle[row, j] - b.particle[row, j]) / unit)
+    return off <= ALIKE
+
+
+@jit
+def _amid(of: System) -> bool:
+    """Whether another particle lands at this instant, but for rounding."""
+    for j in range(of.mode.size):
+        speed = of.particle[PARTICLE.SPEED, j]
+        lands = speed < 0.0 and of.particle[PARTICLE.HEIGHT, j] <= ALIKE * -speed
+        if of.mode[j] == MODE.FLYING and lands:
+            return True
+    return False
+
+
+@jit
+def _since(of: System, kept: System, landings: int, rests: int) -> Round:
+    """What has passed since a state was kept."""
+    whole = of.now[NOW.N] - kept.now[NOW.N]
+    return Round(landings, int(np.rint(whole + (of.now[NOW.X] - kept.now[NOW.X]))), rests)
+
+
+@jit
+def _shortest(full: Round, first: Round) -> Round:
+    """Return the cycle, which is `full`, or a whole number of times the `first` that is alike."""
+    times = full.impacts // first.impacts if first.impacts > 0 else 0
+    whole = times * first.impacts == full.impacts and times * first.periods == full.periods
+    return first if whole and times * first.rests == full.rests else full
 
 
 @jit
@@ -121,6 +179,8 @@ def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: Jo
     for row in range(deviation.shape[0]):
         deviation[row, 0] = 1.0
     growth, landed, rests, mark, seen_at, rested = 0.0, 0, 0, 1, 0, 0
+    nothing = Round(0, 0, 0)
+    first = nothing
     _keep(of, kept)
     while landed <= budget:  # after the last one allowed it may come to rest for good
         until = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
@@ -143,15 +203,18 @@ def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: Jo
         landed += 1
         rests += 1 if event.kind == EVENT.STICK else 0
         out.landings[i] += 1 if place >= 0 else 0
-        if out.impacts[i] == 0 and _same(of, kept):
-            out.impacts[i], out.rests[i] = landed - seen_at, rests - rested
-            out.periods[i] = int(of.now[NOW.N] - kept.now[NOW.N])
-            out.since[i] = (
-                kept.now[NOW.N] + problem.end_count[i] + (kept.now[NOW.X] - problem.phase[i])
-            )
-        if landed == mark:
+        if out.impacts[i] == 0 and _alike(of, kept):
+            passed = _since(of, kept, landed - seen_at, rests - rested)
+            first = passed if first.impacts == 0 else first
+            if _same(of, kept):
+                out.impacts[i], out.periods[i], out.rests[i] = _shortest(passed, first)
+                out.since[i] = (
+                    kept.now[NOW.N] + problem.end_count[i] + (kept.now[NOW.X] - problem.phase[i])
+                )
+        if landed >= mark and not _amid(of):
             _keep(of, kept)
-            mark, seen_at, rested = 2 * mark, landed, rests
+            first = nothing
+            mark, seen_at, rested = 2 * landed, landed, rests
 
 
 @uncounted

@@ -32,6 +32,7 @@ from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.reference.sprung import System
 
 GUARD_BITS: Final = 64
+PATIENCE: Final = 1  # periods after the end up to which a lift-off counts
 ZERO: Final = arb(0)
 
 
@@ -162,16 +163,26 @@ def _exact(name: str, time: float | Fraction) -> Fraction:
 
 
 class _Course:
-    """Events of one particle: `counted` of them up to the end of the observation, then others."""
+    """Events of one particle: `counted` of them up to the end of the observation, then others.
+
+    A lift-off that no longer counts is left out, with all that comes later.
+    """
 
     def __init__(self) -> None:
         self.events: list[Event] = []
         self.counted = 0
+        self.complete = False  # whether nothing that happens after the end is left to know
 
-    def add(self, event: Event, after: bool) -> None:
-        """Add the next event, which is after the end or not."""
+    def add(self, event: Event, after: bool, late: bool) -> None:
+        """Add the next event, which may be after the end, or later than lift-offs count."""
+        if self.complete:
+            return
+        if late and self.waits:
+            self.complete = True
+            return
         self.events.append(event)
         self.counted += not after
+        self.complete = after and event.kind is LANDING
 
     @property
     def rides(self) -> bool:
@@ -179,19 +190,19 @@ class _Course:
         return self.counted > 0 and _rests(self.events[self.counted - 1])
 
     @property
-    def over(self) -> bool:
-        """Whether nothing that happens after the end is left to know."""
-        return self.rides or any(e.kind is LANDING for e in self.events[self.counted :])
+    def waits(self) -> bool:
+        """Whether it may still be on the base since then."""
+        return self.rides and self.counted == len(self.events) and not self.complete
 
-    def trajectory(self, problem: _Problem, good: bool, bits: int) -> Trajectory:
-        """What is reported of it; one that rides at the end may be at rest for `good`."""
+    def trajectory(self, problem: _Problem, rest: bool, bits: int) -> Trajectory:
+        """What is reported of it; one that rides at the end may be at `rest` for good."""
         impacts: list[Impact] = []
         for i, landed in enumerate(self.events[: self.counted]):
             if landed.kind is not LANDING:
                 continue
             rested = _rests(landed)
             left, count = i + rested, nearest_integer(landed.turns)
-            leaves = left < self.counted
+            leaves = left < len(self.events)
             impacts.append(
                 Impact(
                     landing_time=problem.time(landed.turns),
@@ -204,7 +215,7 @@ class _Course:
                 )
             )
             problem.require_narrow(impacts[-1], landed.number)
-        launch, at_rest = self._flight(problem, 0), good and self.rides
+        launch, at_rest = self._flight(problem, 0), rest and self.rides
         return Trajectory(launch, tuple(impacts), at_rest, Status.COMPLETED, bits)
 
     def _flight(self, problem: _Problem, left: int) -> Flight:
@@ -226,26 +237,31 @@ def _attempt(problem: _Problem, bits: int) -> Coupled:
     """Return the motion at one precision, or raise `UncertainError`."""
     with ctx.workprec(bits):
         bodies, end = bodies_of(problem.parameters), problem.turns(problem.duration)
-        system, counted = System(bodies, problem.launches, end), 0
+        system, counted, seen = System(bodies, problem.launches, end + PATIENCE), 0, 0
         own = [_Course() for _ in problem.launch_times]
-        stay = False
+        stay = rest = late = False
         while True:
             if counted == len(system.events):  # the end is still to come
                 stay = system.riders_stay(end)
+            alone = bodies.mount.mass_ratio.is_zero() or all(one.rides for one in own)
+            rest = stay and alone
             if not system.advance():
                 break
-            for event in system.events[sum(len(one.events) for one in own) :]:
+            for event in system.events[seen:]:
                 what = f"the {event.kind} of particle {event.particle} is after the end"
                 after = certain_above(event.turns, end, what, event.number)
-                own[event.particle].add(event, after)
+                late = after and certain_above(event.turns, end + PATIENCE, what, event.number)
+                own[event.particle].add(event, after, late)
                 counted += not after
+            seen = len(system.events)
             if system.landings > problem.max_landings:
                 raise TooManyLandingsError(
                     f"max_landings = {problem.max_landings!r}: more come before the end; raise it "
                     f"or shorten the duration"
                 )
-            if counted < len(system.events) and all(one.over for one in own):
+            if counted < seen and all(
+                one.complete or (one.waits and (late or rest)) for one in own
+            ):
                 break
-        alone = bodies.mount.mass_ratio.is_zero() or all(one.rides for one in own)
-        particles = tuple(one.trajectory(problem, stay and alone, bits) for one in own)
+        particles = tuple(one.trajectory(problem, rest, bits) for one in own)
         return Coupled(particles, tuple(system.events[:counted]), bits)
