@@ -78,13 +78,15 @@ import json, numpy as np
 from vibrosweep.kernels.fixed import empty_fixed, find_fixed
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.parameters import PARAMETERS, dimensionless
-found = empty_fixed(3)
 given = {name: np.full(3, p.default) for name, p in PARAMETERS.items()}
 given["restitution"], given["gravity"] = np.array([0.9, 0.5, 0.3]), np.full(3, 2.0)
 given["amplitude"] = np.array([0.3, 0.2, 0.75])
 problem = dimensionless(given, 1.0)
-find_fixed((0, 3), base_of("high-bounce", "rest"), problem, np.ones(3, int), 1.0, found)
-print(json.dumps([found.state.tolist(), found.phase.tolist()]))
+for kind in (("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest")):
+    for sign in (1.0, -1.0):
+        found = empty_fixed(3)
+        find_fixed((0, 3), base_of(*kind), problem, np.ones(3, int), sign, found)
+        print(json.dumps([found.state.tolist(), found.phase.tolist()]))
 """
     outputs = [
         subprocess.run(
@@ -97,4 +99,6 @@ print(json.dumps([found.state.tolist(), found.phase.tolist()]))
         for off in ("0", "1")
     ]
     assert outputs[0] == outputs[1]
-    assert json.loads(outputs[0])[0] == [ATTRACTS, ABSENT, ATTRACTS]
+    lines = [json.loads(line)[0] for line in outputs[0].splitlines()]
+    assert len(lines) == 6
+    assert lines[0] == lines[4] == [ATTRACTS, ABSENT, ATTRACTS]

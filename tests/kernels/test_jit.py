@@ -6,6 +6,7 @@ import pickle
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,10 +37,11 @@ def python(script, *arguments, source=PACKAGE.parent, **environment):
 
 
 AS_PYTHON = """
-import pickle, sys
+import pickle, sys, warnings
 from pathlib import Path
 import numba
 assert numba.config.DISABLE_JIT
+warnings.simplefilter("error")
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.engine.landings import record_landings
@@ -54,34 +56,42 @@ found.write_bytes(pickle.dumps(results))
 """
 
 
+@pytest.mark.parametrize(
+    ("base", "rebound"),
+    [("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest"), ("sprung", "rest")],
+)
 def test_plain_python_gives_the_bits_of_the_machine_code(
-    tmp_path, parameters, random_scenes, observe, record, workers
+    base, rebound, tmp_path, parameters, random_scenes, observe, record, workers
 ):
-    # all products are fused where the source says so and nowhere else
-    cases = []
-    for case in range(2):
-        scene = random_scenes(seed=70 + case, size=16, contact_time=0.02, launch_velocity=2.0)
-        observation = observe(
-            (0.0, 0.3, -1.7),
-            duration=3.0,
-            transient=(0.0, 1.3)[case],
-            rebound=("rest", "reflect")[case],
-            impact_budget=100,
-            regimes=case == 0,
-            trust=True,
-            lyapunov=True,
-            tolerance=1e-9,
-        )
-        cases.append((scene, observation))
+    # all products are fused where the source says so and nowhere else; nothing divides by zero
+    # otherwise
+    rng, size = np.random.default_rng(6), 8
+    scene = random_scenes(seed=70, size=size, contact_time=0.02, launch_velocity=2.0)
+    thrown = 10.0 ** rng.uniform(-1.0, 1.0, size) * (1.0 + scene["restitution"])
+    scene["amplitude"] = thrown * scene["gravity"] / (2.0 * np.pi * scene["frequency"])
+    scene["amplitude"][6], scene["launch_velocity"][4] = 0.0, 0.0
+    late = parameters(restitution=0.3, amplitude=3.857, launch_velocity=4.905)
+    measures = {"regimes": True, "lyapunov": True, "trust": True, "tolerance": 1e-9}
+    if base == "sprung":
+        measures = {"ordering": True, "joint": True}
+        for given in (scene, late):
+            given["mass_ratio"] = rng.choice([0.0, 0.01, 0.2], given["phase"].size)
+            given["mount_frequency"] = 10.0 ** rng.uniform(-1.0, 0.5, given["phase"].size)
+            given["mount_damping"] = rng.choice([0.0, 0.1, 1.0, 3.0], given["phase"].size)
+    cases = [
+        (scene, observe(launch, duration=3.0, transient=begin, impact_budget=60, **measures))
+        for launch, begin in (((0.0, -1.7), 0.0), ((0.1, 0.2), 1.3))
+    ]
     # orbits that recur, of which two are one
-    cases.append((parameters(restitution=[0.4, 0.6]), observe((0.5, 1.5), duration=300.0)))
+    cases.append((late, observe((0.3, 1.3), duration=9.0 if base == "sprung" else 350.0)))
+    cases = [(given, replace(seen, base=base, rebound=rebound)) for given, seen in cases]
     given, found = tmp_path / "given", tmp_path / "found"
     given.write_bytes(pickle.dumps(cases))
     python(AS_PYTHON, given, found, NUMBA_DISABLE_JIT="1")
     plain = pickle.loads(found.read_bytes())
     for (scene, observation), results in zip(cases, plain, strict=True):
         compiled = measure(scene, observation, workers), record(scene, observation)
-        assert np.nansum(compiled[0]["impact_count"]) > 100
+        assert np.sum(compiled[0]["impact_count"]) > 10
         for one, other in zip(compiled, results, strict=True):
             for name, values in one.items():
                 # numbers, not bytes: NaN may differ in its sign

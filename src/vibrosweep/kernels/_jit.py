@@ -88,6 +88,30 @@ def _caching_in(directory: Path) -> Iterator[None]:
         numba.config.CACHE_DIR = before
 
 
+def _as_python(function: F) -> F:
+    """Have plain Python divide as machine code does, by zero to an infinity or NaN, and silently.
+
+    Numbers of numpy do so, where Python's own raise: those that are handed on are made such.
+    """
+
+    @functools.wraps(function)
+    def plain(*arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return _of_numpy(function(*map(_of_numpy, arguments)))
+
+    return plain  # type: ignore[return-value]
+
+
+def _of_numpy(value: Any) -> Any:
+    """Make a float, or those in a tuple, numpy's."""
+    if isinstance(value, float):
+        return np.float64(value)
+    if isinstance(value, tuple):
+        items = map(_of_numpy, value)
+        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
+    return value
+
+
 def jit(function: F) -> F:
     """Compile a piece that kernels inline; it needs no cache of its own.
 
@@ -106,7 +130,7 @@ def part(function: F) -> F:
 
 def _piece(function: F, options: dict[str, Any]) -> F:
     if numba.config.DISABLE_JIT:
-        return function
+        return _as_python(function)
 
     @functools.cache
     def alone() -> Any:  # hardly a piece is ever called so: none is prepared for it
@@ -138,6 +162,8 @@ def uncounted(function: F) -> F:
 
 
 def _cached(function: F, options: dict[str, Any]) -> F:
+    if numba.config.DISABLE_JIT:
+        return _as_python(function)
     compiled = njit(**options)(function)
     if cache_directory is None:
         return compiled  # type: ignore[no-any-return]
@@ -192,9 +218,10 @@ def answer(question: F, *kinds: type) -> Callable[[F], F]:
 def _fma_exact(a: float, b: float, c: float) -> float:
     """A * b + c rounded once, in plain Python, for runs with the compiler switched off."""
     try:
-        return float(Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c)))
+        exact = float(Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c)))
     except (OverflowError, ValueError):  # an infinity or a NaN takes part
-        return float(a) * float(b) + float(c)
+        exact = float(a) * float(b) + float(c)
+    return np.float64(exact)
 
 
 @intrinsic
