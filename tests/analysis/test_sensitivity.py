@@ -194,3 +194,22 @@ def test_the_change_of_height_is_that_of_the_medians():
     np.testing.assert_allclose(found["rank_correlation"], 1.0)
     with pytest.raises(DataError, match="differ in restitution"):
         heights_against_restitution(heights_sweep(np.full(90, 0.9), 10.0 * e))
+
+
+@pytest.mark.parametrize("unknown", ["height", "status"])
+def test_a_height_that_is_not_known_is_on_no_plateau_and_off_none(unknown):
+    e = np.linspace(0.8, 0.98, 90)
+    modes, lost = 1 + np.arange(90) % 2, np.arange(90) % 3 == 0
+    height = theory.locked_height(modes)
+    sweep = heights_sweep(e, np.where(lost & (unknown == "height"), np.nan, height))
+    if unknown == "status":  # what was measured until the impact budget ran out
+        sweep["rebound_height_max"][lost] = 100.0
+        sweep["status"] = ("realization", np.where(lost, 1, 0).astype(np.int8))
+    found = heights_against_restitution(sweep, bins=3)
+    np.testing.assert_array_equal(found["mode"], np.where(lost, -1, modes))
+    np.testing.assert_array_equal(found["plateau_fraction"], 1.0)
+    assert (found["height_max_median"] <= theory.locked_height(2)).all()
+    sweep["rebound_height_max"][e < 0.87] = np.nan  # all of the first bin
+    none = heights_against_restitution(sweep, bins=3).isel(part=0)
+    assert np.isnan(none["plateau_fraction"])
+    assert np.isnan(none["height_max_median"])

@@ -138,6 +138,14 @@ def test_a_bifurcation_diagram_shows_every_impact_and_exponent():
     assert lower.get_ylim()[0] < heights.min()
 
 
+def test_a_bifurcation_diagram_says_how_many_orbits_are_unsettled():
+    for duration, said in ((3.0, True), (3000.0, False)):
+        diagram = bifurcation(Scene(duration=duration), [0.6, 0.7], samples=2)
+        assert (diagram["regime"].values == Regime.UNSETTLED).any() == said
+        upper, _ = bifurcation_diagram(diagram).axes
+        assert upper.get_legend().get_title().get_text().endswith("of the orbits unsettled") == said
+
+
 def test_basins_are_named_with_their_fractions():
     found = basins(Scene(duration=3000.0), np.linspace(0.0, 0.95, 20), np.linspace(0.0, 9.0, 15))
     (axes,) = basins_of_attraction(found).axes

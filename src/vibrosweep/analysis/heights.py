@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from vibrosweep.analysis.base_motion import moves, refuse_recoil
 from vibrosweep.analysis.records import per_realization, variable
@@ -11,6 +15,7 @@ from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.model import theory
+from vibrosweep.model.status import Status
 from vibrosweep.store.rows import flat
 
 __all__ = ["heights_against_restitution"]
@@ -38,11 +43,12 @@ def heights_against_restitution(
     -------
     xarray.Dataset
         Dim ``part``: ``restitution_low``, ``restitution_high``, medians of the maximum and the mean
-        rebound height (m), ``plateau_fraction``.  Dim ``realization``: ``mode``, the k of the
-        plateau, or 0.  Scalars: ``relative_change``, the change of the median maximum height from
-        the lowest to the highest bin, relative to the lowest; ``rank_correlation`` (Spearman) of
-        maximum height and restitution, and its ``p_value``; ``plateau_deviation``, the largest
-        relative distance of those on a plateau from it.
+        rebound height (m), ``plateau_fraction`` of the heights.  Dim ``realization``: ``mode``, the
+        k of the plateau, 0 on none, -1 without a height.  A realization that did not complete has
+        none, for its measures cover only a part.  Scalars: ``relative_change``, the change of the
+        median maximum height from the lowest to the highest bin, relative to the lowest;
+        ``rank_correlation`` (Spearman) of maximum height and restitution, and its ``p_value``;
+        ``plateau_deviation``, the largest relative distance of those on a plateau from it.
 
     Raises
     ------
@@ -65,8 +71,10 @@ def heights_against_restitution(
     refuse_recoil(sweep, "heights_against_restitution")
     require(sweep, "heights_against_restitution", *names)
     e = per_realization(sweep, "restitution")
-    highest, mean = (sweep[name].values for name in names[3:])
-    known = np.isfinite(highest)
+    known = np.isfinite(sweep["rebound_height_max"].values)
+    if "status" in sweep.variables:
+        known &= sweep["status"].values == Status.COMPLETED
+    highest, mean = (np.where(known, sweep[name].values, np.nan) for name in names[3:])
     mode, distance = _nearest_plateau(sweep, np.where(known, highest, 0.0))
     on = known & (mode > 0.0) & (distance <= tolerance)
     edges = np.unique(np.quantile(e, np.linspace(0.0, 1.0, bins + 1)))
@@ -76,8 +84,8 @@ def heights_against_restitution(
             "it, for example restitution = [low, high], in the [sample] section of the sweep file"
         )
     part = np.clip(np.searchsorted(edges, e, side="right") - 1, 0, edges.size - 2)
-    parts = [part == i for i in range(edges.size - 1)]
-    medians = [np.array([np.nanmedian(h[p]) for p in parts]) for h in (highest, mean)]
+    parts = [known & (part == i) for i in range(edges.size - 1)]
+    medians = [np.array([_mean(np.median, h[p]) for p in parts]) for h in (highest, mean)]
     correlation = spearmanr(e[known], highest[known])
     dims = ("part",)
     return xr.Dataset(
@@ -85,10 +93,13 @@ def heights_against_restitution(
             "height_max_median": variable(dims, medians[0], "median maximum rebound height", "m"),
             "height_mean_median": variable(dims, medians[1], "median mean rebound height", "m"),
             "plateau_fraction": variable(
-                dims, [float(np.mean(on[p])) for p in parts], "fraction on a plateau"
+                dims, [_mean(np.mean, on[p]) for p in parts], "fraction of heights on a plateau"
             ),
             "mode": variable(
-                ("realization",), np.where(on, mode, 0.0).astype(np.int64), "mode of the plateau"
+                ("realization",),
+                np.where(on, mode, np.where(known, 0.0, -1.0)).astype(np.int64),
+                "mode of the plateau",
+                comment="0 on no plateau, -1 without a height",
             ),
             "relative_change": variable(
                 (), medians[0][-1] / medians[0][0] - 1.0, "change of the median maximum height"
@@ -106,6 +117,11 @@ def heights_against_restitution(
             "restitution_high": variable(dims, edges[1:], "upper end, restitution"),
         },
     )
+
+
+def _mean(of: Callable[[Any], Any], values: NDArray[Any]) -> float:
+    """Mean or median of values, NaN without any."""
+    return float(of(values)) if values.size else np.nan
 
 
 def _nearest_plateau(sweep: xr.Dataset, height: Array) -> tuple[Array, Array]:

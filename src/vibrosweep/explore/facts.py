@@ -13,6 +13,7 @@ from vibrosweep.errors import VibrosweepError
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.labels import SYMBOLS, units_text
 from vibrosweep.model.forcing import INPUTS, inputs_of
+from vibrosweep.model.measures import known
 from vibrosweep.model.mount import SPRUNG
 
 
@@ -36,7 +37,7 @@ def facts(choice: Choice, observed: xr.Dataset) -> Iterator[tuple[str, str]]:
     else:
         yield "regimes of particles", ", ".join(_regimes(one))
         yield "largest Lyapunov exponent per impact", _range(one["lyapunov_largest"].values)
-        yield "orbits, slots", f"{int(one['orbit_count'])}, {int(one['slot_count'])}"
+        yield "orbits, slots", ", ".join(_number(one[n]) for n in ("orbit_count", "slot_count"))
     yield "largest rebound height", _number(one["rebound_height_max"], " m")
     if choice.particles > 1:
         yield "smallest separation Δt min", _number(one["dt_min"], " s")
@@ -81,15 +82,15 @@ def _some(number: int, thing: str) -> str:
 
 
 def _number(value: xr.DataArray, units: str = "") -> str:
-    number = float(value)
-    return "not known" if np.isnan(number) else f"{number:.5g}{units}"
+    held = known(str(value.name), {value.name: value})
+    return f"{float(value):.5g}{units}" if held else "not known"
 
 
 def _range(values: np.ndarray) -> str:
-    known = values[~np.isnan(values)]
-    if not known.size:
+    numbers = values[~np.isnan(values)]
+    if not numbers.size:
         return "not known"
-    low, high = float(known.min()), float(known.max())
+    low, high = float(numbers.min()), float(numbers.max())
     texts = [("-∞" if v == -np.inf else f"{v:.5g}") for v in (low, high)]
     return texts[0] if low == high else f"{texts[0]} to {texts[1]}"
 

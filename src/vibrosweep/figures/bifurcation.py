@@ -10,13 +10,14 @@ from matplotlib.figure import Figure
 
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
+from vibrosweep.model.status import Regime
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["NEEDS", "bifurcation_diagram"]
 
-NEEDS: Final = data.Needs(("amplitude", "direction", "lyapunov_largest"))
+NEEDS: Final = data.Needs(("amplitude", "direction", "lyapunov_largest", "regime"))
 # upwards over downwards, so that what occurs only downwards stays visible
 ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.7))
 
@@ -26,7 +27,8 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     """Draw the impacts of all particles along the amplitude, up and down, over their exponents.
 
     The axis is the acceleration of the base in g where the forcing was given as that.
-    An orbit that rests has an exponent of minus infinity: it stands on the lower edge.
+    An orbit that rests has an exponent of minus infinity: it stands on the lower edge.  The head
+    says what share of the orbits is unsettled: their impacts may be of no attractor.
 
     Parameters
     ----------
@@ -69,7 +71,9 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     upper.set_ylabel(data.label(diagram, name))
     lower.set_xlabel(data.label(diagram, along))
     lower.set_ylabel("largest Lyapunov\nexponent per impact")
-    style.head(upper, data.conditions(diagram.drop_vars(["amplitude", "base_acceleration"])))
+    head = data.conditions(diagram.drop_vars(["amplitude", "base_acceleration"]))
+    unsettled = np.mean(diagram["regime"].values == Regime.UNSETTLED)
+    style.head(upper, f"{head}, {unsettled:.2g} of the orbits unsettled" if unsettled else head)
     return figure
 
 

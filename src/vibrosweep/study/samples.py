@@ -15,9 +15,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep import simulate, sweep, theory
+from vibrosweep.errors import DataError
 from vibrosweep.model.mount import SPRUNG
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime
+from vibrosweep.runs.summary import SETTLING, unsettled
 
 IMPACT_BUDGET: Final = 1_000_000
 # Part of the realizations where every landing is looked at
@@ -107,10 +109,11 @@ def measured(plan: Plan, base: str, parameters: Mapping[str, Any], **keys: Any) 
     """Measure realizations over a base, with further keys of `vibrosweep.sweep`.
 
     Physical parameters differ where they are arrays, of shape (realization,); a sprung base gets
-    this package's mount unless they say otherwise.
+    this package's mount unless they say otherwise.  Raises a DataError where one did not complete:
+    claims are judged by all.
     """
     drawn, fixed = _split(base, parameters)
-    return sweep(
+    found = sweep(
         design=drawn,
         base=base,
         impact_budget=IMPACT_BUDGET,
@@ -119,6 +122,9 @@ def measured(plan: Plan, base: str, parameters: Mapping[str, Any], **keys: Any) 
         **fixed,
         **keys,
     )
+    if np.any(unsettled({name: found[name].values for name in SETTLING if name in found})):
+        raise DataError(f"{base}: realizations of a sample did not complete, or lack a measure")
+    return found
 
 
 def records(
