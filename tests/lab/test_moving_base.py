@@ -130,7 +130,7 @@ def test_a_wrong_scale_is_corrected_by_gravity(error):
 
 
 def test_contacts_too_few_for_a_fit_are_refused(chattering):
-    contacts, _ = find_contacts(fit_tracks(chattering.tracks, G).samples, G)
+    contacts = find_contacts(fit_tracks(chattering.tracks, G).samples, G).contacts
     with pytest.raises(TrackError, match="do not determine how the base moves"):
         fit_shaken(contacts.first(2), FREQUENCY, free=False, moves=True)
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
+from scipy.linalg import cholesky_banded, solve_banded, solveh_banded
 from scipy.sparse import csr_array
 
 from vibrosweep.arrays import Array
@@ -110,8 +110,18 @@ def bounces_of(impacts: xr.Dataset) -> Bounces:
 
 def solve(matrix: csr_array, right: Array) -> Array:
     """Solve a symmetric positive system whose entries lie in the band of neighbouring bounces."""
+    return np.asarray(solveh_banded(_band(matrix), right, lower=True))
+
+
+def whiten(matrix: csr_array, right: Array) -> Array:
+    """Columns of such a covariance, in linear combinations that are independent, of variance 1."""
+    factor = cholesky_banded(_band(matrix), lower=True)
+    return np.asarray(solve_banded((len(factor) - 1, 0), factor, right))
+
+
+def _band(matrix: csr_array) -> Array:
     size = matrix.shape[0]
     band = np.zeros((BAND + 1, size))
     for k in range(min(BAND + 1, size)):
         band[k, : size - k] = matrix.diagonal(-k)
-    return np.asarray(solveh_banded(band, right, lower=True))
+    return band

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from vibrosweep.arrays import Array, Flags, Indices
-from vibrosweep.lab.flights import Fits, apparent_gravity, fit, meet, scale_is_off
+from vibrosweep.lab.flights import Fits, fit, meet, well_seen_gravity
 from vibrosweep.lab.segments import Samples
 from vibrosweep.lab.stretches import clear_flights, stretches
-
-# Stretches at least half as high as this quantile are flights.
-HIGH: Final = 0.95
 
 
 class Contacts(NamedTuple):
@@ -51,27 +48,26 @@ class Contacts(NamedTuple):
         )
 
 
-def find_contacts(samples: Samples, gravity: float) -> tuple[Contacts, Indices]:
-    """Find contacts with the base, and the stretch of track that each sample is in.
+class Cut(NamedTuple):
+    """Tracks cut into stretches of flight, and the contacts between them."""
 
-    Gravity is the true acceleration in m s-2; where the tracks clearly contradict it, theirs is
-    taken.
-    """
-    fall = gravity
-    for _ in range(2):
-        member, noise = stretches(samples, fall)
-        start = np.flatnonzero(np.diff(member, prepend=-1))
-        # high stretches, which are no stays on the base
-        extent = np.maximum.reduceat(samples.height, start)
-        extent -= np.minimum.reduceat(samples.height, start)
-        high = extent > np.quantile(extent, HIGH) / 2.0
-        seen, error = apparent_gravity(samples, np.where(high[member], member, -1), start.size)
-        if not scale_is_off(seen, error, fall):
-            break
-        fall = seen
-    fits = fit(samples, member, start.size, fall)
-    every = np.diff(samples.piece[start]) == 0
-    return contacts_between(samples, member, fits, np.flatnonzero(every), (noise, fall)), member
+    contacts: Contacts
+    member: Indices  # number of the stretch of each sample
+    # seen, error: acceleration with which high stretches fall, and its standard error, m s-2
+    seen: float
+    error: float
+
+
+def find_contacts(samples: Samples, gravity: float) -> Cut:
+    """Find contacts with the base, between flights that fall with an acceleration of m s-2."""
+    member, noise = stretches(samples, gravity)
+    start = np.flatnonzero(np.diff(member, prepend=-1))
+    extent = np.maximum.reduceat(samples.height, start)
+    extent -= np.minimum.reduceat(samples.height, start)
+    seen = well_seen_gravity(samples, member, extent, noise)  # high stretches are no stays
+    fits = fit(samples, member, start.size, gravity)
+    every = np.flatnonzero(np.diff(samples.piece[start]) == 0)
+    return Cut(contacts_between(samples, member, fits, every, (noise, gravity)), member, *seen)
 
 
 def contacts_between(

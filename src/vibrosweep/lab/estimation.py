@@ -17,8 +17,16 @@ import xarray as xr
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.agreement import require
-from vibrosweep.lab.bounces import Bounces, bounces_of, solve
-from vibrosweep.lab.regression import FEWEST, TURN, weakest_signal, with_subharmonics
+from vibrosweep.lab.bounces import Bounces, bounces_of, solve, whiten
+from vibrosweep.lab.regression import (
+    FEWEST,
+    TURN,
+    is_improbable,
+    outside,
+    spread_of_influences,
+    weakest_signal,
+    with_subharmonics,
+)
 from vibrosweep.model.parameters import PARAMETERS
 
 __all__ = ["PARAMETER_UNITS", "estimate", "fit_phase"]
@@ -42,6 +50,8 @@ CLOSE: Final = 1e-6
 SIGNAL: Final = 10.0
 WORST_RESTITUTION: Final = 0.1
 WORST_AMPLITUDE: Final = 0.25
+# Chi-square per degree of freedom above which the law does not describe the bounces
+WORST_MISFIT: Final = 10.0
 
 
 class _Adjusted(NamedTuple):
@@ -50,6 +60,7 @@ class _Adjusted(NamedTuple):
     values: Array
     covariance: Array
     chi_square: float
+    influences: Array  # covariance as the residuals show it, to be added where they are too large
 
 
 def estimate(
@@ -75,8 +86,10 @@ def estimate(
         Dims (parameter, other): ``estimate``, ``error`` and ``covariance`` of restitution,
         amplitude (m s-1), phase (rad, at t = 0 of the tracks' clock) and, if it was not known,
         frequency (Hz).  ``determined`` is 0 where the orbit does not determine them, or hardly; the
-        attribute ``warning`` then says why, and without any signal all are NaN.  ``misfit`` is the
-        chi-square per degree of freedom; where it exceeds 1, the errors are enlarged by its root.
+        attribute ``warning`` then says why, and without any signal all are NaN.  What lies outside
+        the physical range is not determined.  ``misfit`` is the chi-square per degree of freedom;
+        where it exceeds 1, the errors are enlarged by its root, and where noise hardly explains it,
+        by the scatter of the residuals besides, and the warning says so.
 
         Over a base that moves, the parameters come from its fit to the landings, with the frequency
         that `find_impacts` was given or found: an amplitude A = (1 + e) V0.  ``base_displacement``
@@ -121,23 +134,27 @@ def estimate(
         with_subharmonics(bounces.speeds(), frequency_range) if frequency is None else [frequency]
     )
     tried = [_at(bounces, rate, free) for rate in rates]
-    found, signal = min(tried, key=lambda one: np.nan_to_num(one[0].chi_square, nan=np.inf))
+    found, signal = min(tried, key=_rank)
     if np.isinf(found.chi_square):
         raise TrackError(
             f"{impacts.attrs['source']}: no restitution and forcing describe the bounces: look for "
             f"exchanged names, flights that fit badly, and a wrong frequency"
         )
-    misfit = found.chi_square / (bounces.middle.size - found.values.size)
-    values, covariance = _polar(found.values, found.covariance * max(1.0, misfit))
+    freedom = bounces.middle.size - found.values.size
+    misfit = found.chi_square / freedom
+    covariance = found.covariance * max(1.0, misfit)
+    if is_improbable(misfit, freedom):
+        covariance = covariance + found.influences
+    values, covariance = _polar(found.values, covariance)
     rate = float(found.values[3]) if free else rates[0]
-    warning = _warning(signal, values, np.sqrt(np.diag(covariance)))
+    warnings = _undetermined(signal, values, covariance, misfit), _bad_fit(misfit, freedom)
     about = {
         "misfit": ((), misfit, {"units": "1", "long_name": "chi-square per degree of freedom"}),
         "bounces": ((), bounces.middle.size, {"units": "1", "long_name": "bounces used"}),
         "signal": ((), signal, {"units": "1", "long_name": "signal of the weakest direction"}),
         "frequency_used": ((), rate, {"units": "Hz", "long_name": "forcing frequency"}),
     }
-    return _estimated(values, covariance, about, warning)
+    return _estimated(values, covariance, about, warnings)
 
 
 def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
@@ -171,12 +188,15 @@ def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
         )
     }
     covariance = change @ spread @ change.T
-    warning = _warning(SIGNAL, kicks, np.sqrt(np.diag(covariance)))
-    return _estimated(kicks, covariance, about, warning)
+    misfit, freedom = float(impacts["shaken_misfit"]), int(impacts["shaken_freedom"])
+    warnings = _undetermined(SIGNAL, kicks, covariance, misfit), _bad_fit(misfit, freedom)
+    return _estimated(kicks, covariance, about, warnings)
 
 
-def _estimated(values: Array, covariance: Array, about: dict[str, Any], warning: str) -> xr.Dataset:
-    """The result of `estimate`."""
+def _estimated(
+    values: Array, covariance: Array, about: dict[str, Any], warnings: tuple[str, str]
+) -> xr.Dataset:
+    """The result of `estimate`; the first warning is of parameters that are not determined."""
     names = list(PARAMETER_UNITS)[: values.size]
     error = np.sqrt(np.diag(covariance))
     return xr.Dataset(
@@ -184,7 +204,11 @@ def _estimated(values: Array, covariance: Array, about: dict[str, Any], warning:
             "estimate": ("parameter", values, {"long_name": "estimate"}),
             "error": ("parameter", error, {"long_name": "standard error"}),
             "covariance": (("parameter", "other"), covariance, {"long_name": "covariance"}),
-            "determined": ((), np.int8(not warning), {"long_name": "the orbit determines them"}),
+            "determined": (
+                (),
+                np.int8(not warnings[0]),
+                {"long_name": "the orbit determines them"},
+            ),
             **about,
         },
         coords={
@@ -192,7 +216,7 @@ def _estimated(values: Array, covariance: Array, about: dict[str, Any], warning:
             "other": names,
             "units": ("parameter", [PARAMETER_UNITS[name] for name in names]),
         },
-        attrs={"warning": warning},
+        attrs={"warning": "; ".join(filter(None, warnings))},
     )
 
 
@@ -226,7 +250,7 @@ def _at(bounces: Bounces, rate: float, free: bool) -> tuple[_Adjusted, float]:
     first = _regression(bounces, rate)
     signal = _signal(bounces, first, rate)
     nothing = np.full(3 + free, np.nan)
-    none = _Adjusted(nothing, np.outer(nothing, nothing), np.nan)
+    none = _Adjusted(nothing, np.outer(nothing, nothing), np.nan, np.outer(nothing, nothing))
     if signal < SIGNAL:
         return none, signal
     try:
@@ -272,7 +296,9 @@ def _adjust(bounces: Bounces, first: Array, rate: float, free: bool) -> _Adjuste
             break
     else:
         raise np.linalg.LinAlgError("the adjustment does not converge")
-    return _Adjusted(values, inverse, float(forces @ (spread @ forces)))
+    white = whiten(spread, np.column_stack([design, spread @ forces]))
+    influences = spread_of_influences(white[:, -1], white[:, :-1], inverse)
+    return _Adjusted(values, inverse, float(forces @ (spread @ forces)), influences)
 
 
 def _polar(values: Array, covariance: Array) -> tuple[Array, Array]:
@@ -298,13 +324,48 @@ def _signal(bounces: Bounces, values: Array, rate: float) -> float:
     return weakest_signal(arrive, TURN * rate * time, amplitude, blurs)
 
 
-def _warning(signal: float, values: Array, error: Array) -> str:
+def _rank(tried: tuple[_Adjusted, float]) -> tuple[bool, float]:
+    """Key by which the best adjustment is the least: a physical one before any other."""
+    found, _ = tried
+    chi_square = float(np.nan_to_num(found.chi_square, nan=np.inf))
+    unphysical = not np.isfinite(chi_square) or _outside(found.values, found.covariance)
+    return unphysical, chi_square
+
+
+def _outside(values: Array, covariance: Array) -> bool:
+    return outside(float(values[0]), float(np.sqrt(covariance[0, 0])))
+
+
+def _undetermined(signal: float, values: Array, covariance: Array, misfit: float) -> str:
+    """Why the parameters are not determined, if they are not."""
+    error = np.sqrt(np.diag(covariance))
     if signal < SIGNAL:
         return (
             "the orbit does not determine restitution and amplitude: all bounces happen at nearly "
             "the same phases and speeds, as those of a locked orbit do; change the frequency or "
             "the amplitude, or film the approach to the orbit"
         )
+    if not 0.0 <= values[0] <= 1.0:
+        return (
+            f"the restitution comes out as {values[0]:.4g} ± {error[0]:.2g}, where 0 to 1 is "
+            f"possible: the landings do not determine it; check the scale, the frequency, and "
+            f"whether the base moves, or film faster or closer"
+        )
+    if misfit > WORST_MISFIT:
+        return (
+            f"no restitution and forcing describe the bounces: misfit {misfit:.3g} where noise "
+            f"alone makes about 1; check the frequency, and whether the base moves"
+        )
     if error[0] > WORST_RESTITUTION or error[1] > WORST_AMPLITUDE * values[1]:
         return "restitution and amplitude are hardly determined: film for longer, or closer"
     return ""
+
+
+def _bad_fit(misfit: float, freedom: int) -> str:
+    """What to say of residuals that noise does not explain."""
+    if not is_improbable(misfit, freedom):
+        return ""
+    return (
+        f"the bounces scatter more than the noise of the tracks explains (misfit {misfit:.3g}, "
+        f"where about 1 is expected): the errors are widened; look for bounces too low to be seen"
+    )

@@ -8,17 +8,21 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab.contacts import find_contacts
-from vibrosweep.lab.flight_search import Flights, check_gravity, find_flights
+from vibrosweep.lab.contacts import Cut, find_contacts
+from vibrosweep.lab.flight_search import SCALES, Flights, check_gravity, find_flights
+from vibrosweep.lab.flights import contradicts, correctable
 from vibrosweep.lab.levels import flights_on_levels
 from vibrosweep.lab.moving_flights import flights_over
 from vibrosweep.lab.oscillation import UNDETERMINED, Trace, fit_shaken
 from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import Samples, samples_of
-from vibrosweep.lab.which_base import which_base
+from vibrosweep.lab.which_base import moves, which_base
 from vibrosweep.model.parameters import PARAMETERS
 
 MOTIONS: Final = ("detect", "level", "moving")
+# Share of junctions above a base that moves at which it is another one; the right one has 2 % of
+# them at most in irregular films, a wrong one 9 % and more.
+TURNED_ABOVE: Final = 0.05
 
 
 class View(NamedTuple):
@@ -77,31 +81,68 @@ def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str
     level = level and view.trace is None
     if level and view.base is not None:
         return find_flights(samples, gravity, view.base, view.exposure), "level"
-    contacts, member = find_contacts(samples, gravity)
-    if level:
-        return flights_on_levels(samples, contacts, gravity, view.exposure), "level"
+    fall, says, problem = gravity, "level", TrackError(UNDETERMINED)
+    for _ in range(SCALES):
+        cut = find_contacts(samples, fall)
+        seen, error, over = cut.seen, cut.error, None
+        if not level:
+            try:
+                says, over = _over_moving(samples, cut, view)
+            except TrackError as reason:
+                says, problem = "undetermined", reason
+        if over is not None:
+            seen, error = over.gravity, over.gravity_error
+        if not contradicts(seen, error, fall):
+            if over is not None:
+                return over, says
+            break
+        # gravity judges the scale, whatever it was taken for before
+        if not correctable(seen, gravity):
+            break
+        fall = seen
+    if over is not None:  # its own flights contradict it
+        says = "undetermined"
+        problem = TrackError(
+            f"over a base that moves, flights fall with {seen:.4g} ± {error:.2g} m s-2 where "
+            f"{fall:.4g} m s-2 was taken: check the scale, the frame rate and the frequency"
+        )
+    if not level and (view.motion == "moving" or view.trace is not None):
+        raise problem
+    return flights_on_levels(samples, cut.contacts, gravity, view.exposure), says
+
+
+def _over_moving(samples: Samples, cut: Cut, view: View) -> tuple[str, Flights | None]:
+    """What contacts say of the base, and the flights over one that moves, or None if none does."""
+    rate, free = view.frequency, view.frequency is None
     says, shaken = "moving", None
     if view.trace is None:
-        says, shaken, _ = which_base(contacts, view.frequency)
+        says, shaken = which_base(cut.contacts, rate)
     else:
         rate = float(view.trace.values[2])
-        shaken = fit_shaken(contacts, rate, free=True, moves=True, trace=view.trace)
-    moves = view.motion == "moving" or view.trace is not None
-    if shaken is not None and (moves or says == "moving"):
-        free = view.frequency is None
-        over = flights_over(
-            samples,
-            member,
-            shaken,
-            contacts.gravity,
-            exposure=view.exposure,
-            free=free,
-            trace=view.trace,
+        shaken = fit_shaken(cut.contacts, rate, free=True, moves=True, trace=view.trace)
+    detected = view.motion == "detect" and view.trace is None
+    if shaken is None or (detected and says != "moving"):
+        return says, None
+    over, contacts = flights_over(
+        samples,
+        cut.member,
+        shaken,
+        cut.contacts.gravity,
+        exposure=view.exposure,
+        free=free,
+        trace=view.trace,
+    )
+    above = float(over.junctions.overlapping.mean()) if over.junctions.before.size else 0.0
+    if above > TURNED_ABOVE:
+        raise TrackError(
+            f"{100.0 * above:.0f} % of the flights over the base that was found meet above it, "
+            f"where nothing can turn them: the landings do not determine how the base moves; film "
+            f"faster or closer, or give the frequency or a trace of the base"
         )
-        return over, says
-    if moves:
-        raise TrackError(UNDETERMINED)
-    return flights_on_levels(samples, contacts, gravity, view.exposure), says
+    # the first contacts are rough: those of its own flights must say the same
+    if detected and over.shaken is not None and not moves(contacts, over.shaken, free=free):
+        return "undetermined", None
+    return says, over
 
 
 def _check_view(gravity: float, view: View) -> None:

@@ -16,9 +16,11 @@ from vibrosweep.lab.flights import (
     Ends,
     Fits,
     apparent_gravity,
+    contradicts,
     crossings,
     fit,
-    scale_is_off,
+    seen_gravity,
+    well_seen,
 )
 from vibrosweep.lab.junctions import Junctions, base_level, join
 from vibrosweep.lab.oscillation import Shaken
@@ -29,9 +31,6 @@ UPPER: Final = 0.25
 # A flight needs one sample more than it has unknowns, and this height in units of the noise.
 LEAST_SAMPLES: Final = 3
 LEAST_HEIGHT: Final = 4.0
-# Height in units of the noise, many times that of a wave of noise between two low points, above
-# which the curvature of a flight shows the gravity.
-WELL_SEEN: Final = 7.0
 FIRST_SHARE: Final = 0.6
 # Significance level: one good flight in a million is called poor.
 POOR: Final = 1e-6
@@ -39,6 +38,7 @@ POOR: Final = 1e-6
 MOSTLY: Final = 0.5
 # Standard deviations of the noise beyond which a sample is not on the base
 OFF_BASE: Final = 3.0
+SCALES: Final = 3  # that are tried, each as the flights over the one before show it
 # Iterations; after three, samples of most tracks no longer change their flight.
 ROUNDS: Final = 4
 
@@ -77,12 +77,19 @@ def find_flights(
     lands belong to no flight where the shutter is open for an `exposure`, s.  Raises a TrackError
     where nothing flies, or what flies does not fall with gravity.
     """
-    flights = _searched(samples, gravity, base, exposure)
-    if scale_is_off(flights.gravity, flights.gravity_error, gravity):
-        # parabolas of the wrong curvature would miss the landings
-        return _searched(samples, flights.gravity, base, exposure)
-    refuse_gravity(flights.gravity, flights.gravity_error, gravity)
-    return flights
+    fall = gravity
+    for _ in range(SCALES):
+        flights = _searched(samples, fall, base, exposure)
+        seen, error = flights.gravity, flights.gravity_error
+        if not contradicts(seen, error, fall):
+            return flights
+        refuse_gravity(seen, error, gravity)
+        fall = seen  # parabolas of the wrong curvature would miss the landings
+    raise TrackError(
+        f"flights fall with {seen:.4g} ± {error:.2g} m s-2 where {flights.curvature:.4g} m s-2 was "
+        f"taken, and gravity is {gravity:g} m s-2: no scale describes all of them; check the "
+        f"heights, or film faster or closer"
+    )
 
 
 def _searched(samples: Samples, gravity: float, base: float | None, exposure: float) -> Flights:
@@ -122,7 +129,7 @@ def _settle(
             junctions = join(fits, piece, ends, noise, gravity)
         if turn < ROUNDS - 1:
             member = share_out(samples, piece, junctions, ends, exposure)
-    seen, seen_error = apparent_gravity(samples, member, piece.size)
+    seen, seen_error = seen_gravity(samples, member, fits.top(gravity) - base, noise, gravity)
     return Flights(
         fits,
         piece,
@@ -164,7 +171,7 @@ def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
     """Raise a TrackError where the highest flights fall with an acceleration far from gravity."""
     noise = first_noise(samples)
     member, _, base, tops = _first_members(samples, FIRST_SHARE * noise, base)
-    high = tops - base > np.fmax(WELL_SEEN * noise, np.quantile(tops - base, 0.95) / 2.0)
+    high = well_seen(tops - base, noise)
     seen = apparent_gravity(samples, np.where(high[member], member, -1), tops.size)
     refuse_gravity(*seen, gravity)
 

@@ -13,13 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import trim_mean
 
-from vibrosweep.arrays import Array, Indices
+from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.lab.segments import Samples
 
 # Standard errors by which the acceleration that tracks show must differ from gravity to be another,
 # and the share of gravity up to which that is an error of the scale.
 SCALE_OFF: Final = 5.0
 WRONG_SCALE: Final = 0.2
+# Flights by which a scale can be judged
+FEWEST: Final = 5
+# Height in units of the noise, many times that of a wave of noise between two low points, above
+# which the curvature of a flight shows the gravity.
+WELL_SEEN: Final = 7.0
+# Well-seen flights are at least half as high as this quantile.
+HIGH: Final = 0.95
 TRIMMED: Final = 0.25  # share of the curvatures that is left out on either side
 
 
@@ -112,9 +119,44 @@ def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[f
     return float(trim_mean(seen, TRIMMED)), error
 
 
-def scale_is_off(seen: float, error: float, gravity: float) -> bool:
-    """Whether flights contradict gravity, by what may be an error of the scale."""
-    return SCALE_OFF * error < abs(seen - gravity) < WRONG_SCALE * gravity
+def contradicts(seen: float, error: float, gravity: float) -> bool:
+    """Whether flights seen to fall with one acceleration, m s-2, contradict another.
+
+    They do not where nothing is seen of their curvature, and all is NaN.
+    """
+    return abs(seen - gravity) > SCALE_OFF * error
+
+
+def correctable(seen: float, gravity: float) -> bool:
+    """Whether the acceleration that flights show may be gravity in tracks of a wrong scale."""
+    return abs(seen - gravity) < WRONG_SCALE * gravity
+
+
+def seen_gravity(
+    samples: Samples, member: Indices, rise: Array, noise: float, gravity: float
+) -> tuple[float, float]:
+    """Acceleration with which flights fall, and its standard error, m s-2.
+
+    Of all flights; where it contradicts gravity, of the well-seen ones, as low flights are cut and
+    chosen by the acceleration that was assumed.  `rise` is the height of each flight, m.
+    """
+    seen = apparent_gravity(samples, member, rise.size)
+    return well_seen_gravity(samples, member, rise, noise) if contradicts(*seen, gravity) else seen
+
+
+def well_seen_gravity(
+    samples: Samples, member: Indices, rise: Array, noise: float
+) -> tuple[float, float]:
+    """The same, of the flights high enough to show it; NaN where they are too few."""
+    high = well_seen(rise, noise)
+    if high.sum() < FEWEST:
+        return float("nan"), float("nan")
+    return apparent_gravity(samples, np.where(high[member], member, -1), rise.size)
+
+
+def well_seen(rise: Array, noise: float) -> Flags:
+    """Flights that stand out of the noise, among the highest; all in m."""
+    return np.asarray(rise > np.fmax(WELL_SEEN * noise, np.quantile(rise, HIGH) / 2.0))
 
 
 def line_variance(fits: Fits, one: Array, other: Array | None = None) -> Array:

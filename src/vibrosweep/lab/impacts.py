@@ -170,6 +170,7 @@ def _shaken(shaken: Shaken, scale: float) -> xr.Dataset:
             ),
             "shaken_frequency": ((), shaken.oscillation.frequency, {"units": "Hz"}),
             "shaken_misfit": ((), shaken.misfit, {"long_name": "chi-square per degree of freedom"}),
+            "shaken_freedom": ((), shaken.freedom, {"long_name": "degrees of freedom"}),
             "shaken_bounces": ((), int(shaken.kept.sum()), {"long_name": "bounces used"}),
         },
         coords={

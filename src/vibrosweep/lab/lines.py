@@ -27,7 +27,7 @@ def impact_lines(impacts: xr.Dataset) -> list[str]:
         f"{typical * attributes['frame_rate']:.2g} frames; noise of a position "
         f"{attributes['noise']:.2g} m; base at {attributes['base']:.3g} m",
     ]
-    lines.append(f"  {_base_line(impacts)}")
+    lines += [f"  {line}" for line in _base_lines(impacts)]
     stays, odd = int((quality == STAYED).sum()), int((quality == DOUBTFUL).sum())
     if stays:
         lines.append(f"  {stays} stays on the base, or bounces too low or short to be seen")
@@ -36,13 +36,12 @@ def impact_lines(impacts: xr.Dataset) -> list[str]:
     return lines + [f"  {remark}" for remark in remarks(impacts)]
 
 
-def _base_line(impacts: xr.Dataset) -> str:
+def _base_lines(impacts: xr.Dataset) -> list[str]:
     """Say whether the base moves, and how."""
     if impacts.attrs["base_motion"] == "level":
         says = impacts.attrs["speaks_for"]
-        return "the base stays at its level" + (
-            "" if says == "level" else "; the landings do not determine whether it moves"
-        )
+        doubt = "; the landings do not determine whether it moves"
+        return ["the base stays at its level" + ("" if says == "level" else doubt)]
     found = estimate(impacts)
     e, _, phase = found["estimate"].values[:3]
     de, _, dphase = found["error"].values[:3]
@@ -50,11 +49,15 @@ def _base_line(impacts: xr.Dataset) -> str:
         (float(found[name]), float(found[f"{name}_error"]))
         for name in ("base_displacement", "base_acceleration")
     )
-    return (
+    said = [found.attrs["warning"]] if found.attrs["warning"] else []
+    if not int(found["determined"]):
+        return ["the base moves, but how is not determined", *said]
+    return [
         f"the base moves: displacement {1e3 * size[0]:.4g} ± {1e3 * size[1]:.2g} mm at "
         f"{float(found['frequency_used']):.6g} Hz, acceleration {gamma[0]:.4g} ± {gamma[1]:.2g} "
-        f"of gravity, phase {phase:.4g} ± {dphase:.2g} rad; restitution {e:.4g} ± {de:.2g}"
-    )
+        f"of gravity, phase {phase:.4g} ± {dphase:.2g} rad; restitution {e:.4g} ± {de:.2g}",
+        *said,
+    ]
 
 
 def agreement_lines(found: xr.Dataset) -> list[str]:

@@ -7,17 +7,16 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.arrays import Array, Indices
-from vibrosweep.lab.contacts import contacts_between
+from vibrosweep.lab.contacts import Contacts, contacts_between
 from vibrosweep.lab.flight_search import (
     LEAST_HEIGHT,
     Flights,
     flight_noise,
     keep,
     poor_flights,
-    refuse_gravity,
     share_out,
 )
-from vibrosweep.lab.flights import Ends, Fits, apparent_gravity, fit
+from vibrosweep.lab.flights import Ends, Fits, fit, seen_gravity
 from vibrosweep.lab.junctions import join
 from vibrosweep.lab.oscillation import Shaken, Trace, fit_shaken
 from vibrosweep.lab.segments import Samples
@@ -38,12 +37,14 @@ def flights_over(
     exposure: float = 0.0,
     free: bool = False,
     trace: Trace | None = None,
-) -> Flights:
+) -> tuple[Flights, Contacts]:
     """Find the flights over a moving base from a first fit of it, and fit it to them again.
+
+    Returns the flights, and the contacts between them that the base was fitted to.
 
     `member` is the number of the stretch of each sample, `fall` the curvature of flights (m s-2),
     `exposure` the time for which the shutter was open (s); `free` and `trace` are those of
-    `fit_shaken`.  Raises a TrackError where nothing flies.
+    `fit_shaken`.  Raises a TrackError where nothing flies, or too few contacts are left.
     """
     noise = np.inf
     for turn in range(ROUNDS):
@@ -69,11 +70,10 @@ def flights_over(
         shaken = fit_shaken(
             contacts, shaken.oscillation.frequency, free=free, moves=True, trace=trace
         )
-    seen, seen_error = apparent_gravity(samples, member, piece.size)
-    refuse_gravity(seen, seen_error, fall)
+    seen, seen_error = seen_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall)
     own = slice(shaken.values.size - shaken.levels.size, None)
     spread = shaken.covariance[own, own]
-    return Flights(
+    flights = Flights(
         fits,
         piece,
         owner,
@@ -90,6 +90,7 @@ def flights_over(
         fall,
         shaken,
     )
+    return flights, contacts
 
 
 def _levels(shaken: Shaken, samples: Samples) -> Array:

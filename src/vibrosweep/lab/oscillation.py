@@ -24,7 +24,7 @@ from scipy.optimize import least_squares
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.contacts import Contacts
-from vibrosweep.lab.regression import TURN
+from vibrosweep.lab.regression import TURN, is_improbable, spread_of_influences
 
 # Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
 # the few contacts off a locked orbit, which determine most, then narrow, against outliers.
@@ -84,12 +84,15 @@ class Shaken(NamedTuple):
     particles: NDArray[np.intp]
     levels: Array
     kept: Flags  # contacts that agree with it; shape (contact,)
-    misfit: float  # chi-square per degree of freedom
-    # Sum over all contacts of their squared distance in standard errors, each at most `FAR`
-    distance: float
+    # chi-square per degree of freedom, and the number of these
+    misfit: float
+    freedom: int
+    # Squared distance of each contact in standard errors, at most `FAR`; shape (contact,)
+    distance: Array
 
 
-FAR: Final = 50.0
+# About three standard errors: one contact tells no more
+FAR: Final = 10.0
 
 
 class _Problem(NamedTuple):
@@ -223,23 +226,29 @@ def fit_shaken(
             max_nfev=MOST_STEPS,
         )
         values = found.x
-    misfit = 2.0 * found.cost / max(found.fun.size - values.size, 1)
+    freedom = found.fun.size - values.size
+    misfit = 2.0 * found.cost / max(freedom, 1)
     # scaled: a trace without noise determines some parameters by many orders better than others
     slopes = np.asarray(found.jac)
     size = np.linalg.norm(slopes, axis=0)
     size[size == 0.0] = 1.0  # a level whose contacts all disagree
     slopes = slopes / size
-    inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True) / np.outer(size, size)
+    inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
+    covariance = inverse / np.outer(size, size) * max(1.0, misfit)
+    if is_improbable(misfit, freedom):
+        influences = spread_of_influences(found.fun, slopes, inverse)
+        covariance = covariance + influences / np.outer(size, size)
     return Shaken(
         values,
-        inverse * max(1.0, misfit),
+        covariance,
         Oscillation(values[1], values[2], float(values[3]) if free else frequency),
         float(values[0]),
         particles,
         values[problem.own :],
         kept,
         float(misfit),
-        float(np.minimum((problem.apart(values) ** 2).sum(axis=1), FAR).sum()),
+        freedom,
+        np.minimum((problem.apart(values) ** 2).sum(axis=1), FAR),
     )
 
 

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.special import chdtrc
 
 from vibrosweep.arrays import Array
 
@@ -16,6 +17,11 @@ FEWEST: Final = 10  # bounces
 SCAN_SECONDS: Final = 10.0
 SCAN_BOUNCES: Final = 1000
 SUBHARMONICS: Final = (2, 3, 4, 5)
+# Standard errors by which restitution may lie outside its range
+UNPHYSICAL: Final = 3.0
+# Probability of a chi-square that is as large, below which more than noise is in the residuals
+IMPROBABLE: Final = 1e-3
+LEAST_FREE: Final = 1e-3  # share of an equation that parameters leave, of one that determines them
 NEAR: Final = 0.05  # Hz, many times the error of a part of a frequency that was found
 
 
@@ -67,6 +73,29 @@ def with_subharmonics(
     best = find_frequency(speeds, between)
     parts = [best / k for k in SUBHARMONICS if best / k > between[0]]
     return [best, *(find_frequency(speeds, (f - NEAR, f + NEAR)) for f in parts)]
+
+
+def outside(restitution: float, error: float) -> bool:
+    """Whether a restitution lies outside its range, 0 to 1, by more than errors explain."""
+    return max(-restitution, restitution - 1.0) > UNPHYSICAL * error
+
+
+def is_improbable(misfit: float, freedom: int) -> bool:
+    """Whether noise alone hardly makes a chi-square per degree of freedom so large."""
+    return freedom > 0 and bool(chdtrc(freedom, misfit * freedom) < IMPROBABLE)
+
+
+def spread_of_influences(residual: Array, slopes: Array, inverse: Array) -> Array:
+    """Covariance of parameters as residuals show it, whatever their distribution.
+
+    That of White with the correction HC3 (MacKinnon and White 1985, J. Econometrics 29, 305), which
+    takes each equation for as uncertain as the others say that it is.  Residuals and slopes are
+    whitened; `inverse` is the inverse of the normal equations.
+    """
+    leverage = np.einsum("ij,jk,ik->i", slopes, inverse, slopes)
+    left = residual / np.maximum(1.0 - leverage, LEAST_FREE)
+    influence = slopes @ inverse * left[:, np.newaxis]
+    return np.asarray(influence.T @ influence)
 
 
 def _misfits(frequency: Array, arrive: Array, leave: Array, time: Array) -> Array:

@@ -14,6 +14,7 @@ from scipy.signal import periodogram
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.oscillation import Trace
 from vibrosweep.lab.regression import TURN
+from vibrosweep.lab.tracks import check_size, rate_of
 
 __all__ = ["QUANTITIES", "make_trace", "read_trace"]
 
@@ -21,6 +22,7 @@ QUANTITIES: Final = ("height", "acceleration")
 FEWEST: Final = 20
 # Largest share of the variance that a sine may leave.
 NO_SINE: Final = 0.1
+LEAST: Final = 1e-30  # change of a height (m) or acceleration (m s-2) that is one
 
 
 def read_trace(path: str | os.PathLike[str]) -> Trace:
@@ -91,7 +93,14 @@ def make_trace(
             f"{source}: must hold at least {FEWEST} finite values at rising times, but has "
             f"{when.size}"
         )
-    rates, power = periodogram(seen - seen.mean(), 1.0 / float(np.median(np.diff(when))))
+    sampled = rate_of(when, source)
+    check_size(quantity, seen, source)
+    if not np.ptp(seen) > LEAST:
+        raise TrackError(
+            f"{source}: the {quantity} does not change: leave the trace out, and say that the base "
+            f"stays at its level"
+        )
+    rates, power = periodogram(seen - seen.mean(), sampled)
     first = float(rates[1:][np.argmax(power[1:])])
     middle = float(when.mean())  # so that errors of phase and frequency hardly depend on each other
 
@@ -106,6 +115,12 @@ def make_trace(
     scale = np.append(np.full(3, np.ptp(seen)), 0.1 / np.ptp(when))
     found = least_squares(left, start, x_scale=scale, xtol=1e-14)
     variance = 2.0 * found.cost / (when.size - 4)
+    periods = float(found.x[3]) * float(np.ptp(when))
+    if periods < 1.0:  # of a drift, say, of which a part of a sine leaves as little
+        raise TrackError(
+            f"{source}: the {quantity} goes through no whole period of a sine: check the columns, "
+            f"take a longer trace, or leave it out and let the landings tell"
+        )
     if not variance < NO_SINE * seen.var():
         raise TrackError(
             f"{source}: a sine leaves {100.0 * variance / seen.var():.0f} % of the variance of the "

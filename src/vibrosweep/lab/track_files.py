@@ -14,7 +14,7 @@ import xarray as xr
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.tracks import table_to_tracks
+from vibrosweep.lab.tracks import FRAME_RATES, make_tracks, table_to_tracks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -142,9 +142,13 @@ def tracks_from_frame(
     >>> tracks_from_frame(table).height.dims
     ('frame', 'particle')
     """
-    for name, value in (("frame_rate", frame_rate), ("scale", scale)):
-        if value is not None and not (np.isfinite(value) and value > 0.0):
-            raise TrackError(f"{name} = {value:g}: must be a finite number above 0")
+    lowest, highest = FRAME_RATES
+    if frame_rate is not None and not lowest <= frame_rate <= highest:
+        raise TrackError(f"frame_rate = {frame_rate:g}: must be {lowest:g} to {highest:g} Hz")
+    if scale is not None and not 0.0 < scale < np.inf:
+        raise TrackError(f"scale = {scale:g}: must be a finite number above 0")
+    if base is not None and not np.isfinite(base):
+        raise TrackError(f"base = {base:g}: must be a finite number")
     if axis is not None and axis not in AXES:
         raise TrackError(f"axis = {axis!r}: must be one of {', '.join(AXES)}")
     if set(PLAIN) <= set(table.columns):
@@ -156,13 +160,15 @@ def tracks_from_frame(
                 f"{source}: frames and pixels need the frame rate in Hz and the scale in m per "
                 f"pixel; give both"
             )
-        time = _numbers(table, "frame", source) / frame_rate
+        with np.errstate(over="ignore"):  # refused below
+            time = _numbers(table, "frame", source) / frame_rate
         height, axis = _numbers(table, "y", source), axis or "down"
     else:
         found = ", ".join(map(str, table.columns)) or "none"
         raise TrackError(f"{source}: has the columns {found}; {_WAYS}")
     upwards = 1.0 if (axis or "up") == "up" else -1.0
-    height = upwards * (scale or 1.0) * (height - (base or 0.0))
+    with np.errstate(over="ignore"):
+        height = upwards * (scale or 1.0) * (height - (base or 0.0))
     nobody = np.flatnonzero(table["particle"].isna())
     if nobody.size:
         raise TrackError(f"{source}: row {nobody[0] + 1} has no particle; name or number it")
@@ -171,7 +177,8 @@ def tracks_from_frame(
     tracks = table_to_tracks(time, owner, height, source)
     if frame_rate is not None and "time" in table.columns:
         seconds = tracks["time"].values * (tracks.attrs["frame_rate"] / frame_rate)
-        tracks = tracks.assign_coords(time=("frame", seconds, tracks["time"].attrs))
+        names = tracks["particle"].values
+        tracks = make_tracks(seconds, tracks["height"].values, names, source)
         tracks.attrs["frame_rate"] = frame_rate
     return tracks
 

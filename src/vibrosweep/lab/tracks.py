@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -11,7 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
 
-__all__ = ["make_tracks", "table_to_tracks"]
+__all__ = ["FRAME_RATES", "check_size", "make_tracks", "rate_of", "table_to_tracks"]
+
+# Values a second, and largest size of times (s), heights (m) and accelerations (m s-2), in any
+# measurement: powers of what lies far beyond overflow.
+FRAME_RATES: Final = (1e-3, 1e9)
+MOST: Final = 1e12
 
 
 def make_tracks(
@@ -39,7 +44,8 @@ def make_tracks(
     Raises
     ------
     TrackError
-        There is nothing to see, of one particle at least, the times do not rise, or shapes differ.
+        There is nothing to see, of one particle at least, the times do not rise, shapes differ, or
+        no camera sees so far or so fast.
 
     Examples
     --------
@@ -68,6 +74,8 @@ def make_tracks(
         raise TrackError(f"{source}: a height is infinite; leave lost positions empty")
     if not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
         raise TrackError(f"{source}: the times do not rise from frame to frame; sort the frames")
+    frame_rate = rate_of(times, source)
+    check_size("height", heights, source)
     names = np.arange(heights.shape[1]) if particle is None else np.asarray(particle)
     if names.shape != heights.shape[1:] or np.unique(names).size < names.size:
         raise TrackError(f"{source}: give each of {heights.shape[1]} particles a name of its own")
@@ -83,7 +91,7 @@ def make_tracks(
             "time": ("frame", times, {"units": "s", "long_name": "time"}),
             "particle": ("particle", names, {"long_name": "particle"}),
         },
-        attrs={"frame_rate": float(1.0 / np.median(np.diff(times))), "source": source},
+        attrs={"frame_rate": frame_rate, "source": source},
     )
 
 
@@ -140,6 +148,28 @@ def _refuse_order(
         f"{who} goes back in time, from {times[first]:.6g} s to {times[first + 1]:.6g} s"
         f"{_more(places)}; sort the rows by time, or give particles different names"
     )
+
+
+def rate_of(times: Array, source: str) -> float:
+    """Values a second at rising times (s); a TrackError where nothing measures at that rate."""
+    check_size("time", times, source)
+    rate, (low, high) = float(1.0 / np.median(np.diff(times))), FRAME_RATES
+    if not low <= rate <= high:
+        raise TrackError(
+            f"{source}: holds {rate:.3g} frames per second: must be {low:g} to {high:g}; check the "
+            f"times, which are in s"
+        )
+    return rate
+
+
+def check_size(name: str, values: Array, source: str) -> None:
+    """Raise a TrackError where a value is too large to be computed with."""
+    largest = float(np.nanmax(np.abs(values)))
+    if largest > MOST:
+        raise TrackError(
+            f"{source}: {name} {largest:.3g}: must be at most {MOST:g}, in size; check its "
+            f"unit, the scale and the base"
+        )
 
 
 def _more(places: NDArray[np.intp]) -> str:

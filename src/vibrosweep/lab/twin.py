@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -25,6 +26,9 @@ from vibrosweep.lab.surfaces import LEVEL, oscillating
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
 from vibrosweep.model.parameters import BASES, PARAMETERS, Launches, dimensionless
+
+# Of what is known of a base without motion, (m s-1)^2
+LEAST_VARIANCE: Final = 1e-24
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,8 @@ def _known(scene: Mapping[str, float]) -> Trace:
     velocity = scene["amplitude"] / (1.0 + scene["restitution"])
     angle = scene["phase"]
     values = np.array([velocity * np.cos(angle), velocity * np.sin(angle), scene["frequency"]])
-    return Trace(values, np.diag([velocity, velocity, scene["frequency"]]) ** 2 * 1e-12)
+    variance = np.array([velocity, velocity, scene["frequency"]]) ** 2 * 1e-12
+    return Trace(values, np.diag(np.maximum(variance, LEAST_VARIANCE)))
 
 
 def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list[Motion]:
@@ -119,7 +124,8 @@ def _own_error(
     view: View,
 ) -> dict[str, dict[str, float]]:
     """Errors of the measurement of a motion that is the prediction itself."""
-    tracks = make_tracks(time, film(true, camera, np.random.default_rng(how.seed)))
+    height = film(true, camera, np.random.default_rng(how.seed))
+    tracks = make_tracks(time, height, source="the predicted motion, filmed as the recording was")
     fitted = fit_tracks(tracks, how.gravity, view)
     seen = impacts_of(tracks, fitted, how.gravity, "fit")
     impacts = impacts_of(tracks, fitted, how.gravity, how.method)

@@ -10,13 +10,14 @@ from vibrosweep.arrays import Array
 from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import Shaken, first_guess, fit_shaken
-from vibrosweep.lab.regression import FEWEST, weakest_signal, with_subharmonics
+from vibrosweep.lab.regression import FEWEST, outside, weakest_signal, with_subharmonics
 
 FREQUENCIES: Final = (1.0, 100.0)
 # Contacts that are used: more hardly change the decision.
 MOST: Final = 1000
-# Difference of chi-square at which one base is preferred: likelihoods in the ratio of 2e4.
-DECIDED: Final = 20.0
+# Standard deviations by which the mean difference of squared distances must differ from zero: of
+# independent contacts that favour neither base one recording in 370 would be decided.
+DECIDED: Final = 3.0
 
 # Signal of the weakest direction below which nothing is fitted; noise alone makes at most 1.
 LEAST_SIGNAL: Final = 3.0
@@ -27,39 +28,67 @@ class Judgement(NamedTuple):
 
     says: str  # ``"moving"``, ``"level"``, or ``"undetermined"``
     shaken: Shaken | None  # the base if it moves; None where there are too few contacts
-    # Chi-square of the base that stays at its level less that of the one that moves
-    advantage: float
 
 
 def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
     """Fit contacts with a base that moves and with one that stays at its level, and compare both.
 
-    Both have the same number of parameters.  Neither is preferred where the contacts do not
-    determine how the base moves, as those of a locked orbit, which all happen at one phase.  The
-    frequency in Hz is sought where None.
+    Neither is preferred where the contacts do not determine how the base moves, as those of a
+    locked orbit, which all happen at one phase.  The frequency in Hz is sought where None.
     """
     few = contacts.first(MOST)
-    if few.time.size < FEWEST + np.unique(few.particle).size:
-        return Judgement("undetermined", None, 0.0)
+    if _too_few(few):
+        return Judgement("undetermined", None)
     free = frequency is None
     speeds = (-few.arrival, few.departure, few.time)
     rates = with_subharmonics(speeds, FREQUENCIES) if frequency is None else [frequency]
     rates = [r for r in rates if signal_of(few, first_guess(few, r), r) >= LEAST_SIGNAL]
     if not rates:
-        return Judgement("undetermined", None, 0.0)
+        return Judgement("undetermined", None)
     shaken, still = (
         min((fit_shaken(few, r, free=free, moves=moves) for r in rates), key=_distance)
         for moves in (True, False)
     )
-    better = shaken if shaken.distance < still.distance else still
-    advantage = (still.distance - shaken.distance) / max(better.misfit, 1.0)
-    if abs(advantage) < DECIDED:
-        return Judgement("undetermined", shaken, advantage)
-    return Judgement("moving" if advantage > 0.0 else "level", shaken, advantage)
+    return Judgement(_preferred(shaken, still), shaken)
 
 
-def _distance(shaken: Shaken) -> float:
-    return shaken.distance
+def moves(contacts: Contacts, shaken: Shaken, *, free: bool) -> bool:
+    """Whether contacts favour a base that moves and was fitted to them over one that does not.
+
+    The frequency is adjusted where `free`, as it was for the base that moves.
+    """
+    if _too_few(contacts):
+        return False
+    still = fit_shaken(contacts, shaken.oscillation.frequency, free=free, moves=False)
+    return _preferred(shaken, still) == "moving"
+
+
+def _too_few(contacts: Contacts) -> bool:
+    return bool(contacts.time.size < FEWEST + np.unique(contacts.particle).size)
+
+
+def _preferred(shaken: Shaken, still: Shaken) -> str:
+    """The base that describes the same contacts better, by the test of Vuong.
+
+    Both models have the same number of parameters and neither contains the other.  That the mean
+    difference of their squared distances is zero is tested against the scatter of the differences
+    (Vuong 1989, Econometrica 57, 307): a few contacts that fit neither decide nothing, however far
+    off they are.  Nor is a base preferred on which the restitution would be no restitution.
+    """
+    gain = still.distance - shaken.distance
+    scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
+    if not abs(gain.sum()) > DECIDED * scatter:
+        return "undetermined"
+    says, better = ("moving", shaken) if gain.sum() > 0.0 else ("level", still)
+    return "undetermined" if _unphysical(better) else says
+
+
+def _unphysical(shaken: Shaken) -> bool:
+    return outside(shaken.restitution, float(np.sqrt(shaken.covariance[0, 0])))
+
+
+def _distance(shaken: Shaken) -> tuple[bool, float]:
+    return _unphysical(shaken), float(shaken.distance.sum())
 
 
 def signal_of(contacts: Contacts, guess: Array, frequency: float) -> float:
