@@ -103,7 +103,11 @@ def basins(
         "basin": (
             PLANE,
             index.reshape(shape),
-            {"units": "1", "long_name": "index of the attractor that the launch leads to"},
+            {
+                "units": "1",
+                "long_name": "index of the attractor that the launch leads to",
+                "comment": "launches that are unsettled by regime share one, and reached none",
+            },
         ),
         "slot": (PLANE, slots(orbits).reshape(shape), VARIABLES["slot"].attributes),
         **_attractors(orbits, landed, speed, first, count / labels.size),
