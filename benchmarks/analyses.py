@@ -15,8 +15,8 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep import simulate
-from vibrosweep.analysis.crossings import crossings
 from vibrosweep.analysis.energy import energy_balance
+from vibrosweep.analysis.equal_heights import crossings
 from vibrosweep.analysis.heights import heights_against_restitution
 from vibrosweep.analysis.meetings import first_shared_base
 from vibrosweep.analysis.order import order_of_landings

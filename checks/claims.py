@@ -16,10 +16,13 @@ import time
 from pathlib import Path
 
 from accuracy import provenance, table, write_section
-from vibrosweep.study.claims_page import BASES, plain
-from vibrosweep.study.collect import judge_all
-from vibrosweep.study.samples import Plan
-from vibrosweep.study.verdict import ANY_BASE, Verdict
+
+sys.path.append(str(Path(__file__).parents[1]))  # where the study stands
+
+from study.claims_page import BASES, plain
+from study.collect import judge_all
+from study.samples import Plan
+from study.verdict import ANY_BASE, Verdict
 
 PAGE = Path(__file__).parents[1] / "docs" / "separations-and-claims.md"
 SEEDS = 20
@@ -69,7 +72,7 @@ def main():
     judged, seconds = [], []
     for first in FIRST_SEEDS:
         began = time.process_time()
-        judged.append(judge_all(Plan(options.threads, first, SEEDS, options.realizations)))
+        judged.append(list(judge_all(Plan(options.threads, first, SEEDS, options.realizations))))
         seconds.append(time.process_time() - began)
         print(f"seeds from {first}: {seconds[-1]:.0f} s of processor time")
     first, second = map(verdicts, judged)

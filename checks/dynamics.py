@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from vibrosweep import theory
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.asked import observation_of
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model import theory
 from vibrosweep.spec.sweep import read_spec
 
 PLANE = Path(__file__).parents[1] / "sweeps" / "plane.toml"

@@ -31,12 +31,11 @@ from high_bounce_scenes import (
     regime_of,
     settled,
 )
-from vibrosweep import simulate
+from vibrosweep import simulate, theory
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.asked import observation_of
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model import theory
 from vibrosweep.model.status import Regime
 
 ROOT = Path(__file__).parents[1]

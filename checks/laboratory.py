@@ -19,7 +19,7 @@ from scipy.special import betaincinv
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import TrackError
-from vibrosweep.figures.laboratory import errors_by_case, fitted_track, imperfections
+from vibrosweep.figures.laboratory import errors_by_case, fitted_track
 from vibrosweep.figures.registry import save_formats
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare
@@ -35,7 +35,11 @@ from vibrosweep.lab.segments import samples_of
 from vibrosweep.lab.spec import read_experiments
 from vibrosweep.lab.twin import Comparison
 from vibrosweep.model.locked_theory import amplitude_max
-from vibrosweep.study.table4 import study_imperfections, verdict
+
+sys.path.append(str(Path(__file__).parents[1]))  # where the study stands
+
+from study.figures.imperfections import imperfections
+from study.table4 import study_imperfections, verdict
 
 LEVEL = View(motion="level")
 ROOT = Path(__file__).parents[1]

@@ -20,7 +20,7 @@ LONGER_FILES = {
 }
 
 # Rooms in which a file has the name of what it commands, draws, spells or proves.
-BY_THE_NAME_OF = ("commands", "figures", "study/figures", "spec", "proof", "proof/reference")
+BY_THE_NAME_OF = ("commands", "figures", "spec", "theory", "proof", "proof/reference")
 
 
 def functions(path):

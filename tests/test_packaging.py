@@ -57,7 +57,8 @@ def test_the_wheel_holds_all_of_the_package_and_the_examples(wheel):
         if name.startswith("vibrosweep/")
     }
     assert packed == {name: path.read_bytes() for name, path in files.items()}
-    assert {"py.typed", "sweeps/paper.toml", "study/page.html"} <= packed.keys()
+    assert {"py.typed", "sweeps/paper.toml"} <= packed.keys()
+    assert not any(name.startswith("study/") for name in wheel)
 
 
 def test_the_description_shows_no_picture_that_an_index_cannot_find(metadata):

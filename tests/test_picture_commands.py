@@ -3,8 +3,8 @@
 import pytest
 import xarray as xr
 
+from vibrosweep import theory
 from vibrosweep.cli import main
-from vibrosweep.model import theory
 
 SPEC = """
 title = "Windows of a test"

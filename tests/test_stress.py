@@ -13,11 +13,11 @@ from stress import FAMILIES
 from stress_checks import Case, examine
 from stress_exact import EXACT
 from trust_check import compare, draw, kernel_jobs
+from vibrosweep import theory
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.sine import SINE_ERROR
-from vibrosweep.model import theory
 from vibrosweep.model.parameters import LAWS
 from vibrosweep.model.status import Status
 

@@ -3,5 +3,6 @@
 import sys
 from pathlib import Path
 
-# `accuracy`, which writes the sections of pages
-sys.path.append(str(Path(__file__).parents[2] / "checks"))
+ROOT = Path(__file__).parents[2]
+# `accuracy`, which writes the sections of pages, and the study
+sys.path.extend([str(ROOT / "checks"), str(ROOT)])

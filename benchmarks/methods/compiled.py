@@ -14,6 +14,7 @@ from methods.scenes import Point, Scene, table
 from methods.sweeps import Sweep
 from methods.timing import BUDGET, timed
 from methods.truth import Orbit, worst
+from study.rk4 import rk4
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.observation import Observation
@@ -23,7 +24,6 @@ from vibrosweep.kernels import bases
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_speed
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
 from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, launches
-from vibrosweep.study.rk4 import rk4
 
 MARGIN = 1.0  # s past the end, so that a late landing is compared rather than missed
 MOST_IMPACTS = 10_000_000

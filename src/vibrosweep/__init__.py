@@ -3,34 +3,43 @@
 `sweep` computes realizations in memory, `run` into a file that survives interruptions, and
 `simulate` gives every landing of a small scene; `windows`, `bifurcation`, `basins`, `sobol` and
 `separations` answer one question each.  All take the same keywords and return an `xarray.Dataset`.
-`lab` reads camera tracks, `theory` holds closed forms, `errors` what is raised.
+`analysis` holds what is derived from a result or a record, `figures` draws, `lab` reads camera
+tracks, `theory` holds closed forms, `errors` what is raised.
 
 Importing this package loads neither numba nor xarray: they are loaded when first used.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from vibrosweep._version import __version__
+from vibrosweep.lazy import lazily
 
 if TYPE_CHECKING:
-    from vibrosweep import errors, lab
+    from vibrosweep import analysis, errors, figures, lab, theory
     from vibrosweep.api.analyses import basins, bifurcation, separations, sobol, windows
     from vibrosweep.api.results import open_record, open_sweep
     from vibrosweep.api.simulation import simulate
     from vibrosweep.api.sweeps import run, sweep
-    from vibrosweep.model import theory
     from vibrosweep.model.observables import Landing, Observable
+    from vibrosweep.model.parameters import PARAMETERS, Parameter
+    from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime, Status
 
 __all__ = [
+    "LANDINGS_OF_AN_EXPONENT",
+    "PARAMETERS",
     "Landing",
     "Observable",
+    "Parameter",
+    "Regime",
+    "Status",
     "__version__",
+    "analysis",
     "basins",
     "bifurcation",
     "errors",
+    "figures",
     "lab",
     "open_record",
     "open_sweep",
@@ -43,12 +52,11 @@ __all__ = [
     "windows",
 ]
 
-# Where each public name stands; a module stands for itself.
 _HOMES: Final = {
-    "errors": "vibrosweep.errors",
-    "lab": "vibrosweep.lab",
-    "theory": "vibrosweep.model.theory",
+    **{name: f"vibrosweep.{name}" for name in ("analysis", "errors", "figures", "lab", "theory")},
     **dict.fromkeys(("Landing", "Observable"), "vibrosweep.model.observables"),
+    **dict.fromkeys(("PARAMETERS", "Parameter"), "vibrosweep.model.parameters"),
+    **dict.fromkeys(("LANDINGS_OF_AN_EXPONENT", "Regime", "Status"), "vibrosweep.model.status"),
     **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),
     **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
     "simulate": "vibrosweep.api.simulation",
@@ -56,13 +64,7 @@ _HOMES: Final = {
         ("basins", "bifurcation", "separations", "sobol", "windows"), "vibrosweep.api.analyses"
     ),
 }
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'vibrosweep' has no attribute {name!r}")
-    home = import_module(_HOMES[name])
-    return getattr(home, name, home)
+__getattr__ = lazily(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from vibrosweep import simulate
+from vibrosweep import simulate, theory
 from vibrosweep.analysis.bifurcation import OBSERVABLES, bifurcation
 from vibrosweep.analysis.record_flights import base_motion
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.errors import ParameterError
-from vibrosweep.model import theory
 
 # launched close to the locked orbit at the end of its window
 LOCKED = Scene(duration=20_000.0, launch=(0.47,), launch_velocity=4.905)

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from vibrosweep import simulate
-from vibrosweep.analysis.crossings import crossings
+from vibrosweep import simulate, theory
 from vibrosweep.analysis.energy import energy_balance
+from vibrosweep.analysis.equal_heights import crossings
 from vibrosweep.analysis.records import flights
 from vibrosweep.errors import DataError
-from vibrosweep.model import theory
 
 
 def test_the_balance_is_its_two_parts():

@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from vibrosweep import simulate
+from vibrosweep import simulate, theory
+from vibrosweep.analysis.attractor_slots import capacity
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.bifurcation import bifurcation
-from vibrosweep.analysis.capacity import capacity
 from vibrosweep.analysis.evaluate import launch_states, reached, settle_from
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
-from vibrosweep.model import theory
 from vibrosweep.model.status import Regime
 
 MODES = (1, 2, 3)

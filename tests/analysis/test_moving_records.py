@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.analysis.crossings import crossings
+from vibrosweep import theory
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.energy import energy_balance
+from vibrosweep.analysis.equal_heights import crossings
 from vibrosweep.analysis.heights import heights_against_restitution
 from vibrosweep.analysis.record_flights import arrival_speeds, base_motion, course
 from vibrosweep.analysis.records import flights
 from vibrosweep.analysis.returns import return_map
 from vibrosweep.errors import DataError
-from vibrosweep.model import theory
 
 STRONG = {"restitution": 0.6, "amplitude": 7.0, "phase": 0.4}  # Gamma = 2.8: particles rest and go
 

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep import simulate
+from vibrosweep import simulate, theory
 from vibrosweep.analysis.order import order_of_landings
 from vibrosweep.analysis.preservation import separation_changes
 from vibrosweep.analysis.returns import return_map
 from vibrosweep.errors import DataError
-from vibrosweep.model import theory
 
 
 def made(times):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep import simulate
+from vibrosweep import simulate, theory
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.meetings import first_shared_base
 from vibrosweep.analysis.separations import (
@@ -14,7 +14,6 @@ from vibrosweep.analysis.separations import (
 )
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model import theory
 
 
 def made(dt, free, **coordinates):

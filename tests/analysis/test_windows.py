@@ -8,14 +8,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from vibrosweep import windows
+from vibrosweep import theory, windows
 from vibrosweep.analysis.conditions import NAMED, Condition, named
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.window_codes import ENDS, NO_WINDOW, OPEN_ABOVE, OPEN_BELOW, summary
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model import theory
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.status import Regime
 

@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibrosweep import simulate
+from vibrosweep import simulate, theory
 from vibrosweep.engine import landings
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
-from vibrosweep.model import theory
 from vibrosweep.model.status import Status
 
 LAWS = ["rest", "reflect"]

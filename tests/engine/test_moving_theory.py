@@ -1,11 +1,10 @@
-"""What the engine computes over a moving base, against the closed forms of `model.theory`."""
+"""What the engine computes over a moving base, against the closed forms of `vibrosweep.theory`."""
 
 import numpy as np
 
-from vibrosweep import simulate
+from vibrosweep import simulate, theory
 from vibrosweep.analysis.scene import Scene
 from vibrosweep.engine.measure import measure
-from vibrosweep.model import theory
 from vibrosweep.model.status import Regime
 
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from vibrosweep import simulate
+from vibrosweep import simulate, theory
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model import theory
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Regime, Status

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.figures.laboratory import errors_by_case, fitted_track, imperfections
+from vibrosweep.figures.laboratory import errors_by_case, fitted_track
 
 
 @pytest.fixture
@@ -76,26 +76,3 @@ def test_errors_stand_beside_the_range_of_the_study():
     assert (box.y0, box.y1) == pytest.approx((3.8, 7.1))
     own = errors_by_case(comparison().drop_attrs())  # of another experiment than the study's
     assert not own.axes[0].patches
-
-
-def test_imperfections_are_rows():
-    dims = ("trial", "procedure", "reading", "case")
-    values = np.array([1.0, 2.0, 40.0, 3.0]).reshape(2, 1, 1, 2)
-    study = xr.Dataset(
-        {"height_error": (dims, values), "period_error": (dims, values)},
-        coords={
-            "imperfection": ("trial", ["pixel", "scale_error"]),
-            "size": ("trial", [1e-4, 0.05]),
-            "units": ("trial", ["m", "1"]),
-            "procedure": ["fit"],
-            "reading": ["flight"],
-            "case": ["A", "D"],
-            "particles": ("case", [1, 50]),
-        },
-        attrs={"study_height": (3.8, 7.1), "study_period": (2.9, 6.0)},
-    )
-    figure = imperfections(study, "flight", "fit")
-    axes = figure.axes[0]
-    assert [t.get_text() for t in axes.get_yticklabels()] == ["pixel 0.0001 m", "scale error 0.05"]
-    # what exceeds the axis stands at its end, which says so
-    assert axes.lines[0].get_xdata().tolist() == [1.0, 30.0]

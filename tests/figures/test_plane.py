@@ -8,11 +8,11 @@ import pytest
 from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import LogNorm
 
+from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import parameter_plane
 from vibrosweep.figures.cells import commonest, equal_cells, grid_cells, median
 from vibrosweep.figures.window_curves import Forcing, window_curves
-from vibrosweep.model import theory
 
 
 def numbers_of(figure):

@@ -5,10 +5,10 @@ import pytest
 import xarray as xr
 from matplotlib.collections import FillBetweenPolyCollection, PathCollection, QuadMesh
 
+from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import height_against_restitution
 from vibrosweep.figures.restitution import plateaus
-from vibrosweep.model import theory
 
 
 def dots_of(figure, label):

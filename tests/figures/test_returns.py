@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vibrosweep import theory
 from vibrosweep.analysis.returns import return_points
 from vibrosweep.errors import DataError
 from vibrosweep.figures import return_map
-from vibrosweep.model import theory
 
 
 def drawn_points(figure):

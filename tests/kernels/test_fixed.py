@@ -8,9 +8,9 @@ import sys
 import numpy as np
 import pytest
 
+from vibrosweep import theory
 from vibrosweep.kernels.fixed import ABSENT, ATTRACTS, REPELS, empty_fixed, find_fixed
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.model import theory
 from vibrosweep.model.parameters import PARAMETERS, dimensionless
 
 UNITS = {"frequency": 1.0, "gravity": 2.0}  # an amplitude is then its kick

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vibrosweep import simulate
-from vibrosweep.model import theory
+from vibrosweep import simulate, theory
 
 FORCING = {"frequency": 1.7, "gravity": 9.81}
 

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from vibrosweep import simulate
+from vibrosweep import simulate, theory
 from vibrosweep.engine.orbits import find_orbits
-from vibrosweep.model import theory
 from vibrosweep.model.parameters import dimensionless, launches
 from vibrosweep.model.status import Regime
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from vibrosweep import theory
 from vibrosweep.engine.measure import measure
-from vibrosweep.model import theory
 from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
 

@@ -1,21 +1,20 @@
-"""Comparison with prediction, what explains its errors, and the imperfections behind Table 4."""
+"""Comparison with prediction, and what explains its errors."""
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab.agreement import agreement, phases, quantities
 from vibrosweep.lab.compare import compare
-from vibrosweep.lab.comparison import READINGS, comparable, errors, measured_means
+from vibrosweep.lab.comparison import READINGS, comparable, measured_means, prediction_errors
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.fitting import View
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 from vibrosweep.lab.prediction import draw, first_flights, predict
+from vibrosweep.lab.repeats import agreement, phases, quantities
 from vibrosweep.lab.twin import Comparison
-from vibrosweep.model.theory import locked_height
-from vibrosweep.study.table4 import Imperfection, in_band, study_imperfections, verdict
+from vibrosweep.theory import locked_height
 
 KNOWN = {"frequency": 20.0, "restitution": 0.9, "amplitude": 0.06, "contact_time": 2.5e-5}
 
@@ -51,11 +50,11 @@ def test_errors_by_hand(found):
     means = measured_means(found, np.array([True, True, False]))
     assert np.isnan(means["height"][2])
     foretold = {q: 1.1 * values for q, values in means.items()}
-    made = errors(found, foretold, np.array([True, True, False]))
+    made = prediction_errors(found, foretold, np.array([True, True, False]))
     for q in ("height", "period"):
         for reading in ("ensemble", "particle", "worst"):
             assert made[q][reading] == pytest.approx(10.0)
-    nothing = errors(found, foretold, np.zeros(3, bool))
+    nothing = prediction_errors(found, foretold, np.zeros(3, bool))
     assert np.isnan([nothing["height"][reading] for reading in READINGS]).all()
 
 
@@ -177,40 +176,3 @@ def test_agreement_over_repeats_is_judged_at_eight_per_cent(found):
         0.02 / 2**0.5, rel=1e-6
     )
     assert int(judged["accepted"].sel(quantity="impact_phase")) == -1
-
-
-def test_imperfections_one_by_one():
-    """A wrong scale moves heights alone; frames alone move single periods by sign change only."""
-    study = study_imperfections(
-        imperfections=(
-            Imperfection("scale_error", "1", (0.05,), "scale_error"),
-            Imperfection("frame_rate", "Hz", (240.0,), "frame_rate"),
-        ),
-        cases={"A": 1, "B": 2},
-        repeats=2,
-        duration=3.0,
-    )
-    assert study["height_error"].dims == ("trial", "procedure", "reading", "case")
-    fit = study.sel(procedure="fit", case="A")
-    # measured heights are 5 % too large: 100 * 0.05 / 1.05 of what was measured
-    np.testing.assert_allclose(fit["height_error"][0], 100.0 * 0.05 / 1.05, rtol=1e-3)
-    assert (fit["period_error"][0] < 1e-3).all()
-    assert (fit["height_error"][1] < 1e-3).all()
-    # at 10.43 frames a flight is seen as 10 or 11: 2 * 0.43 * 0.57 of a frame off on average
-    sign = study.sel(procedure="sign_change", case="A", reading="flight")["period_error"][1]
-    expected = 0.43 * 0.57 * (1.0 / 10.0 + 1.0 / 11.0) * 100.0
-    assert float(sign) == pytest.approx(expected, rel=0.1)
-    judged = in_band(study)
-    assert bool(judged["height_in_band"].sel(procedure="fit", reading="particle")[0])
-    assert bool(judged["period_in_band"].sel(procedure="sign_change", reading="flight")[1])
-    assert not judged["period_grows"].any()
-    words = verdict(study)
-    assert "scale_error 0.05 (fit: ensemble, particle, worst, flight" in words[0]
-    assert words[-1] == "both, and growing: nothing that was tried"
-
-
-def test_an_imperfection_too_large_to_measure_is_no_error():
-    blind = Imperfection("pixel", "m", (5e-3,), "pixel", {"noise": 1.0})
-    study = study_imperfections(imperfections=(blind,), cases={"A": 1}, repeats=1, duration=2.0)
-    assert np.isnan(study["height_error"].values).all()
-    assert float(study["compared"][0, 0]) == 0.0

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from vibrosweep import theory
 from vibrosweep.errors import ParameterError
-from vibrosweep.model import coupled_theory, theory
+from vibrosweep.model import coupled_theory
 
 TWO_PI = 2.0 * np.pi
 NATURAL = st.floats(0.05, 3.0)

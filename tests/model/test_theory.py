@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from vibrosweep.model import theory
+from vibrosweep import theory
 
 TABLE_1 = {"frequency": 1.0, "gravity": 9.81}
 MODES = st.integers(1, 8)

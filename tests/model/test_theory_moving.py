@@ -7,8 +7,8 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from vibrosweep import theory
 from vibrosweep.errors import ParameterError
-from vibrosweep.model import theory
 
 MODES = st.integers(1, 3)
 RESTITUTION = st.floats(0.05, 0.95)

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from vibrosweep import open_record, open_sweep, simulate
-from vibrosweep.analysis.crossings import crossings
+from vibrosweep.analysis.equal_heights import crossings
 from vibrosweep.figures import save_all
 from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep

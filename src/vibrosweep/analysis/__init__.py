@@ -1,1 +1,67 @@
-"""Dataset in, dataset out: one question per file."""
+"""What is derived from a result or a record: dataset in, dataset out, one question per file.
+
+With a `Scene` of its own, and a `Condition` that is a function, `find_windows` computes anew.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from vibrosweep.lazy import lazily
+
+if TYPE_CHECKING:
+    from vibrosweep.analysis.attractor_slots import capacity
+    from vibrosweep.analysis.conditions import Condition
+    from vibrosweep.analysis.decay import slot_decay
+    from vibrosweep.analysis.energy import energy_balance
+    from vibrosweep.analysis.equal_heights import crossings
+    from vibrosweep.analysis.heights import heights_against_restitution
+    from vibrosweep.analysis.meetings import first_shared_base
+    from vibrosweep.analysis.order import order_of_landings
+    from vibrosweep.analysis.preservation import separation_changes
+    from vibrosweep.analysis.returns import return_map
+    from vibrosweep.analysis.scene import Scene
+    from vibrosweep.analysis.separations import (
+        compare_separations,
+        separation_against,
+        separation_distribution,
+    )
+    from vibrosweep.analysis.windows import find_windows
+
+__all__ = [
+    "Condition",
+    "Scene",
+    "capacity",
+    "compare_separations",
+    "crossings",
+    "energy_balance",
+    "find_windows",
+    "first_shared_base",
+    "heights_against_restitution",
+    "order_of_landings",
+    "return_map",
+    "separation_against",
+    "separation_changes",
+    "separation_distribution",
+    "slot_decay",
+]
+
+_HOMES: Final = {
+    "capacity": "vibrosweep.analysis.attractor_slots",
+    "Condition": "vibrosweep.analysis.conditions",
+    "slot_decay": "vibrosweep.analysis.decay",
+    "energy_balance": "vibrosweep.analysis.energy",
+    "crossings": "vibrosweep.analysis.equal_heights",
+    "heights_against_restitution": "vibrosweep.analysis.heights",
+    "first_shared_base": "vibrosweep.analysis.meetings",
+    "order_of_landings": "vibrosweep.analysis.order",
+    "separation_changes": "vibrosweep.analysis.preservation",
+    "return_map": "vibrosweep.analysis.returns",
+    "Scene": "vibrosweep.analysis.scene",
+    **dict.fromkeys(
+        ("compare_separations", "separation_against", "separation_distribution"),
+        "vibrosweep.analysis.separations",
+    ),
+    "find_windows": "vibrosweep.analysis.windows",
+}
+__getattr__ = lazily(__name__, _HOMES)

@@ -46,9 +46,7 @@ class Condition:
 
     Examples
     --------
-    >>> from vibrosweep.analysis.conditions import Condition
-    >>> from vibrosweep.analysis.scene import Scene
-    >>> from vibrosweep.analysis.windows import find_windows
+    >>> from vibrosweep.analysis import Condition, Scene, find_windows
     >>> low = Condition("low", lambda ds: ds["rebound_height_max"] < 2.0, ("rebound_height_max",))
     >>> found = find_windows(Scene(duration=12.0), [0.9], [0.5, 1.0, 2.0, 3.0], [low])
     >>> found.condition.values.tolist()

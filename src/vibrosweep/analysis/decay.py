@@ -74,7 +74,7 @@ def slot_decay(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.decay import slot_decay
+    >>> from vibrosweep.analysis import slot_decay
     >>> found = slot_decay(vs.simulate(launch_time=[0.125, 0.13], duration=200.0))
     >>> found.modulus_predicted.values.round(3), found.modulus_fitted.values.round(3)
     (array([0.949]), array([0.949]))

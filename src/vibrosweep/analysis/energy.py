@@ -74,7 +74,7 @@ def energy_balance(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.energy import energy_balance
+    >>> from vibrosweep.analysis import energy_balance
     >>> record = vs.simulate(launch_time=0.125, duration=500.0)
     >>> bool((abs(energy_balance(record, since=400.0).balance) < 1e-9).all())
     True

@@ -9,12 +9,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep import theory
 from vibrosweep.analysis.base_motion import moves, refuse_recoil
 from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
-from vibrosweep.model import theory
 from vibrosweep.model.status import Status
 from vibrosweep.store.rows import flat
 
@@ -27,7 +27,7 @@ def heights_against_restitution(
     """Rebound heights against restitution, and how many lie on a plateau g k^2 / (8 f^2).
 
     Over a moving base the highest point of a locked orbit depends on restitution and amplitude
-    (`vibrosweep.model.theory.locked_apex`): a plateau is then that of the realization's own.
+    (`vibrosweep.theory.locked_apex`): a plateau is then that of the realization's own.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def heights_against_restitution(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.heights import heights_against_restitution
+    >>> from vibrosweep.analysis import heights_against_restitution
     >>> sweep = vs.sweep(restitution=(0.8, 0.98), realizations=50, duration=1000.0, transient=900.0)
     >>> found = heights_against_restitution(sweep, bins=3)
     >>> found.plateau_fraction.dims, sorted(set(found["mode"].values.tolist()))

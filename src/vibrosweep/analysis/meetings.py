@@ -40,7 +40,7 @@ def first_shared_base(record: xr.Dataset) -> xr.Dataset:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.meetings import first_shared_base
+    >>> from vibrosweep.analysis import first_shared_base
     >>> found = first_shared_base(vs.simulate(launch_time=[0.3, 0.3]))
     >>> found.first_shared_time.item() == 0.3 + 2 * 5.0 / 9.81
     True

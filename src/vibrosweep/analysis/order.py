@@ -43,7 +43,7 @@ def order_of_landings(record: xr.Dataset, *, since: float = 0.0) -> xr.Dataset:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.order import order_of_landings
+    >>> from vibrosweep.analysis import order_of_landings
     >>> record = vs.simulate(launch_time=[0.125, 0.13], duration=200.0)
     >>> found = order_of_landings(record, since=190.0)
     >>> found.sequence_changes.values, found.sequence_pairs.values

@@ -44,7 +44,7 @@ def separation_changes(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.preservation import separation_changes
+    >>> from vibrosweep.analysis import separation_changes
     >>> record = vs.simulate(launch_time=[0.125, 0.13], duration=200.0)
     >>> found = separation_changes(record, since=190.0)
     >>> found.change_max.dims, found.preserved_fraction.values

@@ -45,7 +45,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
         w is the speed of lift-off, ``landing_time`` (s), ``particle`` and ``rested``.  The kick is
         within A where the law is `rest` and the particle did not rest: the points lie in a strip
         of slope e, of that half-width over a base that stays, and of A + 2 V0 over one that moves
-        (`vibrosweep.model.theory.liftoff_speed_bound` says why).
+        (`vibrosweep.theory.liftoff_speed_bound` says why).
 
     Raises
     ------
@@ -55,7 +55,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.returns import return_map
+    >>> from vibrosweep.analysis import return_map
     >>> points = return_map(vs.simulate(launch_time=[0.0, 0.125]))
     >>> bool((abs(points.kick.where(points.rested == 0).dropna("point")) <= 1.2).all())
     True

@@ -25,12 +25,12 @@ from vibrosweep.model.forcing import (
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.mount import OF_MOUNT, SPRUNG
 from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, STAGGERED, refuse_masked
-from vibrosweep.model.theory import FIXED
 from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, precedes, unit_of
 from vibrosweep.runs.notes import short_observation
 from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
 from vibrosweep.spec.rules import Axis
 from vibrosweep.system import physical_memory
+from vibrosweep.theory import FIXED
 
 if TYPE_CHECKING:
     from vibrosweep.spec.sweep import SweepSpec
@@ -79,7 +79,7 @@ class Scene:
 
     Examples
     --------
-    >>> from vibrosweep.analysis.scene import Scene
+    >>> from vibrosweep.analysis import Scene
     >>> scene = Scene(base="moving", base_acceleration=0.9, restitution=0.7, particles=20)
     >>> scene.launch, scene.contact_time
     ('staggered', 0.0001)

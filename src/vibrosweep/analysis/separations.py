@@ -60,7 +60,7 @@ def separation_distribution(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.separations import separation_distribution
+    >>> from vibrosweep.analysis import separation_distribution
     >>> sweep = vs.sweep(amplitude=(0.2, 3.5), realizations=50, particles=2, separation=True)
     >>> found = separation_distribution(sweep, quantiles=[0.5])
     >>> found.separation.dims, found.separation_quantile.attrs["units"]
@@ -119,7 +119,7 @@ def separation_against(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.separations import separation_against
+    >>> from vibrosweep.analysis import separation_against
     >>> sweep = vs.sweep(amplitude=(0.2, 3.5), realizations=50, particles=2, separation=True)
     >>> separation_against(sweep, "amplitude", bins=5).separation_quantile.dims
     ('part', 'quantile')
@@ -175,7 +175,7 @@ def compare_separations(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.separations import compare_separations
+    >>> from vibrosweep.analysis import compare_separations
     >>> asked = {"amplitude": (0.2, 3.5), "realizations": 50, "separation": True}
     >>> found = compare_separations([vs.sweep(**asked, particles=n) for n in (2, 5)])
     >>> found.particles.values.tolist()

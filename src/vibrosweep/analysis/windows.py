@@ -118,8 +118,7 @@ def find_windows(
 
     Examples
     --------
-    >>> from vibrosweep.analysis.scene import Scene
-    >>> from vibrosweep.analysis.windows import find_windows
+    >>> from vibrosweep.analysis import Scene, find_windows
     >>> found = find_windows(Scene(), [0.8, 0.9], [0.1, 1.0, 2.0, 4.0], ["locked(1)"])
     >>> found.A_min.squeeze().values.round(6)
     array([0.981 , 0.4905])

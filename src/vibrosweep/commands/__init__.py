@@ -12,7 +12,6 @@ from typing import Final
 from vibrosweep.commands import (
     basins,
     bifurcation,
-    claims,
     doctor,
     examples,
     explore,
@@ -39,7 +38,6 @@ COMMANDS: Final[tuple[ModuleType, ...]] = (
     bifurcation,
     basins,
     verify,
-    claims,
     lab,
     doctor,
     warmup,

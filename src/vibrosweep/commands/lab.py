@@ -146,10 +146,10 @@ def _view(options: argparse.Namespace) -> View:
 
 
 def _impacts(options: argparse.Namespace) -> None:
-    from vibrosweep.lab.agreement import agreement, quantities
     from vibrosweep.lab.fitting import fit_tracks
     from vibrosweep.lab.impacts import impacts_of
     from vibrosweep.lab.lines import agreement_lines, impact_lines
+    from vibrosweep.lab.repeats import agreement, quantities
     from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.saving import save_dataset
 

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep import theory
 from vibrosweep.arrays import Array
 from vibrosweep.explore.points import Points
 from vibrosweep.figures.window_curves import per_amplitude
-from vibrosweep.model import theory
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.theory import FIXED
+from vibrosweep.theory import FIXED
 
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201

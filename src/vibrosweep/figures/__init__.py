@@ -1,4 +1,4 @@
-"""Figures of a sweep and of a record of landings: Dataset in, matplotlib Figure out.
+"""Figures of a result or of a record of landings: Dataset in, matplotlib Figure out.
 
 Nothing is computed here but geometry: parabolas between recorded events, and closed forms.
 Nothing is shown and no global state of matplotlib is changed.
@@ -6,20 +6,58 @@ Nothing is shown and no global state of matplotlib is changed.
 
 from __future__ import annotations
 
-from vibrosweep.figures.height_curves import height_time
-from vibrosweep.figures.plane import parameter_plane
-from vibrosweep.figures.registry import FIGURES, FigureEntry, available, missing, save_all
-from vibrosweep.figures.restitution import height_against_restitution
-from vibrosweep.figures.returns import return_map
+from typing import TYPE_CHECKING, Final
+
+from vibrosweep.lazy import lazily
+
+if TYPE_CHECKING:
+    from vibrosweep.figures import style
+    from vibrosweep.figures.basins import basins_of_attraction
+    from vibrosweep.figures.bifurcation import bifurcation_diagram
+    from vibrosweep.figures.height_curves import height_time
+    from vibrosweep.figures.plane import parameter_plane
+    from vibrosweep.figures.registry import FIGURES, FigureEntry, available, missing, save_all
+    from vibrosweep.figures.restitution import height_against_restitution
+    from vibrosweep.figures.returns import return_map
+    from vibrosweep.figures.sensitivity import sobol_bars
+    from vibrosweep.figures.separations import decay_in_a_slot, separation_distributions
+    from vibrosweep.figures.window_bands import stability_windows
 
 __all__ = [
     "FIGURES",
     "FigureEntry",
     "available",
+    "basins_of_attraction",
+    "bifurcation_diagram",
+    "decay_in_a_slot",
     "height_against_restitution",
     "height_time",
     "missing",
     "parameter_plane",
     "return_map",
     "save_all",
+    "separation_distributions",
+    "sobol_bars",
+    "stability_windows",
+    "style",
 ]
+
+_HOMES: Final = {
+    "style": "vibrosweep.figures.style",
+    "basins_of_attraction": "vibrosweep.figures.basins",
+    "bifurcation_diagram": "vibrosweep.figures.bifurcation",
+    "height_time": "vibrosweep.figures.height_curves",
+    "parameter_plane": "vibrosweep.figures.plane",
+    **dict.fromkeys(
+        ("FIGURES", "FigureEntry", "available", "missing", "save_all"),
+        "vibrosweep.figures.registry",
+    ),
+    "height_against_restitution": "vibrosweep.figures.restitution",
+    "return_map": "vibrosweep.figures.returns",
+    "sobol_bars": "vibrosweep.figures.sensitivity",
+    **dict.fromkeys(
+        ("decay_in_a_slot", "separation_distributions"), "vibrosweep.figures.separations"
+    ),
+    "stability_windows": "vibrosweep.figures.window_bands",
+}
+__getattr__ = lazily(__name__, _HOMES)

@@ -42,7 +42,7 @@ def basins_of_attraction(basins: xr.Dataset) -> Figure:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.figures.basins import basins_of_attraction
+    >>> from vibrosweep.figures import basins_of_attraction
     >>> found = vs.basins(launch_velocity=[3.0, 4.0, 5.0], particles=20, duration=2000.0)
     >>> basins_of_attraction(found).axes[0].get_xlabel()
     'time of launch (s)'

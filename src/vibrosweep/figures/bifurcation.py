@@ -48,7 +48,7 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.figures.bifurcation import bifurcation_diagram
+    >>> from vibrosweep.figures import bifurcation_diagram
     >>> found = vs.bifurcation(amplitude=[0.6, 0.7, 0.8], samples=4, duration_periods=2000)
     >>> len(bifurcation_diagram(found).axes)
     2

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 # Flights that can be distinguished across a page.
 SHOWN_FLIGHTS: Final = 10
 CURVE_POINTS: Final = 60
-LARGEST_SHOWN: Final = 30.0
 
 
 @style.styled
@@ -164,48 +163,4 @@ def errors_by_case(table: xr.Dataset) -> Figure:
         axes.set(xlim=(-0.6, cases.size - 0.4), ylabel=f"error of {q} (%)")
         axes.set_ylim(0.0, 1.15 * most)
         style.head(axes, "", columns=2)
-    return figure
-
-
-@style.styled
-def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
-    """Draw the errors that each imperfection makes by itself, in every case.
-
-    From the result of `vibrosweep.study.table4.study_imperfections`, by one reading and procedure.
-    """
-    names = [
-        f"{name.replace('_', ' ')} {size:g}{'' if unit == '1' else ' ' + unit}"
-        for name, size, unit in zip(
-            study["imperfection"].values, study["size"].values, study["units"].values, strict=True
-        )
-    ]
-    rows = np.arange(len(names))[::-1]
-    figure = Figure(figsize=(style.PAGE, 0.19 * len(names) + 1.0), layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
-    for axes, q in zip(panels, ("height", "period"), strict=True):
-        low, high = study.attrs[f"study_{q}"]
-        axes.axvspan(low, high, color="0.9")
-        error = study[f"{q}_error"].sel(reading=reading, procedure=procedure)
-        for c, case in enumerate(study["case"].values):
-            shown = error.sel(case=case).values
-            axes.plot(
-                np.minimum(shown, LARGEST_SHOWN),
-                rows + 0.16 * (1.5 - c),
-                linestyle="none",
-                marker="osD^"[c],
-                markersize=3.2,
-                color=style.OKABE_ITO[c],
-                label=f"{case} (N = {int(study['particles'].values[c])})",
-                clip_on=False,
-            )
-        axes.set_xscale("symlog", linthresh=1.0)
-        axes.set(xlim=(0.0, LARGEST_SHOWN), xlabel=f"error of {q} (%)")
-        axes.set_xticks([0, 1, 3, 10, 30], ["0", "1", "3", "10", "30 +"])
-        axes.set_yticks(rows, names)
-        axes.tick_params(axis="y", length=0)
-        axes.grid(axis="y", linewidth=0.3, color="0.85")
-        axes.set_title(f"shaded: study, {low:g} to {high:g} %")
-    # one legend for both panels: above each there is no room for it
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
     return figure

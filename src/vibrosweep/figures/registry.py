@@ -63,7 +63,7 @@ def _separation_distribution(sweep: xr.Dataset) -> Figure:
     sweep = flat(sweep)
     contact = float(data.quantity(sweep, "contact_time").min())
     name = f"{sweep.sizes['realization']} realizations"
-    return separations.distributions([separation_distribution(sweep)], [name], contact)
+    return separations.separation_distributions([separation_distribution(sweep)], [name], contact)
 
 
 FIGURES: Final[Mapping[str, FigureEntry]] = {

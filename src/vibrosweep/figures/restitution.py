@@ -10,10 +10,10 @@ from matplotlib.collections import PathCollection
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from vibrosweep import theory
 from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.model import theory
 from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     Filled dots count rebounds only.  Where the launch itself was higher than every rebound, an open
     circle shows the maximum with the launch counted in.  The plateaus H_k = g k^2 / (8 f^2) are the
     heights of the locked orbits of mode k; over a moving base their highest points are in the band
-    from H_k to H_k + (2 s_m / pi^2) H_1 while they are stable (`vibrosweep.model.theory`), which is
+    from H_k to H_k + (2 s_m / pi^2) H_1 while they are stable (`vibrosweep.theory`), which is
     shaded; over a base of finite mass neither is drawn.  If frequency or gravity differ between
     realizations, heights are drawn in units of H_1, where the plateaus stand at k^2.
 

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from vibrosweep import theory
 from vibrosweep.analysis.base_motion import base_name, moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.model import theory
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -40,7 +40,7 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.figures.sensitivity import sobol_bars
+    >>> from vibrosweep.figures import sobol_bars
     >>> found = vs.sobol(restitution=(0.8, 0.98), amplitude=(0.2, 3.5), realizations=64)
     >>> len(sobol_bars(found).axes) == found.sizes["output"]
     True

@@ -14,7 +14,7 @@ from vibrosweep.figures import data, style
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NEEDS", "decay_in_a_slot", "distributions"]
+__all__ = ["NEEDS", "decay_in_a_slot", "separation_distributions"]
 
 NEEDS: Final = data.Needs(
     ("dt_min", "collision_free", "contact_time", "duration"), known=("dt_min",)
@@ -25,7 +25,9 @@ EDGE: Final = 1e-9
 
 
 @style.styled
-def distributions(found: Sequence[xr.Dataset], names: Sequence[str], contact_time: float) -> Figure:
+def separation_distributions(
+    found: Sequence[xr.Dataset], names: Sequence[str], contact_time: float
+) -> Figure:
     """Draw empirical distributions of the smallest separation.
 
     Parameters
@@ -50,14 +52,15 @@ def distributions(found: Sequence[xr.Dataset], names: Sequence[str], contact_tim
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.figures.separations import distributions
+    >>> from vibrosweep.figures import separation_distributions
     >>> sweep = vs.sweep(amplitude=(0.2, 3.5), realizations=50, particles=2, separation=True)
-    >>> distributions([vs.separations(sweep)], ["two particles"], 1e-4).axes[0].get_xscale()
+    >>> figure = separation_distributions([vs.separations(sweep)], ["two particles"], 1e-4)
+    >>> figure.axes[0].get_xscale()
     'log'
     """
     for one in found:
         needed = ("separation", "cumulative_fraction")
-        require(one, "distributions", *needed, source="separation_distribution")
+        require(one, "separation_distributions", *needed, source="separation_distribution")
     figure, axes = style.new_figure(style.MEDIUM, 2.9)
     for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
         at = np.maximum(one["separation"].values, EDGE)
@@ -109,8 +112,8 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.analysis.decay import slot_decay
-    >>> from vibrosweep.figures.separations import decay_in_a_slot
+    >>> from vibrosweep.analysis import slot_decay
+    >>> from vibrosweep.figures import decay_in_a_slot
     >>> found = slot_decay(vs.simulate(launch_time=[0.125, 0.13], duration=200.0))
     >>> decay_in_a_slot(found).axes[0].get_yscale()
     'log'

@@ -13,6 +13,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
+__all__ = [
+    "COLUMN",
+    "GREY",
+    "MEDIUM",
+    "OKABE_ITO",
+    "PAGE",
+    "RC",
+    "colours",
+    "head",
+    "new_figure",
+    "styled",
+]
+
 P = ParamSpec("P")
 
 # Widths in inches: one column, one and a half, and two columns of a journal page.

@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 
+from vibrosweep import theory
 from vibrosweep.arrays import Array
 from vibrosweep.figures import style
-from vibrosweep.model import theory
 
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201

@@ -1,30 +1,72 @@
-"""From camera tracks of real particles to landings, estimates, and a comparison with prediction."""
+"""From camera tracks of real particles to landings, estimates, and a comparison with prediction.
+
+An `Experiment` is a virtual one, whose landings are known: `perform_trials` films it.
+"""
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
+
+from vibrosweep.lazy import lazily
 
 if TYPE_CHECKING:
+    from vibrosweep.lab.camera import Camera
     from vibrosweep.lab.compare import compare_tracks
+    from vibrosweep.lab.comparison import (
+        CASES,
+        QUANTITIES,
+        READINGS,
+        STUDY,
+        comparable,
+        prediction_errors,
+    )
     from vibrosweep.lab.estimation import estimate
+    from vibrosweep.lab.experiment import Experiment, Variation, perform_trials, predicted_means
     from vibrosweep.lab.impacts import find_impacts
+    from vibrosweep.lab.repeats import agreement, quantities
     from vibrosweep.lab.traces import read_trace
-    from vibrosweep.lab.track_files import read_tracks
+    from vibrosweep.lab.track_files import read_tracks, tracks_from_frame
+    from vibrosweep.lab.tracks import make_tracks
 
-__all__ = ["compare_tracks", "estimate", "find_impacts", "read_trace", "read_tracks"]
+__all__ = [
+    "CASES",
+    "QUANTITIES",
+    "READINGS",
+    "STUDY",
+    "Camera",
+    "Experiment",
+    "Variation",
+    "agreement",
+    "comparable",
+    "compare_tracks",
+    "estimate",
+    "find_impacts",
+    "make_tracks",
+    "perform_trials",
+    "predicted_means",
+    "prediction_errors",
+    "quantities",
+    "read_trace",
+    "read_tracks",
+    "tracks_from_frame",
+]
 
-# Where each public name stands; numba and xarray are loaded when it is first used.
 _HOMES: Final = {
+    "Camera": "vibrosweep.lab.camera",
     "compare_tracks": "vibrosweep.lab.compare",
+    **dict.fromkeys(
+        ("CASES", "QUANTITIES", "READINGS", "STUDY", "comparable", "prediction_errors"),
+        "vibrosweep.lab.comparison",
+    ),
     "estimate": "vibrosweep.lab.estimation",
+    **dict.fromkeys(
+        ("Experiment", "Variation", "perform_trials", "predicted_means"),
+        "vibrosweep.lab.experiment",
+    ),
     "find_impacts": "vibrosweep.lab.impacts",
+    **dict.fromkeys(("agreement", "quantities"), "vibrosweep.lab.repeats"),
     "read_trace": "vibrosweep.lab.traces",
-    "read_tracks": "vibrosweep.lab.track_files",
+    **dict.fromkeys(("read_tracks", "tracks_from_frame"), "vibrosweep.lab.track_files"),
+    "make_tracks": "vibrosweep.lab.tracks",
 }
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'vibrosweep.lab' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = lazily(__name__, _HOMES)

@@ -33,6 +33,12 @@ class Camera:
         Share of the frames that are lost.
     scale_error
         Relative error of the size of a pixel: heights come out larger by this.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> vs.lab.Experiment(camera=vs.lab.Camera(frame_rate=480.0)).camera.pixel
+    0.0001
     """
 
     frame_rate: float = 240.0

@@ -16,8 +16,8 @@ from vibrosweep.lab.comparison import (
     READINGS,
     STUDY,
     comparable,
-    errors,
     measured_means,
+    prediction_errors,
 )
 from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.fitting import View, fit_tracks
@@ -104,7 +104,7 @@ def compare_tracks(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.lab.experiment import Experiment, perform_trials
+    >>> from vibrosweep.lab import Experiment, perform_trials
     >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
     >>> known = {"restitution": 0.9, "amplitude": 0.06, "frequency": 20.0}
     >>> found = vs.lab.compare_tracks(film[0].tracks, **known)
@@ -247,7 +247,7 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:
     sets, refused = draw(scene, estimated, how.draws, how.seed)
     found = predict(seen, sets, workers, how.rebound)
     best = {"height": found.height[0], "period": found.period[0]}
-    error = errors(impacts, best, among)
+    error = prediction_errors(impacts, best, among)
     means = measured_means(impacts, among)
     one = {name: float(values[0]) for name, values in sets.items()}
     spread = {

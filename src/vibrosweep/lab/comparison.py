@@ -21,8 +21,7 @@ CASES: Final = {"A": 1, "B": 5, "C": 20, "D": 50}
 STUDY: Final = {"height": (3.8, 7.1), "period": (2.9, 6.0)}
 QUANTITIES: Final = ("height", "period")
 READINGS: Final = ("ensemble", "particle", "worst", "flight")
-# A particle is compared if at least this share of the time and of its landings was measured well: a
-# mean over a selection of its flights would be biased.
+# A particle is compared if at least this share of the time and of its landings was measured well.
 SEEN: Final = 0.9
 
 
@@ -31,9 +30,28 @@ def _columns(impacts: xr.Dataset) -> dict[str, Array]:
 
 
 def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
-    """Particles nearly all of whose flights are seen; shape (particle,).
+    """Particles nearly all of whose flights are seen.
 
-    Those that rest, or bounce too low for the camera, are not.
+    Those that rest, or bounce too low for the camera, are not: a mean over a selection of its
+    flights would be biased.
+
+    Parameters
+    ----------
+    impacts
+        Result of `find_impacts`, by the method ``"fit"``.
+
+    Returns
+    -------
+    numpy.ndarray
+        Booleans, shape (particle,).
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> experiment = vs.lab.Experiment(particles=2, repeats=1, transient=5.0, duration=5.0)
+    >>> film = vs.lab.perform_trials(experiment)
+    >>> vs.lab.comparable(vs.lab.find_impacts(film[0].tracks)).shape
+    (2,)
     """
     quality = impacts["quality"].values
     bounced = (quality == BOUNCED).sum(axis=1)
@@ -56,15 +74,36 @@ def measured_means(impacts: xr.Dataset, among: NDArray[np.bool_]) -> dict[str, A
     return means
 
 
-def errors(
+def prediction_errors(
     impacts: xr.Dataset, predicted: dict[str, Array], among: NDArray[np.bool_]
 ) -> dict[str, dict[str, float]]:
-    """Errors in per cent by quantity and reading.
+    """Errors of a prediction, |measured - predicted| / measured, by quantity and reading.
 
-    `predicted` holds mean height (m) and period (s) of each particle, `among` tells which to
-    compare.  Readings are ``ensemble``: of the means over all particles; ``particle``: mean of the
-    errors of each particle's mean; ``worst``: the largest of them; ``flight``: mean of the errors
-    of each flight against its particle's prediction.  NaN where no particle can be compared.
+    Parameters
+    ----------
+    impacts
+        Result of `find_impacts`.
+    predicted
+        Mean ``height`` (m) and ``period`` (s) of each particle, shape (particle,).
+    among
+        Which particles to compare, as `comparable` tells; shape (particle,).
+
+    Returns
+    -------
+    dict
+        Per cent, by quantity (``height``, ``period``) and reading.  Readings are ``ensemble``: of
+        the means over all particles; ``particle``: mean of the errors of each particle's mean;
+        ``worst``: the largest of them; ``flight``: mean of the errors of each flight against its
+        particle's prediction.  NaN where no particle can be compared.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> experiment = vs.lab.Experiment(particles=2, repeats=1, transient=5.0, duration=5.0)
+    >>> seen = vs.lab.find_impacts(vs.lab.perform_trials(experiment)[0].tracks)
+    >>> predicted = vs.lab.predicted_means(experiment)
+    >>> list(vs.lab.prediction_errors(seen, predicted, vs.lab.comparable(seen)))
+    ['height', 'period']
     """
     means, columns = measured_means(impacts, among), _columns(impacts)
     found: dict[str, dict[str, float]] = {}

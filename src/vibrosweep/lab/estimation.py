@@ -16,7 +16,6 @@ import xarray as xr
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab.agreement import require
 from vibrosweep.lab.bounces import Bounces, bounces_of, solve, whiten
 from vibrosweep.lab.regression import (
     FEWEST,
@@ -27,6 +26,7 @@ from vibrosweep.lab.regression import (
     weakest_signal,
     with_subharmonics,
 )
+from vibrosweep.lab.repeats import require
 from vibrosweep.model.parameters import PARAMETERS
 
 __all__ = ["PARAMETER_UNITS", "estimate", "fit_phase"]
@@ -107,7 +107,7 @@ def estimate(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> from vibrosweep.lab.experiment import Experiment, perform_trials
+    >>> from vibrosweep.lab import Experiment, perform_trials
     >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
     >>> found = vs.lab.estimate(vs.lab.find_impacts(film[0].tracks), frequency=20.0)
     >>> found.parameter.values.tolist()

@@ -35,7 +35,6 @@ __all__ = [
     "Experiment",
     "Trial",
     "Variation",
-    "ideal_record",
     "perform_trials",
     "predicted_means",
 ]
@@ -74,6 +73,12 @@ class Variation:
     level_spread
         Standard deviation in m of the height, among the particles, of the base below them: a
         base or a view that is tilted.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> vs.lab.Experiment(variation=vs.lab.Variation(frequency_jitter=0.01)).particles
+    5
     """
 
     frequency_jitter: float = 0.0
@@ -91,8 +96,8 @@ class Experiment:
     Attributes
     ----------
     scene
-        Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and of
-        `vibrosweep.model.parameters.MOUNT` where the base is sprung.
+        Every parameter of `vibrosweep.PARAMETERS`, and ``mass_ratio``, ``mount_frequency`` and
+        ``mount_damping`` where the base is sprung.
     particles
         Number of particles.
     launch
@@ -108,7 +113,7 @@ class Experiment:
     rebound
         ``"rest"`` or ``"reflect"``.
     base
-        One of `vibrosweep.model.parameters.BASES`.
+        ``"high-bounce"``, ``"moving"`` or ``"sprung"``.
 
     Raises
     ------
@@ -117,7 +122,7 @@ class Experiment:
 
     Examples
     --------
-    >>> from vibrosweep.lab.experiment import Experiment
+    >>> from vibrosweep.lab import Experiment
     >>> Experiment(particles=2, transient=5.0, duration=5.0).launch
     'staggered'
     """
@@ -193,7 +198,7 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
 
     Examples
     --------
-    >>> from vibrosweep.lab.experiment import Experiment, perform_trials
+    >>> from vibrosweep.lab import Experiment, perform_trials
     >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
     >>> film[0].tracks.height.dims
     ('frame', 'particle')
@@ -206,17 +211,30 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
     return [_trial(experiment, beads, seed, f"trial {k + 1}") for k, seed in enumerate(repeats)]
 
 
-def ideal_record(experiment: Experiment) -> Record:
-    """Landings as predicted: without any variation."""
-    every = np.full(experiment.particles, experiment.scene["restitution"])
-    return _landings(replace(experiment, variation=Variation()), every, np.zeros(2))[0]
+def predicted_means(experiment: Experiment) -> dict[str, Array]:
+    """Mean height and period of each particle's flights that a recording holds whole.
 
+    They are those of the experiment without any imperfection, and not over a base that recoils.
 
-def predicted_means(experiment: Experiment, record: Record) -> dict[str, Array]:
-    """Mean height (m) and period (s) of each particle's flights that a recording holds whole.
+    Parameters
+    ----------
+    experiment
+        The scene, and when it is recorded.
 
-    Not over a base that recoils.
+    Returns
+    -------
+    dict
+        ``height`` (m) and ``period`` (s), each of shape (particle,).
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> predicted = vs.lab.predicted_means(vs.lab.Experiment(particles=2))
+    >>> predicted["period"].shape
+    (2,)
     """
+    every = np.full(experiment.particles, experiment.scene["restitution"])
+    record = _landings(replace(experiment, variation=Variation()), every, np.zeros(2))[0]
     begin, end = experiment.transient, experiment.transient + experiment.duration
     surface = LEVEL if experiment.base == BASES[0] else oscillating(experiment.scene)
     means = [motion.means(begin, end) for motion in _motions(experiment, record, surface)]

@@ -135,7 +135,7 @@ def tracks_from_frame(
     Examples
     --------
     >>> import numpy as np, pandas as pd
-    >>> from vibrosweep.lab.track_files import tracks_from_frame
+    >>> from vibrosweep.lab import tracks_from_frame
     >>> time = np.arange(60) / 100.0
     >>> height = 0.05 - 4.9 * (time % 0.2 - 0.1) ** 2
     >>> table = pd.DataFrame({"time": time, "particle": "ball", "height": height})

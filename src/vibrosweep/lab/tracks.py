@@ -50,7 +50,7 @@ def make_tracks(
     Examples
     --------
     >>> import numpy as np
-    >>> from vibrosweep.lab.tracks import make_tracks
+    >>> from vibrosweep.lab import make_tracks
     >>> time = np.arange(60) / 100.0
     >>> height = 0.05 - 4.9 * (time % 0.2 - 0.1) ** 2
     >>> make_tracks(time, height[:, np.newaxis]).height.shape

@@ -17,7 +17,7 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
 from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
-from vibrosweep.lab.comparison import QUANTITIES, comparable, errors
+from vibrosweep.lab.comparison import QUANTITIES, comparable, prediction_errors
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
 from vibrosweep.lab.oscillation import Trace
@@ -129,4 +129,4 @@ def _own_error(
     fitted = fit_tracks(tracks, how.gravity, view)
     seen = impacts_of(tracks, fitted, how.gravity, "fit")
     impacts = impacts_of(tracks, fitted, how.gravity, how.method)
-    return errors(impacts, predicted, comparable(seen))
+    return prediction_errors(impacts, predicted, comparable(seen))

@@ -20,7 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import root
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
@@ -33,7 +32,26 @@ ROUNDING = 1e-12
 
 
 class CoupledBase(NamedTuple):
-    """A base of finite mass: e, Gamma in g, mu, nu and zeta of the module on closed forms."""
+    """A base of finite mass, dimensionless, and the restitution with which particles land on it.
+
+    Attributes
+    ----------
+    restitution
+        e, 0 to 1.
+    acceleration
+        Gamma of the base without particles, in units of gravity.
+    mass_ratio
+        Mass of one particle over that of the base.
+    natural, damping
+        Natural frequency of the mount over that of the forcing, and its damping ratio.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> base = vs.theory.sprung.CoupledBase(0.9, 0.6, 0.003, 0.37, 0.05)
+    >>> base.acceleration
+    0.6
+    """
 
     restitution: float
     acceleration: float
@@ -55,19 +73,36 @@ class CoupledBase(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """An orbit that repeats after whole forcing periods."""
+    """An orbit that repeats after whole forcing periods.
 
-    # base, periods: what it bounces on; after how many periods it repeats
+    Attributes
+    ----------
+    base, periods
+        On what it bounces; after how many forcing periods it repeats.
+    particle, time
+        Shape (impact,): which particle lands, counted from 0, and when, in forcing periods.
+    speed, approach
+        Shape (impact,): absolute speed of the particle after the impact, and speed of approach
+        before it, in g / (2 f).
+    deviation
+        Shape (impact, 2): of the base, and its velocity, just before the impact.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> base = vs.theory.sprung.CoupledBase(0.9, 0.6, 0.003, 0.37, 0.05)
+    >>> orbit = vs.theory.sprung.staggered(base, 2, [0, 1])
+    >>> isinstance(orbit, vs.theory.sprung.Cycle), orbit.particle.tolist()
+    (True, [0, 1])
+    """
+
     base: CoupledBase
     periods: int
-    # particle, time: shape (impact,): which particle lands, and when, in forcing periods
     particle: NDArray[np.int64]
     time: Array
-    # speed, approach: shape (impact,): absolute speed of the particle after the impact, speed of
-    # approach before
     speed: Array
     approach: Array
-    deviation: Array  # shape (impact, 2): of the base, and its velocity, just before the impact
+    deviation: Array
 
     @property
     def intervals(self) -> Array:
@@ -135,6 +170,8 @@ def find_cycle(
     equations of motion at its impacts, in the order given; `is_clear` tells whether a particle
     would have met the base in between.  Raises a ParameterError where no solution is near.
     """
+    from scipy.optimize import root
+
     guess, lands = np.asarray(time, dtype=np.float64), np.asarray(particle, dtype=np.int64)
     speeds = np.full(lands.size, float(k))
     start = np.concatenate([guess, speeds, [0.0, -k * base.mass_ratio]])
@@ -150,8 +187,33 @@ def find_cycle(
 def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
     """Find the orbit of mode k with one particle in each of the given slots, 0 to k - 1.
 
-    In closed form where the slots are evenly spaced, else by `find_cycle`.  Raises a ParameterError
-    where a slot is not one of mode k or is given twice, or there is no such orbit.
+    In closed form where the slots are evenly spaced, else from the equations of motion.
+
+    Parameters
+    ----------
+    base
+        On what it bounces.
+    k
+        Mode: forcing periods between two impacts of a particle.
+    slots
+        Different numbers from 0 to k - 1: in which period each particle lands.
+
+    Returns
+    -------
+    Cycle
+        With its impacts in the order of time.
+
+    Raises
+    ------
+    ParameterError
+        A slot is not one of mode k or is given twice, or there is no such orbit.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> base = vs.theory.sprung.CoupledBase(0.9, 0.6, 0.003, 0.37, 0.05)
+    >>> vs.theory.sprung.staggered(base, 1, [0]).time.round(6)
+    array([0.455305])
     """
     taken = np.sort(np.asarray(slots, dtype=np.int64))
     if taken.size == 0 or taken[0] < 0 or taken[-1] >= k or (np.diff(taken) == 0).any():
@@ -243,6 +305,25 @@ def monodromy(cycle: Cycle) -> Array:
 
 
 def spectral_radius(cycle: Cycle) -> float:
-    """Largest modulus of a Floquet multiplier, per forcing period; below 1 the orbit attracts."""
+    """Largest modulus of a Floquet multiplier, per forcing period; below 1 the orbit attracts.
+
+    Parameters
+    ----------
+    cycle
+        An orbit, such as `staggered` finds.
+
+    Returns
+    -------
+    float
+        Per forcing period.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> base = vs.theory.sprung.CoupledBase(0.9, 0.6, 0.003, 0.37, 0.05)
+    >>> orbit = vs.theory.sprung.staggered(base, 1, [0])
+    >>> round(vs.theory.sprung.spectral_radius(orbit), 6)
+    0.899238
+    """
     largest = np.abs(np.linalg.eigvals(monodromy(cycle))).max()
     return float(largest ** (1.0 / cycle.periods))

@@ -38,6 +38,7 @@ from numpy.typing import ArrayLike
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.physical import physical
 
 TWO_PI = 2.0 * np.pi
 
@@ -63,13 +64,37 @@ def mount_propagator(natural: ArrayLike, damping: ArrayLike, periods: ArrayLike)
     return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
 
 
+@physical
 def recoil_deviation(natural: ArrayLike, damping: ArrayLike, spacing: ArrayLike = 1) -> Array:
     """Deviation of a base that loses one unit of velocity every `spacing` periods.
 
-    Shape (..., 2), deviation and velocity, just before a recoil, when it has become periodic: Phi
-    (1 - Phi)^-1 (0, -1), with the propagator Phi over one spacing.  Without damping its velocity is
-    1/2, whatever the natural frequency; damping makes it smaller.  Infinite where the mount is
-    undamped and swings a whole number of times between recoils.
+    Just before a recoil, when it has become periodic, it is Phi (1 - Phi)^-1 (0, -1), with the
+    propagator Phi over one spacing.  Without damping its velocity is 1/2, whatever the natural
+    frequency; damping makes it smaller.
+
+    Parameters
+    ----------
+    natural, damping
+        Natural frequency of the mount over that of the forcing, and its damping ratio.
+    spacing
+        Forcing periods between two recoils.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (..., 2): deviation and its velocity, per unit of velocity that a recoil takes.
+        Infinite where the mount is undamped and swings a whole number of times between recoils.
+
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> vs.theory.sprung.recoil_deviation(0.37, 0.0).round(6)
+    array([-0.093071,  0.5     ])
     """
     phi = mount_propagator(natural, damping, spacing)
     kept = np.eye(2) - phi
@@ -89,6 +114,7 @@ def _needed_velocity(
     return np.asarray(k * (1.0 - e + 2.0 * mu) / (1.0 + e) - 2.0 * k * mu * recoil_velocity)
 
 
+@physical
 def locked_acceleration_min(
     k: ArrayLike,
     restitution: ArrayLike,
@@ -101,13 +127,39 @@ def locked_acceleration_min(
 
     Without damping it is Gamma_k (1 + mu), Gamma_k = pi k (1 - e) / (1 + e), whatever the natural
     frequency; with damping it is higher, because a dissipated energy can only have come from the
-    recoil: (D'- + D'+) / 2 <= 0.  `spacing` is the number of periods between two impacts on the
-    base: k (the default) for one particle, 1 where each of the k slots holds one.
+    recoil: (D'- + D'+) / 2 <= 0.
+
+    Parameters
+    ----------
+    k, restitution, mass_ratio, natural, damping
+        Mode (forcing periods between impacts of a particle), e (0 to 1), mass of a particle over
+        that of the base, natural frequency of the mount over that of the forcing, and its damping
+        ratio; they broadcast.
+    spacing
+        Periods between two impacts on the base: k (the default) for one particle, 1 where each of
+        the k slots holds one.
+
+    Returns
+    -------
+    numpy.ndarray
+        In units of gravity, as the arguments broadcast.
+
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> float(vs.theory.sprung.locked_acceleration_min(1, 0.9, 0.003, 0.37, 0.05).round(6))
+    0.166289
     """
     velocity = recoil_deviation(natural, damping, k if spacing is None else spacing)[..., 1]
     return np.asarray(np.pi * _needed_velocity(k, restitution, mass_ratio, velocity))
 
 
+@physical
 def landing_phase(
     acceleration: ArrayLike,
     k: ArrayLike,
@@ -120,6 +172,29 @@ def landing_phase(
     """Phase of landing of mode k in turns, in [1/4, 1/2]; NaN below `locked_acceleration_min`.
 
     The other solution, 1/2 minus this one, is unstable at mu = 0.
+
+    Parameters
+    ----------
+    acceleration
+        Gamma of the base without particles, in units of gravity.
+    k, restitution, mass_ratio, natural, damping, spacing
+        As of `locked_acceleration_min`; all broadcast.
+
+    Returns
+    -------
+    numpy.ndarray
+        Turns, as the arguments broadcast; NaN where the orbit does not exist.
+
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> float(vs.theory.sprung.landing_phase(0.6, 1, 0.9, 0.003, 0.37, 0.05).round(6))
+    0.455305
     """
     least = locked_acceleration_min(k, restitution, mass_ratio, natural, damping, spacing)
     gamma = np.asarray(acceleration, dtype=np.float64)
@@ -155,13 +230,37 @@ def _steepness(k: ArrayLike, restitution: ArrayLike, acceleration: ArrayLike) ->
         return np.asarray(np.sqrt((gamma - least) * (gamma + least)))
 
 
+@physical
 def reversing_separation(
     k: ArrayLike, restitution: ArrayLike, acceleration: ArrayLike, mass_ratio: ArrayLike
 ) -> Array:
     """Separation in periods of neighbours that reverse their order at every impact.
 
     k mu / (s_m - s), to first order in mu and for any number of particles in one slot, which land
-    equally spaced.  NaN where the mode does not exist at mu = 0 or is unstable there (s >= s_m).
+    equally spaced.
+
+    Parameters
+    ----------
+    k, restitution, acceleration, mass_ratio
+        Mode (forcing periods between impacts of a particle), e (0 to 1), Gamma of the base without
+        particles in units of gravity, and mass of a particle over that of the base; they broadcast.
+
+    Returns
+    -------
+    numpy.ndarray
+        Forcing periods, as the arguments broadcast; NaN where the mode does not exist at mu = 0 or
+        is unstable there (s >= s_m).
+
+    Raises
+    ------
+    ParameterError
+        An argument is outside its range.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> float(vs.theory.sprung.reversing_separation(1, 0.9, 0.6, 0.003).round(6))
+    0.007042
     """
     e = np.asarray(restitution)
     room = 2.0 * (1.0 + e * e) / (1.0 + e) ** 2 - _steepness(k, restitution, acceleration)

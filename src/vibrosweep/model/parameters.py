@@ -40,7 +40,25 @@ LARGEST: Final = 1e30
 
 @dataclass(frozen=True)
 class Parameter:
-    """One physical parameter: its name in code and files, its unit and its allowed range."""
+    """One physical parameter: its name in code and files, its unit and its allowed range.
+
+    Attributes
+    ----------
+    name, symbol, units, long_name
+        In code and files, in formulas, as in CF (``"1"`` for a pure number), in words.
+    default
+        That of Table 1, where the parameter is one of `PARAMETERS`; NaN without any.
+    low, high
+        Ends of the allowed range, which belong to it.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> isinstance(vs.PARAMETERS["restitution"], vs.Parameter)
+    True
+    >>> {name: one.default for name, one in vs.PARAMETERS.items() if one.units == "m s-1"}
+    {'amplitude': 1.2, 'launch_velocity': 5.0}
+    """
 
     name: str
     symbol: str

@@ -10,7 +10,15 @@ from typing import Final
 
 
 class Status(IntEnum):
-    """How the computation of one particle (or the worst of a realization) ended."""
+    """How the computation of one particle (or the worst of a realization) ended.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.sweep(duration=12.0)
+    >>> vs.Status(found.status.item()).sentence
+    'The trajectory is known up to the end of the observation.'
+    """
 
     COMPLETED = 0
     BUDGET_EXCEEDED = 1
@@ -33,7 +41,15 @@ LANDINGS_OF_AN_EXPONENT: Final = 64
 
 
 class Regime(IntEnum):
-    """What a particle's orbit has become by the end of the observation."""
+    """What a particle's orbit has become by the end of the observation.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.sweep(launch=[0.432982], duration=4000.0, regimes=True)
+    >>> vs.Regime(found.regime.item()).meaning
+    'locked'
+    """
 
     AT_REST = 0
     RESTING = 1

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from vibrosweep.model import theory
+from vibrosweep import theory
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT
 from vibrosweep.model.times import Periods, Time, in_periods

@@ -59,7 +59,7 @@ KINDS: Final[Mapping[str, Kind]] = {
             "windows",
             "vibrosweep windows",
             "vibrosweep.analysis.window_codes:summary",
-            "vibrosweep.figures.stability_windows:stability_windows",
+            "vibrosweep.figures.window_bands:stability_windows",
             "stability_windows",
             unverified=f"{_PROVES} this holds ends of intervals of the forcing",
         ),

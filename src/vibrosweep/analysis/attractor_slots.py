@@ -1,0 +1,66 @@
+"""How many particles a base can keep apart: the slots of all attractors."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from vibrosweep.analysis.records import variable
+from vibrosweep.analysis.requirements import require
+from vibrosweep.model.status import Regime
+
+__all__ = ["capacity"]
+
+
+def capacity(basins: xr.Dataset) -> xr.Dataset:
+    """Slots of the base over all attractors that a dense set of launches leads to.
+
+    An attractor that repeats after q forcing periods exists in q copies, shifted by whole periods.
+    More particles than there are slots cannot stay separated, however they are launched.  An
+    attractor that no launch leads to is not counted: the number is a lower bound that rises with
+    the density of the launches.
+
+    Parameters
+    ----------
+    basins
+        What `vibrosweep.analysis.basins.basins` found.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``capacity`` and its part ``capacity_without_rests`` (attractors on which no particle
+        rests); ``unsettled_fraction`` of the launches, which found no recurrent orbit; dim
+        ``attractor``: ``slots``, 0 for what is not an orbit.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis import capacity
+    >>> plane = vs.basins(launch_velocity=[3.0, 5.0, 10.0], particles=50, duration=2000.0)
+    >>> int(capacity(plane).capacity)
+    2
+    """
+    needed = ("regime", "cycle_periods", "cycle_rests", "fraction")
+    require(basins, "capacity", *needed, source="basins")
+    orbit = np.isin(basins["regime"].values, (Regime.LOCKED, Regime.RESTING))
+    slots = np.where(orbit, basins["cycle_periods"].values, 0).astype(np.int64)
+    without = basins["regime"].values == Regime.LOCKED
+    return xr.Dataset(
+        {
+            "capacity": variable((), int(slots.sum()), "slots of all attractors found"),
+            "capacity_without_rests": variable(
+                (), int(slots[without].sum()), "slots of attractors on which no particle rests"
+            ),
+            "unsettled_fraction": variable(
+                (),
+                float(basins["fraction"].values[~orbit].sum()),
+                "fraction of launches that found no recurrent orbit",
+            ),
+            "slots": variable(("attractor",), slots, "slots of the attractor"),
+        }
+    )

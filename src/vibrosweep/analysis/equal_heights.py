@@ -1,0 +1,112 @@
+"""Instants at which two particles in flight are at one height (Eq. 18), in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.analysis.records import Flights, flights, per_realization, variable
+from vibrosweep.arrays import Array
+
+__all__ = ["crossings"]
+
+
+def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
+    """Every crossing of two particles of one realization while both are in flight.
+
+    Both fall with the same acceleration: where two flights overlap, y_i - y_j is linear in time.
+    With d = s_j - s_i >= 0 between their beginnings and x the time since the later one,
+
+        y_i - y_j = h_i - h_j + v_i d - g d^2 / 2 + (v_i - g d - v_j) x,
+
+    where h are the heights of the base at the lift-offs, 0 where it does not move.  It has one
+    root at most, unless the flights are the same one.
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` returns it.
+    realization
+        Which, by position.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim ``crossing``, in the order of time: ``time`` (s), ``height`` (m), ``first`` and
+        ``second`` particle.  Scalars: ``flight_overlaps`` (pairs of flights in the air together),
+        ``flights_alike`` (at one height throughout), ``pairs`` of particles and
+        ``pairs_crossing``.
+
+    Raises
+    ------
+    DataError
+        The record lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis import crossings
+    >>> found = crossings(vs.simulate(launch_time=[0.0, 0.125]))
+    >>> found.time.dims, int(found.pairs)
+    (('crossing',), 1)
+    """
+    each = flights(record, realization, "crossings")
+    gravity = float(per_realization(record, "gravity")[realization])
+    i, j = _overlapping(each)
+    apart = each.start[j] - each.start[i]
+    offset = apart * (each.velocity[i] - 0.5 * gravity * apart)
+    offset += each.height[i] - each.height[j]
+    slope = each.velocity[i] - gravity * apart - each.velocity[j]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        since = -offset / slope
+    together = np.minimum(each.end[i], each.end[j]) - each.start[j]
+    crosses = (since > 0.0) & (since < together)
+    alike = (slope == 0.0) & (offset == 0.0)
+    first, second = each.particle[i], each.particle[j]
+    particles = record.sizes["particle"]
+    low, high = np.minimum(first, second)[crosses], np.maximum(first, second)[crosses]
+    meeting = np.unique(low * particles + high)
+    return _dataset(
+        each.start[j][crosses] + since[crosses],
+        (each.height[j] + since * (each.velocity[j] - 0.5 * gravity * since))[crosses],
+        first[crosses],
+        second[crosses],
+        {
+            "flight_overlaps": (i.size, "pairs of flights that are in the air together"),
+            "flights_alike": (int(np.count_nonzero(alike)), "pairs of flights that are the same"),
+            "pairs": (particles * (particles - 1) // 2, "pairs of particles"),
+            "pairs_crossing": (meeting.size, "pairs of particles that cross"),
+        },
+    )
+
+
+def _overlapping(each: Flights) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices of flights of different particles in the air together, the earlier one first."""
+    index = np.arange(each.start.size)
+    beyond = np.searchsorted(each.start, each.end, side="left")
+    count = np.maximum(beyond - index - 1, 0)
+    i = np.repeat(index, count)
+    j = i + 1 + (np.arange(i.size) - np.repeat(np.cumsum(count) - count, count))
+    other = each.particle[i] != each.particle[j]
+    return i[other], j[other]
+
+
+def _dataset(
+    time: Array,
+    height: Array,
+    first: NDArray[np.int64],
+    second: NDArray[np.int64],
+    counts: dict[str, tuple[int, str]],
+) -> xr.Dataset:
+    order = np.argsort(time, kind="stable")
+    dims = ("crossing",)
+    return xr.Dataset(
+        {
+            "time": variable(dims, time[order], "time of crossing", "s"),
+            "height": variable(dims, height[order], "height of crossing", "m"),
+            "first": variable(dims, first[order], "particle whose flight began earlier"),
+            "second": variable(dims, second[order], "particle whose flight began later"),
+            **{name: variable((), count, text) for name, (count, text) in counts.items()},
+        }
+    )

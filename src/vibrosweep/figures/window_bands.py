@@ -1,0 +1,185 @@
+"""Stability windows as they were computed, with the closed forms of locked orbits over them."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.typing import ColorType
+
+from vibrosweep.analysis.base_motion import base_name, moves
+from vibrosweep.analysis.conditions import UNDETERMINED
+from vibrosweep.arrays import Array
+from vibrosweep.figures import data, style
+from vibrosweep.figures.window_curves import MODES, Forcing, draw_windows
+from vibrosweep.model.forcing import FORCINGS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NEEDS", "stability_windows"]
+
+NEEDS: Final = ("window_ends", "restitution", "scan", "frequency", "gravity")
+PANEL_HEIGHT: Final = 3.2
+LEGEND_LINE: Final = 0.18
+NONE_FOUND: Final = ": no window found"
+BAND: Final[Mapping[str, Any]] = {"linewidth": 0.0, "alpha": 0.45, "zorder": 1.0}
+
+
+@style.styled
+def stability_windows(windows: xr.Dataset) -> Figure:
+    """Draw the intervals of the forcing in which conditions hold against restitution.
+
+    All locked orbits share the first panel, every other condition has its own.  Where orbits were
+    continued along the forcing, both directions are drawn over each other: where only one of
+    them is seen, the window is hysteretic.  A bar that reaches the end of the scan may go on beyond
+    it, and so may one that ends where points of the scan are grey: there it is undetermined whether
+    the condition holds.  Curves are the closed forms of locked orbits without reflection: solid
+    from where they exist, dashed up to where they are stable.
+
+    Parameters
+    ----------
+    windows
+        Result of `vibrosweep.analysis.windows.find_windows`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure, which is neither shown nor written.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import stability_windows
+    >>> found = vs.windows(restitution=[0.8, 0.9], amplitude=[0.1, 1.0, 2.0, 4.0])
+    >>> stability_windows(found).axes[0].get_xlabel()
+    'restitution $e$'
+    """
+    symbol = FORCINGS[_scanned(windows)].symbol
+    needs = data.Needs((f"{symbol}_min", f"{symbol}_max", *NEEDS))
+    needs.check("stability_windows", windows)
+    windows = windows.sortby("restitution")
+    names = [str(name) for name in windows["condition"].values]
+    locked = [name for name in names if name.startswith("locked(")]
+    panels = ([locked] if locked else []) + [[name] for name in names if name not in locked]
+    height = PANEL_HEIGHT * len(panels) + LEGEND_LINE * max(0, len(locked) - 4)
+    figure = Figure(figsize=(style.MEDIUM, height), layout="constrained")
+    all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, panel in zip(all_axes, panels, strict=True):
+        _panel(axes, windows, panel, is_locked=panel is locked)
+    all_axes[-1].set_xlabel("restitution $e$")
+    return figure
+
+
+def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool) -> None:
+    e = windows["restitution"].values
+    scan = windows["scan"].values
+    axes.set_xlim(*_edges(e)[[0, -1]])
+    # whether a locked orbit exists and attracts does not depend on the direction
+    directions = windows["direction"].values[: 1 if is_locked else None]
+    shown = [(name, direction) for name in names for direction in directions]
+    top = 0.0
+    for (name, direction), colour in zip(shown, style.colours(len(shown)), strict=True):
+        chosen = windows.sel(condition=name, direction=direction)
+        label = name.replace("_", " ") + ("" if len(directions) == 1 else f", {direction}")
+        top = max(top, _bands(axes, chosen, scan, colour, label))
+        _undetermined(axes, chosen)
+    axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
+    name = _scanned(windows)
+    scanned = FORCINGS[name]
+    words = textwrap.fill(scanned.long_name, data.LABEL_WIDTH)
+    units = data.format_units(scanned.units)
+    axes.set_ylabel(f"{words} ${data.SYMBOLS[name]}${units}")
+    modes = [int(name[len("locked(") : -1]) for name in names] if is_locked else MODES
+    forcing = Forcing(
+        data.SYMBOLS[name],
+        base_name(windows),
+        float(windows["frequency"]),
+        float(windows["gravity"]),
+        name,
+    )
+    draw_windows(axes, forcing, over=True, modes=modes)
+    # with their remark only two entries fit beside each other
+    lack = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
+    turned = is_locked and windows.attrs.get("rebound") == "reflect"
+    remark = "; curves: orbits without reflection" if turned else ""
+    style.head(axes, _conditions(windows) + remark, columns=2 if lack else 4)
+
+
+def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label: str) -> float:
+    """Bars from end to end of each window, as wide as the restitutions are apart.
+
+    A window that reaches an end of the scan is drawn up to it.  Returns the highest end, 0 without.
+    """
+    edges = _edges(chosen["restitution"].values)
+    there = chosen["window_ends"].values >= 0
+    symbol = FORCINGS[_scanned(chosen)].symbol
+    lower, upper = (chosen[f"{symbol}_{end}"].values for end in ("min", "max"))
+    lower = np.where(there & np.isnan(lower), scan[0], lower)
+    upper = np.where(there & np.isnan(upper), scan[-1], upper)
+    if not there.any():
+        label += NONE_FOUND
+    for window, (low, high) in enumerate(zip(lower.T, upper.T, strict=True)):
+        axes.bar(
+            edges[:-1],
+            high - low,
+            width=np.diff(edges),
+            bottom=low,
+            align="edge",
+            color=colour,
+            label=label if window == 0 else None,
+            **BAND,
+        )
+    return float(np.max(upper, initial=0.0, where=there))
+
+
+def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
+    """Grey cells around the points of the scan where it is undetermined whether a condition holds.
+
+    Earlier versions did not tell.
+    """
+    held = chosen["holds"].values if "holds" in chosen else np.zeros(0)
+    if not np.any(held == UNDETERMINED):
+        return
+    axes.pcolormesh(
+        _edges(chosen["restitution"].values),
+        _edges(chosen["scan"].values),
+        np.ma.masked_not_equal(held.T, UNDETERMINED),
+        cmap=ListedColormap([style.GREY]),
+        alpha=0.3,
+        linewidth=0.0,
+        zorder=0.5,
+        rasterized=True,
+    )
+    if "undetermined" not in axes.get_legend_handles_labels()[1]:
+        axes.plot([], [], "s", color=style.GREY, alpha=0.3, label="undetermined")
+
+
+def _scanned(windows: xr.Dataset) -> str:
+    """Name of the forcing that was scanned."""
+    return str(windows.attrs.get("forcing", "amplitude"))
+
+
+def _edges(e: Array) -> Array:
+    """Edges half-way between sorted values."""
+    if e.size == 1:
+        return np.array([e[0] - 0.01, e[0] + 0.01])
+    middle = (e[1:] + e[:-1]) / 2.0
+    return np.concatenate([[2.0 * e[0] - middle[0]], middle, [2.0 * e[-1] - middle[-1]]])
+
+
+def _conditions(windows: xr.Dataset) -> str:
+    """Return frequency, rebound law and base in a line."""
+    law = ", reflect law" if windows.attrs.get("rebound") == "reflect" else ""
+    base = ", moving base" if moves(windows) else ""
+    return f"$f$ = {float(windows['frequency']):.4g} Hz{law}{base}"

@@ -1,0 +1,46 @@
+"""Closed forms of the bouncing ball: locked orbits, and orbits of any kind.
+
+Those of `sprung` hold over a base of finite mass, the others over one that particles do not act on.
+"""
+
+from __future__ import annotations
+
+from vibrosweep.model.locked_theory import (
+    amplitude_max,
+    amplitude_min,
+    locked_apex,
+    locked_height,
+    locked_phase,
+    locked_velocity,
+    multipliers,
+)
+from vibrosweep.model.orbit_theory import (
+    FIXED,
+    exponent_sum,
+    flight_time_bound,
+    liftoff_flight,
+    liftoff_speed_bound,
+    recognition_periods,
+    unforced_rest_impact,
+    unforced_rest_time,
+)
+from vibrosweep.theory import sprung
+
+__all__ = [
+    "FIXED",
+    "amplitude_max",
+    "amplitude_min",
+    "exponent_sum",
+    "flight_time_bound",
+    "liftoff_flight",
+    "liftoff_speed_bound",
+    "locked_apex",
+    "locked_height",
+    "locked_phase",
+    "locked_velocity",
+    "multipliers",
+    "recognition_periods",
+    "sprung",
+    "unforced_rest_impact",
+    "unforced_rest_time",
+]

@@ -1,0 +1,192 @@
+"""Claims 4a and 4b: synchronous impacts that are unstable, staggered motion that attracts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from study.bases import BASES, HIGH_BOUNCE, SPRUNG
+from study.claims_on_order import SETTLED, slots_name
+from study.estimates import share
+from study.figures.pairs import fates
+from study.samples import (
+    ANY_PHASE,
+    FEW,
+    FIRST,
+    MOUNT,
+    SMALLER,
+    TAU_C,
+    Plan,
+    Setting,
+    irregular,
+    measured,
+    settings_of,
+)
+from study.slots import LIGHT, SCATTER, landing_phase, own_slots, populations
+from study.verdict import (
+    Check,
+    Evidence,
+    Number,
+    Outcome,
+    Picture,
+    Reading,
+    check,
+    nearly_all,
+    number,
+)
+from vibrosweep import simulate, theory
+
+# Launches nearly at once, s
+NEAR: Final = 1e-6
+# Two particles are called staggered from a quarter of the even spacing of one period on, s at 1 Hz
+APART: Final = 0.25 * 0.5
+# Until when, and the window at the end that is judged, s
+LONG: Final = {base: 100.0 if base == SPRUNG else 600.0 for base in BASES}
+WINDOW: Final = 10.0
+# Exponents need more landings than fit into that, s
+WINDOW_OF_EXPONENTS: Final = 500.0
+PAIR: Final[Mapping[str, Any]] = {"particles": 2, "launch": [0.0, NEAR]}
+
+
+def synchronous(plan: Plan) -> Outcome:
+    """Synchronous impacts are unstable."""
+    pictured = _late(
+        Plan(plan.threads, seeds=1, realizations=200),
+        HIGH_BOUNCE,
+        FIRST,
+        {**PAIR, "regimes": True},
+    )
+    return Outcome(
+        [_synchronous(plan, base) for base in BASES],
+        [
+            Picture(
+                "claim04_synchronous_pairs",
+                "Separation of pairs launched 1 µs apart, in the last 10 s of 600 s, against the "
+                "amplitude, with the study's equations: below the dashed line they have "
+                "approached each other.",
+                fates(pictured, NEAR),
+            )
+        ],
+    )
+
+
+def _late(
+    plan: Plan,
+    base: str,
+    setting: Setting,
+    scene: Mapping[str, Any],
+    part: float = 1.0,
+    window: float = WINDOW,
+) -> xr.Dataset:
+    """The end of a long observation of drawn realizations launched at any phase."""
+    return measured(
+        plan,
+        base,
+        setting.drawn(plan, scale=part * SMALLER[base], phase=ANY_PHASE),
+        duration=LONG[base],
+        transient=LONG[base] - window,
+        separation=True,
+        **scene,
+    )
+
+
+def _synchronous(plan: Plan, base: str) -> Evidence:
+    what = "share of pairs launched 1 µs apart, of those that still bounce, that have drawn apart"
+    checks = []
+    for one in settings_of(base):
+        dt = _late(plan, base, one, PAIR)["dt_min"].values
+        checks.append(nearly_all(what, dt[np.isfinite(dt)] > NEAR, one.name))
+    numbers = _bunch() if base == SPRUNG else _contraction(plan, base)
+    drawn = Reading("pairs drawn at random", checks)
+    return Evidence(base, (drawn,), [_in_one_slot(plan)] if base == SPRUNG else (), numbers)
+
+
+def _in_one_slot(plan: Plan) -> Reading:
+    """Two particles launched into one slot of mode 1 of a base that recoils."""
+    phase = landing_phase(1)
+    record = simulate(
+        **LIGHT,
+        base=SPRUNG,
+        launch_velocity=float(theory.locked_velocity(1)),
+        launch_time=[phase, phase + NEAR],
+        duration=LONG[SPRUNG],
+        threads=plan.threads,
+    )
+    first, second = record["landing_time"].values[0]
+    known = np.isfinite(first) & np.isfinite(second)
+    apart = abs(float(second[known][-1] - first[known][-1]))
+    one = check(
+        "separation after 100 s of a pair launched 1 µs apart", apart, "at least", TAU_C, "s"
+    )
+    return Reading("both locked to mode 1 (e = 0.9, 0.6 g)", (one,))
+
+
+def _contraction(plan: Plan, base: str) -> tuple[Number, ...]:
+    modulus = np.abs(theory.multipliers(1, 0.9, 1.2, base=base)).max()
+    late = _late(
+        plan,
+        base,
+        FIRST,
+        {**PAIR, "regimes": True, "lyapunov": True, "per_particle": True},
+        window=WINDOW_OF_EXPONENTS,
+    )
+    what = "pairs in irregular motion (a positive Lyapunov exponent in the last 500 s), share"
+    return (
+        number(what, share(*irregular(late))),
+        number("factor by which a small separation changes per impact at Table 1", modulus),
+    )
+
+
+def _bunch() -> tuple[Number, ...]:
+    gap = theory.sprung.reversing_separation(1, 0.9, 0.6, MOUNT["mass_ratio"])
+    what = "separation that two particles in one slot keep, e = 0.9, 0.6 g, first order"
+    return (number(what, float(gap), "s"),)
+
+
+def staggered(plan: Plan) -> Outcome:
+    """Staggered motion attracts."""
+    return Outcome([_staggered(plan, base) for base in BASES])
+
+
+def _staggered(plan: Plan, base: str) -> Evidence:
+    many = FEW if base == SPRUNG else 20
+    two: list[Check] = []
+    population: list[Check] = []
+    together: list[Check] = []
+    for setting in settings_of(base):
+        contact = setting.constants.get("contact_time", TAU_C)
+        for particles, checks in ((2, two), (many, population)):
+            late = _late(plan, base, setting, {"particles": particles}, 0.125)["dt_min"].values
+            what = f"share of {particles} staggered particles that bounce on more than τ_c apart"
+            checks.append(nearly_all(what, late > contact, setting.name))
+        dt = _late(plan, base, setting, PAIR)["dt_min"].values
+        what = "share of pairs launched 1 µs apart that end a quarter of even spacing apart or more"
+        together.append(nearly_all(what, dt[np.isfinite(dt)] >= APART, setting.name))
+    returned = [_return(plan, base, n) for n in populations(base, 20)]
+    near = check(
+        "deviation from even spacing after 1400 impacts over that at launch, largest",
+        np.max(returned),
+        "at most",
+        1e-3,
+    )
+    return Evidence(
+        base,
+        readings=(
+            Reading("staggered pairs stay apart", two),
+            Reading(f"{many} staggered particles stay apart", population),
+            Reading("pairs launched together become staggered", together),
+        ),
+        conditions=(Reading("only near by; " + slots_name(base), (near,)),),
+    )
+
+
+def _return(plan: Plan, base: str, particles: int) -> float:
+    """Deviation of landings in own slots from whole periods at the end, over that at launch."""
+    record = own_slots(particles, base, plan, impacts=SETTLED).isel(realization=0)
+    times = record["landing_time"].values
+    last = np.array([row[np.isfinite(row)][-1] for row in times])
+    turns = last - np.rint(last - last[0])
+    return float(np.ptp(turns)) / (2.0 * SCATTER)

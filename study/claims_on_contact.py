@@ -1,0 +1,266 @@
+"""Claims 10, 11 and 21: separations that stay positive, heights that differ, grooves for balls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from study.arrays import Flags
+from study.bases import BASES, HIGH_BOUNCE, SPRUNG
+from study.claims_on_order import slots_name
+from study.estimates import Estimate, share
+from study.figures.crossings import heights_and_crossings
+from study.samples import (
+    FEW,
+    FIRST,
+    FOLLOWED,
+    SMALLER,
+    TAU_C,
+    WINDOWS,
+    Plan,
+    Setting,
+    measured,
+    mount,
+    settings_of,
+)
+from study.slots import POPULATIONS, own_slots, populations, smallest_separation
+from study.verdict import (
+    ANY_BASE,
+    Check,
+    Evidence,
+    Number,
+    Outcome,
+    Picture,
+    Reading,
+    check,
+    nearly_all,
+    number,
+)
+from vibrosweep import simulate, theory
+from vibrosweep.analysis import crossings, separation_distribution, slot_decay
+from vibrosweep.figures import decay_in_a_slot, separation_distributions
+
+DURATIONS: Final = (12.0, 120.0, 1200.0)
+MEASURES: Final = {
+    "all landings": "dt_min",
+    "equal impact numbers, as printed": "dt_min_same_index",
+}
+# Tables 2 and 3 of the study: mm
+GROOVES: Final = 24
+PLATFORM_RADIUS: Final = 90.0
+DIAMETERS: Final = (8.0, 10.0)
+
+
+def separation_stays_positive(plan: Plan) -> Outcome:
+    """The smallest separation stays positive for all stable conditions, and above tau_c."""
+    one = Plan(plan.threads, seeds=1, realizations=200)
+    drawn = FIRST.drawn(one)
+    high_bounce = HIGH_BOUNCE
+    sweeps = [
+        measured(one, high_bounce, drawn, particles=20, duration=t, separation=True)
+        for t in DURATIONS
+    ]
+    return Outcome(
+        [_positive(plan, base) for base in BASES],
+        [
+            Picture(
+                "claim10_distribution",
+                "Empirical distribution of dt_min over 200 realizations of the study's equations, "
+                "for three times of observation; the step at the left edge are those with "
+                "dt_min = 0.",
+                separation_distributions(
+                    [separation_distribution(s) for s in sweeps],
+                    [f"{t:g} s" for t in DURATIONS],
+                    TAU_C,
+                ),
+            ),
+            Picture(
+                "claim10_slot",
+                "Separation of two particles in one slot at Table 1 at each impact, with the "
+                "study's equations, and the decay that the multipliers predict.",
+                decay_in_a_slot(_slot_decay(plan, high_bounce)),
+            ),
+        ],
+    )
+
+
+def _positive(plan: Plan, base: str) -> Evidence:
+    checks: dict[str, list[Check]] = {}
+    for setting in settings_of(base):
+        for name, one in _of_setting(plan, base, setting):
+            checks.setdefault(name, []).append(one)
+    own = np.min([smallest_separation(own_slots(n, base, plan)) for n in populations(base)])
+    kept = check("smallest separation of landings", own, "at least", TAU_C, "s")
+    return Evidence(
+        base,
+        readings=[Reading(name, each) for name, each in checks.items()],
+        conditions=(Reading(slots_name(base), (kept,)),),
+        numbers=() if base == SPRUNG else _closing(plan, base),
+    )
+
+
+def _of_setting(plan: Plan, base: str, setting: Setting) -> Iterator[tuple[str, Check]]:
+    """Tests of every reading under one setting."""
+    drawn = setting.drawn(plan, scale=SMALLER[base])
+    scene = {"particles": FEW if base == SPRUNG else 20}
+    stable = _stable(plan, base, drawn, scene)
+    contact = setting.constants.get("contact_time", TAU_C)
+    for window, (begin, end) in WINDOWS.items():
+        found = measured(plan, base, drawn, transient=begin, duration=end, separation=True, **scene)
+        for landings, measure in MEASURES.items():
+            for kind, chosen in stable.items():
+                dt = found[measure].values[chosen]
+                for words, bound in (("0", 0.0), ("τ_c", contact)):
+                    what = f"share of stable realizations with dt_min > {words}"
+                    one = nearly_all(what, dt > bound, setting.name)
+                    yield f"{landings}; {window}; stable: {kind}", one
+
+
+def _stable(
+    plan: Plan, base: str, drawn: dict[str, Any], scene: dict[str, Any]
+) -> dict[str, Flags]:
+    """Which realizations are stable, by what that may mean; particles bounce on in all of them."""
+    if base == SPRUNG:
+        found = measured(plan, base, drawn, duration=42.0, **scene)
+        return {"every particle bounces on": found["at_rest_count"].values == 0}
+    found = measured(plan, base, drawn, duration=2000.0, regimes=True, **scene)
+    locked = found["locked_count"].values
+    recurrent = locked + found["resting_count"].values
+    return {
+        "periodic": recurrent == scene["particles"],
+        "locked": locked == scene["particles"],
+    }
+
+
+def _slot_decay(plan: Plan, base: str) -> xr.Dataset:
+    phase = float(theory.locked_phase(1, 0.9, 1.2))
+    pair = simulate(
+        launch_velocity=4.905,
+        launch_time=[phase, phase + 0.01],
+        duration=450.0,
+        base=base,
+        threads=plan.threads,
+    )
+    return slot_decay(pair)
+
+
+def _closing(plan: Plan, base: str) -> tuple[Number, ...]:
+    decay = _slot_decay(plan, base).isel(realization=0)
+    closing = number(
+        "time in which a slot closes from half a period to τ_c, Table 1",
+        float(decay["closing_time"]),
+        "s",
+    )
+    drawn = FIRST.drawn(plan, scale=FOLLOWED)
+    free = (
+        measured(plan, base, drawn, particles=n, duration=12.0, separation=True)
+        for n in (2, *POPULATIONS)
+    )
+    return (
+        number("decay per impact in a slot at Table 1, fitted", float(decay["modulus_fitted"])),
+        number("the same from the multipliers", float(decay["modulus_predicted"])),
+        closing,
+        *(
+            number(
+                f"collision-free realizations of N = {n} in 12 s, share",
+                share(one["collision_free"].values == 1),
+            )
+            for n, one in zip((2, *POPULATIONS), free, strict=True)
+        ),
+    )
+
+
+def heights_differ(plan: Plan) -> Outcome:
+    """y_i(t) != y_j(t) at all times, Eq. 18."""
+    few = simulate(launch_time=[0.1, 0.55], duration=4.0, threads=plan.threads)
+    return Outcome(
+        [_heights_differ(plan, base) for base in BASES],
+        [
+            Picture(
+                "claim11_crossings",
+                "Heights of two particles at Table 1 with the study's equations; circles mark "
+                "where they are at one height.",
+                heights_and_crossings(few, crossings(few)),
+            )
+        ],
+    )
+
+
+def _heights_differ(plan: Plan, base: str) -> Evidence:
+    record = simulate(
+        launch_time=np.arange(20) / 20,
+        duration=12.0,
+        base=base,
+        threads=plan.threads,
+        **mount(base),
+    )
+    found = crossings(record)
+    crossing = float(found["pairs_crossing"]) / float(found["pairs"])
+    # whoever passes through another one's centre has touched it
+    touching = Estimate(crossing, crossing, 1.0)
+    return Evidence(
+        base,
+        readings=(
+            Reading(
+                "points on one vertical line",
+                (check("share of pairs at one height at some time", crossing, "at most", 0.0),),
+            ),
+            Reading(
+                "spheres of 8 to 10 mm on one vertical line",
+                (check("share of pairs that touch, at least", touching, "at most", 0.0),),
+            ),
+        ),
+        conditions=(_own_groove(20),),
+        numbers=(
+            number("crossings of 20 particles in 12 s", found.sizes["crossing"]),
+            number("pairs of flights in the air together", found["flight_overlaps"]),
+        ),
+    )
+
+
+def _own_groove(balls: int) -> Reading:
+    """Spheres in different grooves: apart sideways, whatever their heights."""
+    rim = PLATFORM_RADIUS - 0.5 * DIAMETERS[1]
+    return Reading(
+        f"spheres, each in a groove of its own (N at most {GROOVES}): apart sideways, not in time",
+        (
+            check(
+                f"balls of {balls} in one groove, at the least",
+                math.ceil(balls / GROOVES),
+                "at most",
+                1.0,
+            ),
+            check(
+                "distance of neighbouring grooves at the rim",
+                2.0 * rim * math.sin(math.pi / GROOVES),
+                "at least",
+                DIAMETERS[1],
+                "mm",
+            ),
+        ),
+    )
+
+
+def grooves(plan: Plan) -> Outcome:
+    """The grooves of Table 2 guide every ball on a path of its own, for fifty balls too."""
+    least = DIAMETERS[1] / (2.0 * math.sin(math.pi / GROOVES))
+    fifty = check(
+        "balls of 50 in one groove, at the least", math.ceil(50 / GROOVES), "at most", 1.0
+    )
+    return Outcome(
+        [
+            Evidence(
+                ANY_BASE,
+                readings=(Reading("50 balls in 24 grooves", (fifty,)),),
+                conditions=(_own_groove(20),),
+                numbers=(
+                    number("radius at which 24 balls of 10 mm fit side by side", least, "mm"),
+                    number("radius of the platform", PLATFORM_RADIUS, "mm"),
+                ),
+            )
+        ]
+    )

@@ -1,0 +1,257 @@
+"""Claims 1, 2 and 15: decay without excitation, balance of energy, decay under weak excitation."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import xarray as xr
+
+from study.arrays import Array
+from study.bases import BASES, FIXED
+from study.figures.balance import balance_against_rests, energy_decay
+from study.samples import (
+    ANY_PHASE,
+    FIRST,
+    FOLLOWED,
+    SMALLER,
+    Plan,
+    Setting,
+    measured,
+    records,
+    settings_of,
+)
+from study.verdict import (
+    Check,
+    Evidence,
+    Outcome,
+    Picture,
+    Reading,
+    check,
+    nearly_all,
+    number,
+)
+from vibrosweep import simulate, theory
+from vibrosweep.analysis import energy_balance, return_map
+
+RESTITUTIONS: Final = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
+# Landing times up to 1e5 s are rounded to 1e-11 s, and their phase enters the kick
+ROUNDING: Final = 1e-9
+# An orbit settles by the factor sqrt(e) per impact at the slowest: by so many factors exp(1) in all
+SETTLED: Final = 30.0
+ROUGHLY: Final = 0.1  # what the sign for "about" in Eq. 26 may cover
+# "A much smaller than 1", m s-1
+WEAK: Final = (0.01, 0.1)
+FIRST_HEIGHT: Final = 5.0**2 / (2.0 * 9.81)
+
+
+def decay(plan: Plan) -> Outcome:
+    """Without excitation the energy decays exponentially and the particle comes to rest."""
+    pictured = simulate(restitution=0.9, amplitude=0.0, duration=12.0, threads=plan.threads)
+    return Outcome(
+        [_decay(plan, base) for base in FIXED],
+        [
+            Picture(
+                "claim01_energy_decay",
+                "Energy of a particle at e = 0.9 without excitation: a straight line against the "
+                "number of impacts (left), not against time (right).",
+                energy_decay(pictured),
+            )
+        ],
+    )
+
+
+def _decay(plan: Plan, base: str) -> Evidence:
+    e = np.array(RESTITUTIONS)
+    record = simulate(restitution=e, amplitude=0.0, duration=150.0, base=base, threads=plan.threads)
+    ratios, rates, rest_errors = [], [], []
+    rest_time = theory.unforced_rest_time(5.0, e, 1e-4)
+    for i in range(e.size):
+        speed = return_map(record, realization=i)
+        energy = np.append(speed["arrival_speed"], speed["next_arrival_speed"][-1:]) ** 2
+        ratios.append(np.max(np.abs(energy[1:] / energy[:-1] / e[i] ** 2 - 1.0)))
+        # between impacts n and n + 1 the energy falls by e^2 in a flight of 2 v / g
+        rates.append(float(speed["arrival_speed"][0] / speed["arrival_speed"][-1]))
+        last = record["landing_time"].values[i, 0, int(record["impact_count"][i, 0]) - 1]
+        rest_errors.append(abs(last / rest_time[i] - 1.0))
+    at_rest = (record["rested"].values[:, 0] == 1).any(axis=-1)
+    rests = check("share of particles that come to rest", np.mean(at_rest), "at least", 1.0)
+    return Evidence(
+        base,
+        readings=(
+            Reading(
+                "exponential in the number of impacts",
+                (
+                    check(
+                        "energy after an impact over e^2 times that before, largest deviation "
+                        "from 1",
+                        np.max(ratios),
+                        "at most",
+                        ROUNDING,
+                    ),
+                    rests,
+                ),
+            ),
+            Reading(
+                "exponential in time",
+                (
+                    check(
+                        "rate of decay per second at the last flight over that at the first, "
+                        "largest",
+                        np.max(rates),
+                        "at most",
+                        1.01,
+                    ),
+                    rests,
+                ),
+            ),
+        ),
+        numbers=(
+            number("time until rest at e = 0.9", float(rest_time[RESTITUTIONS.index(0.9)]), "s"),
+            number("the closed form of that time, largest relative error", np.max(rest_errors)),
+        ),
+    )
+
+
+def balance(plan: Plan) -> Outcome:
+    """Balance of energy, Eq. 26."""
+    sample = FIRST.drawn(Plan(seeds=1, realizations=60))
+    record = simulate(
+        restitution=sample["restitution"],
+        amplitude=sample["amplitude"],
+        launch_time=np.arange(10) / 10,
+        duration=60.0,
+        threads=plan.threads,
+    )
+    return Outcome(
+        [_balance(plan, base) for base in FIXED],
+        [
+            Picture(
+                "claim02_energy_balance",
+                "Imbalance of each particle against the share of its landings that end in a rest, "
+                "with the study's equations: without rests what is left is the effect of the ends "
+                "of the window.",
+                balance_against_rests(energy_balance(record, since=30.0)),
+            )
+        ],
+    )
+
+
+def _balance(plan: Plan, base: str) -> Evidence:
+    every, without = [], []
+    for setting in settings_of(base):
+        drawn = setting.drawn(plan, scale=FOLLOWED, phase=ANY_PHASE)
+        found = [
+            energy_balance(record, since=30.0).isel(particle=0)
+            for record in records(plan, base, drawn, launch_time=0.0, duration=60.0)
+        ]
+        off = np.abs(np.concatenate([_relative(one) for one in found]))
+        known = np.isfinite(off)
+        free = known & (np.concatenate([one["rests"].values for one in found]) == 0)
+        every.append(_in_balance("that bounce", off[known], setting))
+        without.append(_in_balance("that never rest", off[free], setting))
+    cycles, doubled = _cycles(plan, base), _doubled(plan, base)
+    return Evidence(
+        base,
+        readings=(
+            Reading("every particle that bounces", every),
+            Reading("particles that never rest", without),
+        ),
+        conditions=(
+            Reading(
+                "over whole cycles of an orbit of one impact per cycle, without rests",
+                (
+                    check(
+                        "imbalance relative to the loss, largest",
+                        np.max(np.abs(cycles)),
+                        "at most",
+                        ROUNDING,
+                    ),
+                ),
+            ),
+        ),
+        numbers=(
+            number("cycles without rests that were tested", cycles.size),
+            number("imbalance over a cycle of two impacts, relative to the loss", abs(doubled)),
+        ),
+    )
+
+
+def _in_balance(whose: str, off: Array, setting: Setting) -> Check:
+    what = f"share of particles {whose} in balance to 10 %, the ends of the window apart"
+    return nearly_all(what, off <= ROUGHLY, setting.name)
+
+
+def _relative(found: xr.Dataset) -> Array:
+    """Imbalance relative to the loss, without the effect of the first and last speed."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(((found["balance"] - found["end_effect"]) / found["mean_loss"]).values)
+
+
+def _cycles(plan: Plan, base: str) -> Array:
+    """Relative imbalance over one cycle of locked orbits in the middle of their windows."""
+    k, e = (v.ravel() for v in np.meshgrid(np.arange(1.0, 5.0), np.array(RESTITUTIONS)))
+    low, high = theory.amplitude_min(k, e), theory.amplitude_max(k, e, base=base)
+    middle = 0.5 * (low + high)
+    record = simulate(
+        restitution=e,
+        amplitude=middle,
+        launch_velocity=theory.locked_velocity(k),
+        phase=2.0 * np.pi * (theory.locked_phase(k, e, middle) + 1e-3),
+        launch_time=0.0,
+        duration=float(2.0 * SETTLED * k.max() / -np.log(e.max())),
+        base=base,
+        threads=plan.threads,
+    )
+    return _imbalance(record, 1)
+
+
+def _doubled(plan: Plan, base: str) -> float:
+    """Relative imbalance over a cycle of two impacts, just above the window of mode 1."""
+    amplitude = 1.01 * float(theory.amplitude_max(1, 0.9, base=base))
+    record = simulate(
+        amplitude=amplitude,
+        launch_velocity=4.905,
+        launch_time=float(theory.locked_phase(1, 0.9, amplitude)) + 1e-3,
+        duration=4000.0,
+        base=base,
+        threads=plan.threads,
+    )
+    return float(_imbalance(record, 2)[0])
+
+
+def _imbalance(record: xr.Dataset, impacts: int) -> Array:
+    found = energy_balance(record, impacts=impacts).isel(particle=0)
+    return np.asarray((found["balance"] / found["mean_loss"]).values)
+
+
+def weak_excitation(plan: Plan) -> Outcome:
+    """If the excitation is too small, dissipation dominates and the motion decays."""
+    return Outcome([_weak(plan, base) for base in BASES])
+
+
+def _weak(plan: Plan, base: str) -> Evidence:
+    ends, low = [], []
+    for setting in settings_of(base):
+        late = measured(
+            plan,
+            base,
+            setting.drawn(plan, scale=SMALLER[base], amplitude=WEAK, phase=ANY_PHASE),
+            particles=1,
+            transient=400.0,
+            duration=420.0,
+        )
+        rest = late["at_rest_count"].values == 1
+        height = late["rebound_height_max"].values
+        died = rest | (height <= 0.01 * FIRST_HEIGHT)
+        what = "share of particles at rest for good after 400 s"
+        ends.append(nearly_all(what, rest, setting.name))
+        what = "share that rise to less than 1 % of their first height after 400 s"
+        low.append(nearly_all(what, died, setting.name))
+    return Evidence(
+        base,
+        readings=(
+            Reading("decay to rest for good", ends),
+            Reading("decay to less than 1 % of the first height", low),
+        ),
+    )

@@ -1,0 +1,241 @@
+"""Claims 7 and 14: the flat band of Fig. 3, and what a larger amplitude gives."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any, Final
+
+import numpy as np
+
+from study import light_particle
+from study.arrays import Array
+from study.bases import BASES, HIGH_BOUNCE, SPRUNG
+from study.estimates import Estimate, magnitude, mean, share
+from study.samples import (
+    ANY_PHASE,
+    FEW,
+    FIRST,
+    RANGES,
+    SMALLER,
+    Plan,
+    Setting,
+    by_seed,
+    measured,
+    settings_of,
+)
+from study.verdict import (
+    NEARLY_ALL,
+    Check,
+    Evidence,
+    Outcome,
+    Picture,
+    Reading,
+    check,
+    number,
+)
+from vibrosweep import sobol, theory
+from vibrosweep.figures import height_against_restitution, sobol_bars
+
+FLAT: Final = 0.1
+GROUPS: Final = 5
+# All seven parameters, this package's ranges of e and A and a tenth or so around Table 1
+AROUND_TABLE_1: Final[dict[str, Any]] = {
+    **RANGES,
+    "frequency": (0.9, 1.1),
+    "phase": (-np.pi, np.pi),
+    "gravity": (9.7, 9.9),
+    "launch_velocity": (4.5, 5.5),
+    "contact_time": (5e-5, 2e-4),
+}
+WINDOWS: Final = {
+    "from the launch on": (0.0, 12.0),
+    "the first 200 s left out": (200.0, 212.0),
+}
+MANY: Final = "the highest of twenty (of five on the base of finite mass)"
+LAUNCHES: Final[dict[str, dict[str, Any]]] = {
+    "one particle launched at t = 0": {"particles": 1},
+    "one particle launched at any phase": {"particles": 1, "phase": ANY_PHASE},
+    MANY: {"particles": 20},
+}
+FORCINGS: Final[dict[str, dict[str, Any]]] = {
+    "A of Table 1": {"amplitude": (1.2, 1.2)},
+    "A random too": {},
+}
+GROWING: Final = {"height": "rebound_height_mean", "separation": "dt_min"}
+FACTOR: Final = 1.2  # of the amplitude
+GAIN: Final = 0.01  # a relative increase that counts
+
+
+def plateau(plan: Plan) -> Outcome:
+    """The maximum rebound height hardly depends on the restitution, Fig. 3."""
+    one = Plan(plan.threads, seeds=1, realizations=200)
+    high_bounce = HIGH_BOUNCE
+    drawn = FIRST.drawn(one, amplitude=(1.2, 1.2))
+    early, late = (
+        measured(one, high_bounce, drawn, particles=20, transient=begin, duration=end)
+        for begin, end in ((0.0, 12.0), (900.0, 1000.0))
+    )
+    indices = sobol(**AROUND_TABLE_1, particles=5, separation=True, seed=3, threads=plan.threads)
+    return Outcome(
+        [_plateau(plan, base) for base in BASES],
+        [
+            Picture(
+                "claim07_from_launch",
+                "Maximum rebound height of twenty particles in the first 12 s, the study's "
+                "equations at the amplitude of Table 1.",
+                height_against_restitution(early),
+            ),
+            Picture(
+                "claim07_steady",
+                "The same from 900 s to 1000 s.",
+                height_against_restitution(late),
+            ),
+            Picture(
+                "claim07_sobol_indices",
+                "Sobol' indices of four measures of five staggered particles in 12 s, the study's "
+                "equations, with 95 % intervals: alone (dark) and with all interactions (light).",
+                sobol_bars(indices),
+            ),
+        ],
+    )
+
+
+def _plateau(plan: Plan, base: str) -> Evidence:
+    readings = []
+    for launch, window, forcing in product(LAUNCHES, WINDOWS, FORCINGS):
+        checks = [
+            check(
+                "change of the median maximum height from the lowest to the highest fifth of e",
+                magnitude(mean(_changes(plan, base, setting, launch, window, forcing))),
+                "at most",
+                FLAT,
+                setting=setting.name,
+            )
+            for setting in settings_of(base)
+        ]
+        readings.append(Reading(f"{launch}; {window}; {forcing}", checks))
+    e = np.linspace(*RANGES["restitution"], 37)
+    height = _mode_height(base, e, 1.2)
+    locked = light_particle.landing_phase if base == SPRUNG else theory.locked_phase
+    followed = measured(
+        plan,
+        base,
+        {
+            "restitution": e,
+            "amplitude": 1.2,
+            "launch_velocity": float(theory.locked_velocity(1)),
+            "phase": 2.0 * np.pi * locked(1, e, 1.2),
+        },
+        particles=1,
+        transient=2000.0,
+        duration=2012.0,
+    )["rebound_height_max"].values
+    return Evidence(
+        base,
+        readings=readings,
+        conditions=(
+            Reading(
+                "locked on mode 1 at the amplitude of Table 1",
+                (
+                    check(
+                        "change of the height from e = 0.80 to 0.98",
+                        np.ptp(height) / height.min(),
+                        "at most",
+                        FLAT,
+                    ),
+                    check(
+                        "distance of heights that were followed from the closed form, relative",
+                        np.max(np.abs(followed / height - 1.0)),
+                        "at most",
+                        1e-6,
+                    ),
+                ),
+            ),
+        ),
+        numbers=(
+            number("height of mode 1 at e = 0.80", height[0], "m"),
+            number("height of mode 1 at e = 0.98", height[-1], "m"),
+        ),
+    )
+
+
+def _mode_height(base: str, restitution: Array, amplitude: float) -> Array:
+    """Maximum rebound height of mode 1 in m."""
+    if base == HIGH_BOUNCE:
+        return np.full(restitution.shape, float(theory.locked_height(1)))
+    if base == SPRUNG:
+        return light_particle.apex(restitution, amplitude)
+    return np.asarray(theory.locked_apex(1, restitution, amplitude))
+
+
+def _changes(
+    plan: Plan, base: str, setting: Setting, launch: str, window: str, forcing: str
+) -> list[float]:
+    """Relative change of the median height over the range of e, for each seed."""
+    scene = dict(LAUNCHES[launch])
+    if base == SPRUNG and launch == MANY:
+        scene["particles"] = FEW
+    more = FORCINGS[forcing] | ({"phase": scene.pop("phase")} if "phase" in scene else {})
+    drawn = setting.drawn(plan, scale=SMALLER[base], **more)
+    begin, end = WINDOWS[window]
+    found = measured(plan, base, drawn, transient=begin, duration=end, **scene)
+    heights = by_seed(plan, found["rebound_height_max"].values)
+    return [
+        _change(e, height)
+        for e, height in zip(by_seed(plan, drawn["restitution"]), heights, strict=True)
+    ]
+
+
+def _change(e: Array, height: Array) -> float:
+    """Of the median in the highest group of e against the lowest; NaN where most do not bounce."""
+    order = np.argsort(e)
+    size = max(1, e.size // GROUPS)
+    groups = height[order[:size]], height[order[-size:]]
+    if any(np.mean(np.isfinite(one)) < 0.5 for one in groups):
+        return float("nan")
+    lowest, highest = (float(np.nanmedian(one)) for one in groups)
+    return highest / lowest - 1.0
+
+
+def larger_amplitude(plan: Plan) -> Outcome:
+    """A larger amplitude increases flight height and separation, sec. 2.1.1."""
+    return Outcome([_larger(plan, base) for base in BASES])
+
+
+def _larger(plan: Plan, base: str) -> Evidence:
+    readings = []
+    for window in WINDOWS:
+        found: dict[str, list[Check]] = {name: [] for name in GROWING}
+        for setting in settings_of(base):
+            for name, gains in _gains(plan, base, setting, window).items():
+                what = f"share of realizations in which 1.2 A gives at least 1 % more {name}"
+                one = check(what, gains, "at least", NEARLY_ALL, setting=setting.name)
+                found[name].append(one)
+        readings += [Reading(f"{name}, {window}", checks) for name, checks in found.items()]
+    lower, higher = (_mode_height(base, np.array([0.9]), a)[0] for a in (1.2, FACTOR * 1.2))
+    gain = number("gain of height of mode 1 from A = 1.2 to 1.44 m/s, e = 0.9", higher - lower, "m")
+    return Evidence(base, readings, numbers=(gain,))
+
+
+def _gains(plan: Plan, base: str, setting: Setting, window: str) -> dict[str, Estimate]:
+    """Share of realizations that gain height, and separation, from a larger amplitude."""
+    begin, end = WINDOWS[window]
+    drawn = setting.drawn(plan, scale=SMALLER[base] * (0.5 if base == SPRUNG else 1.0))
+    lower, higher = (
+        measured(
+            plan,
+            base,
+            drawn | {"amplitude": factor * drawn["amplitude"]},
+            particles=FEW,
+            transient=begin,
+            duration=end,
+            separation=True,
+        )
+        for factor in (1.0, FACTOR)
+    )
+    shares = {}
+    for name, measure in GROWING.items():
+        less, more = lower[measure].values, higher[measure].values
+        known = np.isfinite(less) & np.isfinite(more)
+        shares[name] = share(more[known] > (1.0 + GAIN) * less[known])
+    return shares

@@ -1,0 +1,261 @@
+"""Claims 3, 9 and 17: separations that are preserved, ordered motion, the invariant manifold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from study.arrays import Array
+from study.bases import BASES, SPRUNG
+from study.estimates import mean
+from study.figures.pairs import separations_in_time
+from study.samples import (
+    FEW,
+    FOLLOWED,
+    SMALLER,
+    WINDOWS,
+    Plan,
+    by_seed,
+    measured,
+    mount,
+    records,
+    settings_of,
+)
+from study.slots import (
+    height_needed,
+    own_slots,
+    populations,
+    smallest_separation,
+)
+from study.verdict import (
+    NEARLY_ALL,
+    Check,
+    Evidence,
+    Number,
+    Outcome,
+    Picture,
+    Reading,
+    check,
+    nearly_all,
+    number,
+)
+from vibrosweep import basins, simulate, theory
+from vibrosweep.analysis import capacity, first_shared_base, order_of_landings, separation_changes
+
+# Impacts in which an offset of 1 ms falls below 1e-9 s at e = 0.98, by sqrt(e) each
+SETTLED: Final = 1400
+TABLE_1: Final[dict[str, Any]] = {"restitution": 0.9, "amplitude": 1.2}
+
+
+def slots_name(base: str) -> str:
+    """The condition that rescues order, with the heights that it takes."""
+    if base == SPRUNG:
+        return (
+            f"two particles in slots of their own (at 1 Hz, flights {height_needed(2):.1f} m high)"
+        )
+    return (
+        f"each particle in a slot of its own (at 1 Hz, flights {height_needed(20):.0f} m high for "
+        f"N = 20, {height_needed(100) / 1e3:.0f} km for 100)"
+    )
+
+
+def preserved(plan: Plan) -> Outcome:
+    """Separation is preserved from impact to impact, Eqs. 23 and 24."""
+    table_1 = simulate(launch_time=[0.1, 0.125, 0.15], duration=40.0, threads=plan.threads)
+    return Outcome(
+        [_preserved(plan, base) for base in BASES],
+        [
+            Picture(
+                "claim03_separations",
+                "Separations of three particles launched 25 ms apart at Table 1, impact by "
+                "impact, with the study's equations; dashed, their separations at launch.",
+                separations_in_time(table_1),
+            )
+        ],
+    )
+
+
+def _preserved(plan: Plan, base: str) -> Evidence:
+    readings = [
+        Reading(f"{what}, {when}", checks)
+        for when, window in WINDOWS.items()
+        for what, checks in _kept(plan, base, *window).items()
+    ]
+    largest = np.max(
+        [
+            separation_changes(own_slots(n, base, plan, SETTLED + 20), landed_before=SETTLED)[
+                "change_max"
+            ][0]
+            for n in populations(base, 20)
+        ]
+    )
+    settled = check("change of a separation, largest", largest, "at most", 1e-8, "s")
+    name = "settled on one locked orbit of one impact per cycle; " + slots_name(base)
+    return Evidence(base, readings, (Reading(name, (settled,)),))
+
+
+def _kept(plan: Plan, base: str, since: float, until: float) -> dict[str, list[Check]]:
+    """Tests of separations, and of the order of two particles alone, by what is tested."""
+    found: dict[str, list[Check]] = {"separations": [], "only who lands first": []}
+    for setting in settings_of(base):
+        each = records(
+            plan,
+            base,
+            setting.drawn(plan, scale=FOLLOWED * SMALLER[base]),
+            launch_time=np.arange(FEW) / FEW,
+            duration=until,
+        )
+        kept, ahead = [], []
+        for record in each:
+            changes = separation_changes(record, since=since)["preserved_fraction"]
+            turned = order_of_landings(record, since=since)["overtaking_fraction"]
+            kept.append(changes.values)
+            ahead.append(1.0 - turned.values)
+        for what, values, words in (
+            ("separations", kept, "share of separations that change by at most τ_c per impact"),
+            ("only who lands first", ahead, "share of pairs in the same order at the next impact"),
+        ):
+            of_seeds = [_average(one) for one in by_seed(plan, np.concatenate(values))]
+            one = check(words, mean(of_seeds), "at least", NEARLY_ALL, setting=setting.name)
+            found[what].append(one)
+    return found
+
+
+def _average(values: Array) -> float:
+    """Mean over the populations that still land; NaN if none does."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def bounded_and_ordered(plan: Plan) -> Outcome:
+    """Bounded, ordered motion for N from 5 to 100 without overlap."""
+    return Outcome([_ordered(plan, base) for base in BASES])
+
+
+def _ordered(plan: Plan, base: str) -> Evidence:
+    own = [own_slots(n, base, plan) for n in populations(base)]
+    return Evidence(
+        base,
+        readings=[
+            Reading(name, _table_1_ordered(plan, base, *window)) for name, window in WINDOWS.items()
+        ],
+        conditions=(Reading(slots_name(base), _in_order(own, base)),),
+        numbers=(*_capacity(plan, base), _closest(own)),
+    )
+
+
+def _table_1_ordered(plan: Plan, base: str, since: float, until: float) -> list[Check]:
+    """Tests over populations at Table 1, launched at irregular times of one period."""
+    sizes = (FEW, 20) if base == SPRUNG else populations(base)
+    table_1 = {name: np.array([value]) for name, value in TABLE_1.items()}
+    turned: list[float] = []
+    alone: list[bool] = []
+    for random in plan.random():
+        fractions: list[float] = []
+        for n in sizes:
+            launch = np.sort((np.arange(n) + random.uniform(0.0, 1.0, n)) / n)
+            record = simulate(
+                **TABLE_1,
+                **mount(base),
+                base=base,
+                launch_time=launch,
+                duration=until,
+                threads=plan.threads,
+            )
+            order = order_of_landings(record, since=since)
+            fractions.append(float(order["sequence_change_fraction"][0]))
+            window = measured(
+                plan,
+                base,
+                table_1,
+                launch=launch.tolist(),
+                transient=since,
+                duration=until,
+                separation=True,
+            )
+            alone.append(bool(window["collision_free"][0] == 1))
+        turned.append(_average(np.array(fractions)))
+    return [
+        check("share of landings that change the sequence", mean(turned), "at most", 0.05),
+        nearly_all("share of populations in which no two particles share the base", alone),
+    ]
+
+
+def _in_order(own: Sequence[xr.Dataset], base: str) -> list[Check]:
+    orders = [order_of_landings(one)["sequence_change_fraction"][0] for one in own]
+    shared = [np.isfinite(first_shared_base(one)["first_shared_time"][0]) for one in own]
+    bounds = [] if base == SPRUNG else [_over_bound(one, base) for one in own]
+    return [
+        check("share of landings that change the sequence", np.max(orders), "at most", 0.0),
+        check("share of populations that share the base", np.mean(shared), "at most", 0.0),
+        *(
+            check("longest flight over its proved bound", one, "at most", 1.0 + 1e-12)
+            for one in ([np.max(bounds)] if bounds else [])
+        ),
+    ]
+
+
+def _over_bound(record: xr.Dataset, base: str) -> float:
+    unit = 2.0 * float(record["frequency"]) / float(record["gravity"])
+    launch = unit * float(record["launch_velocity"])
+    bound = theory.flight_time_bound(
+        launch, unit * float(record["amplitude"]), float(record["restitution"]), base
+    )
+    return max(launch, unit * float(np.nanmax(record["rebound_velocity"].values))) / float(bound)
+
+
+def _closest(own: Sequence[xr.Dataset]) -> Number:
+    closest = min(map(smallest_separation, own))
+    return number("smallest separation of landings in own slots", closest, "s")
+
+
+def _capacity(plan: Plan, base: str) -> tuple[Number, ...]:
+    """Slots over all attractors at Table 1, where particles do not act on each other."""
+    if base == SPRUNG:
+        return ()
+    reached = basins(
+        base=base,
+        duration=4000.0,
+        launch=(np.arange(40) / 40).tolist(),
+        launch_velocity=np.linspace(0.5, 12.0, 24),
+        threads=plan.threads,
+    )
+    slots = capacity(reached)
+    return (
+        number("slots over all attractors of 960 launches at Table 1", slots["capacity"]),
+        number("slots of those without rests", slots["capacity_without_rests"]),
+    )
+
+
+def invariant(plan: Plan) -> Outcome:
+    """The collision-free configuration is a stable invariant manifold, sec. 3."""
+    return Outcome([_invariant(plan, base) for base in BASES])
+
+
+def _invariant(plan: Plan, base: str) -> Evidence:
+    checks = []
+    for setting in settings_of(base):
+        drawn = setting.drawn(plan, scale=SMALLER[base])
+        first, later = (
+            measured(
+                plan,
+                base,
+                drawn,
+                particles=FEW,
+                transient=begin,
+                duration=end,
+                separation=True,
+            )["collision_free"].values
+            for begin, end in ((0.0, 12.0), (12.0, 36.0))
+        )
+        what = "share of populations free of collisions for 12 s that remain so until 36 s"
+        checks.append(nearly_all(what, later[first == 1] == 1, setting.name))
+    own = [own_slots(n, base, plan, impacts=100) for n in populations(base, 20)]
+    return Evidence(
+        base,
+        readings=(Reading(f"{FEW} staggered particles, any launch", checks),),
+        conditions=(Reading(slots_name(base), _in_order(own, base)),),
+    )

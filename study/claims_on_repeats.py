@@ -1,0 +1,137 @@
+"""Claims 18 and 19: motion that is steady after 20 s, and repeats that agree within 8 %."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from study.bases import FIXED
+from study.samples import ANY_PHASE, Plan, Setting, measured, settings_of
+from study.verdict import Check, Evidence, Outcome, Reading, nearly_all
+from vibrosweep import theory
+
+# Of the laboratory, Hz: amplitude and launch of Table 1 are scaled so that flights in forcing
+# periods are the same
+LABORATORY: Final = (8.0, 35.0)
+BEGIN: Final = 20.0  # of a film, s
+FILM: Final = 40.0  # s
+LATER: Final = 1000.0  # s
+UNCERTAINTY: Final = 0.05
+VARIATION: Final = 0.08
+REPEATS: Final = 4
+CLOSE: Final = 0.02  # of a period
+# By which a setting may differ from one day to the next
+ADJUSTMENT: Final = 0.01
+
+
+def _scaled(drawn: dict[str, Any]) -> dict[str, Any]:
+    """The same motion in forcing periods at the frequencies drawn."""
+    f = drawn["frequency"]
+    return drawn | {"amplitude": drawn["amplitude"] / f, "launch_velocity": 5.0 / f}
+
+
+def steady(plan: Plan) -> Outcome:
+    """Steady conditions are reached after 20 s, sec. 3.2.6."""
+    return Outcome([_steady(plan, base) for base in FIXED])
+
+
+def _steady(plan: Plan, base: str) -> Evidence:
+    frequencies = {"the model's 1 Hz": (1.0, 1.0), "the laboratory's 8 to 35 Hz": LABORATORY}
+    readings = []
+    for name, ends in frequencies.items():
+        checks = []
+        for setting in settings_of(base):
+            drawn = _scaled(setting.drawn(plan, frequency=ends, phase=ANY_PHASE))
+            first, later = (
+                _film(plan, base, drawn, begin)["rebound_height_mean"].values
+                for begin in (BEGIN, LATER)
+            )
+            # one that comes to rest for good after the first film was not steady in it
+            known = np.isfinite(first)
+            same = np.abs(first[known] / later[known] - 1.0) <= UNCERTAINTY
+            what = (
+                "share of particles whose mean height from 20 s to 60 s is that from 1000 s to "
+                "1040 s, to 5 %"
+            )
+            checks.append(nearly_all(what, same, setting.name))
+        readings.append(Reading(name, checks))
+    return Evidence(base, readings)
+
+
+def _film(plan: Plan, base: str, drawn: dict[str, Any], begin: float) -> xr.Dataset:
+    return measured(plan, base, drawn, particles=1, transient=begin, duration=begin + FILM)
+
+
+def repeatable(plan: Plan) -> Outcome:
+    """Heights and flight times of repeats vary by less than 8 %, secs. 3.2.8 and 3.3.3."""
+    return Outcome([_repeatable(plan, base) for base in FIXED])
+
+
+def _repeatable(plan: Plan, base: str) -> Evidence:
+    exact: list[Check] = []
+    adjusted: list[Check] = []
+    near: list[Check] = []
+    for setting in settings_of(base):
+        drawn = _scaled(setting.drawn(plan, frequency=LABORATORY))
+        for checks, adjustment in ((exact, 0.0), (adjusted, ADJUSTMENT)):
+            checks.append(_agreeing(_repeats(plan, base, drawn, adjustment), setting))
+        near.append(_agreeing(_near_mode_1(plan, base, setting), setting))
+    return Evidence(
+        base,
+        readings=(
+            Reading("the same setting, released at any phase", exact),
+            Reading("settings of e and A repeated to 1 %, released at any phase", adjusted),
+        ),
+        conditions=(Reading("all four released close to the orbit of mode 1", near),),
+    )
+
+
+def _repeats(plan: Plan, base: str, drawn: dict[str, Any], adjustment: float) -> list[xr.Dataset]:
+    """Four films of each setting; particles are released by hand, at any phase."""
+    random = _hand(plan)
+    size = drawn["restitution"].size
+    films = []
+    for _ in range(REPEATS):
+        factors = 1.0 + random.uniform(-adjustment, adjustment, (2, size))
+        changed = {
+            "restitution": np.minimum(drawn["restitution"] * factors[0], 1.0),
+            "amplitude": drawn["amplitude"] * factors[1],
+            "phase": random.uniform(*ANY_PHASE, size),
+        }
+        films.append(_film(plan, base, drawn | changed, BEGIN))
+    return films
+
+
+def _near_mode_1(plan: Plan, base: str, setting: Setting) -> list[xr.Dataset]:
+    """Four films of amplitudes in the middle of the window, from releases near the orbit."""
+    drawn = setting.drawn(plan, frequency=LABORATORY, amplitude=(0.25, 0.75))
+    e, f = drawn["restitution"], drawn["frequency"]
+    low, high = theory.amplitude_min(1, e, f), theory.amplitude_max(1, e, f, base=base)
+    amplitude = low + drawn["amplitude"] * (high - low)
+    phase = theory.locked_phase(1, e, amplitude, f)
+    there = {"amplitude": amplitude, "launch_velocity": theory.locked_velocity(1, f)}
+    random = _hand(plan)
+    films = []
+    for _ in range(REPEATS):
+        released = phase + random.uniform(-CLOSE, CLOSE, e.size)
+        films.append(_film(plan, base, drawn | there | {"phase": 2.0 * np.pi * released}, BEGIN))
+    return films
+
+
+def _hand(plan: Plan) -> np.random.Generator:
+    """Chance in what is done by hand."""
+    return np.random.default_rng([plan.first_seed, REPEATS])
+
+
+def _agreeing(films: list[xr.Dataset], setting: Setting) -> Check:
+    """Test of the coefficients of variation, of settings that bounce in all repeats."""
+    each = [
+        np.stack([film[name].values for film in films])
+        for name in ("rebound_height_mean", "flight_time_mean")
+    ]
+    bounce = np.isfinite(each[0]).all(axis=0)
+    within = [one.std(axis=0, ddof=1) < VARIATION * one.mean(axis=0) for one in each]
+    what = "share of settings whose four heights and flight times vary by less than 8 %"
+    return nearly_all(what, (within[0] & within[1])[bounce], setting.name)

@@ -1,0 +1,244 @@
+"""Claims 5 and 16: windows of stable operation, and irregular motion above them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from study import light_particle
+from study.arrays import Array, Flags
+from study.bases import BASES, FIXED, HIGH_BOUNCE, MOVING, SPRUNG
+from study.estimates import share
+from study.samples import (
+    ANY_PHASE,
+    SMALLER,
+    Plan,
+    Setting,
+    irregular,
+    measured,
+    settings_of,
+)
+from study.verdict import (
+    NEARLY_ALL,
+    SOME,
+    Check,
+    Evidence,
+    Outcome,
+    Picture,
+    Reading,
+    check,
+    nearly_all,
+    number,
+)
+from vibrosweep import Regime, theory
+from vibrosweep import windows as find_windows
+from vibrosweep.figures import parameter_plane
+
+# Orbits at e = 0.98 settle to the last bit, by sqrt(e) per impact, in half this time, s
+HORIZON: Final = 8000.0
+# The same for four periods per impact at the ends of windows, where they settle more slowly
+SETTLED: Final = 40000.0
+RESTITUTIONS: Final = np.linspace(0.5, 0.98, 12)
+MODES: Final = (1, 2, 3, 4)
+# On the base of finite mass, where resonances with the mount leave a window in one piece
+LOW_MODES: Final = (1, 2)
+DISSIPATIVE: Final = np.linspace(0.5, 0.9, 9)
+CLOSE: Final = dict.fromkeys(FIXED, "launched close to the locked orbit") | {
+    SPRUNG: "launched close to the locked orbit, away from resonances of the mount (e up to 0.9)"
+}
+STRONG: Final = (4.0, 12.0)  # "A much larger than 1", m s-1
+
+
+def windows(plan: Plan) -> Outcome:
+    """Stable operation in A_min < A < A_max, Eq. 27."""
+    plane_e, plane_a = np.meshgrid(np.linspace(0.5, 0.98, 49), np.linspace(0.1, 4.0, 40))
+    plane = measured(
+        plan,
+        HIGH_BOUNCE,
+        {"restitution": plane_e.ravel(), "amplitude": plane_a.ravel()},
+        particles=20,
+        duration=HORIZON,
+        regimes=True,
+    )
+    locked = plane["locked_count"] / plane.attrs["particles"]
+    plane["locked_share"] = locked.assign_attrs(long_name="share of launches that lock", units="1")
+    return Outcome(
+        [_windows(plan, base) for base in BASES],
+        [
+            Picture(
+                "claim05_locked_share",
+                "Share of twenty staggered launches that end on a locked orbit, with the study's "
+                "equations, and the closed-form ends of the windows of modes 1 to 3.",
+                parameter_plane(plane, variable="locked_share"),
+            )
+        ],
+    )
+
+
+def _windows(plan: Plan, base: str) -> Evidence:
+    stable = {"periodic": (Regime.LOCKED, Regime.RESTING), "locked": (Regime.LOCKED,)}
+    found: dict[str, list[Check]] = {name: [] for name in stable}
+    for setting in settings_of(base):
+        inside, outside = (_launched(plan, base, setting, where) for where in ("in", "out"))
+        for name, regimes in stable.items():
+            within, beyond = (np.isin(each, regimes) for each in (inside, outside))
+            what = f"the window of mode 1 that end {name}"
+            found[name] += [
+                nearly_all(f"share of launches inside {what}", within, setting.name),
+                check(
+                    f"share of launches outside {what}",
+                    share(beyond),
+                    "at most",
+                    1.0 - NEARLY_ALL,
+                    setting=setting.name,
+                ),
+            ]
+    return Evidence(
+        base,
+        readings=[Reading(f"stable means {name}", checks) for name, checks in found.items()],
+        conditions=(Reading(CLOSE[base], _close(plan, base)),),
+        numbers=[
+            number(f"A_{name} of mode 1 at e = 0.9", end[0], "m s-1")
+            for name, end in zip(
+                ("min", "max"), _ends(base, np.array([1.0]), np.array([0.9])), strict=True
+            )
+        ],
+    )
+
+
+def _ends(base: str, k: Array, e: Array) -> tuple[Array, Array]:
+    """Ends of the windows of mode k, m/s."""
+    if base == SPRUNG:
+        return light_particle.ends(k, e)
+    return theory.amplitude_min(k, e), theory.amplitude_max(k, e, base=base)
+
+
+def _launched(plan: Plan, base: str, setting: Setting, where: str) -> NDArray[Any]:
+    """Regimes of launches at any phase, at amplitudes in the window of mode 1 or beside it."""
+    drawn = setting.drawn(plan, scale=SMALLER[base], amplitude=(0.0, 1.0), phase=ANY_PHASE)
+    e, part = drawn["restitution"], drawn["amplitude"]
+    # that of a heavy table where the base recoils: it ends within some per cent of it
+    solid = MOVING if base == SPRUNG else base
+    low, high = theory.amplitude_min(1, e), theory.amplitude_max(1, e, base=solid)
+    below, beyond = 2.0 * part * low, (0.5 + part) * high
+    amplitude = low + part * (high - low)
+    if where == "out":
+        amplitude = np.where(part < 0.5, below, beyond)
+    drawn = drawn | {"amplitude": amplitude}
+    if base == SPRUNG:
+        return light_particle.regimes(plan, drawn)
+    found = measured(plan, base, drawn, particles=1, duration=HORIZON, regimes=True)
+    return np.asarray(found["regime"].values[:, 0])
+
+
+def _close(plan: Plan, base: str) -> list[Check]:
+    modes, restitutions = (LOW_MODES, DISSIPATIVE) if base == SPRUNG else (MODES, RESTITUTIONS)
+    k, e = (v.ravel() for v in np.meshgrid(np.array(modes, np.float64), restitutions))
+    low, high = _ends(base, k, e)
+    width = high - low
+    held = [returns(plan, base, k, e, a) for a in (low + 0.02 * width, high - 0.02 * width)]
+    left = [returns(plan, base, k, e, a) for a in (0.98 * low, high + 0.02 * width)]
+    what = f"share of launches 1 ms off a locked orbit that return, modes 1 to {modes[-1]}, 2 %"
+    checks = [
+        check(f"{what} inside the ends", np.mean(held), "at least", 1.0),
+        check(f"{what} outside the ends", np.mean(left), "at most", 0.0),
+    ]
+    if base != SPRUNG:
+        deviation = _window_deviation(plan, base)
+        what = "ends found by bisection against the closed form, largest relative deviation"
+        checks.append(check(what, deviation, "at most", 1e-8))
+    return checks
+
+
+def _window_deviation(plan: Plan, base: str) -> float:
+    """Largest relative deviation of computed ends of windows from the closed form."""
+    e = np.array([0.3, 0.5, 0.7, 0.9, 0.98])
+    largest = 0.0
+    for frequency in (1.0, 17.0):
+        low = 0.9 * theory.amplitude_min(1, e[-1], frequency)
+        top = 1.05 * theory.amplitude_max(MODES[-1], e[0], frequency, base=base)
+        found = find_windows(
+            frequency=frequency,
+            base=base,
+            restitution=e,
+            amplitude=np.linspace(low, top, 40),
+            conditions=[f"locked({k})" for k in MODES],
+            threads=plan.threads,
+        ).isel(direction=0)
+        for i, k in enumerate(MODES):
+            one = found.isel(condition=i)
+            widest = one.isel(window=np.maximum(one["widest"], 0))
+            ends = {
+                "A_min": theory.amplitude_min(k, e, frequency),
+                "A_max": theory.amplitude_max(k, e, frequency, base=base),
+            }
+            for name, end in ends.items():
+                ratio = widest[name].values / end
+                # a window that is not found is NaN and stays so: its test is not passed
+                largest = float(np.maximum(largest, np.max(np.abs(ratio - 1.0))))
+    return largest
+
+
+def returns(
+    plan: Plan, base: str, k: Array, e: Array, amplitude: Array, offset: float = 1e-3
+) -> Flags:
+    """Whether launches `offset` periods off the locked orbits of mode k come to lie on them.
+
+    Where the orbit does not exist the launch is at the phase of the strongest kick.
+    """
+    if base == SPRUNG:
+        return light_particle.returns(plan, k, e, amplitude, offset)
+    phase = theory.locked_phase(k, e, amplitude)
+    found = measured(
+        plan,
+        base,
+        {
+            "restitution": e,
+            "amplitude": amplitude,
+            "launch_velocity": theory.locked_velocity(k),
+            "phase": 2.0 * np.pi * (np.where(np.isnan(phase), 0.25, phase) + offset),
+        },
+        launch=[0.0],
+        particles=1,
+        duration=SETTLED,
+        regimes=True,
+    )
+    regime, impacts, periods, _ = cycles(found)
+    return np.asarray((regime == Regime.LOCKED) & (impacts == 1) & (periods == k))
+
+
+def cycles(found: xr.Dataset) -> list[NDArray[Any]]:
+    """Regime, impacts, periods and rests of the cycle of every particle, flattened."""
+    names = ("regime", "cycle_impacts", "cycle_periods", "cycle_rests")
+    return [found[name].values.ravel() for name in names]
+
+
+def strong_excitation(plan: Plan) -> Outcome:
+    """Excessive excitation may make the motion irregular."""
+    return Outcome([_strong(plan, base) for base in FIXED])
+
+
+def _strong(plan: Plan, base: str) -> Evidence:
+    every, some = [], []
+    for setting in settings_of(base):
+        found = measured(
+            plan,
+            base,
+            setting.drawn(plan, scale=4.0, amplitude=STRONG, phase=ANY_PHASE),
+            particles=1,
+            duration=1000.0,
+            regimes=True,
+            lyapunov=True,
+            per_particle=True,
+        )
+        what = "share of launches that end irregular (a positive Lyapunov exponent)"
+        found_share = share(*irregular(found))
+        every.append(check(what, found_share, "at least", NEARLY_ALL, setting=setting.name))
+        some.append(check(what, found_share, "at least", SOME, setting=setting.name))
+    return Evidence(
+        base,
+        readings=(Reading("always irregular", every), Reading("sometimes irregular", some)),
+    )

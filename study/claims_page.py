@@ -1,0 +1,199 @@
+"""The claims as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import math
+import re
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from string import Template
+from typing import Any, Final
+
+import matplotlib as mpl
+
+from study.bases import HIGH_BOUNCE, MOVING, SPRUNG
+from study.collect import texts
+from study.estimates import Estimate
+from study.verdict import (
+    ANY_BASE,
+    Check,
+    Claim,
+    Evidence,
+    Number,
+    Picture,
+    Reading,
+    Verdict,
+)
+from vibrosweep.figures import style
+
+BASES: Final = {
+    HIGH_BOUNCE: "study's equations",
+    MOVING: "moving base",
+    SPRUNG: "base of finite mass",
+}
+CLASSES: Final = {
+    Verdict.HOLDS: "holds",
+    Verdict.CONDITIONAL: "condition",
+    Verdict.FAILS: "fails",
+    Verdict.UNDECIDED: "open",
+}
+MARKS: Final = {True: ("holds", "passed"), False: ("fails", "missed"), None: ("open", "open")}
+NO_VERDICT: Final = "<small>not computed</small>"
+MINUS: Final = "\N{MINUS SIGN}"
+# Glyphs as outlines: the page looks the same wherever it is opened; a fixed salt gives the same
+# names to the same clip paths in every run.
+SVG: Final[dict[Any, Any]] = {**style.RC, "svg.fonttype": "path", "svg.hashsalt": "vibrosweep"}
+NO_DATE: Final = {"Date": None, "Creator": None}
+
+
+def as_html(claims: Sequence[Claim], origin: Mapping[str, str]) -> str:
+    """The page, with its style and figures inside."""
+    words = texts()
+    page = files("study")
+    template = Template(page.joinpath("page.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        style=page.joinpath("page.css").read_text(encoding="utf-8"),
+        **{name: marked_up(words[name]) for name in ("rule", "samples", "bases")},
+        heads="".join(f"<th>{html.escape(name)}</th>" for name in BASES.values()),
+        summary="\n".join(_summary_row(claim) for claim in claims),
+        claims="\n".join(_section(claim) for claim in claims),
+        origin="\n".join(
+            f"<dt>{html.escape(name.replace('_', ' '))}</dt><dd>{html.escape(value)}</dd>"
+            for name, value in origin.items()
+        ),
+    )
+
+
+def plain(text: str) -> str:
+    """A text without the braces of its subscripts and superscripts."""
+    return re.sub(r"([_^])\{([^}]*)\}", r"\1\2", text)
+
+
+def marked_up(text: str) -> str:
+    """HTML of a text: x_y and x_{yz} become subscripts, x^2 and x^{yz} superscripts."""
+    safe = html.escape(text).replace("tau_c", "τ_c")
+    safe = re.sub(r"\b(dt|A|v)_(min|max|rest)\b", r"\1_{\2}", safe)
+    for sign, tag, before in (("_", "sub", r"(\w)"), (r"\^", "sup", r"(\w|\))")):
+        safe = re.sub(rf"{before}{sign}(\w)(?!\w)", rf"\1<{tag}>\2</{tag}>", safe)
+        safe = re.sub(rf"{sign}\{{([^}}]*)\}}", rf"<{tag}>\1</{tag}>", safe)
+    return safe.replace("t_∞", "t<sub>∞</sub>")
+
+
+def _badge(verdict: Verdict) -> str:
+    return f'<span class="badge {CLASSES[verdict]}">{verdict.value}</span>'
+
+
+def _summary_row(claim: Claim) -> str:
+    found = {one.base: one.verdict for one in claim.outcome.evidence}
+    if ANY_BASE in found:
+        cells = (
+            f'<td colspan="{len(BASES)}" data-base="no base enters">{_badge(found[ANY_BASE])}</td>'
+        )
+    else:
+        cells = "".join(
+            f'<td data-base="{html.escape(name)}">'
+            f"{_badge(found[base]) if base in found else NO_VERDICT}</td>"
+            for base, name in BASES.items()
+        )
+    names = marked_up("; or ".join(claim.conditions))
+    if_so = f"<small>condition: {names}</small>" if names else ""
+    link = f'<a href="#claim-{claim.key}">{claim.key}</a>'
+    return f'<tr><th scope="row">{link} {marked_up(claim.sentence)}{if_so}</th>{cells}</tr>'
+
+
+def _section(claim: Claim) -> str:
+    return "\n".join(
+        [
+            f'<section class="claim" id="claim-{claim.key}">',
+            f"<h2><span>{claim.key}</span> {marked_up(claim.sentence)}</h2>",
+            f'<p class="source">{html.escape(claim.source)}</p>',
+            f"<p><b>Tested.</b> {marked_up(claim.method)}</p>",
+            *(_evidence(one) for one in claim.outcome.evidence),
+            f"<p><b>Why.</b> {marked_up(claim.reason)}</p>",
+            *(_figure(picture) for picture in claim.outcome.pictures),
+            "</section>",
+        ]
+    )
+
+
+def _evidence(evidence: Evidence) -> str:
+    name = BASES.get(evidence.base, "any base").capitalize()
+    parts = [f"<h3>{html.escape(name)} {_badge(evidence.verdict)}</h3>"]
+    for title, readings in (("read as", evidence.readings), ("condition", evidence.conditions)):
+        parts += [_reading(title, one) for one in readings]
+    if evidence.numbers:
+        items = "".join(f"<li>{_number(one)}</li>" for one in evidence.numbers)
+        parts.append(f"<details open><summary>Further numbers</summary><ul>{items}</ul></details>")
+    return "\n".join(parts)
+
+
+def _reading(title: str, reading: Reading) -> str:
+    mark, word = MARKS[reading.passed]
+    tests: dict[str, list[Check]] = {}
+    for one in reading.checks:
+        tests.setdefault(one.what + one.relation, []).append(one)
+    items = "".join(f"<li>{_test(each)}</li>" for each in tests.values())
+    return (
+        f'<div class="reading"><p><span class="mark {mark}">{word}</span> '
+        f"<i>{title}:</i> {marked_up(reading.name)}</p><ul>{items}</ul></div>"
+    )
+
+
+def _test(checks: Sequence[Check]) -> str:
+    """One test in a line: in the first setting, with its range over the others."""
+    first, others = checks[0], [one.value.value for one in checks[1:]]
+    text = (
+        f"{marked_up(first.what)}: <b>{_estimate(first.value, first.units)}</b>, "
+        f"bound {first.relation} {quantity(first.bound, first.units)}"
+    )
+    if not others:
+        return text
+    known = [value for value in others if not math.isnan(value)]
+    undefined = "" if len(known) == len(others) else f", not defined in {len(others) - len(known)}"
+    ends = (
+        f"{quantity(min(known), '1')} to {quantity(max(known), first.units)}" if known else "none"
+    )
+    return f"{text}; other settings: {ends}{undefined}"
+
+
+def _number(one: Number) -> str:
+    return f"{marked_up(one.what)}: <b>{_estimate(one.value, one.units)}</b>"
+
+
+def _estimate(estimate: Estimate, units: str) -> str:
+    if estimate.low == estimate.high or math.isnan(estimate.low):
+        return quantity(estimate.value, units)
+    low, high = (quantity(end, "1", 3) for end in (estimate.low, estimate.high))
+    if math.isnan(estimate.value):
+        return f"between {low} and {quantity(estimate.high, units, 3)}"
+    return f"{quantity(estimate.value, units, 3)} ({low} to {high})"
+
+
+def quantity(value: float, units: str, digits: int = 4) -> str:
+    """A number with its unit, as HTML, with powers of ten written out."""
+    if not math.isfinite(value):
+        return "not defined" if math.isnan(value) else "infinite"
+    text = f"{value:.{digits}g}"
+    if abs(value) >= 1000 and float(value).is_integer() and abs(value) < 1e6:
+        text = f"{value:.0f}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        factor = "" if mantissa == "1" else f"{mantissa} \N{MULTIPLICATION SIGN} "
+        text = f"{factor}10<sup>{int(exponent)}</sup>"
+    text = text.replace("-", MINUS)
+    unit = re.sub(r"(?<=[a-z])(-?\d)", r"<sup>\1</sup>", html.escape(units)).replace("-", MINUS)
+    return text if units == "1" else f"{text} {unit}"
+
+
+def _figure(picture: Picture) -> str:
+    with io.StringIO() as text, mpl.rc_context(SVG):
+        picture.figure.savefig(text, format="svg", metadata=dict(NO_DATE))
+        data = base64.b64encode(text.getvalue().encode()).decode()
+    return (
+        f'<figure><img alt="{html.escape(picture.caption)}" '
+        f'src="data:image/svg+xml;base64,{data}">'
+        f"<figcaption>{marked_up(picture.caption)}</figcaption></figure>"
+    )

@@ -1,0 +1,33 @@
+"""Heights of particles with the instants at which two of them are at one height."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from vibrosweep.figures import height_time, style
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@style.styled
+def heights_and_crossings(record: xr.Dataset, found: xr.Dataset) -> Figure:
+    """Draw heights against time and a circle on every crossing that was found in a record."""
+    figure = height_time(record)
+    axes = figure.axes[0]
+    axes.plot(
+        found["time"].values,
+        found["height"].values,
+        linestyle="none",
+        marker="o",
+        markersize=6.0,
+        markerfacecolor="none",
+        markeredgecolor="black",
+        markeredgewidth=0.8,
+        label="crossing",
+        zorder=3,
+    )
+    style.head(axes, "", columns=5)
+    return figure

@@ -1,0 +1,89 @@
+"""Separations of pairs of particles: impact by impact, and after a long time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vibrosweep.figures import style
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Where zero is drawn on a logarithmic axis, s
+ZERO: Final = 1e-17
+PARTNERS: Final = len(style.OKABE_ITO)  # that colours tell apart
+
+
+@style.styled
+def separations_in_time(record: xr.Dataset) -> Figure:
+    """Draw the separation of particles from the first one, at each impact number.
+
+    Of more than `PARTNERS` only the first are drawn, and the heading says so.
+    """
+    one = record.isel(realization=0)
+    times = one["landing_time"].values
+    figure, axes = style.new_figure(style.PAGE, 2.5)
+    number = np.arange(1, times.shape[1] + 1)
+    partners = times.shape[0] - 1
+    for i, colour in zip(range(1, partners + 1), style.OKABE_ITO, strict=False):
+        launched = float(one["launch_time"][i] - one["launch_time"][0])
+        axes.plot(
+            number,
+            times[i] - times[0],
+            color=colour,
+            marker="o",
+            markersize=2.5,
+            linewidth=0.6,
+            label=f"launched {1e3 * launched:g} ms later",
+        )
+        axes.axhline(launched, color=colour, linestyle=(0, (5, 2)), linewidth=0.8)
+    axes.set_xlabel("impact $n$")
+    axes.set_ylabel("separation $t_j(n) - t_i(n)$ (s)")
+    rest = f"; the first {PARTNERS} of {partners} partners" if partners > PARTNERS else ""
+    restitution, amplitude, frequency = (
+        float(one[name]) for name in ("restitution", "amplitude", "frequency")
+    )
+    scene = f"$e$ = {restitution:.4g}, $A$ = {amplitude:.4g} m s$^{{-1}}$, $f$ = {frequency:.4g} Hz"
+    style.head(axes, scene + rest)
+    return figure
+
+
+@style.styled
+def fates(sweep: xr.Dataset, launched: float) -> Figure:
+    """Draw the smallest separation of pairs late in the observation against the amplitude.
+
+    The sweep is of two particles, launched so many s apart, with separations, regimes and a late
+    window.
+    """
+    dt = sweep["dt_min"].values
+    amplitude = sweep["amplitude"].values
+    elsewhere = (sweep["unsettled_count"] + sweep["aperiodic_count"]).values > 0
+    figure, axes = style.new_figure(style.MEDIUM, 3.0)
+    for chosen, colour, name in (
+        (~elsewhere, style.OKABE_ITO[0], "recurrent orbits"),
+        (elsewhere, style.OKABE_ITO[1], "not recurrent so far"),
+    ):
+        axes.plot(
+            amplitude[chosen],
+            np.maximum(dt[chosen], ZERO),
+            linestyle="none",
+            marker="o",
+            markersize=3.5,
+            markeredgewidth=0.0,
+            alpha=0.7,
+            color=colour,
+            label=name,
+        )
+    axes.axhline(launched, color="black", linestyle=(0, (5, 2)), linewidth=0.8)
+    axes.set_yscale("log")
+    exponents = np.arange(-14.0, 1.0, 4.0)
+    names = ["0", *(f"$10^{{{int(x)}}}$" for x in exponents)]
+    axes.set_yticks([ZERO, *10.0**exponents], names)
+    axes.minorticks_off()
+    axes.set_xlabel("amplitude $A$ (m s$^{-1}$)")
+    axes.set_ylabel("smallest separation (s)")
+    style.head(axes, "")
+    return figure

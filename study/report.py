@@ -1,0 +1,148 @@
+"""The claims as files: one HTML page that needs nothing else, JSON, and pictures."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import matplotlib as mpl
+
+from study.claims_page import as_html, plain
+from study.collect import texts
+from study.estimates import Estimate
+from study.verdict import Check, Claim, Evidence, Picture, Reading
+from vibrosweep import sweep
+from vibrosweep.errors import OutputError
+from vibrosweep.figures import style
+
+DOTS_PER_INCH: Final = 150
+ORIGIN: Final = ("source", "created", "libraries", "python", "cpu", "threads", "git_revision")
+
+
+def write(
+    claims: Sequence[Claim],
+    directory: Path,
+    origin: Mapping[str, str],
+    *,
+    pictures: bool = False,
+) -> list[Path]:
+    """Write page and JSON file, and the pictures as files where asked for; return their paths.
+
+    The directory is made if it does not exist; files of the same name are replaced; `origin` is
+    that of `provenance`.  Raises an OutputError where something cannot be written.
+    """
+    contents: dict[str, bytes] = {
+        "claims.html": as_html(claims, origin).encode(),
+        "claims.json": as_json(claims, origin).encode(),
+    }
+    if pictures:
+        shown = [picture for claim in claims for picture in claim.outcome.pictures]
+        contents |= {f"{picture.name}.png": _png(picture) for picture in shown}
+    return _replace_all(directory, contents)
+
+
+def provenance(threads: int | None) -> dict[str, str]:
+    """What is stated of program, libraries, machine and time: that of a sweep on these threads."""
+    found = sweep(threads=threads, progress=False).attrs
+    return {name: str(found[name]) for name in ORIGIN if name in found}
+
+
+def prepare(directory: Path) -> None:
+    """Make the directory of the claims before anything is computed; an OutputError if it cannot."""
+    with _writing(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            pass
+
+
+def _replace_all(directory: Path, contents: Mapping[str, bytes]) -> list[Path]:
+    """Write all files under other names and then rename them: none is ever half written."""
+    prepare(directory)
+    with _writing(directory), tempfile.TemporaryDirectory(dir=directory, prefix=".claims-") as room:
+        for name, content in contents.items():
+            Path(room, name).write_bytes(content)
+        return [Path(room, name).replace(directory / name) for name in contents]
+
+
+@contextmanager
+def _writing(directory: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"cannot write the claims into {directory} ({error.strerror}): choose another "
+            f"directory (-o), or free this path"
+        ) from error
+
+
+def _png(picture: Picture) -> bytes:
+    with io.BytesIO() as data, mpl.rc_context(style.RC):
+        picture.figure.savefig(data, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+        return data.getvalue()
+
+
+def as_json(claims: Sequence[Claim], origin: Mapping[str, str]) -> str:
+    """Everything but the figures; the same version gives the same text but for the provenance."""
+    words = texts()
+    document = {
+        **{name: words[name] for name in ("rule", "samples", "bases")},
+        "claims": [_claim_data(claim) for claim in claims],
+        "provenance": dict(origin),
+    }
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _claim_data(claim: Claim) -> dict[str, Any]:
+    return {
+        "number": claim.key,
+        "source": claim.source,
+        "claim": plain(claim.sentence),
+        "method": plain(claim.method),
+        "reason": plain(claim.reason),
+        "evidence": [_evidence_data(one) for one in claim.outcome.evidence],
+        "figures": [picture.name for picture in claim.outcome.pictures],
+    }
+
+
+def _evidence_data(evidence: Evidence) -> dict[str, Any]:
+    return {
+        "base": evidence.base,
+        "verdict": evidence.verdict.value,
+        "readings": [_reading_data(one) for one in evidence.readings],
+        "conditions": [_reading_data(one) for one in evidence.conditions],
+        "numbers": [
+            {"what": n.what, **_estimate_data(n.value), "units": n.units} for n in evidence.numbers
+        ],
+    }
+
+
+def _reading_data(reading: Reading) -> dict[str, Any]:
+    return {
+        "name": reading.name,
+        "passed": reading.passed,
+        "tests": [_check_data(one) for one in reading.checks],
+    }
+
+
+def _check_data(check: Check) -> dict[str, Any]:
+    return {
+        "what": plain(check.what),
+        "setting": check.setting,
+        **_estimate_data(check.value),
+        "relation": check.relation,
+        "bound": check.bound,
+        "units": check.units,
+        "passed": check.passed,
+    }
+
+
+def _estimate_data(estimate: Estimate) -> dict[str, float | None]:
+    """JSON knows no NaN and no infinity."""
+    ends = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
+    return {name: float(end) if math.isfinite(end) else None for name, end in ends.items()}

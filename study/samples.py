@@ -1,0 +1,166 @@
+"""What is drawn at random for the claims: ranges, contact times, masses, seeds.
+
+The study states none of them.  Ranges, contact times and the base of finite mass are choices of
+this package, so that a verdict must be the same for all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from study.bases import BASES, SPRUNG
+from vibrosweep import LANDINGS_OF_AN_EXPONENT, PARAMETERS, Regime, Status, simulate, sweep
+from vibrosweep.errors import DataError
+
+IMPACT_BUDGET: Final = 1_000_000
+# Part of the realizations where every landing is looked at
+FOLLOWED: Final = 0.1
+TOGETHER: Final = 100  # realizations in a record
+FEW: Final = 5  # particles
+# Coupled particles cost a thousand times as much as others: an eighth of the realizations
+SMALLER: Final = {base: 0.125 if base == SPRUNG else 1.0 for base in BASES}
+TAU_C: Final = PARAMETERS["contact_time"].default
+# Of restitution (1) and amplitude (m s-1)
+RANGES: Final = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
+NEAR_TABLE_1: Final = {"restitution": (0.85, 0.95), "amplitude": (0.9, 1.5)}
+WIDE: Final = {"restitution": (0.5, 0.99), "amplitude": (0.1, 6.0)}
+ANY_PHASE: Final = (0.0, 2.0 * np.pi)  # rad: a launch at any phase of the forcing
+# From when to when landings count, s
+WINDOWS: Final = {
+    "from the launch on": (0.0, 12.0),
+    "the first 30 s left out": (30.0, 42.0),
+}
+# Particles of 4 g on a base of some kilograms, excited above the resonance of its mount
+MOUNT: Final = {"mass_ratio": 0.003, "mount_frequency": 0.37, "mount_damping": 0.05}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is computed."""
+
+    threads: int = 1  # the result does not depend on it
+    # first_seed, seeds: seeds are first_seed, first_seed + 1, ...; each stands for one random
+    # sample
+    first_seed: int = 0
+    seeds: int = 20
+    # In a sample, over this package's ranges; a quarter of them over others
+    realizations: int = 200
+
+    def random(self) -> list[np.random.Generator]:
+        """A source of random numbers for each seed."""
+        return [np.random.default_rng(self.first_seed + i) for i in range(self.seeds)]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Ranges and constants under which samples are drawn."""
+
+    name: str  # on the page
+    ranges: Mapping[str, tuple[float, float]]  # ends of restitution and amplitude (m s-1)
+    # Contact time (s), and of a base of finite mass its mass ratio and mount
+    constants: Mapping[str, float] = field(default_factory=dict)
+    part: float = 0.25  # of the realizations of a plan
+
+    def drawn(
+        self, plan: Plan, *, scale: float = 1.0, **more: tuple[float, float]
+    ) -> dict[str, Any]:
+        """Realizations of all seeds, one seed after the other, and the constants.
+
+        `scale` is that of their number, for what takes long; `more` holds the ends of further
+        parameters, or other ends for restitution and amplitude.
+        """
+        size = max(2, round(plan.realizations * self.part * scale))
+        ranges = {**self.ranges, **more}
+        rows = [
+            [random.uniform(*ends, size) for ends in ranges.values()] for random in plan.random()
+        ]
+        return dict(zip(ranges, np.concatenate(rows, axis=1), strict=True)) | {**self.constants}
+
+
+FIRST: Final = Setting("e 0.80 to 0.98, A 0.2 to 3.5 m/s", RANGES, part=1.0)
+_OTHERS: Final = (
+    Setting("e 0.85 to 0.95, A 0.9 to 1.5 m/s", NEAR_TABLE_1),
+    Setting("e 0.50 to 0.99, A 0.1 to 6 m/s", WIDE),
+    Setting("contact time 0.03 ms", RANGES, {"contact_time": 3e-5}),
+    Setting("contact time 0.3 ms", RANGES, {"contact_time": 3e-4}),
+)
+_MASSES: Final = tuple(
+    Setting(f"particle of {mass:g} of the mass of the base", RANGES, {"mass_ratio": mass})
+    for mass in (0.001, 0.01)
+)
+
+
+def settings_of(base: str) -> tuple[Setting, ...]:
+    """The settings under which a claim is tested; this package's ranges first."""
+    return (FIRST, *_OTHERS, *(_MASSES if base == SPRUNG else ()))
+
+
+def measured(plan: Plan, base: str, parameters: Mapping[str, Any], **keys: Any) -> xr.Dataset:
+    """Measure realizations over a base, with further keys of `vibrosweep.sweep`.
+
+    Physical parameters differ where they are arrays, of shape (realization,); a sprung base gets
+    this package's mount unless they say otherwise.  Raises a DataError where one did not complete:
+    claims are judged by all.
+    """
+    drawn, fixed = _split(base, parameters)
+    found = sweep(
+        design=drawn,
+        base=base,
+        impact_budget=IMPACT_BUDGET,
+        threads=plan.threads,
+        progress=False,
+        **fixed,
+        **keys,
+    )
+    if np.any(found["status"] != Status.COMPLETED):
+        raise DataError(f"{base}: realizations of a sample did not complete")
+    return found
+
+
+def records(
+    plan: Plan, base: str, parameters: Mapping[str, Any], **keys: Any
+) -> Iterator[xr.Dataset]:
+    """Every landing of drawn realizations, the record of some at a time to spare memory.
+
+    Arguments as of `measured`, with further keys of `vibrosweep.simulate`.
+    """
+    drawn, fixed = _split(base, parameters)
+    size = next(iter(drawn.values())).size
+    for start in range(0, size, TOGETHER):
+        some = {name: values[start : start + TOGETHER] for name, values in drawn.items()}
+        yield simulate(**some, base=base, threads=plan.threads, **fixed, **keys)
+
+
+def _split(base: str, parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Parameters that differ between realizations, and those that all share, the mount too."""
+    every = mount(base) | dict(parameters)
+    drawn = {name: values for name, values in every.items() if np.ndim(values)}
+    return drawn, {name: value for name, value in every.items() if name not in drawn}
+
+
+def mount(base: str) -> dict[str, Any]:
+    """The mount of this package's base of finite mass; nothing for other bases."""
+    return dict(MOUNT) if base == SPRUNG else {}
+
+
+def irregular(found: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether a particle's motion is aperiodic, and whether that is known; shape (realization,).
+
+    It is not known where a particle has not settled and its landings in the window are too few for
+    an exponent.  `found` holds regimes and per-particle results.
+    """
+    few = found["particle_impact_count"].values < LANDINGS_OF_AN_EXPONENT
+    unknown = (found["regime"].values == Regime.UNSETTLED) & few
+    aperiodic = found["aperiodic_count"].values > 0
+    return aperiodic, aperiodic | ~unknown.any(axis=1)
+
+
+def by_seed(plan: Plan, values: NDArray[Any]) -> NDArray[Any]:
+    """Values of drawn realizations as (seed, realization, ...)."""
+    return values.reshape(plan.seeds, -1, *values.shape[1:])

@@ -1,0 +1,54 @@
+"""The outcomes of all claims from a small campaign, computed once."""
+
+import pytest
+
+from study import (
+    claims_on_attraction,
+    claims_on_contact,
+    claims_on_energy,
+    claims_on_heights,
+    claims_on_laboratory,
+    claims_on_order,
+    claims_on_windows,
+    claims_page,
+    collect,
+)
+from study.bases import FIXED
+from study.samples import Plan
+
+ON_EVERY_BASE = (
+    claims_on_attraction,
+    claims_on_contact,
+    claims_on_energy,
+    claims_on_heights,
+    claims_on_order,
+    claims_on_windows,
+)
+SMALL = {"seeds": 3, "realizations": 8}
+
+
+@pytest.fixture(scope="session", autouse=True)
+def small_campaign():
+    """Two bases: the base of finite mass has tests of its own; and the smallest experiment."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ON_EVERY_BASE:
+            patch.setattr(module, "BASES", FIXED)
+        size = claims_on_laboratory.SIZE
+        small = {"cases": {"A": 1, "B": 5}, "imperfections": size["imperfections"][:1]}
+        patch.setattr(claims_on_laboratory, "SIZE", size | small)
+        yield
+
+
+@pytest.fixture(scope="session")
+def claims(small_campaign):
+    return list(collect.judge_all(Plan(threads=2, **SMALL)))
+
+
+@pytest.fixture(scope="session")
+def outcomes(claims):
+    return {claim.key: claim.outcome for claim in claims}
+
+
+@pytest.fixture(scope="session")
+def shown(claims):
+    return claims_page.as_html(claims, {"source": "vibrosweep"})

@@ -1,0 +1,196 @@
+"""Every claim is computed: known numbers, and verdicts that turn with the physics."""
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from study import (
+    claims_on_attraction,
+    claims_on_heights,
+    claims_on_laboratory,
+    claims_on_order,
+    claims_on_scheme,
+    collect,
+    slots,
+)
+from study.bases import FIXED, HIGH_BOUNCE, MOVING, SPRUNG
+from study.report import as_json
+from study.samples import MOUNT, Plan
+from study.verdict import ANY_BASE, Claim, Verdict
+from vibrosweep import theory
+
+
+def evidence(outcome, base=HIGH_BOUNCE):
+    return next(one for one in outcome.evidence if one.base == base)
+
+
+def value(found, words):
+    """The one number of the evidence whose description contains the words."""
+    numbers = {one.what: one.value.value for one in found.numbers if words in one.what}
+    assert len(numbers) == 1, numbers
+    return next(iter(numbers.values()))
+
+
+def reading(found, words):
+    return next(one for one in (*found.readings, *found.conditions) if words in one.name)
+
+
+def test_all_claims_are_there_with_their_words(claims):
+    keys = [claim.key for claim in claims]
+    assert keys == list(collect.TESTS) == list(collect.texts()["claims"])
+    for claim in claims:
+        assert claim.sentence
+        assert claim.method
+        assert claim.reason
+        assert claim.outcome.evidence
+        for one in claim.outcome.evidence:
+            assert all(each.checks for each in (*one.readings, *one.conditions))
+
+
+def test_every_claim_of_motion_is_asked_of_the_moving_base_too(outcomes):
+    bases = {key: {one.base for one in outcome.evidence} for key, outcome in outcomes.items()}
+    without = {key for key, found in bases.items() if found not in ({*FIXED}, {ANY_BASE})}
+    assert without == {"12", "13"}  # the study's scheme, and its prediction
+
+
+@pytest.mark.parametrize("base", FIXED)
+def test_closed_forms_are_met(outcomes, base):
+    rest = theory.unforced_rest_time(5.0, 0.9, 1e-4)
+    assert value(evidence(outcomes["1"], base), "time until rest at e") == float(rest)
+    modulus = float(np.abs(theory.multipliers(1, 0.9, 1.2, base=base)).max())
+    found = evidence(outcomes["6"], base)
+    assert value(found, "decay per impact at Table 1") == pytest.approx(modulus, rel=1e-4)
+    assert reading(found, "with the change").passed is True
+    assert reading(found, "without the change").passed is False
+    # a separation falls from half a period to tau_c by the modulus per impact, once a period
+    closing = math.log(0.5 / 1e-4) / -math.log(modulus)
+    found = evidence(outcomes["10"], base)
+    assert value(found, "a slot closes") == pytest.approx(closing, rel=1e-5)
+    assert reading(evidence(outcomes["5"], base), "close to the locked").passed is True
+    assert reading(evidence(outcomes["7"], base), "locked on mode 1").passed is True
+    assert reading(evidence(outcomes["2"], base), "over whole cycles").passed is True
+
+
+def test_conditions_say_what_they_take():
+    name = claims_on_order.slots_name(HIGH_BOUNCE)
+    assert "490 m high for N = 20" in name  # g N^2 / 8 f^2
+    assert "12 km for 100" in name
+
+
+def test_weak_excitation_ends_only_on_a_base_that_moves(outcomes):
+    """The map lifts a particle off in every period; a table below 1 g never does."""
+    for base, share in ((HIGH_BOUNCE, 0.0), (MOVING, 1.0)):
+        found = reading(evidence(outcomes["15"], base), "rest for good")
+        assert {one.value.value for one in found.checks} == {share}
+
+
+def test_the_scheme_is_of_first_order_unless_landings_are_located(outcomes):
+    found = evidence(outcomes["12"])
+    assert value(found, "order of convergence") == pytest.approx(1.0, abs=0.1)
+    assert reading(found, "located").checks[0].value.value < 1e-10
+
+
+def test_what_tables_2_and_3_contradict(outcomes):
+    assert outcomes["22"].evidence[0].verdict is Verdict.FAILS
+    least = outcomes["22"].evidence[0].readings[0].checks[0].value.value
+    assert least == pytest.approx(7.7 * math.pi * 0.8**3 / 6.0)
+    fifty = outcomes["21"].evidence[0].readings[0].checks[0]
+    assert fifty.value.value == 3.0  # 50 balls in 24 grooves
+
+
+def test_heights_hardly_depend_on_a_narrow_range(monkeypatch):
+    narrow = claims_on_heights.FIRST.__class__(
+        "narrow", {"restitution": (0.9, 0.901), "amplitude": (1.2, 1.2)}
+    )
+    monkeypatch.setattr(claims_on_heights, "settings_of", lambda base: (narrow,))
+    changes = claims_on_heights._changes(
+        Plan(seeds=2, realizations=40),
+        HIGH_BOUNCE,
+        narrow,
+        claims_on_heights.MANY,
+        "the first 200 s left out",
+        "A of Table 1",
+    )
+    assert max(map(abs, changes)) < 1e-4  # settling, by sqrt(e) per impact, takes longer
+
+
+def test_order_is_not_granted_where_a_population_cannot_be_judged(monkeypatch):
+    """Two populations in order, of which the second does not land: its share is not known."""
+    own = [slots.own_slots(5, HIGH_BOUNCE, Plan())] * 2
+    shares = iter((0.0, math.nan))
+    monkeypatch.setattr(
+        claims_on_order,
+        "order_of_landings",
+        lambda record: xr.Dataset({"sequence_change_fraction": ("realization", [next(shares)])}),
+    )
+    assert claims_on_order._in_order(own, HIGH_BOUNCE)[0].passed is None
+
+
+def test_a_coarse_step_fails_even_on_a_locked_orbit(monkeypatch):
+    steps = (4e-2, 2e-2)
+    for name, changed in (("STEPS", steps), ("SHOWN", steps), ("STEP", steps[0])):
+        monkeypatch.setattr(claims_on_scheme, name, changed)
+    found = claims_on_scheme.step_of_one_millisecond(Plan()).evidence[0]
+    assert reading(found, "stable locked orbit").passed is False
+
+
+def test_synchronous_particles_draw_apart_on_a_base_that_recoils(monkeypatch):
+    found = claims_on_attraction._synchronous(Plan(seeds=2, realizations=8), SPRUNG)
+    drawn_apart = [one.value.value for one in found.readings[0].checks]
+    assert np.nanmin(drawn_apart) == 1.0
+    gap = theory.sprung.reversing_separation(1, 0.9, 0.6, MOUNT["mass_ratio"])
+    assert value(found, "two particles in one slot") == float(gap)
+
+
+def test_the_same_whatever_the_number_of_threads(claims):
+    again = [
+        Claim(**(vars(one) | {"outcome": collect.TESTS[one.key](Plan(1, seeds=3, realizations=8))}))
+        for one in claims
+        if one.key in ("3", "15", "19")
+    ]
+    first = [one for one in claims if one.key in ("3", "15", "19")]
+    assert as_json(again, {}) == as_json(first, {})
+
+
+def experiment(errors, spread=0.0, seeds=20):
+    """Virtual experiments of some imperfections at N = 1 and 20; errors of shape (trial, case)."""
+    dims = ("seed", "trial", "procedure", "reading", "case")
+    off = np.where(np.arange(seeds) % 2, spread, -spread)
+    each = np.asarray(errors, np.float64)[:, np.newaxis, np.newaxis] + np.multiply.outer(
+        off, np.ones((len(errors), 1, 1, 2))
+    )
+    trials = [f"imperfection {i}" for i in range(len(errors))]
+    return xr.Dataset(
+        {**{f"{q}_error": (dims, each) for q in ("height", "period")}, "compared": 1.0},
+        coords={
+            "imperfection": ("trial", trials),
+            "size": ("trial", [1.0] * len(trials)),
+            "units": ("trial", ["1"] * len(trials)),
+            "procedure": ["sign_change"],
+            "reading": ["worst"],
+        },
+    )
+
+
+@pytest.mark.parametrize(
+    ("study", "verdict"),
+    [
+        (experiment([[1.0, 7.9], [3.0, 7.0]]), Verdict.HOLDS),
+        (experiment([[1.0, 7.9], [3.0, 3.0]]), Verdict.CONDITIONAL),  # below 8 %, without growth
+        (experiment([[1.0, 7.9], [1.0, 9.0]]), Verdict.UNDECIDED),
+        (experiment([[1.0, 9.0], [9.0, 2.0]]), Verdict.FAILS),
+        (experiment([[1.0, 7.9]], spread=2.0), Verdict.UNDECIDED),
+        (experiment([[1.0, 7.9]], seeds=1), Verdict.UNDECIDED),
+        (experiment([[1.0, 7.9], [3.0, math.nan]]), Verdict.UNDECIDED),
+    ],
+)
+def test_the_virtual_experiments_decide_claim_13(study, verdict):
+    assert claims_on_laboratory.judged(study).verdict is verdict
+
+
+def test_imperfections_with_which_table_4_is_met_are_counted():
+    study = experiment([[1.0, 5.0], [1.0, 9.0], [3.0, 3.0], [1.0, math.nan]])
+    met = next(n for n in claims_on_laboratory.judged(study).numbers if "is met" in n.what)
+    assert (met.value.low, met.value.high) == (1.0, 2.0)

@@ -1,0 +1,144 @@
+"""The page stands alone, is valid, and says what the numbers say."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+from matplotlib.figure import Figure
+
+from study import claims_page
+from study.collect import texts
+from study.estimates import Estimate
+from study.samples import FIRST, RANGES
+from study.verdict import (
+    ANY_BASE,
+    Check,
+    Claim,
+    Evidence,
+    Outcome,
+    Picture,
+    Reading,
+    check,
+)
+
+VOID = {"meta", "img", "br", "link"}
+
+
+class Reader(HTMLParser):
+    """Collects ids and links, and insists that every element is closed in order."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.ids, self.sources, self.links = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.ids += [given["id"]] if "id" in given else []
+        self.sources += [given["src"]] if "src" in given else []
+        self.links += [given["href"]] if "href" in given else []
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def made_up(checks, base="moving", pictures=()):
+    outcome = Outcome([Evidence(base, [Reading("read so", checks)])], pictures)
+    return Claim("7", "Eq. <1>", "x_{min} < y^2 & z", "method", "", outcome)
+
+
+def test_the_page_is_well_formed_and_needs_nothing_else(shown):
+    checker = Reader()
+    checker.feed(shown)
+    assert checker.open == []
+    assert len(set(checker.ids)) == len(checker.ids)
+    assert all(source.startswith("data:image/svg+xml;base64,") for source in checker.sources)
+    assert {link.removeprefix("#") for link in checker.links} == set(checker.ids)
+    assert not re.search(r"url\(|@import|<script|<link", shown)
+    assert "$" not in re.sub(r'src="[^"]*"', "", shown)
+
+
+def test_the_page_shows_every_verdict_reading_and_figure(claims, shown):
+    table = shown.split("<tbody>")[1].split("</tbody>")[0].split("</tr>")
+    for claim, row in zip(claims, table, strict=False):
+        section = shown.split(f'id="claim-{claim.key}"')[1].split("</section>")[0]
+        verdicts = [one.verdict.value for one in claim.outcome.evidence]
+        assert re.findall(r'class="badge \w+">([^<]*)<', row) == verdicts
+        assert re.findall(r'class="badge \w+">([^<]*)<', section) == verdicts
+        readings = [r for one in claim.outcome.evidence for r in (*one.readings, *one.conditions)]
+        marks = [claims_page.MARKS[reading.passed][1] for reading in readings]
+        assert re.findall(r'class="mark \w+">([^<]*)<', section) == marks
+        assert section.count("<figure") == len(claim.outcome.pictures)
+
+
+def test_what_no_base_enters_spans_them_all():
+    row = claims_page.as_html([made_up([check("a", 1.0, "at most", 2.0)], ANY_BASE)], {})
+    assert 'colspan="3"' in row
+
+
+def test_texts_are_escaped():
+    picture = Picture("plain", 'with "quotes" & <tags>', Figure(figsize=(1, 1)))
+    claim = made_up([check("a < b & 'c'", float("nan"), "at most", 1e-8, "s")], pictures=[picture])
+    made = claims_page.as_html([claim], {"cpu": "<b>"})
+    checker = Reader()
+    checker.feed(made)
+    assert checker.open == []
+    assert "x<sub>min</sub> &lt; y<sup>2</sup> &amp; z" in made
+    assert "a &lt; b &amp; &#x27;c&#x27;" in made
+    assert 'alt="with &quot;quotes&quot; &amp; &lt;tags&gt;"' in made
+    assert "not defined" in made
+    assert "<dd>&lt;b&gt;</dd>" in made
+
+
+def test_a_test_is_one_line_with_its_range_over_other_settings():
+    values = {"first": (0.5, 0.4, 0.6), "second": (0.2,) * 3, "third": (0.3,) * 3}
+    nothing = Estimate(float("nan"), float("nan"), float("nan"))
+    checks = [
+        *(Check("share", Estimate(*v), "at least", 0.9, setting=s) for s, v in values.items()),
+        Check("share", nothing, "at least", 0.9, setting="fourth"),
+    ]
+    made = claims_page.as_html([made_up(checks)], {})
+    assert (
+        "share: <b>0.5 (0.4 to 0.6)</b>, bound at least 0.9; other settings: 0.2 to 0.3, "
+        "not defined in 1" in made
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "units", "shown"),
+    [
+        (0.0, "1", "0"),
+        (1.22625, "m", "1.226 m"),
+        (14000.0, "1", "14000"),
+        (-2.5, "m s-1", "\N{MINUS SIGN}2.5 m s<sup>\N{MINUS SIGN}1</sup>"),
+        (1e-8, "s", "10<sup>\N{MINUS SIGN}8</sup> s"),
+        (3.25e7, "1", "3.25 \N{MULTIPLICATION SIGN} 10<sup>7</sup>"),
+        (float("inf"), "s", "infinite"),
+    ],
+)
+def test_numbers_are_written_for_people(value, units, shown):
+    assert claims_page.quantity(value, units) == shown
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("dt_min < tau_c", "dt<sub>min</sub> &lt; τ<sub>c</sub>"),
+        ("2v_0/g", "2v<sub>0</sub>/g"),
+        ("(1 - t/t_∞)^2", "(1 - t/t<sub>∞</sub>)<sup>2</sup>"),
+        ("10^{-6} of base_shared", "10<sup>-6</sup> of base_shared"),
+    ],
+)
+def test_marks_become_subscripts_and_superscripts(text, shown):
+    assert claims_page.marked_up(text) == shown
+
+
+def test_the_ranges_of_samples_are_named_and_said_to_be_this_packages():
+    """The study states none: no share over random realizations may read as if it did."""
+    words = texts()["samples"]
+    (low, high), (least, most) = RANGES.values()
+    assert f"e from {low:.2f} to {high:.2f} and A from {least} to {most} m/s" in words
+    assert FIRST.name == f"e {low:.2f} to {high:.2f}, A {least} to {most} m/s"
+    assert "This package takes" in words
+    assert "does not say in which ranges" in words

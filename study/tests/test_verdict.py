@@ -1,0 +1,91 @@
+"""The rule: every verdict comes out of made-up evidence, and only from the numbers."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from study.estimates import Estimate
+from study.verdict import Check, Evidence, Reading, Verdict, check
+
+PASSED = check("a number", 0.5, "at most", 1.0)
+MISSED = check("a number", 1.5, "at most", 1.0)
+OPEN = check("a number", Estimate(1.0, 0.5, 1.5), "at most", 1.0)
+NUMBERS = st.floats(-1e6, 1e6)
+
+
+def under(setting, one):
+    return Check(one.what, one.value, one.relation, one.bound, setting=setting)
+
+
+@pytest.mark.parametrize(
+    ("ends", "relation", "passed"),
+    [
+        ((1.0, 1.0), "at most", True),
+        ((1.0, 1.0 + 1e-12), "at most", None),
+        ((1.0 + 1e-12, 2.0), "at most", False),
+        ((1.0, 1.0), "at least", True),
+        ((0.9, 1.1), "at least", None),
+        ((0.5, 0.9), "at least", False),
+        ((math.nan, math.nan), "at most", None),
+        ((math.inf, math.inf), "at most", False),
+        ((math.inf, math.inf), "at least", True),
+    ],
+)
+def test_an_interval_is_held_against_a_bound(ends, relation, passed):
+    assert Check("a number", Estimate(ends[0], *ends), relation, 1.0).passed is passed
+
+
+@given(NUMBERS, NUMBERS, NUMBERS)
+def test_what_is_at_most_a_bound_is_at_least_its_opposite(one, other, bound):
+    low, high = sorted((one, other))
+    most = Check("a number", Estimate(low, low, high), "at most", bound)
+    least = Check("a number", Estimate(-low, -high, -low), "at least", -bound)
+    assert most.passed is least.passed
+
+
+@pytest.mark.parametrize(
+    ("checks", "passed"),
+    [
+        ([PASSED, PASSED], True),
+        ([PASSED, MISSED], False),
+        ([OPEN, MISSED], False),
+        ([PASSED, OPEN], None),
+        ([under("a", PASSED), under("b", PASSED)], True),
+        ([under("a", MISSED), under("b", MISSED)], False),
+        ([under("a", PASSED), under("b", MISSED)], None),
+        ([under("a", PASSED), under("b", OPEN)], None),
+        # missed under both, by another test in each
+        ([under("a", PASSED), under("a", MISSED), under("b", MISSED), under("b", PASSED)], False),
+    ],
+)
+def test_a_reading_must_come_out_alike_under_every_setting(checks, passed):
+    assert Reading("", checks).passed is passed
+
+
+@pytest.mark.parametrize(
+    ("readings", "conditions", "verdict"),
+    [
+        ([PASSED], [], Verdict.HOLDS),
+        ([PASSED, PASSED], [MISSED], Verdict.HOLDS),
+        ([PASSED, MISSED], [], Verdict.CONDITIONAL),
+        ([PASSED, OPEN], [], Verdict.CONDITIONAL),
+        ([MISSED], [PASSED], Verdict.CONDITIONAL),
+        ([OPEN], [PASSED], Verdict.CONDITIONAL),
+        ([MISSED], [], Verdict.FAILS),
+        ([MISSED, MISSED], [MISSED], Verdict.FAILS),
+        ([OPEN], [], Verdict.UNDECIDED),
+        ([MISSED, OPEN], [], Verdict.UNDECIDED),
+        ([MISSED], [OPEN], Verdict.UNDECIDED),
+    ],
+)
+def test_the_rule(readings, conditions, verdict):
+    each = [[Reading("", [one]) for one in group] for group in (readings, conditions)]
+    assert Evidence("moving", *each).verdict is verdict
+
+
+def test_what_the_claim_holds_under_is_named():
+    first, second = Reading("first", [MISSED]), Reading("second", [PASSED])
+    third = Reading("third", [PASSED])
+    assert Evidence("moving", [first, second], [third]).holding == (second, third)
