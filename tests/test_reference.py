@@ -10,10 +10,27 @@ import pytest
 
 import vibrosweep
 
-PAGE = Path(__file__).parents[1] / "docs" / "reference" / "python.rst"
-LISTED = re.findall(r"^   (vibrosweep\.[\w.]+)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-PUBLIC = [name for name in vibrosweep.__all__ if name != "__version__"]
-FUNCTIONS = [name for name in PUBLIC if inspect.isfunction(getattr(vibrosweep, name))]
+PAGE = (Path(__file__).parents[1] / "docs" / "reference" / "python.rst").read_text(encoding="utf-8")
+LISTED = re.findall(r"^   (vibrosweep\.[\w.]+)$", PAGE, re.MULTILINE)
+
+
+def namespaces(module):
+    """A public module, and those among its public names."""
+    yield module
+    for name in module.__all__:
+        if isinstance(getattr(module, name), ModuleType):
+            yield from namespaces(getattr(module, name))
+
+
+NAMESPACES = {module.__name__: module for module in namespaces(vibrosweep)}
+PUBLIC = {
+    f"{home}.{name}": getattr(module, name)
+    for home, module in NAMESPACES.items()
+    for name in module.__all__
+    if not isinstance(getattr(module, name), ModuleType)
+}
+FUNCTIONS = [n for n in vibrosweep.__all__ if inspect.isfunction(getattr(vibrosweep, n))]
+TOLD = {"vibrosweep.__version__", "vibrosweep.errors.OPTIONS"}  # what needs no telling
 
 
 def found(path):
@@ -34,15 +51,26 @@ def documented(section):
     return {name.strip(" *") for head in heads for name in head.partition(":")[0].split(",")}
 
 
-@pytest.mark.parametrize("name", PUBLIC)
-def test_every_public_name_is_listed(name):
-    thing = getattr(vibrosweep, name)
-    if not isinstance(thing, ModuleType):
-        assert f"vibrosweep.{name}" in LISTED
-        return
-    listed = [found(path) for path in LISTED]
-    own = {name: getattr(thing, name) for name in thing.__all__}
-    assert {n for n, each in own.items() if callable(each) and each not in listed} == set()
+def test_what_is_public_is_on_the_page_and_nothing_else():
+    assert {path for path, thing in PUBLIC.items() if callable(thing)} == {*LISTED}
+    data = {path for path, thing in PUBLIC.items() if not callable(thing)} - TOLD
+    assert {path for path in data if not re.search(rf"\b{path.split('.')[-1]}``", PAGE)} == set()
+
+
+@pytest.mark.parametrize("home", NAMESPACES)
+def test_no_public_name_is_that_of_a_hidden_module(home):
+    """Python would find the module once it is imported."""
+    folders = getattr(NAMESPACES[home], "__path__", [])
+    beside = {path.stem for folder in folders for path in Path(folder).iterdir()}
+    names = {path.rpartition(".")[2] for path in PUBLIC if path.rpartition(".")[0] == home}
+    assert names & beside == set()
+
+
+@pytest.mark.parametrize("home", NAMESPACES)
+def test_names_that_are_loaded_late_are_those_that_are_public(home):
+    late = getattr(NAMESPACES[home], "_HOMES", None)
+    if late is not None:
+        assert {*late} == {*NAMESPACES[home].__all__} - {"__version__"}
 
 
 @pytest.mark.parametrize("path", LISTED)

@@ -44,10 +44,7 @@ def used(tree):
                     yield from [(one.name, None)] if rest else []
                     module = import_module(one.name)
                     known[one.asname or root] = module if one.asname else vibrosweep
-        elif (
-            isinstance(node, ast.ImportFrom)
-            and (node.module or "").partition(".")[0] == "vibrosweep"
-        ):
+        elif isinstance(node, ast.ImportFrom) and node.module.split(".")[0] == "vibrosweep":
             for one in node.names:
                 yield node.module, one.name
                 known[one.asname or one.name] = getattr(import_module(node.module), one.name, None)

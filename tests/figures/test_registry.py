@@ -9,7 +9,7 @@ from PIL import Image
 
 from vibrosweep import open_record, open_sweep
 from vibrosweep.errors import OutputError
-from vibrosweep.figures import FIGURES, available, missing, save_all
+from vibrosweep.figures.registry import FIGURES, available, missing, save_all
 
 STEMS = [
     "fig1_height_time",

@@ -11,7 +11,7 @@ import xarray as xr
 from vibrosweep import open_record, open_sweep, simulate
 from vibrosweep.api.results import has_record
 from vibrosweep.errors import ParameterError, TableError
-from vibrosweep.figures import FIGURES, available
+from vibrosweep.figures.registry import FIGURES, available
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs import chunks

@@ -25,8 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     from vibrosweep.api.results import has_record, open_record, open_sweep
-    from vibrosweep.figures import missing, save_all
-    from vibrosweep.figures.registry import save_formats
+    from vibrosweep.figures.registry import missing, save_all, save_formats
     from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 
     kind = read_kind(options.result)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from vibrosweep.figures.bifurcation import bifurcation_diagram
     from vibrosweep.figures.height_curves import height_time
     from vibrosweep.figures.plane import parameter_plane
-    from vibrosweep.figures.registry import FIGURES, FigureEntry, available, missing, save_all
+    from vibrosweep.figures.registry import available, save_all
     from vibrosweep.figures.restitution import height_against_restitution
     from vibrosweep.figures.returns import return_map
     from vibrosweep.figures.sensitivity import sobol_bars
@@ -24,15 +24,12 @@ if TYPE_CHECKING:
     from vibrosweep.figures.window_bands import stability_windows
 
 __all__ = [
-    "FIGURES",
-    "FigureEntry",
     "available",
     "basins_of_attraction",
     "bifurcation_diagram",
     "decay_in_a_slot",
     "height_against_restitution",
     "height_time",
-    "missing",
     "parameter_plane",
     "return_map",
     "save_all",
@@ -48,10 +45,7 @@ _HOMES: Final = {
     "bifurcation_diagram": "vibrosweep.figures.bifurcation",
     "height_time": "vibrosweep.figures.height_curves",
     "parameter_plane": "vibrosweep.figures.plane",
-    **dict.fromkeys(
-        ("FIGURES", "FigureEntry", "available", "missing", "save_all"),
-        "vibrosweep.figures.registry",
-    ),
+    **dict.fromkeys(("available", "save_all"), "vibrosweep.figures.registry"),
     "height_against_restitution": "vibrosweep.figures.restitution",
     "return_map": "vibrosweep.figures.returns",
     "sobol_bars": "vibrosweep.figures.sensitivity",

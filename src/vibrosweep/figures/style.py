@@ -95,7 +95,27 @@ RC: Final[dict[Any, Any]] = {
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Make a drawing function run under the house style; the caller's rcParams stay as they are."""
+    """Make a drawing function run under the house style; the caller's rcParams stay as they are.
+
+    Parameters
+    ----------
+    draw
+        Any function that returns a figure.
+
+    Returns
+    -------
+    function
+        The same, under `RC`.
+
+    Examples
+    --------
+    >>> from vibrosweep.figures import style
+    >>> @style.styled
+    ... def empty():
+    ...     return style.new_figure(style.COLUMN, 2.0)[0]
+    >>> empty().get_figwidth()
+    3.5
+    """
 
     @functools.wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -106,13 +126,50 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
-    """Return an empty figure with one pair of axes; no window, no pyplot registry."""
+    """Return an empty figure with one pair of axes; no window, no pyplot registry.
+
+    Parameters
+    ----------
+    width, height
+        Inches; `COLUMN`, `MEDIUM` and `PAGE` are the widths of this package's figures.
+
+    Returns
+    -------
+    figure : matplotlib.figure.Figure
+        The figure.
+    axes : matplotlib.axes.Axes
+        Its axes.
+
+    Examples
+    --------
+    >>> from vibrosweep.figures import style
+    >>> figure, axes = style.new_figure(style.MEDIUM, 3.0)
+    >>> axes.figure is figure
+    True
+    """
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.add_subplot()
 
 
 def colours(count: int) -> list[ColorType]:
-    """As many colours that differ: of the palette, or of the sequential map where it runs out."""
+    """As many colours that differ: of the palette, or of the sequential map where it runs out.
+
+    Parameters
+    ----------
+    count
+        Number of colours.
+
+    Returns
+    -------
+    list
+        Colours as matplotlib takes them.
+
+    Examples
+    --------
+    >>> from vibrosweep.figures import style
+    >>> style.colours(2)
+    ['#0072B2', '#D55E00']
+    """
     if count <= len(OKABE_ITO):
         return list(OKABE_ITO[:count])
     return [mpl.colormaps[SEQUENTIAL_MAP](i / (count - 1)) for i in range(count)]
@@ -124,7 +181,30 @@ def halo() -> list[patheffects.AbstractPathEffect]:
 
 
 def head(axes: Axes, remark: str, columns: int = 4) -> None:
-    """Put a remark and the legend, if there is one, above the axes, where they cover no data."""
+    """Put a remark and the legend, if there is one, above the axes, where they cover no data.
+
+    Parameters
+    ----------
+    axes
+        Those of a figure, with what the legend names drawn already.
+    remark
+        Text, broken into lines after commas; may be empty.
+    columns
+        Columns of the legend.
+
+    Returns
+    -------
+    None
+        The axes have changed.
+
+    Examples
+    --------
+    >>> from vibrosweep.figures import style
+    >>> figure, axes = style.new_figure(style.MEDIUM, 3.0)
+    >>> style.head(axes, "without a legend")
+    >>> axes.get_title(loc="left")
+    'without a legend'
+    """
     figure = axes.get_figure(root=True)
     if figure is not None:
         remark = _in_lines(remark, figure.get_figwidth())
