@@ -30,6 +30,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.neighbours import landings
+from vibrosweep.kernels.coupled.tally import room
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.times import Periods
 

@@ -13,7 +13,7 @@ from vibrosweep.spec.schema import SECTIONS
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "vibrosweep"
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+PAGES = [ROOT / "CONTRIBUTING.md", ROOT / "study" / "README.md", *sorted(DOCS.rglob("*.md"))]
 ROOMS = [path.parent.name for path in PACKAGE.glob("*/__init__.py")] + ["api"]
 MADE = ("claims/", "pictures/")  # by the commands of a page
 

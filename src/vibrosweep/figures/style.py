@@ -113,7 +113,7 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     >>> @style.styled
     ... def empty():
     ...     return style.new_figure(style.COLUMN, 2.0)[0]
-    >>> empty().get_figwidth()
+    >>> float(empty().get_figwidth())
     3.5
     """
 
@@ -202,7 +202,7 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
     >>> from vibrosweep.figures import style
     >>> figure, axes = style.new_figure(style.MEDIUM, 3.0)
     >>> style.head(axes, "without a legend")
-    >>> axes.get_title(loc="left")
+    >>> axes.get_title()
     'without a legend'
     """
     figure = axes.get_figure(root=True)

@@ -77,7 +77,7 @@ def measured_means(impacts: xr.Dataset, among: NDArray[np.bool_]) -> dict[str, A
 def prediction_errors(
     impacts: xr.Dataset, predicted: dict[str, Array], among: NDArray[np.bool_]
 ) -> dict[str, dict[str, float]]:
-    """Errors of a prediction, |measured - predicted| / measured, by quantity and reading.
+    """Errors of a prediction, ``|measured - predicted| / measured``, by quantity and reading.
 
     Parameters
     ----------
