@@ -141,7 +141,11 @@ def seen_gravity(
     chosen by the acceleration that was assumed.  `rise` is the height of each flight, m.
     """
     seen = apparent_gravity(samples, member, rise.size)
-    return well_seen_gravity(samples, member, rise, noise) if contradicts(*seen, gravity) else seen
+    if not contradicts(*seen, gravity):
+        return seen
+    high = well_seen_gravity(samples, member, rise, noise)
+    # too few: no scale is taken from low flights, but what hardly falls is still refused
+    return seen if np.isnan(high[0]) and not correctable(seen[0], gravity) else high
 
 
 def well_seen_gravity(

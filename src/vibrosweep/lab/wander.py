@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import Floats, jit, kernel
 from vibrosweep.kernels.bases import constants, fly, lift_off, rebound, speed
 from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
@@ -22,6 +23,8 @@ from vibrosweep.kernels.record import Record, empty_record
 INVERSIONS: Final = 30
 # Speed, as a flight in forcing periods, below which the restitution does not rise further.
 SLOWEST: Final = 1e-6
+# Of a particle in a recording: at 20 Hz those of ten hours
+MOST_LANDINGS: Final = 2**20
 
 
 def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
@@ -106,12 +109,17 @@ def wandering_record(
     The problem of the batch holds arrays of shape (particle,), its launches of shape (1, particle);
     those of the record are of shape (particle, impact).  Beyond the ends of the `walk`, which is a
     `phase_walk`, the phase goes on as in the last period.  `softening` is p, where the restitution
-    at an impact with relative speed v is e (2 f v / g)^-p, at most 1.
+    at an impact with relative speed v is e (2 f v / g)^-p, at most 1.  Raises a ParameterError
+    where a particle lands too often for memory to hold it.
     """
     capacity = 1024
-    while True:
+    while capacity <= MOST_LANDINGS:
         out = empty_record(batch.launches.whole.shape[1], capacity)
         if _fill(batch, walk, softening, frequency, gravity / (2.0 * frequency), out):
             used = int(np.isfinite(out.landing_time).sum(axis=1).max(initial=1))
             return Record._make(np.ascontiguousarray(values[:, :used]) for values in out)
         capacity *= 2
+    raise ParameterError(
+        f"at {frequency:g} Hz a particle lands more than {MOST_LANDINGS} times in the time that is "
+        f"filmed: check frequency, restitution, amplitude and contact_time"
+    )
