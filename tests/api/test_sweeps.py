@@ -1,15 +1,19 @@
 """Sweeps from Python: in memory and in a file the same, from keywords, a mapping or a file."""
 
 import inspect
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import vibrosweep as vs
-from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError
+from vibrosweep.cli import main
+from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
+from vibrosweep.figures import parameter_plane
 from vibrosweep.runs import inmemory, progress
 from vibrosweep.spec.schema import SECTIONS
 
@@ -122,3 +126,135 @@ def test_one_realization_without_any_keyword():
     found = vs.sweep()
     assert dict(found.sizes) == {"realization": 1, "particle": 1}
     assert np.isfinite(found.rebound_height_max).all()
+
+
+COUNTS = [np.uint8, np.int8, np.uint64, np.int64]
+
+
+@pytest.mark.parametrize("kind", COUNTS)
+def test_counts_of_numpy_are_counts(tmp_path, kind):
+    """They are computed with, and those of numpy would overflow."""
+    one = {"restitution": 0.9, "amplitude": 1.2, "duration": 4.0}
+    whole, several = kind(100), kind(2)
+    drawn = {"restitution": (0.8, 0.9), "amplitude": 1.0, "realizations": several, "seed": several}
+    expected = vs.sweep({**drawn, "realizations": 2, "seed": 2}, threads=1)
+    xr.testing.assert_equal(vs.sweep(**drawn, threads=several), expected)
+    with vs.run(drawn, tmp_path / "out.h5", threads=several, chunk=several) as found:
+        xr.testing.assert_equal(found.load(), expected)
+    landings = vs.simulate(**one, impact_budget=whole, threads=several)
+    xr.testing.assert_equal(landings, vs.simulate(**one, impact_budget=100, threads=1))
+    scan = {"amplitude": [0.6, 0.7], "duration_periods": 50.0}
+    diagram = vs.bifurcation(**scan, samples=whole, threads=several)
+    xr.testing.assert_equal(diagram, vs.bifurcation(**scan, samples=100, threads=1))
+    windows = vs.windows(restitution=[0.9], amplitude=[0.5, 1.0, 2.0], threads=several)
+    assert windows.sizes["restitution"] == 1
+    parts = vs.separations(**DRAWN, against="amplitude", bins=kind(3), threads=several)
+    assert parts.sizes["part"] == 3
+
+
+@pytest.mark.parametrize("switch", [np.array([True, False]), np.array([]), "yes", 1, [], {}])
+@pytest.mark.parametrize("name", ["progress", "force"])
+def test_a_switch_is_true_or_false(tmp_path, name, switch):
+    with pytest.raises(ParameterError, match=f"{name} = .*: must be True or False"):
+        vs.run(DRAWN, tmp_path / "out.h5", **{name: switch})
+    if name == "progress":
+        with pytest.raises(ParameterError, match=r"progress = .*: must be True or False"):
+            vs.sweep(DRAWN, progress=switch)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "fixed", [{}, {"restitution": 0.9}, {"restitution": 0.9, "amplitude": 1.0}]
+)
+@pytest.mark.parametrize("table", [dict, xr.Dataset])
+def test_a_table_without_columns_is_refused(tmp_path, fixed, table):
+    with pytest.raises(TableError, match="has no columns; give one for each parameter"):
+        vs.sweep(design=table(), **fixed)
+    with pytest.raises(TableError, match="has no columns"):
+        vs.run({"design": table(), **fixed}, tmp_path / "out.h5")
+    assert not list(tmp_path.iterdir())
+
+
+PLAIN = {"restitution": [0.8, 0.9, 0.95], "amplitude": [1.0, 2.0, 3.0]}
+
+
+def test_a_label_may_be_called_as_what_python_and_xarray_know(tmp_path):
+    names = ("self", "class", "None", "lambda", "dims", "values", "attrs")
+    labels = dict.fromkeys(names, [3.0, 1.0, 2.0])
+    design = PLAIN | labels
+    found = vs.sweep(design=design, separation=True, particles=2, columns=list(design))
+    with vs.run({"design": design, "columns": list(design)}, tmp_path / "out.h5", chunk=2) as kept:
+        for name, values in labels.items():
+            assert kept[name].values.tolist() == found[name].values.tolist() == values
+            assert vs.separations(found, against=name, bins=2).sizes["part"] == 2
+            assert parameter_plane(found, name).axes
+    for words in (["info"], ["verify", "--sample", "1"]):
+        assert main([words[0], str(tmp_path / "out.h5"), *words[1:]]) == 0
+
+
+def test_a_label_is_not_called_as_a_group_of_a_result(tmp_path):
+    for name in ("record", "identity"):
+        with pytest.raises(TableError, match=f'"{name}" has the name of something that a result'):
+            vs.run({"design": PLAIN | {name: [1.0, 2.0, 3.0]}}, tmp_path / "out.h5")
+
+
+@pytest.mark.parametrize("character", ["\0", "\ud800"])
+@pytest.mark.parametrize("chunk", [1, None])
+def test_a_text_that_no_file_can_hold(tmp_path, character, chunk):
+    """In a label it is refused before anything is computed, in words about one it is marked."""
+    design = PLAIN | {"name": ["a", f"b{character}c", "d"]}
+    for compute in (
+        lambda: vs.run({"design": design}, tmp_path / "out.h5", chunk=chunk),
+        lambda: vs.sweep(design=design),
+    ):
+        with pytest.raises(TableError, match=r'column "name", row 2 .*has a character that no'):
+            compute()
+    assert not list(tmp_path.iterdir())
+    about = {"long_name": f"b{character}c"}
+    labelled = xr.Dataset({n: ("realization", v) for n, v in PLAIN.items()})
+    labelled["day"] = ("realization", [1.0, 2.0, 3.0], about)
+    with vs.run({"design": labelled}, tmp_path / "out.h5", chunk=chunk) as found:
+        assert found["day"].attrs["long_name"] == "b\N{REPLACEMENT CHARACTER}c"
+
+
+def test_more_labels_than_a_file_can_hold(tmp_path):
+    many = {f"label_{k}": [1.0, 2.0, 3.0] for k in range(4100)}
+    with pytest.raises(
+        TableError, match=r"has 4100 columns that are no parameters; .* at most 3900"
+    ):
+        vs.run({"design": PLAIN | many, "columns": [*PLAIN, *many]}, tmp_path / "out.h5")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("setting", "words", "command", "module"),
+    [
+        ("NUMBA_NUM_THREADS=0", "takes no number below 1", "doctor", "kernels.fixed"),
+        ("MPLBACKEND=nope", "knows no such backend", "claims", "figures"),
+    ],
+)
+def test_an_environment_that_a_library_does_not_start_in(tmp_path, setting, words, command, module):
+    """One message by the command, and one error from Python."""
+    variable, _, value = setting.partition("=")
+    source = str(Path(vs.__file__).parents[1])
+    environment = {**os.environ, "PYTHONPATH": source, variable: value}
+    done = subprocess.run(
+        [sys.executable, "-m", "vibrosweep", command],
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"vibrosweep: {setting}: ")
+    assert words in done.stderr
+    assert "unset it" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    script = f"""
+import pytest
+from vibrosweep.errors import VibrosweepError
+with pytest.raises(VibrosweepError, match={setting!r}):
+    import vibrosweep.{module}
+"""
+    subprocess.run([sys.executable, "-c", script], env=environment, check=True)

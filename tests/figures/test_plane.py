@@ -8,6 +8,7 @@ import pytest
 from matplotlib.collections import PathCollection, QuadMesh
 from matplotlib.colors import LogNorm
 
+import vibrosweep as vs
 from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import parameter_plane
@@ -205,3 +206,28 @@ def test_what_is_missing_is_named(sweep, make_sweep):
         parameter_plane(sweep.drop_vars("dt_min"), "dt_min")
     with pytest.raises(DataError, match=r"amplitude = \[low, high\]"):
         parameter_plane(make_sweep(10, 1, amplitude=1.0))
+
+
+def test_any_variable_of_a_result_is_drawn_or_refused_in_words():
+    """One number for each realization is drawn; several, texts and unknown names are refused."""
+    drawn = {"restitution": (0.8, 0.95), "amplitude": (0.5, 3.0), "realizations": 20}
+    asked = {"per_particle": True, "regimes": True, "lyapunov": True, "separation": True}
+    sweep = vs.sweep(**drawn, **asked, particles=2, duration=30.0)
+    texts = sweep.assign_coords(name=("realization", ["a"] * 20))
+    for name, one in texts.variables.items():
+        if one.dims in ((), ("realization",)) and name != "name":
+            assert parameter_plane(texts, name).axes
+        else:
+            words = f"{name} holds .* along .*: choose a variable with one number for each"
+            with pytest.raises(DataError, match=words):
+                parameter_plane(texts, name)
+    with pytest.raises(DataError, match="choose a variable with one number for each"):
+        vs.separations(texts, against="name")
+    with pytest.raises(DataError, match='it holds nothing of that name; did you mean "lyapunov_'):
+        parameter_plane(sweep, "lyapunov")
+    with pytest.raises(DataError, match=r"it holds nothing of that name$"):
+        parameter_plane(sweep, "xyz")
+    with pytest.raises(DataError, match="set trust = true"):
+        parameter_plane(sweep, "landing_time_error")
+    with pytest.raises(DataError, match="not the complete result of a sweep; run the sweep again"):
+        parameter_plane(sweep.drop_vars("impact_count"), "impact_count")

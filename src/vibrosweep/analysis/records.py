@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from vibrosweep.analysis.record_flights import base_motion, course
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
+from vibrosweep.errors import DataError
 
 FLIGHTS = (
     "landing_time",
@@ -36,8 +37,17 @@ class Flights(NamedTuple):
 
 
 def per_realization(dataset: xr.Dataset, name: str) -> Array:
-    """Values of a parameter, one per realization, whether or not it differs between them."""
-    values = np.asarray(dataset[name].values, dtype=np.float64)
+    """Values of a variable or parameter, one per realization, whether or not they differ.
+
+    Raises a DataError where it has several for each, or is no number.
+    """
+    one = dataset[name]
+    if one.dims not in ((), ("realization",)) or one.dtype.kind not in "iufb":
+        raise DataError(
+            f"{name} holds {one.dtype} along {', '.join(map(str, one.dims)) or 'nothing'}: choose "
+            f"a variable with one number for each realization"
+        )
+    values = np.asarray(one.values, dtype=np.float64)
     return np.broadcast_to(values, (dataset.sizes["realization"],))
 
 

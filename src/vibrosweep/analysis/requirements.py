@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from vibrosweep.errors import DataError
-from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES
+from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.measures import MEASURE_OF, RECORD, RESERVED, VARIABLES
+from vibrosweep.spec.messages import nearest
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,4 +37,7 @@ def remedy(name: str) -> str:
         return f"set {MEASURE_OF[name]} = true in the [measure] section of the sweep file"
     if name == "launch_time" or name in RECORD.keys() - VARIABLES.keys():
         return "use the result of simulate(), or add a [record] section to the sweep file"
-    return "the dataset is not the complete result of a sweep; run the sweep again"
+    if name in VARIABLES or name in RESERVED or name in INPUTS:
+        return "the dataset is not the complete result of a sweep; run the sweep again"
+    guess = nearest(str(name), VARIABLES)
+    return "it holds nothing of that name" + (f'; did you mean "{guess}"?' if guess else "")

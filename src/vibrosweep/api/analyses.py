@@ -24,7 +24,7 @@ from vibrosweep.api.asking import Asked, asked
 from vibrosweep.api.sweeps import sweep
 from vibrosweep.errors import ParameterError, ShortObservationWarning
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.runs.driver import require_whole, thread_count
+from vibrosweep.runs.driver import count, thread_count
 
 __all__ = ["basins", "bifurcation", "separations", "sobol", "windows"]
 
@@ -152,7 +152,7 @@ def bifurcation(
     >>> table.index.names
     FrozenList(['direction', 'amplitude', 'particle', 'sample'])
     """
-    require_whole("samples", samples)
+    samples = count("samples", samples)
     checked = asked(spec, keywords)
     return _warned(bifurcation_of_spec(checked, observable, samples, thread_count(threads)))
 
@@ -323,7 +323,7 @@ def separations(
     >>> int(found.known)
     64
     """
-    require_whole("bins", bins)
+    bins = count("bins", bins)
     if isinstance(spec, xr.Dataset):
         if keywords:
             raise ParameterError(f"{', '.join(keywords)}: cannot be given beside a result")

@@ -26,7 +26,7 @@ from vibrosweep.model.measures import RECORD, Measures
 from vibrosweep.model.mount import OF_MOUNT, require_mount
 from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, refuse_masked
 from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, unit_of
-from vibrosweep.runs.driver import require_whole, thread_count
+from vibrosweep.runs.driver import count, thread_count
 from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, periods_given
 
 __all__ = ["simulate"]
@@ -143,13 +143,13 @@ def simulate(
         for name in inputs_of(given, base)
     }
     end = _end(duration, duration_periods)
-    require_whole("impact_budget", impact_budget)
+    budget = count("impact_budget", impact_budget)
     require_room(max(v.size for v in values.values()), launch.size)
     quantities = completed(_broadcast(values))
     refuse_large(quantities, forcing)
     parameters = only_parameters(quantities)
     observation = record_observation(
-        launch.size, tuple(launch.ravel().tolist()), end, rebound, impact_budget, base
+        launch.size, tuple(launch.ravel().tolist()), end, rebound, budget, base
     )
     with Workers(thread_count(threads)) as workers:
         found = record_landings(parameters, observation, workers)

@@ -14,7 +14,7 @@ from vibrosweep.api.results import open_sweep
 from vibrosweep.errors import ExistingOutputError, ParameterError
 from vibrosweep.kernels.observing import compiled
 from vibrosweep.model.observables import Observable
-from vibrosweep.runs.driver import require_whole, run_sweep, thread_count
+from vibrosweep.runs.driver import count, require_switch, run_sweep, thread_count
 from vibrosweep.runs.finished import cleared, is_of, origin
 from vibrosweep.runs.inmemory import sweep_in_memory
 from vibrosweep.runs.progress import showing
@@ -118,6 +118,7 @@ def sweep(
             "record: a sweep in memory keeps no landings; write it to a file with vibrosweep.run, "
             "or call vibrosweep.simulate"
         )
+    require_switch("progress", progress)
     with showing(progress) as advance:
         return sweep_in_memory(checked, threads=thread_count(threads), advance=advance)
 
@@ -176,8 +177,9 @@ def run(
     """
     path = Path(output)
     checked = _observing(asked(spec, {}), observables)
-    if chunk is not None:
-        require_whole("chunk", chunk)
+    chunk = None if chunk is None else count("chunk", chunk)
+    require_switch("force", force)
+    require_switch("progress", progress)
     try:
         check_output(path, force=force or replaces(path), inputs=checked.inputs)
     except ExistingOutputError as error:

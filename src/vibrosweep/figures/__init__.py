@@ -6,9 +6,20 @@ Nothing is shown and no global state of matplotlib is changed.
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Final
 
+from vibrosweep.errors import VibrosweepError
 from vibrosweep.lazy import lazily
+
+if "MPLBACKEND" in os.environ:
+    try:
+        import matplotlib  # noqa: F401
+    except ValueError as error:
+        raise VibrosweepError(
+            f"MPLBACKEND={os.environ['MPLBACKEND']}: matplotlib knows no such backend; unset it, "
+            f"figures are only saved and need none"
+        ) from error
 
 if TYPE_CHECKING:
     from vibrosweep.figures import style

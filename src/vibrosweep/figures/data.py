@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from vibrosweep.analysis.base_motion import moves, recoils
+from vibrosweep.analysis.records import per_realization
 from vibrosweep.analysis.requirements import remedy
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
@@ -103,10 +104,10 @@ def quantity(dataset: xr.Dataset, name: str) -> Array:
 
     NaN where there is none, unless the values are codes, of which one says that.
     """
-    values = np.asarray(dataset[name].values, dtype=np.float64)
-    if "flag_values" not in dataset[name].attrs:
-        values = np.where(known(name, dataset), values, np.nan)
-    return np.broadcast_to(values, (dataset.sizes["realization"],))
+    values = per_realization(dataset, name)
+    if "flag_values" in dataset[name].attrs:
+        return values
+    return np.where(known(name, dataset), values, np.nan)
 
 
 def kick(dataset: xr.Dataset) -> Array:

@@ -707,5 +707,5 @@ RECORD: Final[Mapping[str, Variable]] = {
 RESERVED: Final = frozenset(
     {*VARIABLES}
     | {"realization", "particle", "impact", "launch_time", "duration", "transient", "record"}
-    | {"base", "forcing", "duration_periods", TRANSIENT_PERIODS}
+    | {"identity", "base", "forcing", "duration_periods", TRANSIENT_PERIODS}
 )

@@ -6,6 +6,8 @@ import os
 from numbers import Integral
 from pathlib import Path
 
+import numpy as np
+
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, RunError, VibrosweepError
 from vibrosweep.runs.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
@@ -32,17 +34,23 @@ def available_threads() -> int:
 
 def thread_count(threads: int | None) -> int:
     """Return the number of threads, all processors for None; a ParameterError unless whole."""
-    if threads is None:
-        return available_threads()
-    require_whole("threads", threads)
-    return threads
+    return available_threads() if threads is None else count("threads", threads)
 
 
-def require_whole(name: str, value: object) -> None:
-    """Refuse, with a ParameterError, what is no count: an int or a numpy integer, at least 1."""
-    whole = isinstance(value, Integral) and not isinstance(value, bool)
-    if not (whole and value > 0):  # type: ignore[operator]
+def count(name: str, value: object) -> int:
+    """Return a whole number as an int: arithmetic with numpy's own could overflow.
+
+    A ParameterError unless it is an int or a numpy integer, at least 1.
+    """
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < 1:
         raise ParameterError(f"{name} = {value!r}: must be a whole number, at least 1")
+    return int(value)
+
+
+def require_switch(name: str, value: object) -> None:
+    """Refuse, with a ParameterError, what is neither True nor False; None stands for a default."""
+    if not (value is None or isinstance(value, bool | np.bool_)):
+        raise ParameterError(f"{name} = {value!r}: must be True or False")
 
 
 def run_sweep(

@@ -24,12 +24,15 @@ from vibrosweep.spec.messages import in_python, likely_parameter
 from vibrosweep.spec.schema import SECTIONS
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.units import KNOWN_UNITS, factor
+from vibrosweep.store.rows import UNSTORABLE
 from vibrosweep.store.trial import require_readable
 
 # Required columns: without them a sweep would silently run at the defaults.
 _EXPECTED: Final = ("restitution", "amplitude")
 # Largest number of mistakes that are listed.
 _LISTED: Final = 20
+# HDF5 lists what lies along a dimension in 64 KiB: 4095 variables, measured ones among them.
+_MOST_LABELS: Final = 3900
 
 
 @dataclass(frozen=True)
@@ -92,12 +95,15 @@ def read_table(spec: SweepSpec) -> Table:
     else:
         columns = _read_csv(path, mistakes)
     chosen = _chosen(columns, spec, mistakes)
-    if chosen and not columns[chosen[0]].values.size:
+    if not chosen:
+        mistakes.add("has no columns; give one for each parameter that it samples")
+    elif not columns[chosen[0]].values.size:
         mistakes.add("has no rows; give one for each realization")
     parameters = {
         name: _numbers(name, columns[name], mistakes) for name in INPUTS if name in chosen
     }
     labels = {name: _label(columns[name]) for name in chosen if name not in INPUTS}
+    _judge_labels(labels, mistakes)
     mistakes.raise_any()
     return Table(parameters, labels)
 
@@ -296,6 +302,23 @@ def _number(value: object) -> float:
         return float(text)
     except ValueError:
         return np.nan
+
+
+def _judge_labels(labels: Mapping[str, Label], mistakes: _Mistakes) -> None:
+    """Check that a file can hold the labels, before anything is computed."""
+    if len(labels) > _MOST_LABELS:
+        mistakes.add(
+            f"has {len(labels)} columns that are no parameters; a result holds at most "
+            f"{_MOST_LABELS}: list the columns to use in sample.columns"
+        )
+    for name, label in labels.items():
+        texts = label.values.tolist() if label.values.dtype == object else []
+        for row, text in enumerate(texts, start=1):
+            if UNSTORABLE.search(text):
+                mistakes.add(
+                    f'column "{name}", row {row} (the first row of values is 1): {text!r} has a '
+                    f"character that no text in a file may have; correct the table"
+                )
 
 
 def _label(column: Label) -> Label:

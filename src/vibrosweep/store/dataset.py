@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.model.measures import Variable
 from vibrosweep.store.disk import Disk, replacing, undisturbed
-from vibrosweep.store.rows import REALIZATION, along, boxes, require_written
+from vibrosweep.store.rows import REALIZATION, UNSTORABLE, along, boxes, require_written
 from vibrosweep.store.seal import append_seal
 
 # Measured on 10^6 realizations: level 1 compresses counts and flags to a tenth and doubles the time
@@ -117,7 +117,7 @@ class Group:
             name, shape, kind, maxshape=None if all(shape) else most, track_order=True, **options
         )
         for key, value in attributes.items():
-            dataset.attrs[key] = value
+            dataset.attrs[key] = _storable(value)
         self._variables[name] = (dataset, dims)
         return dataset
 
@@ -141,11 +141,9 @@ class Group:
 
     @undisturbed()
     def attributes(self, values: Mapping[str, Any]) -> None:
-        """Set attributes of the group; a zero byte, which ends a text in HDF5, is marked."""
+        """Set attributes of the group; a character that no file can hold is marked."""
         for name, value in values.items():
-            if isinstance(value, str):
-                value = value.replace("\0", "\N{REPLACEMENT CHARACTER}")
-            self._group.attrs[name] = value
+            self._group.attrs[name] = _storable(value)
 
     @undisturbed()
     def group(self, name: str) -> Group:
@@ -177,6 +175,13 @@ class Group:
                     dataset.dims[dims.index(name)].attach_scale(scale)
         for group in self._groups:
             group.complete()
+
+
+def _storable(value: Any) -> Any:
+    """Mark, in a text, zero bytes, which end a text in HDF5, and what UTF-8 does not have."""
+    if not isinstance(value, str):
+        return value
+    return UNSTORABLE.sub("\N{REPLACEMENT CHARACTER}", value)
 
 
 def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:

@@ -8,6 +8,7 @@ its last axis varying fastest.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 REALIZATION: Final = "realization"
+# What no text in a file can have: a zero byte, and halves of characters of two.
+UNSTORABLE: Final = re.compile("[\0\ud800-\udfff]")
 # Of a grid: a call that reads a single one takes as long as one that reads thousands.
 ROWS_AT_A_TIME: Final = 1 << 14
 
