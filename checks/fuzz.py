@@ -1,12 +1,14 @@
 """Feed the command line with damaged and invented input, and see that it never fails badly.
 
-    python checks/fuzz.py [--specs 2000] [--tables 1000] [--results 1000] [--seed 1] [--write]
+    python checks/fuzz.py [--specs 2000] [--tables 1000] [--results 1000] [--again 1000] [--seed 1]
+                          [--write]
 
 Sweep files and tables are made of valid ones by changes of bytes, lines and values; result files
-are cut, have bits flipped, bytes overwritten, and variables left out or of another type.  Each
-attempt must end in time, without a traceback, with exit code 0, 2, or 1 for a failed verification,
-and write nothing but its output.  A damaged result must be refused,
-or show what the sound one does.
+are cut, have bits flipped, bytes overwritten, and variables left out or of another type; results of
+every kind are saved again with other values, types, attributes and links, of which some lead to a
+pipe.  Each attempt must end in time, without a traceback, with exit code 0, 2, or 1 for a failed
+verification, and write nothing but its output.  A damaged result must be refused, or show what the
+sound one does.
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ from vibrosweep.errors import VibrosweepError
 from vibrosweep.model.times import in_periods
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import SweepSpec, read_spec
+from vibrosweep.store.seal import append_seal
 
 REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
 PATIENCE = 600  # s, after which an attempt hangs: a busy machine compiles for minutes
@@ -327,7 +330,221 @@ def changed(rng: np.random.Generator, path: Path, whole: bytes) -> None:
             del file.attrs[str(rng.choice(list(file.attrs)))]
 
 
-FUZZERS = {"sweep files": fuzz_specs, "tables": fuzz_tables, "result files": fuzz_results}
+SCANS = {
+    "windows": """title = "Windows to be spoilt"
+[scene]
+particles = 2
+duration = 60.0
+[sample]
+design = "grid"
+restitution = [0.7, 0.8]
+amplitude = { start = 0.2, stop = 4.0, num = 8 }
+[windows]
+conditions = ["locked(1)", "periodic"]
+""",
+    "bifurcation": """title = "A diagram to be spoilt"
+[scene]
+particles = 2
+duration = 60.0
+[sample]
+design = "grid"
+amplitude = [1.2, 1.3, 1.4]
+""",
+    "basins": """title = "Basins to be spoilt"
+[scene]
+particles = 3
+duration = 60.0
+[sample]
+design = "grid"
+launch_velocity = [1.0, 5.0, 9.0]
+""",
+}
+GRID = SPEC.replace(
+    SPEC[SPEC.index("design") : SPEC.index("gravity")],
+    """design = "grid"
+restitution = [0.8, 0.9]
+amplitude = [0.4, 1.2, 3.0]
+""",
+)
+
+
+ELSEWHERE = ("external", "external file", "raw", "virtual")
+
+
+def fuzz_saved_again(directory: Path, rng: np.random.Generator, number: int) -> Findings:
+    """Results of every kind that another program saved with something else in them."""
+    findings = Findings()
+    texts = {**MOTIONS, "grid": GRID, **SCANS}
+    path, page = directory / "again.h5", directory / "page.html"
+    commands: tuple[tuple[object, ...], ...] = (
+        ("info", path),
+        ("verify", path, "--sample", 1),
+        ("figures", path, "-o", directory / "figures"),
+        ("explore", path, "-o", page, "--force"),
+    )
+
+    @functools.cache
+    def contents(name: str) -> bytes:
+        (directory / "sweep.toml").write_text(texts[name])
+        command = name if name in SCANS else "run"
+        end, said = attempt(command, directory / "sweep.toml", "-o", directory / f"{name}.h5")
+        if end != "accepted":
+            raise RuntimeError(f"a sound {name}: {end}: {said}")
+        whole = (directory / f"{name}.h5").read_bytes()
+        return whole[: whole.rindex(b"\nvibrosweep seal")]
+
+    os.mkfifo(directory / "pipe")
+    for round_number in range(number):
+        name = str(rng.choice(list(texts)))
+        path.unlink(missing_ok=True)
+        path.write_bytes(contents(name))
+        done = saved_again(rng, path)
+        if done.endswith(ELSEWHERE) and rng.random() < 0.5:  # as if this program had written it
+            with path.open("r+b") as file:
+                append_seal(file)
+        for words in commands if round_number % 4 == 0 else [commands[rng.integers(4)]]:
+            end, said = attempt(*words)
+            note(findings, end, said, f"{words[0]} of {name}, attempt {round_number}: {done}")
+    return findings
+
+
+def saved_again(rng: np.random.Generator, path: Path) -> str:
+    """Change variables, attributes or links of a result, with HDF5 itself; say how."""
+    with h5py.File(path, "r+") as file:
+        groups = [file, *(file[name] for name in ("record", "identity") if name in file)]
+        group = groups[rng.integers(len(groups)) if rng.random() < 0.3 else 0]
+        kind = rng.random()
+        if kind < 0.6 and names_of(group):
+            chosen = rng.choice(names_of(group), size=int(rng.choice([1, 1, 3])), replace=False)
+            return ", ".join(replaced(rng, group, str(name)) for name in chosen)
+        if kind < 0.85:
+            names = names_of(group)
+            holder = group[str(rng.choice(names))] if names and rng.random() < 0.5 else group
+            return other_attribute(rng, holder)
+        return linked(rng, group, path.parent)
+
+
+def names_of(group: h5py.Group) -> list[str]:
+    return [name for name, one in group.items() if isinstance(one, h5py.Dataset)]
+
+
+def replaced(rng: np.random.Generator, group: h5py.Group, name: str) -> str:
+    """Give a variable other values, with its dimensions and attributes where they still fit."""
+    old = group[name]
+    shape, kept = old.shape or (), {k: v for k, v in old.attrs.items() if "DIM" not in k}
+    scales = [[scale.name for scale in old.dims[i].values()] for i in range(len(shape))]
+    number = np.random.default_rng(int(rng.integers(1 << 30))).random(shape)
+    what, data = (
+        ("strings", np.full(shape, "text", object)),
+        ("bytes", np.full(shape, b"\xff\xfe")),
+        ("compound", np.zeros(shape, [("a", "f8"), ("b", "i4")])),
+        ("opaque", np.full(shape, b"abcd", "V4")),
+        ("empty", h5py.Empty("f8")),
+        ("length 0", np.empty((0,) * max(len(shape), 1))),
+        ("1e308", np.full(shape, 1e308)),
+        ("-1e308", np.full(shape, -1e308)),
+        ("both", np.where(number < 0.5, -1e308, 1e308)),
+        ("1e-320", np.full(shape, 1e-320)),
+        ("nan", np.full(shape, np.nan)),
+        ("inf", np.full(shape, np.inf)),
+        ("some inf", np.where(number < 0.5, np.inf, number)),
+        ("negative", -number),
+        ("complex", number + 1j),
+        ("large", np.full(shape, 2**64 - 1, np.uint64)),
+        ("-128", np.full(shape, -128, np.int8)),
+        ("bool", number < 0.5),
+        ("half", number.astype(np.float16)),
+        ("big-endian", number.astype(">f8")),
+        ("scalar", np.float64(0.9)),
+        ("longer", np.zeros(tuple(n + 1 for n in shape) or (2,))),
+        ("flat", np.zeros(int(np.prod(shape)))),
+        ("deeper", np.zeros((*shape, 2))),
+    )[rng.integers(24)]
+    along = []
+    for other in names_of(group) if "CLASS" in kept else ():
+        for i in range(len(group[other].shape or ())):
+            with contextlib.suppress(RuntimeError):  # HDF5 does not always find them
+                if old in group[other].dims[i].values():
+                    group[other].dims[i].detach_scale(old)
+                    along.append((other, i))
+    del old, group[name]
+    kind = {"dtype": h5py.string_dtype()} if what == "strings" else {}
+    new = group.create_dataset(name, data=data, **kind)
+    for key, value in kept.items():
+        if key not in ("CLASS", "NAME", "REFERENCE_LIST", "_Netcdf4Dimid", "_Netcdf4Coordinates"):
+            new.attrs[key] = value
+    if "CLASS" in kept:
+        new.make_scale(name)
+        for other, i in along:
+            with contextlib.suppress(RuntimeError, ValueError):  # not of what is no array
+                group[other].dims[i].attach_scale(new)
+    elif new.shape == shape:
+        for i, found in enumerate(scales):
+            for scale in found:
+                with contextlib.suppress(RuntimeError):
+                    new.dims[i].attach_scale(group.file[scale])
+    return f"{group.name}/{name}: {what}"
+
+
+def other_attribute(rng: np.random.Generator, holder: h5py.Group | h5py.Dataset) -> str:
+    """Give one attribute another value, or take it away."""
+    names = [n for n in holder.attrs if "DIM" not in n and n not in ("CLASS", "REFERENCE_LIST")]
+    name = str(rng.choice([*names, "title", "units"]))
+    if rng.random() < 0.15 and name in holder.attrs:
+        del holder.attrs[name]
+        return f"{holder.name} without {name}"
+    value = (
+        np.bytes_(b"\xff\xfe"), np.bytes_(b"text"), "", "text", "<script>", "a\n\tb", 1e308,
+        np.nan, -1, np.array([1.0, 2.0]), np.array([], float), np.array(["a", "b"], object),
+        h5py.Empty("f8"), h5py.Empty("S1"), np.zeros(2, [("a", "f8")]), np.void(b"abcd"), 2**63,
+        True, 1j, "\ud7ff\U0010ffff", "reflect", "moving", "sprung", "windows", "staggered",
+    )[rng.integers(25)]  # fmt: skip
+    if name in holder.attrs:
+        del holder.attrs[name]
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        holder.attrs.create(name, value, dtype=h5py.string_dtype())
+    elif isinstance(value, np.bytes_) and rng.random() < 0.5:
+        holder.attrs.create(name, value, dtype=h5py.string_dtype())  # of any length
+    else:
+        holder.attrs[name] = value
+    return f"{holder.name}: {name} = {value!r}"
+
+
+def linked(rng: np.random.Generator, group: h5py.Group, directory: Path) -> str:
+    """Have a member of a group lead elsewhere: to a pipe, which never ends, or in a circle."""
+    name = str(rng.choice([*group, "new"]))
+    pipe = str(directory / "pipe")
+    shape = getattr(group.get(name), "shape", None) or (3,)
+    if name in group:
+        del group[name]
+    what = str(rng.choice([*ELSEWHERE, "nothing", "soft", "circle", "group"]))
+    if what == "external":
+        group[name] = h5py.ExternalLink(pipe, "/x")
+    elif what == "external file":
+        group[name] = h5py.ExternalLink(str(next(directory.glob("*.h5"))), "/status")
+    elif what == "nothing":
+        group[name] = h5py.SoftLink("/nowhere")
+    elif what == "soft":
+        group[name] = h5py.SoftLink("/gravity")
+    elif what == "circle":
+        group[name] = group.file["/"]
+    elif what == "group":
+        group.create_group(name)
+    elif what == "raw":
+        group.create_dataset(name, shape, "f8", external=[(pipe, 0, h5py.h5f.UNLIMITED)])
+    else:
+        layout = h5py.VirtualLayout(shape, "f8")
+        layout[...] = h5py.VirtualSource(pipe, "x", shape)
+        group.create_virtual_dataset(name, layout)
+    return f"{group.name}/{name}: {what}"
+
+
+FUZZERS = {
+    "sweep files": fuzz_specs,
+    "tables": fuzz_tables,
+    "result files": fuzz_results,
+    "results saved again": fuzz_saved_again,
+}
 
 
 def campaign(numbers: dict[str, int], seed: int) -> dict[str, Findings]:
@@ -361,12 +578,15 @@ def report(found: dict[str, Findings], seconds: float, seed: int) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    for name, default in (("specs", 2000), ("tables", 1000), ("results", 1000), ("seed", 1)):
+    for name, default in (
+        ("specs", 2000), ("tables", 1000), ("results", 1000), ("again", 1000), ("seed", 1),
+    ):  # fmt: skip
         parser.add_argument(f"--{name}", type=int, default=default)
     parser.add_argument("--write", action="store_true", help="write the table into the report")
     options = parser.parse_args()
     began = time.perf_counter()
-    numbers = dict(zip(FUZZERS, (options.specs, options.tables, options.results), strict=True))
+    wanted = options.specs, options.tables, options.results, options.again
+    numbers = dict(zip(FUZZERS, wanted, strict=True))
     found = campaign(numbers, options.seed)
     for name, findings in found.items():
         for failure in findings.failures:

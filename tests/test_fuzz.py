@@ -59,7 +59,8 @@ def test_any_text_is_accepted_or_refused(text):
 
 
 @pytest.mark.parametrize(
-    ("name", "number"), [("sweep files", 20), ("tables", 12), ("result files", 16)]
+    ("name", "number"),
+    [("sweep files", 20), ("tables", 12), ("result files", 16), ("results saved again", 12)],
 )
 def test_nothing_fails_badly(name, number, capsys):
     """No traceback, no hang, nothing written beside the output, no other numbers shown."""

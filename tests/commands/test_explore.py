@@ -1,7 +1,11 @@
 """The command that explores a result: its messages."""
 
+import os
+import shutil
 import sys
 
+import h5py
+import numpy as np
 import pytest
 
 from vibrosweep.cli import main
@@ -33,3 +37,30 @@ def test_a_port_that_is_taken_is_told(swept, capsys):
         port = taken.getsockname()[1]
         assert main(["explore", str(swept), "--port", str(port)]) == 2
     assert f"port {port} cannot be had" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("port", ["99999", "65536", "-1", "x"])
+def test_a_port_that_there_is_not_is_told(swept, capsys, port):
+    with pytest.raises(SystemExit) as ended:
+        main(["explore", str(swept), f"--port={port}"])
+    assert ended.value.code == 2
+    assert "at least 0 and at most 65535" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="names there are Unicode")
+def test_names_that_are_no_text_can_be_explored_and_written_to(swept, tmp_path):
+    """Of a result, of a page, and of what another program wrote as a title."""
+    odd = tmp_path / os.fsdecode(b"\xff.h5")
+    page = tmp_path / os.fsdecode(b"\xff.html")
+    with_title(swept, odd, b"\xfftitle")
+    assert main(["explore", str(odd), "-o", str(page)]) == 0
+    assert "title" in page.read_text("utf-8")
+    assert main(["figures", str(odd), "-o", str(tmp_path / os.fsdecode(b"\xff"))]) == 0
+    assert main(["info", str(odd)]) == 0
+
+
+def with_title(source, target, title):
+    """Save a result again with another title."""
+    shutil.copy(source, target)
+    with h5py.File(target, "r+") as file:
+        file.attrs.create("title", np.bytes_(title), dtype=h5py.string_dtype())

@@ -38,7 +38,7 @@ def _port(text: str) -> int:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.explore.points import open_points
+    from vibrosweep.store.reading import using
 
     try:
         import bokeh  # noqa: F401
@@ -46,6 +46,13 @@ def perform(options: argparse.Namespace) -> None:
         raise MissingBokehError(
             'the page is made with bokeh, which is not installed: pip install "vibrosweep[explore]"'
         ) from error
+    with using(options.result):
+        _explore(options)
+
+
+def _explore(options: argparse.Namespace) -> None:
+    from vibrosweep.explore.points import open_points
+
     points = open_points(options.result)
     if options.output is not None:
         from vibrosweep.explore.static import write_page

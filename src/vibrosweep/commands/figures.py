@@ -24,22 +24,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
+    from vibrosweep.store.reading import using
+
+    with using(options.result):
+        _draw(options.result, options.output)
+
+
+def _draw(path: Path, directory: Path) -> None:
     from vibrosweep.api.results import has_record, open_record, open_sweep
     from vibrosweep.figures.registry import missing, save_all, save_formats
     from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 
-    kind = read_kind(options.result)
+    kind = read_kind(path)
     if kind is not SWEEP:
         if not kind.drawing:
-            raise DataError(f"{options.result}: {kind.undrawn}")
-        figure = kind.draw(load_dataset(options.result))
-        print("\n".join(map(str, save_formats(figure, options.output, kind.stem))))
+            raise DataError(f"{path}: {kind.undrawn}")
+        figure = kind.draw(load_dataset(path))
+        print("\n".join(map(str, save_formats(figure, directory, kind.stem))))
         return
     # no figure of a sweep shows single particles, which may be many
-    sweep = _loaded(options.result, open_sweep, "particle")
-    record = _loaded(options.result, open_record) if has_record(options.result) else None
-    for path in save_all(sweep, record, options.output):
-        print(path)
+    sweep = _loaded(path, open_sweep, "particle")
+    record = _loaded(path, open_record) if has_record(path) else None
+    for written in save_all(sweep, record, directory):
+        print(written)
     for sentence in missing(sweep, record).values():
         print(f"left out: {sentence}")
 

@@ -32,8 +32,9 @@ def perform(options: argparse.Namespace) -> int:
     """Carry the command out; return 1 if a number is outside its claim."""
     from vibrosweep.proof.verify import verify
     from vibrosweep.runs.progress import reporting
+    from vibrosweep.store.reading import using
 
-    with reporting(sys.stderr) as advance:
+    with using(options.result), reporting(sys.stderr) as advance:
         report = verify(
             options.result,
             sample=options.sample,

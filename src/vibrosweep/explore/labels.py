@@ -35,11 +35,16 @@ def units_text(units: str) -> str:
     return re.sub(r"(?<=[A-Za-z])-?\d+", lambda found: found[0].translate(_RAISED), units)
 
 
+def legible(text: object) -> str:
+    """Text of a file, or a path, with escapes for what was no text: no page can hold that."""
+    return str(text).encode(errors="backslashreplace").decode()
+
+
 def label(name: str, words: str, units: str) -> str:
     """Words, symbol and units of a quantity."""
     unit = units_text(units)
     symbol = SYMBOLS.get(name, "")
-    return f"{words}{symbol and f' {symbol}'}{unit and f' ({unit})'}"
+    return legible(f"{words}{symbol and f' {symbol}'}{unit and f' ({unit})'}")
 
 
 def input_label(name: str) -> str:

@@ -158,7 +158,7 @@ class Page:
             for root in self.roots:
                 self.document.add_root(root)
         self.document.js_on_event(DocumentReady, *(motion.script for motion in self.motions))
-        self.document.title = f"{self.points.title} ({self.points.path.name})"
+        self.document.title = self.points.heading
         self.document.template = TEMPLATE
         self.document.template_variables.update(self.places)
 

@@ -20,7 +20,7 @@ from vibrosweep.explore.curves import WindowEnd, window_ends
 from vibrosweep.explore.labels import SYMBOLS
 from vibrosweep.explore.points import Points
 from vibrosweep.explore.raster import View, nearest, raster
-from vibrosweep.explore.sources import empty_source, inner_pixels, is_window
+from vibrosweep.explore.sources import LARGEST, empty_source, inner_pixels, is_window
 
 # More points than this are gathered in pixels
 MANY: Final = 20_000
@@ -208,8 +208,8 @@ def limits(values: Array) -> tuple[float, float]:
     """From where to where an axis goes that shows all values with a margin."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-    margin = MARGIN * (high - low) or 0.5
-    return low - margin, high + margin
+    margin = MARGIN * high - MARGIN * low or 0.5
+    return max(low - margin, -LARGEST), min(high + margin, LARGEST)
 
 
 def _place(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,12 +14,12 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.explore.choice import Choice, Spread
-from vibrosweep.explore.labels import input_label, label
+from vibrosweep.explore.labels import input_label, label, legible
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
 from vibrosweep.model.measures import known
 from vibrosweep.model.mount import MASSES
-from vibrosweep.model.parameters import STAGGERED
-from vibrosweep.model.times import Periods
+from vibrosweep.model.parameters import BASES, LAWS, STAGGERED
+from vibrosweep.model.times import Periods, amount
 from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 from vibrosweep.store.rows import REALIZATION, flat
 
@@ -63,6 +64,11 @@ class Points:
     colour: str
     # What has to be known of a realization that is followed again; empty if nothing
     remark: str = ""
+
+    @property
+    def heading(self) -> str:
+        """Title, and name of the file."""
+        return legible(f"{self.title} ({self.path.name})")
 
     @property
     def count(self) -> int:
@@ -114,10 +120,31 @@ def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
             f"a result of vibrosweep run, windows, bifurcation or basins"
         )
     found = makers[kind](dataset)
-    points = Points(path=path, kind=kind, title=str(dataset.attrs.get("title", path)), **found)
+    title = legible(dataset.attrs.get("title", path))
+    points = Points(path=path, kind=kind, title=title, **found)
     if not points.count:
         raise DataError(f"{path}: holds no points that could be shown")
+    _require_sound(points)
     return points
+
+
+def _require_sound(points: Points) -> None:
+    """Raise for realizations that no command can have written, and none can be simulated of."""
+    chosen = points.base_choice
+    values = {n: points.columns[n].values for n in points.varied} | chosen.inputs
+    bad = [name for name, given in values.items() if not np.all(INPUTS[name].accepts(given))]
+    bad += [name for name in inputs_of(values, chosen.base) if name not in values]
+    for name, sound in {
+        "base": chosen.base in BASES,
+        "rebound": chosen.rebound in LAWS,
+        "particles": chosen.particles >= 1,
+        "duration": math.isfinite(amount(chosen.end)),
+    }.items():
+        bad += [] if sound else [name]
+    if bad:
+        raise DataError(
+            f"{points.path}: {', '.join(bad)}: is not what vibrosweep writes; compute it again"
+        )
 
 
 def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
@@ -243,7 +270,7 @@ def _column(name: str, variable: Any, index: Any = slice(None)) -> Column:
     if "flag_values" in attributes:
         meanings = [m.replace("_", " ") for m in str(attributes["flag_meanings"]).split()]
         flags = np.atleast_1d(attributes["flag_values"]).tolist()
-        codes = {int(v): m for v, m in zip(flags, meanings, strict=True)}
+        codes = {int(v): legible(m) for v, m in zip(flags, meanings, strict=True)}
     if len(words) > LONGEST_LABEL:
         words = name.replace("_", " ")
     units = str(attributes.get("units", ""))
@@ -252,7 +279,7 @@ def _column(name: str, variable: Any, index: Any = slice(None)) -> Column:
 
 
 def _named(words: str, names: Iterable[Any], index: NDArray[Any]) -> Column:
-    return Column(words, index.astype(np.float64), {i: str(n) for i, n in enumerate(names)})
+    return Column(words, index.astype(np.float64), {i: legible(n) for i, n in enumerate(names)})
 
 
 def _given_names(dataset: xr.Dataset, forcing: str) -> tuple[str, ...]:

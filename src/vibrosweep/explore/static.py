@@ -17,6 +17,7 @@ from vibrosweep.errors import OutputError
 from vibrosweep.explore import python_lines as lines
 from vibrosweep.explore.colours import colouring
 from vibrosweep.explore.facts import facts_html, named
+from vibrosweep.explore.labels import legible
 from vibrosweep.explore.layout import TEMPLATE, parts, picker
 from vibrosweep.explore.motion_view import MotionView
 from vibrosweep.explore.plane_view import PlaneView, limits
@@ -102,8 +103,9 @@ class _Page:
             for root in roots:
                 document.add_root(root)
         document.js_on_event(DocumentReady, self.motion.script)
-        title = f"{self.points.title} ({self.points.path.name})"
-        return str(file_html(document, INLINE, title, template=TEMPLATE, template_variables=places))
+        heading = self.points.heading
+        page = file_html(document, INLINE, heading, template=TEMPLATE, template_variables=places)
+        return str(page)
 
     def _parts(self) -> tuple[list[Any], dict[str, Any]]:
         plane, points = self.plane, self.points
@@ -120,7 +122,8 @@ class _Page:
         plane.figure.scatter("x", "y", source=marks, marker="cross", size=8, line_color="black")
         self._listen({**self._arguments(pickers, marks), "around": around}, pickers)
         wrap = {"flex-wrap": "wrap"}
-        needs = f"Other parameters need the program: vibrosweep explore {points.path.name}"
+        name = legible(points.path.name)
+        needs = f"Other parameters need the program: vibrosweep explore {name}"
         said = html.escape(f"{self.said}. {needs}. {points.remark}")
         left = [
             row(*pickers, styles=wrap, sizing_mode="stretch_width", name="pickers"),

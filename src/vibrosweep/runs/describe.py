@@ -17,7 +17,7 @@ from vibrosweep.model.status import Status
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.store.kinds import SWEEP, Kind, kind_of, load_dataset
 from vibrosweep.store.parts import Parts, read_manifest
-from vibrosweep.store.reading import no_result, reading
+from vibrosweep.store.reading import no_result, reading, using
 from vibrosweep.store.rows import read_rows, row_count
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import State, state_of
@@ -53,7 +53,9 @@ def _other(path: Path, kind: Kind) -> Iterator[str]:
     yield str(dataset.attrs.get("title", path.name))
     yield f"result of {kind.command}"
     yield f"dimensions: {', '.join(f'{name} {size}' for name, size in dataset.sizes.items())}"
-    yield from kind.lines(dataset)
+    with using(path):
+        lines = list(kind.lines(dataset))
+    yield from lines
     yield from _provenance(dataset.attrs)
 
 

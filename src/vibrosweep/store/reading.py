@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import h5py
+
 from vibrosweep.errors import DataError, VibrosweepError
 from vibrosweep.store.seal import State, state_of
-from vibrosweep.store.trial import require_readable
+from vibrosweep.store.trial import require_readable, require_whole
 
 
 @contextmanager
@@ -17,15 +19,21 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turn any failure to read a result file into one clear DataError.
 
     A sealed file is first compared with its checksum; a file without a seal is first read in a
-    separate process, so that a damaged file cannot crash or block this one.
+    separate process, so that a damaged file cannot crash or block this one.  What a file has in
+    other files is never opened.
     """
     try:
         seal = state_of(Path(path))
         if seal is State.MISSING:
             require_readable(Path(path))
+        elif seal is State.INTACT:
+            with h5py.File(path, "r") as file:
+                require_whole(file)
     except FileNotFoundError as error:
         raise no_result(path) from error
-    except (OSError, ValueError) as error:
+    except ValueError as error:
+        raise _unreadable(path, f" ({error})") from error
+    except OSError as error:
         raise _unreadable(path) from error
     if seal is State.BROKEN:
         raise DataError(
@@ -40,13 +48,34 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
         raise _unreadable(path) from error
 
 
+@contextmanager
+def using(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Turn any failure with what another program saved in a result file into one clear DataError.
+
+    It may hold anything under any name.  What is wrong with a file that this program has sealed is
+    a fault of this program, and raised as it is.
+    """
+    try:
+        yield
+    except (VibrosweepError, MemoryError):
+        raise
+    except Exception as error:  # anything may follow from anything
+        if state_of(Path(path)) is not State.MISSING:
+            raise
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise DataError(
+            f"{path}: was saved by another program, and holds something else than vibrosweep "
+            f"writes ({reason}); take the file that vibrosweep wrote, or compute it again"
+        ) from error
+
+
 def no_result(path: str | os.PathLike[str]) -> DataError:
     """Return the error for a result file that does not exist."""
     return DataError(f"{path}: there is no such result file; check the path")
 
 
-def _unreadable(path: str | os.PathLike[str]) -> DataError:
+def _unreadable(path: str | os.PathLike[str], reason: str = "") -> DataError:
     return DataError(
-        f"{path}: is not a result of vibrosweep, or is damaged; check the path, or compute it "
-        f"again with vibrosweep run"
+        f"{path}: is not a result of vibrosweep, or is damaged{reason}; check the path, or compute "
+        f"it again with vibrosweep run"
     )

@@ -14,6 +14,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO, Final
 
+from vibrosweep.store.trial import require_file
+
 DIGITS: Final = 64
 PATTERN: Final = re.compile(rb"\nvibrosweep seal sha256 ([0-9a-f]{%d})\n" % DIGITS)
 LENGTH: Final = len("\nvibrosweep seal sha256 \n") + DIGITS
@@ -36,8 +38,11 @@ def append_seal(file: BinaryIO) -> None:
 
 
 def state_of(path: Path) -> State:
-    """Compare the contents of a file with its seal; takes about a second per 1-2 GB."""
-    found = path.stat()
+    """Compare the contents of a file with its seal; takes about a second per 1-2 GB.
+
+    Raises a ValueError where it is no ordinary file.
+    """
+    found = require_file(path)
     return _state(path.resolve(), found.st_ino, found.st_size, found.st_mtime_ns)
 
 

@@ -5,9 +5,12 @@ As a program, ``python trial.py PATH`` reads the file and prints the reason if i
 
 from __future__ import annotations
 
+import os
+import stat
 import subprocess
 import sys
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +25,14 @@ def require_readable(path: Path) -> None:
 
     It fails, crashes, or does not finish in time.
     """
-    patience = PATIENCE + path.stat().st_size / BYTES_PER_SECOND
+    found = require_file(path)
+    _try(path.resolve(), found.st_ino, found.st_size, found.st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _try(path: Path, inode: int, size: int, modified: int) -> None:
+    """Try, and remember success: a changed file has another modification time or inode."""
+    patience = PATIENCE + size / BYTES_PER_SECOND
     # -P: modules in this directory must not shadow others of the same name
     command = [sys.executable, "-P", "-W", "ignore", __file__, str(path)]
     try:
@@ -41,6 +51,37 @@ def require_readable(path: Path) -> None:
         raise ValueError(f"HDF5 crashes on it (signal {-done.returncode})")
     if done.returncode:
         raise ValueError(done.stdout.strip() or "HDF5 cannot read it")
+
+
+def require_file(path: Path) -> os.stat_result:
+    """Return what the system knows of an ordinary file; a ValueError where it is none.
+
+    What is not may never end, or be waited for for ever.
+    """
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise ValueError("it is no ordinary file")
+    return found
+
+
+def require_whole(file: Any) -> None:
+    """Raise a ValueError where anything in a file of h5py is kept outside it.
+
+    Nothing says what is there now, and it may be a pipe, which is waited for for ever.
+    """
+    import h5py
+
+    links: dict[str, Any] = {}
+    file.visititems_links(links.__setitem__)
+    away = [name for name, link in links.items() if isinstance(link, h5py.ExternalLink)]
+
+    def look(name: str, one: Any) -> None:
+        if isinstance(one, h5py.Dataset) and (one.is_virtual or one.external):
+            away.append(name)
+
+    file.visititems(look)
+    if away:
+        raise ValueError(f"{', '.join(sorted(away))}: kept in another file, which is not opened")
 
 
 def _read(group: Any) -> None:
@@ -68,8 +109,6 @@ def _resolve(group: Any) -> None:
 
 def _limit_memory() -> None:
     """Limit memory, so that a damaged size ends this process instead of exhausting the machine."""
-    import os
-
     try:
         import resource
     except ImportError:  # Windows has no such limit
@@ -86,6 +125,7 @@ if __name__ == "__main__":
     _limit_memory()
     try:
         with h5py.File(sys.argv[1], "r") as file:  # h5netcdf takes five times as long to read all
+            require_whole(file)
             _read(file)
         with h5netcdf.File(sys.argv[1], "r", phony_dims="access") as file:
             _resolve(file)

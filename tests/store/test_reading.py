@@ -1,0 +1,202 @@
+"""What of a result is never opened, and what becomes of anything that another program saved."""
+
+import os
+import shutil
+import signal
+from contextlib import contextmanager
+
+import h5py
+import numpy as np
+import pytest
+
+import vibrosweep as vs
+from vibrosweep.api.results import has_record
+from vibrosweep.cli import main
+from vibrosweep.errors import DataError
+from vibrosweep.explore.points import open_points
+from vibrosweep.runs.retry import retry_failed
+from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.store.kinds import load_dataset, read_kind
+from vibrosweep.store.reading import using
+from vibrosweep.store.seal import append_seal
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes here")
+
+SPEC = """title = "x"
+[sample]
+restitution = [0.8, 0.9]
+amplitude = [0.5, 2.0]
+realizations = 3
+[record]
+amplitude = 1.0
+restitution = 0.9
+"""
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("read")
+    (directory / "s.toml").write_text(SPEC)
+    assert main(["run", str(directory / "s.toml"), "-o", str(directory / "s.h5")]) == 0
+    return directory / "s.h5"
+
+
+@contextmanager
+def soon():
+    """Fail where something is waited for: nobody ever writes into the pipe."""
+
+    def late(number, frame):
+        raise AssertionError("hangs")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(60)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def external(group, pipe):
+    del group["gravity"]
+    group["gravity"] = h5py.ExternalLink(str(pipe), "/gravity")
+
+
+def external_storage(group, pipe):
+    del group["gravity"]
+    group.create_dataset("gravity", (3,), "f8", external=[(str(pipe), 0, h5py.h5f.UNLIMITED)])
+
+
+def virtual(group, pipe):
+    del group["gravity"]
+    layout = h5py.VirtualLayout((3,), "f8")
+    layout[...] = h5py.VirtualSource(str(pipe), "x", (3,))
+    group.create_virtual_dataset("gravity", layout)
+
+
+def unused(group, pipe):
+    group.create_group("deep").create_group("deeper")["gravity"] = h5py.ExternalLink(str(pipe), "/")
+
+
+@pytest.fixture(
+    params=[
+        (external, "/"),
+        (external, "record"),
+        (external_storage, "record"),
+        (virtual, "/"),
+        (unused, "/"),
+    ],
+    ids=lambda param: f"{param[0].__name__} {param[1]}",
+)
+def linked(request, sound, tmp_path):
+    """A result of which something is in a pipe, with or without a seal."""
+
+    def make(sealed):
+        pipe, path = tmp_path / "pipe", tmp_path / "linked.h5"
+        os.mkfifo(pipe)
+        whole = sound.read_bytes()
+        path.write_bytes(whole[: whole.rindex(b"\nvibrosweep seal")])
+        with h5py.File(path, "r+") as file:
+            change, group = request.param
+            change(file[group], pipe)
+        if sealed:
+            with path.open("r+b") as file:
+                append_seal(file)
+        return path
+
+    return make
+
+
+@pytest.mark.parametrize("sealed", [False, True])
+def test_nothing_that_is_in_another_file_is_opened(linked, sealed, tmp_path, capsys):
+    path = linked(sealed)
+    written = {"figures": ("-o", tmp_path / "f"), "explore": ("-o", tmp_path / "p.html")}
+    for command in ("info", "verify", "figures", "explore"):
+        with soon():
+            assert main([command, str(path), *map(str, written.get(command, ()))]) == 2, command
+        assert "gravity: kept in another file, which is not opened" in capsys.readouterr().err
+    with soon():
+        (tmp_path / "s.toml").write_text(SPEC)
+        run = ["run", str(tmp_path / "s.toml"), "-o", str(path)]
+        assert main([*run, "--retry-failed"]) == 2
+        assert main(run) == 2
+    assert not (tmp_path / "f").exists()
+    assert not (tmp_path / "p.html").exists()
+
+
+OPENING = (
+    vs.open_sweep,
+    vs.open_record,
+    has_record,
+    read_kind,
+    load_dataset,
+    open_points,
+    lambda path: retry_failed(parse_spec(SPEC), path, threads=1),
+)
+
+
+def test_no_function_opens_another_file(linked):
+    path = linked(sealed=True)
+    for opening in OPENING:
+        with soon(), pytest.raises(DataError, match="in another file"):
+            opening(path)
+
+
+def test_what_is_no_file_is_not_waited_for(tmp_path, capsys):
+    os.mkfifo(tmp_path / "pipe.h5")
+    for command in ("info", "verify", "figures", "explore"):
+        with soon():
+            assert main([command, str(tmp_path / "pipe.h5")]) == 2
+        assert "no ordinary file" in capsys.readouterr().err
+
+
+def test_a_link_within_a_result_is_followed(sound, tmp_path, capsys):
+    path = shutil.copy(sound, tmp_path / "copy.h5")
+    with h5py.File(path, "r+") as file:
+        file.move("gravity", "moved")
+        file["gravity"] = h5py.SoftLink("/moved")
+    assert main(["info", str(path)]) == 0
+    assert "gravity                         9.81 m s-2" in capsys.readouterr().out
+
+
+def test_a_fault_of_this_program_is_not_put_on_a_file(sound, tmp_path):
+    with pytest.raises(KeyError), using(sound):
+        raise KeyError("x")
+    path = shutil.copy(sound, tmp_path / "copy.h5")
+    with h5py.File(path, "r+") as file:
+        file.attrs["title"] = "another"
+    with (
+        pytest.raises(DataError, match=r"copy.h5: was saved by another.*KeyError: 'x'"),
+        using(path),
+    ):
+        raise KeyError("x")
+
+
+OTHERS = {
+    "strings": lambda shape: np.full(shape, "text", object),
+    "bytes": lambda shape: np.full(shape, b"\xff\xfe"),
+    "compound": lambda shape: np.zeros(shape, [("a", "f8"), ("b", "i4")]),
+    "opaque": lambda shape: np.full(shape, b"abcd", "V4"),
+    "empty": lambda shape: h5py.Empty("f8"),
+    "of length 0": lambda shape: np.empty((0,) * max(len(shape), 1)),
+    "1e308": lambda shape: np.full(shape, 1e308),
+}
+
+
+@pytest.mark.parametrize("other", OTHERS)
+@pytest.mark.parametrize("name", ["restitution", "rebound_height_max"])
+def test_whatever_stands_for_a_variable_nothing_fails_badly(sound, tmp_path, capsys, name, other):
+    """A command shows what is left, or says in a message what it cannot."""
+    path = shutil.copy(sound, tmp_path / "copy.h5")
+    with h5py.File(path, "r+") as file:
+        shape, attributes = file[name].shape, dict(file[name].attrs)
+        del file[name]
+        kind = {"dtype": h5py.string_dtype()} if other == "strings" else {}
+        file.create_dataset(name, data=OTHERS[other](shape), **kind)
+        for key in ("units", "long_name"):
+            file[name].attrs[key] = attributes[key]
+        del file["record"]  # whose figures take long
+    for words in (("figures", "-o", tmp_path / "f"), ("explore", "-o", tmp_path / "p.html")):
+        code = main([words[0], str(path), *map(str, words[1:])])
+        said = capsys.readouterr().err
+        assert code == 0 or (code == 2 and str(path) in said), (words[0], code, said)
