@@ -131,7 +131,8 @@ def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
 def _require_sound(points: Points) -> None:
     """Raise for realizations that no command can have written, and none can be simulated of."""
     chosen = points.base_choice
-    values = {n: points.columns[n].values for n in points.varied} | chosen.inputs
+    values: dict[str, Any] = {name: points.columns[name].values for name in points.varied}
+    values |= chosen.inputs
     bad = [name for name, given in values.items() if not np.all(INPUTS[name].accepts(given))]
     bad += [name for name in inputs_of(values, chosen.base) if name not in values]
     for name, sound in {
