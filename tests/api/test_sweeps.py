@@ -180,7 +180,7 @@ PLAIN = {"restitution": [0.8, 0.9, 0.95], "amplitude": [1.0, 2.0, 3.0]}
 
 def test_a_label_may_be_called_as_what_python_and_xarray_know(tmp_path):
     names = ("self", "class", "None", "lambda", "dims", "values", "attrs")
-    labels = dict.fromkeys(names, [3.0, 1.0, 2.0])
+    labels = {name: [3.0, 1.0, 2.0] for name in names}
     design = PLAIN | labels
     found = vs.sweep(design=design, separation=True, particles=2, columns=list(design))
     with vs.run({"design": design, "columns": list(design)}, tmp_path / "out.h5", chunk=2) as kept:

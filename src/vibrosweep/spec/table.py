@@ -95,9 +95,9 @@ def read_table(spec: SweepSpec) -> Table:
     else:
         columns = _read_csv(path, mistakes)
     chosen = _chosen(columns, spec, mistakes)
-    if not chosen:
+    if not columns:
         mistakes.add("has no columns; give one for each parameter that it samples")
-    elif not columns[chosen[0]].values.size:
+    elif chosen and not columns[chosen[0]].values.size:
         mistakes.add("has no rows; give one for each realization")
     parameters = {
         name: _numbers(name, columns[name], mistakes) for name in INPUTS if name in chosen
