@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import h5netcdf
@@ -94,7 +95,9 @@ def has_record(path: str | os.PathLike[str]) -> bool:
 
 
 def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
-    with reading(path):
+    with reading(path), warnings.catch_warnings():
+        # of attributes that do not fit, which another program may have written
+        warnings.simplefilter("ignore", xr.SerializationWarning)
         # without phony_dims a foreign file makes h5netcdf warn
         dataset = xr.open_dataset(path, engine="h5netcdf", group=group, phony_dims="access")
         kind = kind_of(path, dataset.attrs) if group is None else SWEEP

@@ -7,6 +7,7 @@ given by name here and imported when they are called.
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -123,7 +124,9 @@ def load_dataset(path: Path) -> xr.Dataset:
     """Read a result other than a sweep into memory; errors as of `read_kind`."""
     import xarray as xr
 
-    with reading(path):
+    with reading(path), warnings.catch_warnings():
+        # of attributes that do not fit, which another program may have written
+        warnings.simplefilter("ignore", xr.SerializationWarning)
         return xr.load_dataset(path, engine="h5netcdf")
 
 
