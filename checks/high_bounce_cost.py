@@ -246,10 +246,10 @@ def windows(workers, _options):
         scan = np.linspace(0.005, 15.0, 200)
         found = find_windows(Scene(base=base), e, scan, ["locked(1)"], threads=2)
         one = found.isel(condition=0, direction=0, window=0)
-        begin = theory.amplitude_min(1, e)
-        if base == MOVING:  # without any rebound the base must fall away from the particle
-            begin[e == 0.0] = amplitude_of(0.0, np.hypot(1.0, np.pi))
-        exact = {"A_min": begin, "A_max": theory.amplitude_max(1, e, base=base)}
+        exact = {
+            "A_min": theory.amplitude_min(1, e, base=base),
+            "A_max": theory.amplitude_max(1, e, base=base),
+        }
         for end, there in exact.items():
             for row, here, known, r in zip(rows, one[end].values, there, e, strict=True):
                 row.append(f"{gamma_of(r, here):.9f}")

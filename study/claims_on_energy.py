@@ -191,7 +191,7 @@ def _relative(found: xr.Dataset) -> Array:
 def _cycles(plan: Plan, base: str) -> Array:
     """Relative imbalance over one cycle of locked orbits in the middle of their windows."""
     k, e = (v.ravel() for v in np.meshgrid(np.arange(1.0, 5.0), np.array(RESTITUTIONS)))
-    low, high = theory.amplitude_min(k, e), theory.amplitude_max(k, e, base=base)
+    low, high = (end(k, e, base=base) for end in (theory.amplitude_min, theory.amplitude_max))
     middle = 0.5 * (low + high)
     record = simulate(
         restitution=e,

@@ -108,7 +108,7 @@ def _near_mode_1(plan: Plan, base: str, setting: Setting) -> list[xr.Dataset]:
     """Four films of amplitudes in the middle of the window, from releases near the orbit."""
     drawn = setting.drawn(plan, frequency=LABORATORY, amplitude=(0.25, 0.75))
     e, f = drawn["restitution"], drawn["frequency"]
-    low, high = theory.amplitude_min(1, e, f), theory.amplitude_max(1, e, f, base=base)
+    low, high = (end(1, e, f, base=base) for end in (theory.amplitude_min, theory.amplitude_max))
     amplitude = low + drawn["amplitude"] * (high - low)
     phase = theory.locked_phase(1, e, amplitude, f)
     there = {"amplitude": amplitude, "launch_velocity": theory.locked_velocity(1, f)}

@@ -52,7 +52,7 @@ def linearised_update(plan: Plan) -> Outcome:
 
 def _linearised(plan: Plan, base: str) -> Evidence:
     e, part = (v.ravel() for v in np.meshgrid(RESTITUTIONS, np.linspace(0.05, 0.95, 19)))
-    low, high = theory.amplitude_min(1, e), theory.amplitude_max(1, e, base=base)
+    low, high = theory.amplitude_min(1, e, base=base), theory.amplitude_max(1, e, base=base)
     both_e = np.tile(e, 2)
     amplitude = np.concatenate([low + part * (high - low), (1.05 + part) * high])
     stable = returns(plan, base, np.ones_like(both_e), both_e, amplitude, 1e-6)

@@ -113,7 +113,7 @@ def _ends(base: str, k: Array, e: Array) -> tuple[Array, Array]:
     """Ends of the windows of mode k, m/s."""
     if base == SPRUNG:
         return light_particle.ends(k, e)
-    return theory.amplitude_min(k, e), theory.amplitude_max(k, e, base=base)
+    return theory.amplitude_min(k, e, base=base), theory.amplitude_max(k, e, base=base)
 
 
 def _launched(plan: Plan, base: str, setting: Setting, where: str) -> NDArray[Any]:
@@ -122,7 +122,7 @@ def _launched(plan: Plan, base: str, setting: Setting, where: str) -> NDArray[An
     e, part = drawn["restitution"], drawn["amplitude"]
     # that of a heavy table where the base recoils: it ends within some per cent of it
     solid = MOVING if base == SPRUNG else base
-    low, high = theory.amplitude_min(1, e), theory.amplitude_max(1, e, base=solid)
+    low, high = (end(1, e, base=solid) for end in (theory.amplitude_min, theory.amplitude_max))
     below, beyond = 2.0 * part * low, (0.5 + part) * high
     amplitude = low + part * (high - low)
     if where == "out":
@@ -158,7 +158,7 @@ def _window_deviation(plan: Plan, base: str) -> float:
     e = np.array([0.3, 0.5, 0.7, 0.9, 0.98])
     largest = 0.0
     for frequency in (1.0, 17.0):
-        low = 0.9 * theory.amplitude_min(1, e[-1], frequency)
+        low = 0.9 * theory.amplitude_min(1, e[-1], frequency, base=base)
         top = 1.05 * theory.amplitude_max(MODES[-1], e[0], frequency, base=base)
         found = find_windows(
             frequency=frequency,
@@ -172,7 +172,7 @@ def _window_deviation(plan: Plan, base: str) -> float:
             one = found.isel(condition=i)
             widest = one.isel(window=np.maximum(one["widest"], 0))
             ends = {
-                "A_min": theory.amplitude_min(k, e, frequency),
+                "A_min": theory.amplitude_min(k, e, frequency, base=base),
                 "A_max": theory.amplitude_max(k, e, frequency, base=base),
             }
             for name, end in ends.items():

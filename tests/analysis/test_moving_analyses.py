@@ -21,18 +21,18 @@ def gamma_of(amplitude, e):
 
 
 def test_locked_windows_end_where_the_closed_forms_say():
-    e = np.array([0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.99])
+    e = np.array([0.0, 0.0205, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.99])
     names = [f"locked({k})" for k in MODES]
     found = find_windows(Scene(base="moving"), e, np.linspace(0.02, 16.0, 40), names, threads=1)
     assert (found["window_count"] == 1).all()
     for k, name in zip(MODES, names, strict=True):
         one = found.sel(condition=name, direction="launch").isel(window=0)
-        ends = theory.amplitude_min(k, e), theory.amplitude_max(k, e, base="moving")
+        ends = (end(k, e, base="moving") for end in (theory.amplitude_min, theory.amplitude_max))
         for lower, end in zip(("A_min", "A_max"), ends, strict=True):
             assert one[lower].values == pytest.approx(end, rel=1e-8)
 
 
-@pytest.mark.parametrize("e", [0.0, 1e-4, 0.005, 0.015])
+@pytest.mark.parametrize("e", [1e-4, 0.005, 0.015])
 def test_a_window_begins_where_the_flight_first_clears_the_base(e):
     name, scan = ["locked(1)"], np.linspace(3.0, 8.0, 30)
     one = find_windows(Scene(base="moving"), [e], scan, name, threads=1).squeeze()
@@ -45,9 +45,8 @@ def test_a_window_begins_where_the_flight_first_clears_the_base(e):
         base = np.cos(2.0 * np.pi * (x + s)) - np.cos(2.0 * np.pi * x)
         sunk = gamma * (1.0 + side) / (4.0 * np.pi**2) * base
         clearance.append((s * (1.0 - s) / 2.0 + sunk).min())
-    assert clearance[0] < 0.0 < clearance[1] + (1e-12 if e == 0.0 else 0.0)
-    if e == 0.0:  # without relative speed it leaves where the base falls faster than gravity
-        assert gamma == pytest.approx(np.hypot(np.pi, 1.0), rel=1e-8)
+    assert clearance[0] < 0.0 < clearance[1]
+    assert gamma > 1.0001 * lowest
     upper = theory.amplitude_max(1, e, base="moving")
     assert float(one["A_max"]) == pytest.approx(upper, rel=1e-8)
 

@@ -36,3 +36,11 @@ def test_every_argument_has_its_range(name):
 def test_the_first_value_outside_is_named():
     with pytest.raises(vs.errors.ParameterError, match=r"restitution = 1\.5: must be at least 0"):
         vs.theory.amplitude_min(1, [0.5, 1.5, np.nan])
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_wrong_call_is_told_with_the_name_of_the_function(name):
+    with pytest.raises(
+        TypeError, match=rf"^{name}\(\) got an unexpected keyword argument 'colour'"
+    ):
+        FUNCTIONS[name](**possible(FUNCTIONS[name]), colour=1)

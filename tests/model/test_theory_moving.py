@@ -108,7 +108,7 @@ def test_an_impact_contracts_by_the_quotient_of_the_relative_speeds(e, x, gamma,
 def test_the_window_is_that_of_the_acceleration(k, e):
     lowest = math.pi * k * (1.0 - e) / (1.0 + e)
     steepest = 2.0 * (1.0 + e * e) / (1.0 + e) ** 2
-    low, high = theory.amplitude_min(k, e), theory.amplitude_max(k, e, base="moving")
+    low, high = (end(k, e, base="moving") for end in (theory.amplitude_min, theory.amplitude_max))
     assert gamma_of(low, e) == pytest.approx(lowest, rel=1e-14)
     assert gamma_of(high, e) == pytest.approx(math.hypot(lowest, steepest), rel=1e-14)
     pair = theory.multipliers(k, e, high, base="moving")
@@ -125,13 +125,31 @@ def test_mode_1_is_stable_up_to_the_known_acceleration(e, gamma):
     assert gamma_of(theory.amplitude_max(1, e, base="moving"), e) == pytest.approx(gamma, abs=6e-7)
 
 
-@pytest.mark.parametrize("side", [-1, 1])
-def test_a_particle_hardly_reflected_meets_the_base_before_the_period_is_over(side):
-    e = 0.020457632 + side * 1e-5
-    amplitude = float(theory.amplitude_min(1, e))
-    s = np.linspace(1e-3, 0.9, 100001)
-    least = clearance(0.25, 1.0, gamma_of(amplitude, e) / math.pi, s).min()
-    assert (least > 0.0) == (side > 0)
+@pytest.mark.parametrize("k", [1, 2, 3, 4, 7, 12])
+def test_no_closed_form_is_given_where_the_first_flight_meets_the_base_on_its_way(k):
+    def meets(e):
+        alpha = k * (1.0 - e) / (1.0 + e)
+        s = np.linspace(1e-3, 0.999, 200_001) * min(0.5, k)
+        return clearance(0.25, float(k), alpha, s).min() < 0.0
+
+    low, high = 1e-5, 0.03
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if meets(middle) else (low, middle)
+    known = {1: 0.020458, 2: 0.004833, 3: 0.002127}
+    assert high == pytest.approx(known.get(k, high), abs=5e-7)
+    assert theory.amplitude_min(k, high * (1.0 + 1e-5), base="moving") > 0.0
+    for e in (high * (1.0 - 1e-5), 1e-300):
+        with pytest.raises(ParameterError, match=r"restitution = .*mode .*grazes.*no closed form"):
+            theory.amplitude_min([1, k, 1], [0.9, e, 0.0], base="moving")
+    assert theory.amplitude_min(k, low) == (1.0 - low) * theory.locked_velocity(k)
+
+
+@given(k=st.integers(1, 40))
+def test_without_restitution_the_orbit_begins_with_a_flight_after_a_rest_of_no_time(k):
+    gamma = gamma_of(theory.amplitude_min(k, 0.0, base="moving"), 0.0)
+    assert theory.liftoff_flight(gamma) == pytest.approx(k, rel=1e-13)
+    assert gamma < gamma_of(theory.amplitude_max(k, 0.0, base="moving"), 0.0)
 
 
 @given(k=MODES, e=RESTITUTION, share=SHARES, frequency=st.floats(0.1, 50.0))

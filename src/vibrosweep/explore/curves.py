@@ -12,6 +12,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.explore.points import Points
 from vibrosweep.figures.window_curves import per_amplitude
 from vibrosweep.model.forcing import FORCINGS
+from vibrosweep.model.locked_theory import lower_end
 from vibrosweep.theory import FIXED
 
 MODES: Final = (1, 2, 3)
@@ -66,7 +67,7 @@ def _end(
     if is_upper:
         amplitude = theory.amplitude_max(mode, e, frequency, gravity, base=base)
     else:
-        amplitude = theory.amplitude_min(mode, e, frequency, gravity)
+        amplitude = lower_end(mode, e, frequency, gravity, base)
     return np.asarray(amplitude * per_amplitude(forcing, e, frequency, gravity))
 
 

@@ -13,6 +13,7 @@ from vibrosweep import theory
 from vibrosweep.analysis.base_motion import base_name, moves, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
+from vibrosweep.model.locked_theory import lower_end
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -154,8 +155,9 @@ def _draw_locked(axes: Axes, one: xr.Dataset, top: float) -> None:
     )
     reach = top / float(theory.locked_velocity(1, frequency, gravity))
     modes = np.arange(1, min(int(reach), MOST_MODES) + 1)
-    exists = amplitude >= theory.amplitude_min(modes, e, frequency, gravity)
-    stable = amplitude <= theory.amplitude_max(modes, e, frequency, gravity, base_name(one))
+    of_modes = modes, e, frequency, gravity, base_name(one)
+    exists = amplitude >= lower_end(*of_modes)
+    stable = amplitude <= theory.amplitude_max(*of_modes)
     speeds = theory.locked_velocity(modes, frequency, gravity)
     for chosen, marker, name in (
         (exists & stable, "D", "locked, stable"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from matplotlib.axes import Axes
 from vibrosweep import theory
 from vibrosweep.arrays import Array
 from vibrosweep.figures import style
+from vibrosweep.model.locked_theory import lower_end
 
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201
@@ -52,9 +52,9 @@ def window_curves(
     """
     e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
     scale = per_amplitude(forcing.name, e, forcing.frequency, forcing.gravity)
-    ends = (False, theory.amplitude_min), (True, partial(theory.amplitude_max, base=forcing.base))
+    ends = (False, lower_end), (True, theory.amplitude_max)
     curves = [
-        Curve(k, is_upper, e, end(k, e, forcing.frequency, forcing.gravity) * scale)
+        Curve(k, is_upper, e, end(k, e, forcing.frequency, forcing.gravity, forcing.base) * scale)
         for is_upper, end in ends
         for k in modes
     ]

@@ -186,7 +186,7 @@ def flight_time_bound(
     return np.asarray(liftoff_speed_bound(launch_speed, a, e, base) + longer)
 
 
-def _above_sine(x: Array) -> Array:
+def above_sine(x: Array) -> Array:
     """Return x - sin x for x >= 0, to a few roundings; below 2 by the series."""
     term = total = x**3 / 6.0
     for n in range(4, 24, 2):
@@ -237,7 +237,7 @@ def liftoff_flight(acceleration: ArrayLike) -> Array:
             q = 0.5 * (low + high)
             t = 0.5 * q
             # q^2 / 2 + cos q - 1 = 2 (t - sin t) (t + sin t)
-            short = 2.0 * _above_sine(t) * (t + np.sin(t)) < needed * _above_sine(q)
+            short = 2.0 * above_sine(t) * (t + np.sin(t)) < needed * above_sine(q)
             low, high = np.where(short, q, low), np.where(short, high, q)
     return np.asarray(np.where(gamma > 1.0, 0.5 * (low + high), np.nan) / (2.0 * np.pi))
 

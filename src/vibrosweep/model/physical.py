@@ -35,7 +35,11 @@ def physical(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def refusing(*args: P.args, **kwargs: P.kwargs) -> R:
-        for name, given in names.bind(*args, **kwargs).arguments.items():
+        try:
+            bound = names.bind(*args, **kwargs)
+        except TypeError as error:
+            raise TypeError(f"{function.__name__}() {error}") from None
+        for name, given in bound.arguments.items():
             if name in _ARGUMENTS:
                 allowed, values = _ARGUMENTS[name], np.asarray(given, dtype=np.float64)
                 refused = values[~allowed.accepts(values)]
