@@ -30,7 +30,6 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.neighbours import landings
-from vibrosweep.kernels.coupled.tally import room
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.times import Periods
 
@@ -251,7 +250,7 @@ def differences(
 
 
 def windows(rng: np.random.Generator, base: str, workers: Workers) -> tuple[int, list[str]]:
-    """Compare windows of a random scene with their definitions; return how many, and what differs."""
+    """Compare windows of a scene with their definitions; return how many, and what differs."""
     own, wrong, compared = Recorded(scene(rng, base), workers), [], 0
     if not own.complete:
         return 0, []
@@ -326,7 +325,7 @@ def orders(rng: np.random.Generator, base: str, threads: int = 2) -> tuple[int, 
     begin, end = float(rng.uniform(0.0, 10.0)), float(rng.uniform(20.0, 60.0))
     asked = Measures(separation=True, per_particle=True, transient=Periods(begin), **others)
     late = float(rng.choice([0.0, 15.0])) / together["frequency"].min()
-    launch = tuple(sorted(rng.uniform(0.0, 1.0, 3))) + (late,)
+    launch = (*sorted(rng.uniform(0.0, 1.0, 3)), late)
     watched = Observation(4, launch, Periods(end), "rest", asked, base=base.split()[0])
     wanted = [one_by_one(together, watched, i) for i in range(12)]
     wrong = []

@@ -5,12 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vibrosweep.engine.coupled import Neighbours, carry_on, measure_coupled
+from vibrosweep.engine.coupled import Neighbours, carry_on, measure_coupled, standard_error
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.follow import Coupled
-from vibrosweep.kernels.coupled.settling import empty_joint, notes, settle_jointly
+from vibrosweep.kernels.coupled.settling import (
+    BLOCKS,
+    WAVES,
+    _add_waves,
+    empty_joint,
+    notes,
+    settle_jointly,
+)
 from vibrosweep.model.coupled_cycles import CoupledBase, monodromy, spectral_radius, staggered
 from vibrosweep.model.forcing import completed, only_parameters
 from vibrosweep.model.measures import Measures
@@ -168,3 +175,52 @@ def test_rest_after_the_last_landing_that_the_budget_allows_is_seen():
     landings = int(found(10_000).landings[0])
     assert 0 < landings < 10_000
     assert found(landings).at_rest[0] == found(10_000).at_rest[0] == 1
+
+
+@pytest.mark.parametrize(("walk", "ends"), [(1.0, 0.0), (0.0, 1.0), (0.03, 1.0)])
+def test_standard_error_of_what_adds_up_and_of_what_ends_of_blocks_give_back(walk, ends):
+    rng, rows, events = np.random.default_rng(6), 1000, 2000
+    turned = np.diff(rng.normal(0.0, ends, (rows, events + 1)), axis=1)
+    growth = rng.normal(0.0, walk, (rows, events)) + turned
+    waves = np.zeros((rows, WAVES))
+    for i in range(rows):
+        for k, one in enumerate(growth[i]):
+            _add_waves(one, (k + 0.5) / events, waves[i])
+    error = standard_error(growth.reshape(rows, BLOCKS, -1).sum(axis=2), waves)
+    scatter = np.sqrt(events * walk**2 + 2.0 * ends**2)
+    # of the ends, slow waves of 2000 events hold 2 (2 pi)^2 7.5 / 2000 = 0.15 of their 2 t^2
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(scatter, rel=0.06)
+    assert 0.6 < np.mean(abs(growth.sum(axis=1)) < error) < 0.74
+
+
+@pytest.mark.parametrize(
+    ("restitution", "gamma", "mass_ratio", "natural", "transient"),
+    [
+        pytest.param(0.85, 2.2, 0.05, 1.6, 40.0, id="irregular"),
+        pytest.param(0.8, 0.7, 0.001, 1.6, 300.0, id="locked"),
+    ],
+)
+def test_standard_error_is_the_scatter_over_launches(
+    restitution, gamma, mass_ratio, natural, transient
+):
+    """The blocks of locked motion scatter 2.5 times as much."""
+    rng, size = np.random.default_rng(1), 60
+    given = {
+        "restitution": restitution,
+        "amplitude": gamma * 9.81 * (1.0 + restitution) / (2.0 * np.pi),
+        "mass_ratio": mass_ratio,
+        "mount_frequency": natural,
+        "mount_damping": 0.05,
+    }
+    parameters = {name: np.full(size, value) for name, value in given.items()}
+    parameters["launch_velocity"] = rng.uniform(2.0, 8.0, size)
+    asked = Measures(joint=True, transient=transient)
+    watched = Observation(3, (0.0, 0.33, 0.67), transient + 203.7, "rest", asked, base="sprung")
+    with Workers(1) as workers:
+        found = measure_coupled(all_parameters(parameters), watched, workers)
+    exponent, error = found["joint_exponent"], found["joint_exponent_error"]
+    middle = np.nanmedian(exponent)
+    alike = abs(exponent - middle) < 0.3 * abs(middle)  # on one attractor
+    ratio = np.sqrt(np.mean(error[alike] ** 2)) / exponent[alike].std()
+    assert alike.sum() > 45
+    assert 0.5 < ratio < 1.5

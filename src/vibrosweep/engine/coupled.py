@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -164,11 +163,12 @@ def _joint(parameters: Mapping[str, Array], observation: Observation, workers: W
 
     workers.each(task, size, _per_task(batch, particles))
     periods = (problem.end_count - problem.begin_count) + (problem.end_phase - problem.begin_phase)
-    # per forcing period; the error from the scatter of the blocks, of equal length
-    blocks = out.growth * (BLOCKS / periods[:, np.newaxis])
+    blocks = out.growth * (BLOCKS / periods[:, np.newaxis])  # per forcing period
     with np.errstate(invalid="ignore"):
         exponent = blocks.sum(axis=1) / BLOCKS
-        error = blocks.std(axis=1, ddof=1) / math.sqrt(BLOCKS)
+        error = np.where(
+            np.isfinite(exponent), standard_error(out.growth, out.waves) / periods, np.nan
+        )
         spreads = (exponent > 3.0 * error) & (out.landings >= LANDINGS_OF_AN_EXPONENT)
     recurs = out.impacts > 0
     regime = np.select(
@@ -185,6 +185,21 @@ def _joint(parameters: Mapping[str, Array], observation: Observation, workers: W
         "joint_exponent": exponent,
         "joint_exponent_error": error,
     }
+
+
+def standard_error(growth: Array, waves: Array) -> Array:
+    """Return the standard error of the sum of each row of blocks of equal time.
+
+    Two things scatter a block: what neighbours gain on the way, which adds up, and where between
+    impacts, and in which direction of the deviation, it ends, which the next block gives back.
+    With variances s^2 of the one in each of n blocks and t^2 of each end, that of a block is
+    s^2 + 2 t^2 and that of the sum n s^2 + 2 t^2; the scatter of the blocks would count the ends n
+    times.  What does not add up has no part in slow waves, whose mean square is n s^2 / 2.
+    """
+    with np.errstate(invalid="ignore"):
+        adds_up = 2.0 * (waves * waves).sum(axis=1) / waves.shape[1]
+        ends = growth.var(axis=1) - adds_up / growth.shape[1]
+        return np.asarray(np.sqrt(adds_up + np.maximum(ends, 0.0)))
 
 
 @dataclass(frozen=True)

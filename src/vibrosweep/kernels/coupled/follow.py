@@ -115,7 +115,7 @@ def _windows(begin: Instant, now: Floats, left: float) -> tuple[bool, bool]:
 
 @part
 def _leave(work: Room, first: int, least: float, each: Each) -> None:
-    """Count the flights of the riders, which leave now after a stay of at least the contact time."""
+    """Count the flights of the riders, which leave now; a stay lasts at least the contact time."""
     for j in range(work.rides.size):
         if work.rides[j] == 1:
             end_stay(work.of, work.landings, j, least)

@@ -30,16 +30,22 @@ from vibrosweep.kernels.coupled.state import (
     locate,
     system,
 )
+from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
-# Up to which states differ by rounding, which grows along a cycle before it is forgotten.  Two states
-# of a doubled orbit that is still so narrow do not come to rest within 10**17 impacts.
+# Up to which states differ by rounding, which grows along a cycle before it is forgotten.  An orbit
+# of doubled period whose states are that close takes some 10**17 impacts to recur.
 ALIKE: Final = 2.0**-30
-BLOCKS: Final = 16  # of equal time, from whose means the error of the exponent follows
+BLOCKS: Final = 16  # of equal time; without an event in one of them there is no exponent
+# sin 2 pi j x and (cos 2 pi j x - cos 2 pi (j + 1) x) / sqrt 2 of the window 0 < x < 1, from whose
+# products with the growth the error of the exponent follows
+SINES: Final = (1.0, 2.0, 3.0, 4.0)
+COSINES: Final = (1.0, 3.0)
+WAVES: Final = len(SINES) + len(COSINES)
 
 
 class JointOrbit(NamedTuple):
-    """What joint states settle on; each array of shape (realization,) but for `growth`."""
+    """What joint states settle on; each array of shape (realization,) unless said otherwise."""
 
     # impacts, periods, rests: of the cycle: landings of all particles, forcing periods, landings
     # that stick; 0 where no recurrence was found
@@ -48,18 +54,19 @@ class JointOrbit(NamedTuple):
     rests: Integers
     since: Floats  # forcing periods after which the state was on the cycle at the latest
     landings: Integers  # in the window
-    # Logarithm of the growth of a deviation in each block of the window; shape (realization, block)
+    # Logarithm of the growth of a deviation in each block of the window, NaN without an event;
+    # shape (realization, block)
     growth: Floats
+    waves: Floats  # sums of the growth at each event times a wave; shape (realization, wave)
     at_rest: Integers  # 1 where all particles rest for good
 
 
 def empty_joint(realizations: int) -> JointOrbit:
     """Allocate the orbits of a batch, none known."""
     impacts, periods, rests, landings, at_rest = (np.zeros(realizations, np.int64) for _ in "12345")
-    growth = np.full((realizations, BLOCKS), np.nan)
-    return JointOrbit(
-        impacts, periods, rests, np.full(realizations, np.nan), landings, growth, at_rest
-    )
+    growth, waves = np.full((realizations, BLOCKS), np.nan), np.zeros((realizations, WAVES))
+    since = np.full(realizations, np.nan)
+    return JointOrbit(impacts, periods, rests, since, landings, growth, waves, at_rest)
 
 
 class Round(NamedTuple):
@@ -114,7 +121,7 @@ def _alike(a: System, b: System) -> bool:
             scale = max(abs(a.particle[PARTICLE.SCALE, j]), 1.0)
             for row, unit in ((PARTICLE.HEIGHT, scale * scale), (PARTICLE.SPEED, scale)):
                 off = max(off, abs(a.particle[row, j] - b.particle[row, j]) / unit)
-    return off <= ALIKE
+    return bool(off <= ALIKE)
 
 
 @jit
@@ -168,6 +175,17 @@ def _shrink(deviation: Floats) -> float:
     return math.log(length)
 
 
+@jit
+def _add_waves(growth: float, x: float, waves: Floats) -> None:
+    """Add the growth at the place x of the window to each wave."""
+    for k in range(len(SINES)):
+        waves[k] += growth * sin_turns(SINES[k] * x - np.rint(SINES[k] * x))
+    for k in range(len(COSINES)):
+        slow, fast = COSINES[k] * x, (COSINES[k] + 1.0) * x
+        wave = cos_turns(slow - np.rint(slow)) - cos_turns(fast - np.rint(fast))
+        waves[len(SINES) + k] += growth * wave / math.sqrt(2.0)
+
+
 @part
 def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: JointOrbit) -> None:
     """Follow realization i to the end of its window."""
@@ -192,8 +210,10 @@ def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: Jo
         if event.kind <= EVENT.LOST:
             break
         growth = _shrink(deviation)
-        place = math.floor(BLOCKS * (of.now[NOW.N] + of.now[NOW.X] - start) / length)
+        passed = of.now[NOW.N] + of.now[NOW.X] - start
+        place = math.floor(BLOCKS * passed / length)
         if 0 <= place < BLOCKS:
+            _add_waves(growth, passed / length, out.waves[i])
             before = out.growth[i, place]
             out.growth[i, place] = growth if np.isnan(before) else before + growth
         if not np.isfinite(growth):
@@ -204,10 +224,10 @@ def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: Jo
         rests += 1 if event.kind == EVENT.STICK else 0
         out.landings[i] += 1 if place >= 0 else 0
         if out.impacts[i] == 0 and _alike(of, kept):
-            passed = _since(of, kept, landed - seen_at, rests - rested)
-            first = passed if first.impacts == 0 else first
+            full = _since(of, kept, landed - seen_at, rests - rested)
+            first = full if first.impacts == 0 else first
             if _same(of, kept):
-                out.impacts[i], out.periods[i], out.rests[i] = _shortest(passed, first)
+                out.impacts[i], out.periods[i], out.rests[i] = _shortest(full, first)
                 out.since[i] = (
                     kept.now[NOW.N] + problem.end_count[i] + (kept.now[NOW.X] - problem.phase[i])
                 )
