@@ -143,7 +143,7 @@ def test_counts_of_numpy_are_counts(tmp_path, kind):
         xr.testing.assert_equal(found.load(), expected)
     landings = vs.simulate(**one, impact_budget=whole, threads=several)
     xr.testing.assert_equal(landings, vs.simulate(**one, impact_budget=100, threads=1))
-    scan = {"amplitude": [0.6, 0.7], "duration_periods": 50.0}
+    scan = {"restitution": 0.5, "amplitude": [2.5, 2.6], "duration_periods": 400.0}
     diagram = vs.bifurcation(**scan, samples=whole, threads=several)
     xr.testing.assert_equal(diagram, vs.bifurcation(**scan, samples=100, threads=1))
     windows = vs.windows(restitution=[0.9], amplitude=[0.5, 1.0, 2.0], threads=several)

@@ -44,7 +44,7 @@ def test_the_curves_are_those_of_theory(sweep):
         np.testing.assert_array_equal(curve[:, 1], y)
     labels = [text.get_text() for text in figure.axes[0].texts]
     assert len(labels) == len(expected)
-    assert r"$A_{\mathrm{min}}(1)$" in labels
+    assert r"${A}_{\mathrm{min}}(1)$" in labels
 
 
 def test_curves_out_of_view_are_left_out():

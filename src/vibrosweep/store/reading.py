@@ -57,6 +57,10 @@ def using(path: str | os.PathLike[str]) -> Iterator[None]:
     """
     try:
         yield
+    except DataError as error:
+        if str(path) in str(error):
+            raise
+        raise DataError(f"{path}: {error}") from error
     except (VibrosweepError, MemoryError):
         raise
     except Exception as error:  # anything may follow from anything
