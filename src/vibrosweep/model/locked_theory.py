@@ -15,20 +15,6 @@ moving base in g, and s = -Gamma cos(2 pi x) at the landing, its multipliers sol
     moving         p = e^2    s_m = 2 (1 + e^2) / (1 + e)^2 = 1 + ((1 - e) / (1 + e))^2
 
 so that it is stable for 0 < s < s_m, where a multiplier passes -1.
-
-It begins with s = 0, where it leaves the phase 1/4.  A moving base of velocity alpha = Gamma / pi
-is below the particle by
-
-    t (k - t / 2 pi) / 4 pi - (alpha / 4 pi) sin t,    t = 2 pi times the periods since,
-
-which has to be positive for 0 < t < 2 pi k.  With alpha = k (1 - e) / (1 + e) there, that is
-
-    e > e_k = max (t^2 / 2 pi - k (t - sin t)) / (k sin t + k t - t^2 / 2 pi)    over 0 < t < pi,
-
-about 0.019 / k^2: in later half turns t (k - t / 2 pi) is more than k.  With less restitution the
-particle meets the base on the way: the orbit begins with s > 0, at the amplitude at which its
-flight just grazes the base, for which there is no closed form.  Without any, a particle that the
-base presses rests: the orbit begins with s = 1, where Gamma^2 = 1 + (pi k)^2.
 """
 
 from __future__ import annotations
@@ -40,8 +26,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.orbit_theory import HALVINGS, HIGH_BOUNCE, above_sine, moves
+from vibrosweep.model.orbit_theory import HIGH_BOUNCE, moves
 from vibrosweep.model.physical import physical
+from vibrosweep.model.window_begin import grazing, lower_end
 
 TWO_PI = 2.0 * np.pi
 
@@ -136,8 +123,7 @@ def locked_apex(
 
         g / (8 f^2) (k^2 + 2 s / pi^2),    s = -Gamma cos(2 pi x) = sqrt(Gamma^2 - Gamma_k^2).
 
-    NaN for Gamma < Gamma_k; at restitutions for which `amplitude_min` has no such end the orbit
-    begins later.
+    A particle that is hardly reflected has this orbit only later, see `amplitude_min`.
 
     Parameters
     ----------
@@ -256,35 +242,9 @@ def amplitude_min(
         raise ParameterError(
             f"restitution = {e:g}: over a moving base the orbit of mode {mode:g} begins where its "
             f"flight grazes the base, for which there is no closed form; take 0, or at least "
-            f"{math.ceil(1e6 * _grazing(mode)) / 1e6:.6f}, or find it by vibrosweep.windows"
+            f"{math.ceil(1e6 * grazing(mode)) / 1e6:.6f}, or find it by vibrosweep.windows"
         )
     return begins
-
-
-def lower_end(
-    k: ArrayLike, restitution: ArrayLike, frequency: ArrayLike, gravity: ArrayLike, base: str
-) -> Array:
-    """Return `amplitude_min`, NaN where there is no closed form."""
-    e, speed = np.asarray(restitution, dtype=np.float64), locked_velocity(k, frequency, gravity)
-    begins = (1.0 - e) * speed
-    if not moves(base):
-        return np.asarray(begins)
-    grazes = np.where(e < _grazing(k), np.nan, begins)
-    falling = np.hypot(1.0 / (np.pi * np.asarray(k)), 1.0) * speed
-    return np.where(e == 0.0, falling, grazes)
-
-
-def _grazing(k: ArrayLike) -> Array:
-    """Restitution up to which the first flight of mode k meets a moving base, e_k of the module."""
-    k = np.asarray(k, dtype=np.float64)
-    turn = TWO_PI * k
-    low, high = np.zeros_like(k), np.full_like(k, np.pi)
-    for _ in range(HALVINGS):  # to the maximum, where 1 / t - cot t = 1 / (2 pi k - t)
-        t = 0.5 * (low + high)
-        before = (2.0 * t * np.sin(0.5 * t) ** 2 - above_sine(t)) * (turn - t) < t * np.sin(t)
-        low, high = np.where(before, t, low), np.where(before, high, t)
-    below = t * t / TWO_PI - k * above_sine(t)
-    return np.asarray(below / (k * np.sin(t) + t * (turn - t) / TWO_PI))
 
 
 @physical
