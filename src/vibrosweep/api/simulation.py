@@ -94,7 +94,8 @@ def simulate(
     xarray.Dataset
         Dims (realization, particle, impact): ``landing_time`` and ``liftoff_time`` (s),
         ``rebound_velocity`` (m s-1), ``rested``; dims (realization, particle): ``impact_count``,
-        ``status``.  NaN past the last landing, and for the lift-off of a particle at rest for good.
+        ``status``.  NaN past the last landing, and for the lift-off of a particle that rests for
+        good, or for a forcing period past the end.
         Parameters that differ between realizations are coordinates, the others variables without
         dims.
 

@@ -162,7 +162,13 @@ _STATISTICS: Final = (
 
 ALWAYS: Final = (
     *_STATISTICS,
-    _count("at_rest_count", _R, "particles that came to rest for good", judged="total"),
+    _count(
+        "at_rest_count",
+        _R,
+        "particles that came to rest for good",
+        "over a base of finite mass: where its motion at the end shows that it lifts none of them",
+        judged="total",
+    ),
     _real(
         "flight_height_max",
         _R,
@@ -212,7 +218,8 @@ _SEPARATION: Final = Measure(
             _R,
             "two particles were on the base at once",
             (*_UNDECIDED, (0, "never"), (1, "shared")),
-            "each stay lasts from landing to lift-off, at least the contact time",
+            "at an instant of the window, in stays that may have begun before it; each lasts from "
+            "landing to lift-off, at least the contact time",
             open_by_budget=True,
         ),
         _code(
@@ -460,14 +467,18 @@ _JOINT: Final = Measure(
                 f"joint_cycle_{name}",
                 _R,
                 f"{words} in a cycle of the joint state",
-                _WITHOUT,
+                comment,
                 judged="recomputed",
                 cycle="joint_cycle_impacts",
             )
-            for name, words in (
-                ("impacts", "impacts of all particles"),
-                ("periods", "forcing periods"),
-                ("rests", "rests"),
+            for name, words, comment in (
+                (
+                    "impacts",
+                    "impacts of all particles",
+                    f"the shortest, where rounding alone tells its rounds apart; {_WITHOUT}",
+                ),
+                ("periods", "forcing periods", _WITHOUT),
+                ("rests", "rests", _WITHOUT),
             )
         ),
         _real(
@@ -492,7 +503,7 @@ _JOINT: Final = Measure(
             _R,
             "1",
             "standard error of the largest Lyapunov exponent of the joint state per forcing period",
-            "from the means over sixteenths of the window",
+            "from slow waves of the growth, and what sixteenths of the window scatter beyond them",
             judged="recomputed",
             per="period",
         ),
@@ -683,14 +694,15 @@ RECORD: Final[Mapping[str, Variable]] = {
             _RPI,
             "s",
             "time of lift-off",
-            "equal to the landing unless the particle rests; NaN where it rests for good",
+            "equal to the landing unless the particle rests, and then perhaps after the end; NaN "
+            "where it rests for good, or for a forcing period past the end",
         ),
         _real(
             "rebound_velocity",
             _RPI,
             "m s-1",
             "speed at lift-off",
-            "absolute, also where the base moves; NaN where the particle rests for good",
+            "absolute, also where the base moves; NaN where there is no time of lift-off",
         ),
         _code(
             "rested",
