@@ -13,14 +13,13 @@ from vibrosweep.kernels.coupled.neighbours import (
     HARMONICS,
     Landings,
     Order,
-    began,
     clear,
+    close,
     end_stay,
     gap_median,
     lacks_room,
     note,
     order_of,
-    share,
 )
 from vibrosweep.kernels.coupled.state import (
     EVENT,
@@ -114,15 +113,6 @@ def _windows(begin: Instant, now: Floats, left: float) -> tuple[bool, bool]:
 
 
 @part
-def _leave(work: Room, first: int, least: float, each: Each) -> None:
-    """Count the flights of the riders, which leave now; a stay lasts at least the contact time."""
-    for j in range(work.rides.size):
-        if work.rides[j] == 1:
-            end_stay(work.of, work.landings, j, least)
-            count_flight(work, first + j, j, each)
-
-
-@part
 def _count(work: Room, event: Event, seen: bool, first: int, each: Each) -> None:
     """Count a landing, where it is seen, and the flight that begins with it; it has been noted."""
     j = event.who
@@ -172,11 +162,20 @@ def _write(
 
 
 @part
-def _write_lift_offs(work: Room, scale: Scale, first: int, out: Written) -> None:
-    """Write the lift-off of the riders."""
+def _lift_off(
+    work: Room, first: int, least: float, counts: bool, scale: Scale, out: Written, each: Each
+) -> None:
+    """Let the riders leave, and count and write it where it `counts`.
+
+    A stay lasts at least the contact time, `least`.
+    """
     for j in range(work.rides.size):
-        if work.rides[j] == 1:
-            write_lift_off(work, scale, first + j, j, out.record)
+        if work.rides[j] == 1 and counts:
+            end_stay(work.of, work.landings, j, least)
+            count_flight(work, first + j, j, each)
+            if out.track.time.shape[1] > 0:
+                write_lift_off(work, scale, first + j, j, out.record)
+        work.rides[j] = 0
 
 
 @part
@@ -198,6 +197,16 @@ def _any(flags: Integers) -> bool:
     for flag in flags:
         number += flag
     return number > 0
+
+
+@jit
+def _horizon(work: Room, until: float, past: bool) -> float:
+    """Return how far to look for the next event; minus infinity where none counts any more."""
+    if not past:
+        return until
+    if _any(work.flies):
+        return np.inf
+    return until + PATIENCE if until >= -PATIENCE and _any(work.rides) else -np.inf
 
 
 @jit
@@ -261,16 +270,13 @@ def follow(
         order = clear(memory)
         opening = problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i]
         scale = _scale(problem, written.units, i)
-        past, events, late, status = False, 0, 0, COMPLETED
-        if not np.isfinite(fixed.alpha):
-            status = NON_FINITE
+        past, events, late = False, 0, 0
+        status = COMPLETED if np.isfinite(fixed.alpha) else NON_FINITE
         while status == COMPLETED:
             until = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
-            horizon = until
-            if past:
-                horizon = np.inf if _any(work.flies) else until + PATIENCE
-                if not (horizon >= 0.0 and (horizon == np.inf or _any(work.rides))):
-                    break
+            horizon = _horizon(work, until, past)
+            if horizon == -np.inf:
+                break
             event, load = next_event(of, fixed, load, problem.launch_flight[i], horizon)
             if event.kind == EVENT.LOST or late >= AFTER_THE_END:
                 status = BUDGET_EXCEEDED
@@ -279,8 +285,7 @@ def follow(
                 if past:
                     break
                 left, past = max(until, 0.0), True
-                if began(memory, order, opening):
-                    order = share(order)
+                order = close(memory, order, opening)
                 _launched_at_the_end(work, load, left, problem.launch_flight[i], place, each)
                 _resting(work, load, fixed.mu > 0.0, place, left, each)
                 continue
@@ -305,12 +310,7 @@ def follow(
             if writes and not past:
                 _write(work, load, event, scale, (i, events), written)
             if event.kind == EVENT.LIFT or event.dropped:
-                if left >= -PATIENCE:
-                    _leave(work, place, fixed.r, each)
-                    if writes:
-                        _write_lift_offs(work, scale, place, written)
-                for j in range(particles):
-                    work.rides[j] = 0
+                _lift_off(work, place, fixed.r, left >= -PATIENCE, scale, written, each)
             if event.kind == EVENT.STICK and not past:
                 work.rides[event.who] = 1
             events += 1

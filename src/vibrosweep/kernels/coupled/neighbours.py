@@ -123,16 +123,17 @@ def _on_base(room: Landings, n: float, x: float, but: int) -> int:
 
 
 @jit
-def began(room: Landings, order: Order, begin: Instant) -> bool:
+def _began(room: Landings, order: Order, begin: Instant) -> bool:
     """Whether two particles are on the base as the window begins; no landing is in it yet."""
     return not order.seen and _on_base(room, begin[0], begin[1], -1) > 1
 
 
 @jit
-def share(order: Order) -> Order:
-    """Return the same, with two particles on the base at once."""
-    gap, same, _, who, number, seen, changes, gaps = order
-    return Order(gap, same, 1, who, number, seen, changes, gaps)
+def close(room: Landings, order: Order, begin: Instant) -> Order:
+    """Return the order at the end: without a landing in the window two may have shared the base."""
+    gap, same, shared, who, number, seen, changes, gaps = order
+    shared = 1 if _began(room, order, begin) else shared
+    return Order(gap, same, shared, who, number, seen, changes, gaps)
 
 
 @part
@@ -152,7 +153,7 @@ def note(
     seen, late = windows
     n, x = of.now[NOW.N], of.now[NOW.X]
     gap, gaps, own, shared, same = order.gap, order.gaps, room.turn[who], order.shared, order.same
-    if seen and (began(room, order, begin) or _on_base(room, n, x, who) > 0):
+    if seen and (_began(room, order, begin) or _on_base(room, n, x, who) > 0):
         shared = 1
     if order.who >= 0 and order.who != who:
         apart = (n - room.last[0, order.who]) + (x - room.last[1, order.who])
