@@ -26,6 +26,7 @@ from vibrosweep.lab.regression import (
     weakest_signal,
     with_subharmonics,
 )
+from vibrosweep.lab.remarks import SIGNAL, bad_fit, undetermined
 from vibrosweep.lab.repeats import require
 from vibrosweep.model.parameters import PARAMETERS
 
@@ -45,13 +46,6 @@ TIE: Final = 0.01
 # Rounds of the adjustment, which has converged where a step is this small in standard errors.
 ROUNDS: Final = 50
 CLOSE: Final = 1e-6
-# Parameters are called undetermined if the signal in the weakest direction of the design matrix is
-# below this multiple of the noise of the instants, or if a relative standard error is above these.
-SIGNAL: Final = 10.0
-WORST_RESTITUTION: Final = 0.1
-WORST_AMPLITUDE: Final = 0.25
-# Chi-square per degree of freedom above which the law does not describe the bounces
-WORST_MISFIT: Final = 10.0
 
 
 class _Adjusted(NamedTuple):
@@ -147,7 +141,7 @@ def estimate(
         covariance = covariance + found.influences
     values, covariance = _polar(found.values, covariance)
     rate = float(found.values[3]) if free else rates[0]
-    warnings = _undetermined(signal, values, covariance, misfit), _bad_fit(misfit, freedom)
+    warnings = undetermined(signal, values, covariance, misfit), bad_fit(misfit, freedom)
     about = {
         "misfit": ((), misfit, {"units": "1", "long_name": "chi-square per degree of freedom"}),
         "bounces": ((), bounces.middle.size, {"units": "1", "long_name": "bounces used"}),
@@ -189,7 +183,7 @@ def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     }
     covariance = change @ spread @ change.T
     misfit, freedom = float(impacts["shaken_misfit"]), int(impacts["shaken_freedom"])
-    warnings = _undetermined(SIGNAL, kicks, covariance, misfit), _bad_fit(misfit, freedom)
+    warnings = undetermined(SIGNAL, kicks, covariance, misfit), bad_fit(misfit, freedom)
     return _estimated(kicks, covariance, about, warnings)
 
 
@@ -334,38 +328,3 @@ def _rank(tried: tuple[_Adjusted, float]) -> tuple[bool, float]:
 
 def _outside(values: Array, covariance: Array) -> bool:
     return outside(float(values[0]), float(np.sqrt(covariance[0, 0])))
-
-
-def _undetermined(signal: float, values: Array, covariance: Array, misfit: float) -> str:
-    """Why the parameters are not determined, if they are not."""
-    error = np.sqrt(np.diag(covariance))
-    if signal < SIGNAL:
-        return (
-            "the orbit does not determine restitution and amplitude: all bounces happen at nearly "
-            "the same phases and speeds, as those of a locked orbit do; change the frequency or "
-            "the amplitude, or film the approach to the orbit"
-        )
-    if not 0.0 <= values[0] <= 1.0:
-        return (
-            f"the restitution comes out as {values[0]:.4g} ± {error[0]:.2g}, where 0 to 1 is "
-            f"possible: the landings do not determine it; check the scale, the frequency, and "
-            f"whether the base moves, or film faster or closer"
-        )
-    if misfit > WORST_MISFIT:
-        return (
-            f"no restitution and forcing describe the bounces: misfit {misfit:.3g} where noise "
-            f"alone makes about 1; check the frequency, and whether the base moves"
-        )
-    if error[0] > WORST_RESTITUTION or error[1] > WORST_AMPLITUDE * values[1]:
-        return "restitution and amplitude are hardly determined: film for longer, or closer"
-    return ""
-
-
-def _bad_fit(misfit: float, freedom: int) -> str:
-    """What to say of residuals that noise does not explain."""
-    if not is_improbable(misfit, freedom):
-        return ""
-    return (
-        f"the bounces scatter more than the noise of the tracks explains (misfit {misfit:.3g}, "
-        f"where about 1 is expected): the errors are widened; look for bounces too low to be seen"
-    )
