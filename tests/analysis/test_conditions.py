@@ -104,7 +104,7 @@ def test_beyond_an_end_the_condition_fails_or_the_end_says_that_it_is_undetermin
     name, changes, workers
 ):
     scene, condition = Scene(particles=2, **changes), named(name)
-    windows = find_windows(scene, [0.5, 0.85], SCAN, [name], tolerance=1e-6)
+    windows = find_windows(scene, [0.5, 0.95], SCAN, [name], tolerance=1e-6)
     found = windows.isel(condition=0, direction=0)
     observation = scene.observation(**condition.measures)
 

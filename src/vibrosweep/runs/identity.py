@@ -37,7 +37,7 @@ EXEMPT: Final[Mapping[str, str]] = {
 # enters every realization
 LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
 # Sources that could affect the drawing, computing or storing of a sweep.
-ROOMS: Final = ("model", "kernels", "engine", "spec", "store", "runs")
+ROOMS: Final = ("model", "theory", "kernels", "engine", "spec", "store", "runs")
 # Mappings whose keys appear in the sweep file unchanged.
 TRANSPARENT: Final = ("fixed", "sampled", "parameters")
 TABLES: Final = {"scene": SceneTable, "sample": SampleTable}
