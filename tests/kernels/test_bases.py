@@ -1,4 +1,4 @@
-"""What each base and law answers, against exact arithmetic and its own declarations."""
+"""Generic functions of each base and law, against exact arithmetic and their declarations."""
 
 import json
 import math
@@ -194,9 +194,9 @@ def test_every_question_has_the_same_bits_compiled_and_as_plain_python():
     )
     kinds = [["high-bounce", "rest"], ["high-bounce", "reflect"], ["moving", "rest"]]
     assert [json.loads(line)[0] for line in plain] == kinds
-    questions = {f"bases.{name}(" for name in bases.__all__ if name.islower()}
-    questions |= {f"error_bounds.{name}(" for name in error_bounds.__all__ if name.islower()}
-    assert {question for question in questions if question not in SAME_BITS} == set()
+    functions = {f"bases.{name}(" for name in bases.__all__ if name.islower()}
+    functions |= {f"error_bounds.{name}(" for name in error_bounds.__all__ if name.islower()}
+    assert {name for name in functions if name not in SAME_BITS} == set()
     assert compiled == plain
 
 
@@ -214,5 +214,5 @@ def fly_compiled(fixed, x, u):
 @pytest.mark.parametrize("ask", [bases.fly, fly_compiled])
 @pytest.mark.parametrize("wrong", [Unknown(0.9), 0.9])
 def test_a_base_that_is_unknown_is_named(ask, wrong):
-    with pytest.raises(TypeError, match=r"fly has no answer for (Unknown|[Ff]loat)"):
+    with pytest.raises(TypeError, match=r"fly has no implementation for (Unknown|[Ff]loat)"):
         ask(wrong, 0.1, 1.0)

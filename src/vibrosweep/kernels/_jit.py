@@ -177,40 +177,42 @@ def uncached(function: F) -> F:
     return njit(**OPTIONS)(getattr(function, "py_func", function))  # type: ignore[no-any-return]
 
 
-_answers: dict[Any, dict[type, Any]] = {}
+_implementations: dict[Any, dict[type, Any]] = {}
 
 
-def question(declared: F) -> F:
+def generic(declared: F) -> F:
     """Turn a declaration without code into a function chosen by the type of its first argument.
 
-    `answer` gives the code for a kind of named tuple; compiled callers choose when they are
+    `implements` gives the code for a kind of named tuple; compiled callers choose when they are
     compiled, others when they call.
     """
 
-    def answer_of(kind: type) -> Any:
+    def implementation(kind: type) -> Any:
         try:
-            return _answers[ask][kind]
+            return _implementations[call][kind]
         except KeyError:
-            raise TypeError(f"{declared.__name__} has no answer for {kind.__name__}") from None
+            raise TypeError(
+                f"{declared.__name__} has no implementation for {kind.__name__}"
+            ) from None
 
     @functools.wraps(declared)
-    def ask(first: Any, *others: Any) -> Any:
-        return answer_of(type(first))(first, *others)
+    def call(first: Any, *others: Any) -> Any:
+        return implementation(type(first))(first, *others)
 
-    @overload(ask, jit_options=OF_A_PIECE, strict=False)
+    @overload(call, jit_options=OF_A_PIECE, strict=False)
     def choose(first: Any, *others: Any) -> Any:
-        return inspect.unwrap(answer_of(getattr(first, "instance_class", type(first))))
+        return inspect.unwrap(implementation(getattr(first, "instance_class", type(first))))
 
-    _answers[ask] = {}
-    return ask  # type: ignore[return-value]
+    _implementations[call] = {}
+    return call  # type: ignore[return-value]
 
 
-def answer(question: F, *kinds: type) -> Callable[[F], F]:
-    """Compile a function as the answer of kinds of named tuples to a question."""
+def implements(function: F, *kinds: type) -> Callable[[F], F]:
+    """Compile the code of a generic function for kinds of named tuples."""
 
-    def keep(function: F) -> F:
-        _answers[question].update(dict.fromkeys(kinds, jit(function)))
-        return function
+    def keep(implementation: F) -> F:
+        _implementations[function].update(dict.fromkeys(kinds, jit(implementation)))
+        return implementation
 
     return keep
 

@@ -19,7 +19,7 @@ from vibrosweep.kernels.bases import (
     fly,
     leave,
     lift_off,
-    moving_errors,  # noqa: F401 -- more answers of the moving base
+    moving_errors,  # noqa: F401 -- implementations for the moving base
     moving_lanes,  # noqa: F401
     rebound,
 )

@@ -2,7 +2,7 @@
 
 A kernel is compiled for one base and one law.  Which it is stands in the *type* of the
 constants: the named tuple of the numbers that decide the impacts of one realization.  Each base is
-one file here, which holds its constants and its answers; no other kernel knows which base it is
+one file here, which holds its constants and implementations; no other kernel knows which base it is
 compiled for.
 
 All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Floats, question
+from vibrosweep.kernels._jit import Floats, generic
 from vibrosweep.model.parameters import Dimensionless
 
 __all__ = [
@@ -80,17 +80,17 @@ class Flight(NamedTuple):
     v: float
 
 
-@question
+@generic
 def constants(base: Base, problem: Dimensionless, i: int) -> Constants:
     """Numbers that decide the impacts of realization i."""
 
 
-@question
+@generic
 def put(fixed: Constants, s: Floats, j: int) -> None:
     """Put the constants into lane j of the scratch memory, from row `lanes.CONSTANTS` on."""
 
 
-@question
+@generic
 def take(base: Base, s: Floats, j: int) -> Constants:
     """Take the constants of lane j back.
 
@@ -98,7 +98,7 @@ def take(base: Base, s: Floats, j: int) -> Constants:
     """
 
 
-@question
+@generic
 def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
     """Time of flight and speed of arrival after leaving the base at phase x with speed u.
 
@@ -106,12 +106,12 @@ def fly(fixed: Constants, x: float, u: float) -> tuple[float, float]:
     """
 
 
-@question
+@generic
 def prepare(base: Base, s: Floats, lanes: int) -> None:
     """Compute what `approach` needs of the first lanes, apart from what `keep` keeps."""
 
 
-@question
+@generic
 def approach(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
     """One pass of the search for the landing of lane j: time of flight, speed, and whether found.
 
@@ -119,12 +119,12 @@ def approach(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
     """
 
 
-@question
+@generic
 def may_land(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
     """Whether lane j has had fewer impacts than the budget; True where looks see to that."""
 
 
-@question
+@generic
 def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
     """Keep what the next pass of lane j needs; whether a flight is to be counted now.
 
@@ -132,22 +132,22 @@ def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: b
     """
 
 
-@question
+@generic
 def gives_up(base: Base, s: Floats, j: int, passes: int) -> bool:
     """Whether lane j finds no landing however often it is tried; asked every so many passes."""
 
 
-@question
+@generic
 def pending(base: Base, s: Floats, j: int) -> bool:
     """Whether the flight that lane j is in is to be counted when it ends."""
 
 
-@question
+@generic
 def common_age(base: Base) -> float:
     """Impacts in a pass of any lane, 0 where `keep` counts them lane by lane."""
 
 
-@question
+@generic
 def counted(fixed: Constants, flight: Flight, u_off: float) -> Counted:
     """Duration and height of the flight that is counted at a landing.
 
@@ -157,7 +157,7 @@ def counted(fixed: Constants, flight: Flight, u_off: float) -> Counted:
     """
 
 
-@question
+@generic
 def counted_now(fixed: Constants, s: Floats, j: int, time: float, u_off: float) -> Counted:
     """Return what `counted` does, of the flight of lane j, before the lane is changed."""
 
@@ -180,22 +180,22 @@ def lifts(base: Base, problem: Dimensionless) -> NDArray[np.bool_]:
     raise NotImplementedError
 
 
-@question
+@generic
 def leave(fixed: Constants, x: float, u: float) -> float:
     """Speed relative to the base of a particle that leaves phase x with the absolute speed u."""
 
 
-@question
+@generic
 def speed(fixed: Constants, x: float, u: float) -> float:
     """Absolute speed of a particle that leaves phase x with speed u."""
 
 
-@question
+@generic
 def rebound(fixed: Constants, x: float, v: float) -> float:
     """Speed with which a particle that arrives at phase x with speed v would leave at once."""
 
 
-@question
+@generic
 def lift_off(fixed: Constants, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
     """Count, phase and speed with which a particle leaves that landed at (n, x), `w` its rebound.
 
@@ -204,17 +204,17 @@ def lift_off(fixed: Constants, n: float, x: float, w: float) -> tuple[float, flo
     """
 
 
-@question
+@generic
 def after_rest(fixed: Constants) -> tuple[float, float]:
     """Phase and speed with which a particle leaves after a rest."""
 
 
-@question
+@generic
 def contact_time(fixed: Constants) -> float:
     """Periods for which the base counts as occupied after a landing, at least."""
 
 
-@question
+@generic
 def jacobian(fixed: Constants, flight: Flight) -> Jacobian:
     """Derivative of phase and speed after an impact by those before its flight.
 
@@ -222,12 +222,12 @@ def jacobian(fixed: Constants, flight: Flight) -> Jacobian:
     """
 
 
-@question
+@generic
 def reverses(fixed: Constants, x: float, v: float) -> float:
     """-1 where the Jacobian reverses orientation, else 1."""
 
 
-@question
+@generic
 def contraction(fixed: Constants, v: float) -> float:
     """Modulus of the determinant of the Jacobian of an impact with speed v of arrival.
 
@@ -235,12 +235,12 @@ def contraction(fixed: Constants, v: float) -> float:
     """
 
 
-@question
+@generic
 def density(fixed: Constants, u: float) -> float:
     """Factor of an area at a speed u with which `contraction` leaves nothing out."""
 
 
-@question
+@generic
 def fixed_residual(fixed: Constants, x: float, k: float, sign: float) -> tuple[float, float, float]:
     """What is left of the equation of a fixed orbit that lands at phase x every k periods.
 
@@ -249,11 +249,11 @@ def fixed_residual(fixed: Constants, x: float, k: float, sign: float) -> tuple[f
     """
 
 
-@question
+@generic
 def fixed_attracts(fixed: Constants, x: float, k: float) -> bool:
     """Whether the fixed orbit that lands at phase x every k periods attracts."""
 
 
-@question
+@generic
 def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
     """Whether a particle that leaves phase x for k periods lands only then, and leaves at once."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vibrosweep.kernels._jit import question
+from vibrosweep.kernels._jit import generic
 from vibrosweep.kernels.bases import Constants, Flight
 
 __all__ = [
@@ -19,12 +19,12 @@ __all__ = [
 Spread = tuple[float, float]  # largest errors of phase and speed of a lift-off
 
 
-@question
+@generic
 def launch_error(fixed: Constants, x: float, u: float) -> float:
     """Error of the speed u of a launch at phase x; infinite where it decides on a flight."""
 
 
-@question
+@generic
 def landing_added(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
     """Bounds of the errors that a flight adds to the phase of its landing and the speed of arrival.
 
@@ -33,7 +33,7 @@ def landing_added(fixed: Constants, flight: Flight, spread: Spread) -> tuple[flo
     """
 
 
-@question
+@generic
 def jacobian_error(
     fixed: Constants, flight: Flight, error: float, spread: Spread
 ) -> tuple[float, float, float]:
@@ -44,7 +44,7 @@ def jacobian_error(
     """
 
 
-@question
+@generic
 def rebound_error(
     fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
 ) -> float:
@@ -55,17 +55,17 @@ def rebound_error(
     """
 
 
-@question
+@generic
 def absolute_error(fixed: Constants, x: float, u: float, spread: Spread) -> float:
     """Bound of the error of the absolute speed of a particle that leaves phase x with speed u."""
 
 
-@question
+@generic
 def rest_is_doubtful(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
     """Whether errors decide if a particle rests that lands at phase x, its rebound w."""
 
 
-@question
+@generic
 def liftoff_error(fixed: Constants) -> tuple[float, float]:
     """Bounds of the errors of phase and speed of the lift-off from a rest.
 

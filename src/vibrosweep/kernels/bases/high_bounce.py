@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import Floats, answer, jit
+from vibrosweep.kernels._jit import Floats, implements, jit
 from vibrosweep.kernels.bases import Counted, Flight, Jacobian, error_bounds
 from vibrosweep.kernels.bases.error_bounds import Spread
 from vibrosweep.kernels.lanes import ROW, STRIDE
@@ -68,111 +68,117 @@ class Constants(NamedTuple):
     u_lift: float
 
 
-@answer(bases.constants, HighBounce)
-def _(base: HighBounce, problem: Dimensionless, i: int) -> Constants:
+@implements(bases.constants, HighBounce)
+def constants_high_bounce(base: HighBounce, problem: Dimensionless, i: int) -> Constants:
     a, r = problem.kick[i], problem.rest_flight[i]
     wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
     return Constants(base, problem.restitution[i], a, r, problem.liftoff_phase[i], wait, u_lift)
 
 
-@answer(bases.put, Constants)
-def _(fixed: Constants, s: Floats, j: int) -> None:
+@implements(bases.put, Constants)
+def put_high_bounce(fixed: Constants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.a, fixed.r
     s[row + 3 * STRIDE] = fixed.x_lift if fixed.wait == 0.0 else np.nan
     s[row + 4 * STRIDE] = fixed.u_lift
 
 
-@answer(bases.take, HighBounce)
-def _(base: HighBounce, s: Floats, j: int) -> Constants:
+@implements(bases.take, HighBounce)
+def take_high_bounce(base: HighBounce, s: Floats, j: int) -> Constants:
     row = ROW.CONSTANTS + j
     e, a, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
     return Constants(base, e, a, r, s[row + 3 * STRIDE], 0.0, s[row + 4 * STRIDE])
 
 
-@answer(bases.fly, Constants)
-def _(fixed: Constants, x: float, u: float) -> tuple[float, float]:
+@implements(bases.fly, Constants)
+def fly_high_bounce(fixed: Constants, x: float, u: float) -> tuple[float, float]:
     return u, u
 
 
-@answer(bases.prepare, HighBounce)
-def _(base: HighBounce, s: Floats, lanes: int) -> None:
+@implements(bases.prepare, HighBounce)
+def prepare_high_bounce(base: HighBounce, s: Floats, lanes: int) -> None:
     pass
 
 
-@answer(bases.approach, Constants)
-def _(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
+@implements(bases.approach, Constants)
+def approach_high_bounce(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
     u = s[ROW.U + j]
     return u, u, True
 
 
-@answer(bases.may_land, Constants)
-def _(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
+@implements(bases.may_land, Constants)
+def may_land_high_bounce(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
     return True
 
 
-@answer(bases.keep, Constants)
-def _(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
+@implements(bases.keep, Constants)
+def keep_high_bounce(
+    fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool
+) -> bool:
     return seen
 
 
-@answer(bases.gives_up, HighBounce)
-def _(base: HighBounce, s: Floats, j: int, passes: int) -> bool:
+@implements(bases.gives_up, HighBounce)
+def gives_up_high_bounce(base: HighBounce, s: Floats, j: int, passes: int) -> bool:
     return False
 
 
-@answer(bases.pending, HighBounce)
-def _(base: HighBounce, s: Floats, j: int) -> bool:
+@implements(bases.pending, HighBounce)
+def pending_high_bounce(base: HighBounce, s: Floats, j: int) -> bool:
     return False
 
 
-@answer(bases.common_age, HighBounce)
-def _(base: HighBounce) -> float:
+@implements(bases.common_age, HighBounce)
+def common_age_high_bounce(base: HighBounce) -> float:
     return 1.0
 
 
-@answer(bases.counted, Constants)
-def _(fixed: Constants, flight: Flight, u_off: float) -> Counted:
+@implements(bases.counted, Constants)
+def counted_high_bounce(fixed: Constants, flight: Flight, u_off: float) -> Counted:
     return u_off, u_off, u_off
 
 
-@answer(bases.counted_now, Constants)
-def _(fixed: Constants, s: Floats, j: int, time: float, u_off: float) -> Counted:
+@implements(bases.counted_now, Constants)
+def counted_now_high_bounce(
+    fixed: Constants, s: Floats, j: int, time: float, u_off: float
+) -> Counted:
     return u_off, u_off, u_off
 
 
 @bases.fitted.register(HighBounce)
-def _(base: HighBounce, problem: Dimensionless) -> HighBounce:
+def fitted_high_bounce(base: HighBounce, problem: Dimensionless) -> HighBounce:
     return base
 
 
 @bases.lowest.register(HighBounce)
-def _(base: HighBounce, problem: Dimensionless) -> Floats | None:
+def lowest_high_bounce(base: HighBounce, problem: Dimensionless) -> Floats | None:
     return None
 
 
 @bases.lifts.register(HighBounce)
-def _(base: HighBounce, problem: Dimensionless) -> NDArray[np.bool_]:
+def lifts_high_bounce(base: HighBounce, problem: Dimensionless) -> NDArray[np.bool_]:
     return problem.kick > problem.rest_flight
 
 
-@answer(bases.leave, Constants)
-def _(fixed: Constants, x: float, u: float) -> float:
+@implements(bases.leave, Constants)
+def leave_high_bounce(fixed: Constants, x: float, u: float) -> float:
     return u
 
 
-@answer(bases.speed, Constants)
-def _(fixed: Constants, x: float, u: float) -> float:
+@implements(bases.speed, Constants)
+def speed_high_bounce(fixed: Constants, x: float, u: float) -> float:
     return u
 
 
-@answer(bases.rebound, Constants)
-def _(fixed: Constants, x: float, v: float) -> float:
+@implements(bases.rebound, Constants)
+def rebound_high_bounce(fixed: Constants, x: float, v: float) -> float:
     return speed_after(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
 
 
-@answer(bases.lift_off, Constants)
-def _(fixed: Constants, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
+@implements(bases.lift_off, Constants)
+def lift_off_high_bounce(
+    fixed: Constants, n: float, x: float, w: float
+) -> tuple[float, float, float, bool]:
     leaves = w > fixed.r
     later = n + (fixed.wait + (1.0 if x > fixed.x_lift else 0.0))
     return (
@@ -183,13 +189,13 @@ def _(fixed: Constants, n: float, x: float, w: float) -> tuple[float, float, flo
     )
 
 
-@answer(bases.after_rest, Constants)
-def _(fixed: Constants) -> tuple[float, float]:
+@implements(bases.after_rest, Constants)
+def after_rest_high_bounce(fixed: Constants) -> tuple[float, float]:
     return fixed.x_lift, fixed.u_lift
 
 
-@answer(bases.contact_time, Constants)
-def _(fixed: Constants) -> float:
+@implements(bases.contact_time, Constants)
+def contact_time_high_bounce(fixed: Constants) -> float:
     return fixed.r
 
 
@@ -199,69 +205,75 @@ def _kick_slope(x: float, a: float) -> float:
     return 2.0 * math.pi * a * cos_turns(x)
 
 
-@answer(bases.jacobian, Constants)
-def _(fixed: Constants, flight: Flight) -> Jacobian:
+@implements(bases.jacobian, Constants)
+def jacobian_high_bounce(fixed: Constants, flight: Flight) -> Jacobian:
     x, v = flight.landing, flight.v
     by_speed, by_kick = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
     k = by_kick * _kick_slope(x, fixed.a)
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
 
 
-@answer(error_bounds.jacobian_error, Constants)
-def _(fixed: Constants, flight: Flight, error: float, spread: Spread) -> tuple[float, float, float]:
+@implements(error_bounds.jacobian_error, Constants)
+def jacobian_error_high_bounce(
+    fixed: Constants, flight: Flight, error: float, spread: Spread
+) -> tuple[float, float, float]:
     by_phase = 2.0 * CURVATURE * fixed.a * (error + HALF_ULP)
     return 0.0, 2.0 * curvature(fixed.base.law, fixed.e) * spread[1], by_phase
 
 
-@answer(bases.reverses, Constants)
-def _(fixed: Constants, x: float, v: float) -> float:
+@implements(bases.reverses, Constants)
+def reverses_high_bounce(fixed: Constants, x: float, v: float) -> float:
     by_speed, _ = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
     return -1.0 if by_speed < 0.0 else 1.0
 
 
-@answer(bases.contraction, Constants)
-def _(fixed: Constants, v: float) -> float:
+@implements(bases.contraction, Constants)
+def contraction_high_bounce(fixed: Constants, v: float) -> float:
     by_speed, _ = slopes(fixed.base.law, fixed.e, v, 0.0)
     return abs(by_speed)
 
 
-@answer(bases.density, Constants)
-def _(fixed: Constants, u: float) -> float:
+@implements(bases.density, Constants)
+def density_high_bounce(fixed: Constants, u: float) -> float:
     return 1.0
 
 
-@answer(bases.fixed_residual, Constants)
-def _(fixed: Constants, x: float, k: float, sign: float) -> tuple[float, float, float]:
+@implements(bases.fixed_residual, Constants)
+def fixed_residual_high_bounce(
+    fixed: Constants, x: float, k: float, sign: float
+) -> tuple[float, float, float]:
     a = fixed.a
     need = kick_to_repeat(fixed.base.law, fixed.e, k, sign)
     return a * sin_turns(x) - need, _kick_slope(x, a), a
 
 
-@answer(bases.fixed_attracts, Constants)
-def _(fixed: Constants, x: float, k: float) -> bool:
+@implements(bases.fixed_attracts, Constants)
+def fixed_attracts_high_bounce(fixed: Constants, x: float, k: float) -> bool:
     by_speed, by_kick = slopes(fixed.base.law, fixed.e, k, fixed.a * sin_turns(x))
     pull = -by_kick * _kick_slope(x, fixed.a)
     return abs(by_speed) < 1.0 and 0.0 < pull < 2.0 * (1.0 + by_speed)
 
 
-@answer(bases.fixed_holds, Constants)
-def _(fixed: Constants, x: float, k: float) -> bool:
+@implements(bases.fixed_holds, Constants)
+def fixed_holds_high_bounce(fixed: Constants, x: float, k: float) -> bool:
     return k > fixed.r
 
 
-@answer(error_bounds.launch_error, Constants)
-def _(fixed: Constants, x: float, u: float) -> float:
+@implements(error_bounds.launch_error, Constants)
+def launch_error_high_bounce(fixed: Constants, x: float, u: float) -> float:
     return KICK_ERROR * u + SMALLEST
 
 
-@answer(error_bounds.landing_added, Constants)
-def _(fixed: Constants, flight: Flight, spread: Spread) -> tuple[float, float]:
+@implements(error_bounds.landing_added, Constants)
+def landing_added_high_bounce(
+    fixed: Constants, flight: Flight, spread: Spread
+) -> tuple[float, float]:
     moved: float = flight.x + (flight.u - np.rint(flight.u))
     return min(LANDING_ERROR, HALF_ULP * abs(moved)), 0.0
 
 
-@answer(error_bounds.rebound_error, Constants)
-def _(
+@implements(error_bounds.rebound_error, Constants)
+def rebound_error_high_bounce(
     fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
 ) -> float:
     x, v = flight.landing, flight.v
@@ -273,18 +285,18 @@ def _(
     return kicked + curvature(law, e) * v_error * v_error
 
 
-@answer(error_bounds.absolute_error, Constants)
-def _(fixed: Constants, x: float, u: float, spread: Spread) -> float:
+@implements(error_bounds.absolute_error, Constants)
+def absolute_error_high_bounce(fixed: Constants, x: float, u: float, spread: Spread) -> float:
     return spread[1]
 
 
-@answer(error_bounds.rest_is_doubtful, Constants)
-def _(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
+@implements(error_bounds.rest_is_doubtful, Constants)
+def rest_is_doubtful_high_bounce(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
     return abs(w - fixed.r) <= spread[1] + REST_ERROR * fixed.r
 
 
-@answer(error_bounds.liftoff_error, Constants)
-def _(fixed: Constants) -> tuple[float, float]:
+@implements(error_bounds.liftoff_error, Constants)
+def liftoff_error_high_bounce(fixed: Constants) -> tuple[float, float]:
     a, r = fixed.a, fixed.r
     if abs(a - r) <= KICK_ERROR * a + REST_ERROR * r:
         return np.inf, np.inf

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import Floats, answer, fma
+from vibrosweep.kernels._jit import Floats, fma, implements
 from vibrosweep.kernels.bases import Counted, Flight
 from vibrosweep.kernels.bases.landing_search import (
     apex,
@@ -59,8 +59,8 @@ class MovingConstants(NamedTuple):
     x_lift: float
 
 
-@answer(bases.constants, Moving)
-def _(base: Moving, problem: Dimensionless, i: int) -> MovingConstants:
+@implements(bases.constants, Moving)
+def constants_moving(base: Moving, problem: Dimensionless, i: int) -> MovingConstants:
     e = problem.restitution[i]
     alpha = problem.kick[i] / (1.0 + e)
     gamma = math.pi * alpha
@@ -73,8 +73,8 @@ def _(base: Moving, problem: Dimensionless, i: int) -> MovingConstants:
     return MovingConstants(base, e, alpha, problem.rest_flight[i], x_lift)
 
 
-@answer(bases.fly, MovingConstants)
-def _(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
+@implements(bases.fly, MovingConstants)
+def fly_moving(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
     if not abs(x) <= 0.5:  # after a rest for good
         return np.nan, np.nan
     if u == 0.0 and not abs(x) >= fixed.x_lift:  # on a base that presses
@@ -91,92 +91,96 @@ def _(fixed: MovingConstants, x: float, u: float) -> tuple[float, float]:
     return time if landed else np.nan, v
 
 
-@answer(bases.rebound, MovingConstants)
-def _(fixed: MovingConstants, x: float, v: float) -> float:
+@implements(bases.rebound, MovingConstants)
+def rebound_moving(fixed: MovingConstants, x: float, v: float) -> float:
     return fixed.e * v
 
 
-@answer(bases.lift_off, MovingConstants)
-def _(fixed: MovingConstants, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
+@implements(bases.lift_off, MovingConstants)
+def lift_off_moving(
+    fixed: MovingConstants, n: float, x: float, w: float
+) -> tuple[float, float, float, bool]:
     leaves = (w > fixed.r) | (abs(x) > fixed.x_lift)
     later = n if fixed.x_lift > 0.0 else np.inf
     return n if leaves else later, x if leaves else fixed.x_lift, w if leaves else 0.0, leaves
 
 
-@answer(bases.after_rest, MovingConstants)
-def _(fixed: MovingConstants) -> tuple[float, float]:
+@implements(bases.after_rest, MovingConstants)
+def after_rest_moving(fixed: MovingConstants) -> tuple[float, float]:
     return fixed.x_lift, 0.0
 
 
-@answer(bases.contact_time, MovingConstants)
-def _(fixed: MovingConstants) -> float:
+@implements(bases.contact_time, MovingConstants)
+def contact_time_moving(fixed: MovingConstants) -> float:
     return fixed.r
 
 
-@answer(bases.leave, MovingConstants)
-def _(fixed: MovingConstants, x: float, u: float) -> float:
+@implements(bases.leave, MovingConstants)
+def leave_moving(fixed: MovingConstants, x: float, u: float) -> float:
     y = fma(-fixed.alpha, sin_turns(x), u)
     return -TINY if y == 0.0 and not abs(x) >= fixed.x_lift else y
 
 
-@answer(bases.speed, MovingConstants)
-def _(fixed: MovingConstants, x: float, u: float) -> float:
+@implements(bases.speed, MovingConstants)
+def speed_moving(fixed: MovingConstants, x: float, u: float) -> float:
     return fma(fixed.alpha, sin_turns(x), u)
 
 
-@answer(bases.counted, MovingConstants)
-def _(fixed: MovingConstants, flight: Flight, u_off: float) -> Counted:
+@implements(bases.counted, MovingConstants)
+def counted_moving(fixed: MovingConstants, flight: Flight, u_off: float) -> Counted:
     begin = start(fixed.alpha, fixed.x_lift, flight.x, flight.u)
     return flight.time, apex(begin), 1.0
 
 
 @bases.lifts.register(Moving)
-def _(base: Moving, problem: Dimensionless) -> NDArray[np.bool_]:
+def lifts_moving(base: Moving, problem: Dimensionless) -> NDArray[np.bool_]:
     return math.pi * (problem.kick / (1.0 + problem.restitution)) > 1.0
 
 
 @bases.fitted.register(Moving)
-def _(base: Moving, problem: Dimensionless) -> Moving:
+def fitted_moving(base: Moving, problem: Dimensionless) -> Moving:
     return base if bases.lifts(base, problem).any() else base._replace(arcs=None)
 
 
 @bases.lowest.register(Moving)
-def _(base: Moving, problem: Dimensionless) -> Floats | None:
+def lowest_moving(base: Moving, problem: Dimensionless) -> Floats | None:
     return (2.0 / math.pi) * (problem.kick / (1.0 + problem.restitution))
 
 
-@answer(bases.reverses, MovingConstants)
-def _(fixed: MovingConstants, x: float, v: float) -> float:
+@implements(bases.reverses, MovingConstants)
+def reverses_moving(fixed: MovingConstants, x: float, v: float) -> float:
     return 1.0
 
 
-@answer(bases.contraction, MovingConstants)
-def _(fixed: MovingConstants, v: float) -> float:
+@implements(bases.contraction, MovingConstants)
+def contraction_moving(fixed: MovingConstants, v: float) -> float:
     # e times the relative speed before the flight over that of arrival, which is 1 / e of the next
     return fixed.e * fixed.e
 
 
-@answer(bases.density, MovingConstants)
-def _(fixed: MovingConstants, u: float) -> float:
+@implements(bases.density, MovingConstants)
+def density_moving(fixed: MovingConstants, u: float) -> float:
     return u
 
 
-@answer(bases.fixed_residual, MovingConstants)
-def _(fixed: MovingConstants, x: float, k: float, sign: float) -> tuple[float, float, float]:
+@implements(bases.fixed_residual, MovingConstants)
+def fixed_residual_moving(
+    fixed: MovingConstants, x: float, k: float, sign: float
+) -> tuple[float, float, float]:
     a = fixed.alpha * (1.0 + fixed.e)
     return a * sin_turns(x) - (1.0 - fixed.e) * k, TWO_PI * a * cos_turns(x), a
 
 
-@answer(bases.fixed_attracts, MovingConstants)
-def _(fixed: MovingConstants, x: float, k: float) -> bool:
+@implements(bases.fixed_attracts, MovingConstants)
+def fixed_attracts_moving(fixed: MovingConstants, x: float, k: float) -> bool:
     # both multipliers are inside the unit circle
     e = fixed.e
     s = -math.pi * fixed.alpha * cos_turns(x)
     return e < 1.0 and 0.0 < s < 2.0 * (1.0 + e * e) / ((1.0 + e) * (1.0 + e))
 
 
-@answer(bases.fixed_holds, MovingConstants)
-def _(fixed: MovingConstants, x: float, k: float) -> bool:
+@implements(bases.fixed_holds, MovingConstants)
+def fixed_holds_moving(fixed: MovingConstants, x: float, k: float) -> bool:
     # the base rises by (1 - e) / (1 + e) k at the landings
     y = 2.0 * fixed.e * k / (1.0 + fixed.e)
     time, _ = bases.fly(fixed, x, y)

@@ -12,12 +12,10 @@ with the determinant y / z of (dx + ds, dz).  The errors that an impact adds are
   so that F falls through zero within |F| / |F'| of s where |F| is small against F'^2: Kantorovich's
   condition for Newton's iteration.  A graze fails it.
 - alpha: a few roundings of the kick, which count as an error of F and of z.
-- what the Jacobian leaves out: how much it changes over all states within the error, by the mean
-  value theorem.
-- the choice of the root: a march that passes no root of any of these states reaches the time from
-  which on F falls.
+- the remainder of the mean value theorem: how much the Jacobian changes within the error.
+- the choice of the root: a march that meets no root of these states ends where F falls for good.
 
-The bound is infinite where one of these proofs fails.
+The bound is infinite where a proof fails.
 """
 
 from __future__ import annotations
@@ -28,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import answer, fma, jit
+from vibrosweep.kernels._jit import fma, implements, jit
 from vibrosweep.kernels.bases import Flight, Jacobian, error_bounds
 from vibrosweep.kernels.bases.error_bounds import Spread
 from vibrosweep.kernels.bases.moving import MovingConstants
@@ -114,8 +112,8 @@ def _along(fixed: MovingConstants, x: float, y: float, t: float) -> Along:
     return Along(f, f_error, z, z_error, sine, cosine, turned, lag, c)
 
 
-@answer(bases.jacobian, MovingConstants)
-def _(fixed: MovingConstants, flight: Flight) -> Jacobian:
+@implements(bases.jacobian, MovingConstants)
+def jacobian_moving(fixed: MovingConstants, flight: Flight) -> Jacobian:
     e, alpha, gamma = fixed.e, fixed.alpha, math.pi * fixed.alpha
     s, z = flight.time, flight.v
     if s == 0.0:  # it lands at once
@@ -269,8 +267,10 @@ def _pressed(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[fl
     return time, 2.0 * most + 2.0 * (1.0 + gamma) * time
 
 
-@answer(error_bounds.landing_added, MovingConstants)
-def _(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[float, float]:
+@implements(error_bounds.landing_added, MovingConstants)
+def landing_added_moving(
+    fixed: MovingConstants, flight: Flight, spread: Spread
+) -> tuple[float, float]:
     if flight.time == 0.0:
         return _pressed(fixed, flight, spread)
     at = _along(fixed, flight.x, flight.u, flight.time)
@@ -287,8 +287,8 @@ def _(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[float, fl
     return rounding + by_phase, landed.v + by_speed
 
 
-@answer(error_bounds.rebound_error, MovingConstants)
-def _(
+@implements(error_bounds.rebound_error, MovingConstants)
+def rebound_error_moving(
     fixed: MovingConstants,
     flight: Flight,
     added: tuple[float, float],
@@ -298,8 +298,8 @@ def _(
     return fixed.e * (added[1] + HALF_ULP * abs(flight.v)) + SMALLEST
 
 
-@answer(error_bounds.jacobian_error, MovingConstants)
-def _(
+@implements(error_bounds.jacobian_error, MovingConstants)
+def jacobian_error_moving(
     fixed: MovingConstants, flight: Flight, error: float, spread: Spread
 ) -> tuple[float, float, float]:
     if flight.time == 0.0:
@@ -310,8 +310,8 @@ def _(
     return max(change.s_x, e * change.z_x), max(change.s_y, e * change.z_y), 0.0
 
 
-@answer(error_bounds.launch_error, MovingConstants)
-def _(fixed: MovingConstants, x: float, u: float) -> float:
+@implements(error_bounds.launch_error, MovingConstants)
+def launch_error_moving(fixed: MovingConstants, x: float, u: float) -> float:
     gamma, base = math.pi * fixed.alpha, fixed.alpha * abs(sin_turns(x))
     error = KICK_ERROR * (abs(u) + base) + (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base
     error += HALF_ULP * abs(u) + 2.0 * gamma * LAUNCH_ERROR + SMALLEST
@@ -320,15 +320,15 @@ def _(fixed: MovingConstants, x: float, u: float) -> float:
     return error if abs(u) > error or presses else np.inf
 
 
-@answer(error_bounds.absolute_error, MovingConstants)
-def _(fixed: MovingConstants, x: float, u: float, spread: Spread) -> float:
+@implements(error_bounds.absolute_error, MovingConstants)
+def absolute_error_moving(fixed: MovingConstants, x: float, u: float, spread: Spread) -> float:
     base = fixed.alpha * abs(sin_turns(x))
     rounding = (SINE_ERROR + ALPHA_ERROR + HALF_ULP) * base + HALF_ULP * (abs(u) + base)
     return spread[1] + TWO_PI * fixed.alpha * SURE * spread[0] + rounding
 
 
-@answer(error_bounds.rest_is_doubtful, MovingConstants)
-def _(fixed: MovingConstants, x: float, w: float, spread: Spread) -> bool:
+@implements(error_bounds.rest_is_doubtful, MovingConstants)
+def rest_is_doubtful_moving(fixed: MovingConstants, x: float, w: float, spread: Spread) -> bool:
     w_error = spread[1] + REST_ERROR * fixed.r
     if w - fixed.r > w_error:
         return False
@@ -339,8 +339,8 @@ def _(fixed: MovingConstants, x: float, w: float, spread: Spread) -> bool:
     return not (within and fixed.r - w > w_error)
 
 
-@answer(error_bounds.liftoff_error, MovingConstants)
-def _(fixed: MovingConstants) -> tuple[float, float]:
+@implements(error_bounds.liftoff_error, MovingConstants)
+def liftoff_error_moving(fixed: MovingConstants) -> tuple[float, float]:
     gamma = math.pi * fixed.alpha
     if gamma * (1.0 + 2.0 * GAMMA_ERROR) <= 1.0:  # it is never lifted
         return 0.0, 0.0

@@ -7,7 +7,7 @@ operations are short enough to be under way together.
 from __future__ import annotations
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import Floats, answer, jit, wide_vectors
+from vibrosweep.kernels._jit import Floats, implements, jit, wide_vectors
 from vibrosweep.kernels.bases import Counted
 from vibrosweep.kernels.bases.landing_search import (
     Clearance,
@@ -32,8 +32,8 @@ __all__: list[str] = []
 FRESH = -1.0  # instead of the time that has been reached: the flight has just begun
 
 
-@answer(bases.put, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int) -> None:
+@implements(bases.put, MovingConstants)
+def put_moving(fixed: MovingConstants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.alpha, fixed.r
     s[row + 3 * STRIDE] = fixed.x_lift
@@ -41,15 +41,15 @@ def _(fixed: MovingConstants, s: Floats, j: int) -> None:
     s[ROW.TRIES + j], s[ROW.AGE_SEEN + j] = 0.0, 0.0
 
 
-@answer(bases.take, Moving)
-def _(base: Moving, s: Floats, j: int) -> MovingConstants:
+@implements(bases.take, Moving)
+def take_moving(base: Moving, s: Floats, j: int) -> MovingConstants:
     row = ROW.CONSTANTS + j
     e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
     return MovingConstants(base, e, alpha, r, s[row + 3 * STRIDE])
 
 
-@answer(bases.prepare, Moving)
-def _(base: Moving, s: Floats, lanes: int) -> None:
+@implements(bases.prepare, Moving)
+def prepare_moving(base: Moving, s: Floats, lanes: int) -> None:
     _begin(base, s, lanes)
     _near(base, s, lanes)
     _rough(base, s, lanes)
@@ -171,18 +171,20 @@ def _cleared(s: Floats, j: int) -> Clearance:
     )
 
 
-@answer(bases.approach, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int) -> tuple[float, float, bool]:
+@implements(bases.approach, MovingConstants)
+def approach_moving(fixed: MovingConstants, s: Floats, j: int) -> tuple[float, float, bool]:
     return s[ROW.TIME + j], s[ROW.SPEED + j], s[ROW.LANDED + j] != 0.0
 
 
-@answer(bases.may_land, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int, budget: float) -> bool:
+@implements(bases.may_land, MovingConstants)
+def may_land_moving(fixed: MovingConstants, s: Floats, j: int, budget: float) -> bool:
     return bool(s[ROW.AGE + j] < budget)
 
 
-@answer(bases.keep, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
+@implements(bases.keep, MovingConstants)
+def keep_moving(
+    fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen: bool
+) -> bool:
     counts = s[ROW.COUNTS + j] != 0.0
     s[ROW.AGE + j] += 1.0 if landed else 0.0
     s[ROW.COUNTS + j] = (1.0 if seen else 0.0) + (0.0 if landed else s[ROW.COUNTS + j])
@@ -190,8 +192,8 @@ def _(fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen
     return bool(landed & counts)
 
 
-@answer(bases.gives_up, Moving)
-def _(base: Moving, s: Floats, j: int, passes: int) -> bool:
+@implements(bases.gives_up, Moving)
+def gives_up_moving(base: Moving, s: Floats, j: int, passes: int) -> bool:
     stays = s[ROW.AGE + j] == s[ROW.AGE_SEEN + j]
     s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
     s[ROW.TRIES + j] = s[ROW.TRIES + j] + passes if stays else 0.0
@@ -200,17 +202,19 @@ def _(base: Moving, s: Floats, j: int, passes: int) -> bool:
     return bool((s[ROW.TRIES + j] >= TRIES) | lost)
 
 
-@answer(bases.pending, Moving)
-def _(base: Moving, s: Floats, j: int) -> bool:
+@implements(bases.pending, Moving)
+def pending_moving(base: Moving, s: Floats, j: int) -> bool:
     # no flight follows on a rest for good, which leaves no phase
     return bool((s[ROW.COUNTS + j] != 0.0) & (abs(s[ROW.X + j]) <= 0.5))
 
 
-@answer(bases.counted_now, MovingConstants)
-def _(fixed: MovingConstants, s: Floats, j: int, time: float, u_off: float) -> Counted:
+@implements(bases.counted_now, MovingConstants)
+def counted_now_moving(
+    fixed: MovingConstants, s: Floats, j: int, time: float, u_off: float
+) -> Counted:
     return time, apex(_begun(fixed, s, j)), 1.0
 
 
-@answer(bases.common_age, Moving)
-def _(base: Moving) -> float:
+@implements(bases.common_age, Moving)
+def common_age_moving(base: Moving) -> float:
     return 0.0
