@@ -10,12 +10,12 @@ import numpy as np
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.parameters import BASES, PARAMETERS
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
 from vibrosweep.model.status import Regime
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import read_spec
 
-STILL, MOVING = BOTH = BASES[:2]
+BOTH = HIGH_BOUNCE, MOVING
 PAPER = read_spec(Path(__file__).parents[1] / "sweeps" / "paper.toml")
 GRAVITY = PARAMETERS["gravity"].default
 SETTLED = 20_000.0  # s at 1 Hz; a locked orbit of e = 0.98 recurs within 7,500 periods

@@ -26,8 +26,7 @@ from stress_checks import Case, Findings, examine
 from stress_exact import EXACT
 from trust_check import KINDS
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import LAWS, MOUNT
+from vibrosweep.model.parameters import LAWS, MOUNT, SPRUNG
 
 RESTITUTION = (0.0, 1e-12, 0.5, 1.0 - 1e-12, 1.0)
 KICK = (0.0, 1e-300, 1e-18, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)

@@ -22,8 +22,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.impact import impact, launch, launch_speed
-from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import MOUNT
+from vibrosweep.model.parameters import MOUNT, SPRUNG
 from vibrosweep.model.status import Status
 
 BITS = 256

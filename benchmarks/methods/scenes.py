@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibrosweep.model.parameters import BASES, PARAMETERS
+from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS
 
 TABLE_1 = {name: parameter.default for name, parameter in PARAMETERS.items()}
 
@@ -41,7 +41,7 @@ class Case:
     duration: float
     launch: float
     locked: int | None = None
-    base: str = BASES[0]
+    base: str = HIGH_BOUNCE
 
     @property
     def longest_flight(self) -> float:
@@ -106,7 +106,7 @@ class Scene:
     locked: int | None
     steps: tuple[float, ...]
     tolerances: tuple[float, ...]
-    base: str = BASES[0]
+    base: str = HIGH_BOUNCE
 
     @property
     def batch(self) -> np.ndarray:

@@ -13,7 +13,7 @@ from vibrosweep.model.forcing import (
     refuse_large,
 )
 from vibrosweep.model.mount import MASSES, OF_MOUNT, mount_mistakes, require_mount
-from vibrosweep.model.parameters import BASES, MOUNT, PARAMETERS, representable
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, MOVING, PARAMETERS, representable
 
 OWN = {"mass_ratio": 0.004, "mount_frequency": 3.0, "mount_damping": 0.1}
 WEIGHED = {"particle_mass": 0.004, "base_mass": 2.0, "mount_frequency": 3.0}
@@ -30,7 +30,7 @@ def test_a_ratio_of_masses_and_a_frequency_are_enough():
         assert mount_mistakes("sprung", {"amplitude", *given}) == {}
 
 
-@pytest.mark.parametrize("base", BASES[:2])
+@pytest.mark.parametrize("base", (HIGH_BOUNCE, MOVING))
 @pytest.mark.parametrize("name", OF_MOUNT)
 def test_another_base_has_no_mount(base, name):
     assert mount_mistakes(base, {"amplitude"}) == {}
@@ -56,7 +56,7 @@ def test_what_is_lacking_or_too_much_is_named_once(given, about):
 
 def test_inputs_are_those_of_the_base():
     common = tuple(PARAMETERS)
-    for base in BASES[:2]:
+    for base in (HIGH_BOUNCE, MOVING):
         assert inputs_of((), base) == common
     assert inputs_of(OWN, "sprung") == (*common, *MOUNT)
     assert inputs_of(WEIGHED, "sprung") == (*common, *MASSES, "mount_frequency", "mount_damping")

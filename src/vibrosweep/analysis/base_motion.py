@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
-from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import BASES
+from vibrosweep.model.parameters import HIGH_BOUNCE, SPRUNG
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,12 +48,12 @@ class BaseMotion:
 
 def base_name(dataset: xr.Dataset) -> str:
     """Which of `vibrosweep.model.parameters.BASES` a dataset is about; the first by default."""
-    return str(dataset.attrs.get("base", BASES[0]))
+    return str(dataset.attrs.get("base", HIGH_BOUNCE))
 
 
 def moves(dataset: xr.Dataset) -> bool:
     """Whether the base of a dataset moves."""
-    return base_name(dataset) != BASES[0]
+    return base_name(dataset) != HIGH_BOUNCE
 
 
 def recoils(dataset: xr.Dataset) -> bool:

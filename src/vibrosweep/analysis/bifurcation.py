@@ -21,7 +21,7 @@ from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.forcing import FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import BASES, PARAMETERS
+from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS
 from vibrosweep.model.status import Regime
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
@@ -208,7 +208,7 @@ def _impacts(
     shape = (-1, scene.particles, samples)
     speed, left = out.rebound_velocity[:, :samples], out.liftoff_time[:, :samples]
     height, time = speed**2 / (2.0 * gravity), 2.0 * speed / gravity
-    if scene.base != BASES[0]:
+    if scene.base != HIGH_BOUNCE:
         velocity = (problem.kick / (1.0 + problem.restitution))[:, np.newaxis]
         unit = gravity / (4.0 * np.pi * frequency**2)
         rising = np.maximum(speed, 0.0)

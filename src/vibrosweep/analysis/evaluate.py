@@ -28,7 +28,7 @@ from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import (
-    BASES,
+    HIGH_BOUNCE,
     Dimensionless,
     Launches,
     dimensionless,
@@ -103,7 +103,7 @@ def lift_off_speeds(base: str, problem: Dimensionless, phase: Array, speed: Arra
 
     Phase in turns and speed are those of lift-off; the problem's arrays must broadcast with them.
     """
-    if base == BASES[0]:
+    if base == HIGH_BOUNCE:
         return speed
     alpha = problem.kick / (1.0 + problem.restitution)
     return np.asarray(speed + alpha * np.sin(2.0 * np.pi * phase))

@@ -18,8 +18,7 @@ from vibrosweep.engine.coupled import BaseTrack, base_track, count_coupled
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import MOUNT, PARAMETERS, STAGGERED
+from vibrosweep.model.parameters import MOUNT, PARAMETERS, SPRUNG, STAGGERED
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Periods
 

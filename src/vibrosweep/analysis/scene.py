@@ -23,8 +23,15 @@ from vibrosweep.model.forcing import (
     refuse_large,
 )
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.mount import OF_MOUNT, SPRUNG
-from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, STAGGERED, refuse_masked
+from vibrosweep.model.mount import OF_MOUNT
+from vibrosweep.model.parameters import (
+    HIGH_BOUNCE,
+    LAWS,
+    PARAMETERS,
+    SPRUNG,
+    STAGGERED,
+    refuse_masked,
+)
 from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, precedes, unit_of
 from vibrosweep.runs.notes import short_observation
 from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
@@ -101,7 +108,7 @@ class Scene:
     duration_periods: float | None = None
     transient: float | None = None
     transient_periods: float | None = None
-    base: str = BASES[0]
+    base: str = HIGH_BOUNCE
     rebound: str = LAWS[0]
     impact_budget: int = Measures.impact_budget
 

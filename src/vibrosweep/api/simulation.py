@@ -24,7 +24,7 @@ from vibrosweep.model.forcing import (
 )
 from vibrosweep.model.measures import RECORD, Measures
 from vibrosweep.model.mount import OF_MOUNT, require_mount
-from vibrosweep.model.parameters import BASES, LAWS, PARAMETERS, refuse_masked
+from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, PARAMETERS, refuse_masked
 from vibrosweep.model.times import Periods, Time, amount, in_seconds, one_time, unit_of
 from vibrosweep.runs.driver import count, thread_count
 from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, periods_given
@@ -52,7 +52,7 @@ def simulate(
     base_mass: ArrayLike | None = None,
     mount_frequency: ArrayLike | None = None,
     mount_damping: ArrayLike | None = None,
-    base: str = BASES[0],
+    base: str = HIGH_BOUNCE,
     rebound: str = "rest",
     impact_budget: int = Measures.impact_budget,
     threads: int | None = None,

@@ -36,8 +36,7 @@ from vibrosweep.kernels.statistics import combine
 from vibrosweep.kernels.trust import trust
 from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import LAWS
+from vibrosweep.model.parameters import LAWS, SPRUNG
 
 KERNELS: Final[tuple[Any, ...]] = (
     advance,

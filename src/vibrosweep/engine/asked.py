@@ -18,7 +18,7 @@ from vibrosweep.model.forcing import (
     only_parameters,
 )
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.parameters import BASES
+from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.times import Periods, Time, in_seconds
 from vibrosweep.spec.sweep import SweepSpec
 
@@ -36,7 +36,7 @@ def record_observation(
     duration: Time,
     rebound: str,
     impact_budget: int,
-    base: str = BASES[0],
+    base: str = HIGH_BOUNCE,
 ) -> Observation:
     """Observe a scene with no measures but those that are always there, over every landing."""
     every = Measures(transient=-math.inf, tolerance=math.inf, impact_budget=impact_budget)

@@ -17,13 +17,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record, Units, empty_record, record
-from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import (
-    MOUNT,
-    PARAMETERS,
-    dimensionless,
-    launches,
-)
+from vibrosweep.model.parameters import MOUNT, PARAMETERS, SPRUNG, dimensionless, launches
 from vibrosweep.system import physical_memory
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag

@@ -20,8 +20,7 @@ from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.statistics import Statistics, physical
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
-from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, launches
+from vibrosweep.model.parameters import SPRUNG, Dimensionless, Launches, dimensionless, launches
 from vibrosweep.model.times import in_seconds
 
 Measured = dict[str, NDArray[Any]]

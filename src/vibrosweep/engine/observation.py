@@ -13,7 +13,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.parameters import BASES
+from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.times import Periods, Time, amount, in_periods
 
 
@@ -35,7 +35,7 @@ class Observation:
     # Whether what is known already is counted instead of followed; off where every landing is kept,
     # and to compare
     skip: bool = True
-    base: str = BASES[0]  # one of `vibrosweep.model.parameters.BASES`
+    base: str = HIGH_BOUNCE  # one of `vibrosweep.model.parameters.BASES`
 
     def __post_init__(self) -> None:
         wrong = invalid_law(self.base, self.rebound)

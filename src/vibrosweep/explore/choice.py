@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.model.forcing import inputs_of
-from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import BASES, LAWS, STAGGERED
+from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, SPRUNG, STAGGERED
 from vibrosweep.model.times import Periods, Time, amount
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ class Choice:
     # a mount only counts over a sprung base
     inputs: Mapping[str, float]
     # base, rebound: as of `vibrosweep.simulate`
-    base: str = BASES[0]
+    base: str = HIGH_BOUNCE
     rebound: str = LAWS[0]
     particles: int = 1  # their number
     # A `Spread`, or the launch time of each particle in s

@@ -14,7 +14,7 @@ from vibrosweep.explore.choice import Choice, Spread
 from vibrosweep.explore.labels import input_label
 from vibrosweep.explore.points import Points
 from vibrosweep.model.forcing import INPUTS, inputs_of
-from vibrosweep.model.parameters import BASES, MOUNT
+from vibrosweep.model.parameters import BASES, MOUNT, SPRUNG
 
 # Of a mount where the result has none: values at which bunching shows
 MOUNT_VALUES: Final = {"mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
@@ -54,7 +54,7 @@ class Controls:
         # Of each slider, kept here: a browser can change those that the slider itself has
         self._ranges: dict[str, tuple[float, float]] = {}
         inputs = {**MOUNT_VALUES, **choice.inputs}
-        names = [name for name in INPUTS if name in inputs_of(inputs, BASES[2])]
+        names = [name for name in INPUTS if name in inputs_of(inputs, SPRUNG)]
         self.choice = replace(choice, inputs={name: inputs[name] for name in names})
         self.sliders = {name: self._slider(name, points) for name in names}
         self.launch = {
@@ -97,7 +97,7 @@ class Controls:
         try:
             for name, slider in self.sliders.items():
                 self._move(slider, self.choice.inputs[name])
-                slider.visible = name not in MOUNT or choice.base == BASES[2]
+                slider.visible = name not in MOUNT or choice.base == SPRUNG
             launch = choice.launch if isinstance(choice.launch, Spread) else Spread()
             self._move(self.launch["particles"], choice.particles)
             self._move(self.launch["first"], launch.first)

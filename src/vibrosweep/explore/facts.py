@@ -14,7 +14,7 @@ from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.labels import SYMBOLS, units_text
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.measures import known
-from vibrosweep.model.mount import SPRUNG
+from vibrosweep.model.parameters import SPRUNG
 
 
 def named(choice: Choice) -> str:

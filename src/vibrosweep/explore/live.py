@@ -34,7 +34,7 @@ from vibrosweep.explore.points import Points
 from vibrosweep.explore.sources import are_numbers
 from vibrosweep.explore.table import TABLE, enclosed, table
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.parameters import BASES
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, SPRUNG
 
 PLANE: Final = "plane"
 SHOWN_ROWS: Final = 6
@@ -216,11 +216,11 @@ class Page:
     def _simulate(self, what: str) -> None:
         choice = self.controls.choice
         second = bool(self.controls.both.active)
-        if second and choice.base not in BASES[:2]:
-            choice = choice.over(BASES[0])
+        if second and choice.base == SPRUNG:
+            choice = choice.over(HIGH_BOUNCE)
         shown = [choice]
         if second:
-            shown.append(choice.over(BASES[1 - BASES.index(choice.base)]))
+            shown.append(choice.over(MOVING if choice.base == HIGH_BOUNCE else HIGH_BOUNCE))
         self._shown = shown
         self._stop_waiting()
         future = self.background.call(lambda: [one.simulate() for one in shown])

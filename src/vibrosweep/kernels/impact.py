@@ -27,11 +27,11 @@ from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.model.forcing import invalid_law
-from vibrosweep.model.parameters import Dimensionless, Launches
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
 
 Instant = tuple[float, float]  # whole periods and phase
 
-BASE_OF: Final = {"high-bounce": HighBounce, "moving": Moving}
+BASE_OF: Final = {HIGH_BOUNCE: HighBounce, MOVING: Moving}
 
 
 class Batch(NamedTuple):

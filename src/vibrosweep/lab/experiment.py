@@ -27,8 +27,15 @@ from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import phase_walk, wandering_record
 from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.mount import SPRUNG, require_mount
-from vibrosweep.model.parameters import BASES, MOUNT, PARAMETERS, dimensionless, launches
+from vibrosweep.model.mount import require_mount
+from vibrosweep.model.parameters import (
+    HIGH_BOUNCE,
+    MOUNT,
+    PARAMETERS,
+    SPRUNG,
+    dimensionless,
+    launches,
+)
 
 __all__ = [
     "LABORATORY",
@@ -137,14 +144,14 @@ class Experiment:
     variation: Variation = field(default_factory=Variation)
     seed: int = 0
     rebound: str = "rest"
-    base: str = BASES[0]
+    base: str = HIGH_BOUNCE
 
     def __post_init__(self) -> None:
         wrong = invalid_law(self.base, self.rebound)
         if wrong:
             raise ParameterError(wrong)
         require_mount(self.base, [name for name in MOUNT if name in self.scene])
-        cannot = ["frequency_jitter"] if self.base != BASES[0] else []
+        cannot = ["frequency_jitter"] if self.base != HIGH_BOUNCE else []
         cannot += ["restitution_spread", "restitution_exponent"] if self.base == SPRUNG else []
         for name in cannot:
             if getattr(self.variation, name):
@@ -236,7 +243,7 @@ def predicted_means(experiment: Experiment) -> dict[str, Array]:
     every = np.full(experiment.particles, experiment.scene["restitution"])
     record = _landings(replace(experiment, variation=Variation()), every, np.zeros(2))[0]
     begin, end = experiment.transient, experiment.transient + experiment.duration
-    surface = LEVEL if experiment.base == BASES[0] else oscillating(experiment.scene)
+    surface = LEVEL if experiment.base == HIGH_BOUNCE else oscillating(experiment.scene)
     means = [motion.means(begin, end) for motion in _motions(experiment, record, surface)]
     return dict(zip(("height", "period"), np.array(means).T, strict=True))
 
@@ -258,14 +265,14 @@ def _landings(experiment: Experiment, restitution: Array, walk: Array) -> tuple[
         return record, recoiling(track, scene["frequency"], end)
     given = {name: np.full(restitution.size, scene[name]) for name in PARAMETERS}
     given["restitution"] = restitution
-    if base != BASES[0]:  # one base for all: its velocity is A / (1 + e) whatever they are
+    if base != HIGH_BOUNCE:  # one base for all: its velocity is A / (1 + e) whatever they are
         given["amplitude"] *= (1.0 + restitution) / (1.0 + scene["restitution"])
     parameters = all_parameters(given)
     begin = launches(launch, experiment.particles, parameters["frequency"][:1])
     batch = Batch(base_of(base, experiment.rebound), dimensionless(parameters, end), begin)
     softening = experiment.variation.restitution_exponent
     record = wandering_record(batch, walk, scene["frequency"], scene["gravity"], softening)
-    return record, LEVEL if base == BASES[0] else oscillating(scene)
+    return record, LEVEL if base == HIGH_BOUNCE else oscillating(scene)
 
 
 def _motions(experiment: Experiment, record: Record, surface: Surface) -> list[Motion]:

@@ -15,11 +15,11 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.measures import Measures
-from vibrosweep.model.parameters import BASES, PARAMETERS
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
 
 DRAWS: Final = 64
 # The base of the engine by the motion of a recording's.
-BASE_OF_MOTION: Final = {"level": BASES[0], "moving": BASES[1]}
+BASE_OF_MOTION: Final = {"level": HIGH_BOUNCE, "moving": MOVING}
 # Draws that are not physical may be as many as the others, and so many more: a few are chance.
 CHANCE: Final = 10
 

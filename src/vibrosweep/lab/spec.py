@@ -22,7 +22,7 @@ from vibrosweep.model.forcing import (
     only_parameters,
 )
 from vibrosweep.model.mount import mount_mistakes
-from vibrosweep.model.parameters import BASES, LAWS, STAGGERED
+from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, STAGGERED
 from vibrosweep.spec.messages import Mistakes, nearest
 from vibrosweep.spec.schema import MAX_SEED, Check, flag, is_plain, one_of
 from vibrosweep.spec.sweep import read_text
@@ -79,7 +79,7 @@ def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
 def _physical(scene: dict[str, Any], mistakes: Mistakes) -> dict[str, float]:
     """Take the physical parameters out of the table of a scene, by default the laboratory's."""
     given = {name: scene.pop(name) for name in INPUTS if name in scene}
-    base = scene.get("base", BASES[0])
+    base = scene.get("base", HIGH_BOUNCE)
     for name, text in mount_mistakes(base, given).items():
         mistakes.add(f"scene.{name}", text)
     forcings = [name for name in FORCINGS if name in given]

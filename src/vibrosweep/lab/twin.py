@@ -25,7 +25,7 @@ from vibrosweep.lab.prediction import BASE_OF_MOTION, DRAWS, first_flights
 from vibrosweep.lab.surfaces import LEVEL, oscillating
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
-from vibrosweep.model.parameters import BASES, PARAMETERS, Launches, dimensionless
+from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS, Launches, dimensionless
 
 # Of what is known of a base without motion, (m s-1)^2
 LEAST_VARIANCE: Final = 1e-24
@@ -100,7 +100,7 @@ def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
     at_once = np.zeros((1, start.size))
     base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
-    surface = LEVEL if base == BASES[0] else oscillating(scene)
+    surface = LEVEL if base == HIGH_BOUNCE else oscillating(scene)
     batch = Batch(base_of(base, rebound), problem, Launches(at_once, at_once))
     record = wandering_record(batch, np.zeros(2), scene["frequency"], scene["gravity"])
     return [

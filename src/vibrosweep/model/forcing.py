@@ -19,8 +19,8 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, SPRUNG
-from vibrosweep.model.parameters import LARGEST, LAWS_OF, MOUNT, PARAMETERS, Parameter
+from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT
+from vibrosweep.model.parameters import LARGEST, LAWS_OF, MOUNT, PARAMETERS, SPRUNG, Parameter
 
 AMPLITUDE: Final = "amplitude"
 ACCELERATION: Final = "base_acceleration"

@@ -26,7 +26,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.orbit_theory import HIGH_BOUNCE, moves
+from vibrosweep.model.orbit_theory import moves
+from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.physical import physical
 from vibrosweep.model.window_begin import grazing, lower_end
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.model.parameters import BASES
+from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.model.status import Regime, Status
 from vibrosweep.model.times import Time
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 UNDETERMINED: Final = -1
 OF_EACH: Final = ", of each particle"  # ends the long name of a statistic by particle
-COUPLES: Final = BASES[2]  # the base over which particles are coupled
 TRANSIENT_PERIODS: Final = "transient_periods"
 # Forcing periods.  A landing phase is rounded to 2**-54, and orbits that contract by 2**-12 or more
 # per impact keep the error below this; a separation that is smaller may be all rounding.
@@ -604,11 +603,11 @@ class Measures:
 
     def over(self, base: str) -> Measures:
         """Return the same measures, with those that a base brings with it."""
-        return replace(self, ordering=True) if base == COUPLES else self
+        return replace(self, ordering=True) if base == SPRUNG else self
 
     def impossible(self, base: str) -> tuple[str, ...]:
         """Return the keys that are asked for and cannot be had over a base."""
-        other = base != COUPLES
+        other = base != SPRUNG
         return tuple(
             key for key, m in MEASURES.items() if getattr(self, key) and m.coupled is other
         )

@@ -7,9 +7,8 @@ from collections.abc import Collection, Mapping
 from typing import Final
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.parameters import BASES, LARGEST, MOUNT, SMALLEST, Parameter
+from vibrosweep.model.parameters import LARGEST, MOUNT, SMALLEST, SPRUNG, Parameter
 
-SPRUNG: Final = BASES[2]
 MASS_RATIO: Final = "mass_ratio"
 
 # The two together may take the place of their ratio.

@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.parameters import BASES
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING
 from vibrosweep.model.physical import physical
 
-HIGH_BOUNCE, MOVING = FIXED = BASES[:2]  # bases that particles do not act on
+FIXED = HIGH_BOUNCE, MOVING  # bases that particles do not act on
 HALVINGS = 60  # of a bracket of the size of what is sought, to a rounding
 
 

@@ -19,11 +19,15 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.times import Periods, Time, amount, unit_of
 from vibrosweep.model.turns import reduced_turns, turns_of_radians
 
+HIGH_BOUNCE: Final = "high-bounce"
+MOVING: Final = "moving"
+SPRUNG: Final = "sprung"
+
 # The laws of rebound that each base implements; over any other base a law is refused
 LAWS_OF: Final[Mapping[str, tuple[str, ...]]] = {
-    "high-bounce": ("rest", "reflect"),
-    "moving": ("rest",),
-    "sprung": ("rest",),
+    HIGH_BOUNCE: ("rest", "reflect"),
+    MOVING: ("rest",),
+    SPRUNG: ("rest",),
 }
 BASES: Final = tuple(LAWS_OF)
 LAWS: Final = tuple(dict.fromkeys(law for laws in LAWS_OF.values() for law in laws))

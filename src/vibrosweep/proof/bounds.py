@@ -19,7 +19,7 @@ from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import MEASURE_OF, VARIABLES
-from vibrosweep.model.mount import SPRUNG
+from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Sample

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.observation import Observation
-from vibrosweep.model.mount import SPRUNG
+from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.proof.reference.bases import REFERENCE_OF, Reference
 

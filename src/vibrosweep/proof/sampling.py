@@ -17,8 +17,7 @@ from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
-from vibrosweep.model.mount import SPRUNG
-from vibrosweep.model.parameters import BASES, LAWS_OF, MOUNT, PARAMETERS, STAGGERED
+from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS_OF, MOUNT, PARAMETERS, SPRUNG, STAGGERED
 from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.axes import judge_axes
 from vibrosweep.proof.judgement import Judgement
@@ -49,7 +48,7 @@ def read_sample(
             raise ParameterError(f"{name} = {value!r}: must be a whole number, at least {low}")
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         for group in (file, *(file.groups[name] for name in file.groups if name == "record")):
-            if group.attrs["rebound"] not in LAWS_OF.get(group.attrs.get("base", BASES[0]), ()):
+            if group.attrs["rebound"] not in LAWS_OF.get(group.attrs.get("base", HIGH_BOUNCE), ()):
                 raise _unsound(path, ["rebound or base"])
         sample = _drawn(file, size, seed)
         record = _record(file, sample) if "record" in file.groups else None
@@ -149,7 +148,7 @@ def _observation(file: Any, attributes: Mapping[str, Any]) -> Observation:
         duration=_time(file, attributes, "duration"),
         rebound=str(attributes["rebound"]),
         impact_budget=int(attributes["impact_budget"]),
-        base=str(attributes.get("base", BASES[0])),
+        base=str(attributes.get("base", HIGH_BOUNCE)),
     )
     if "transient" not in file.variables:
         return watched

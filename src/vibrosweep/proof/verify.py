@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.mount import SPRUNG
+from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.model.status import Status
 from vibrosweep.proof.bounds import (
     BOUNDS,

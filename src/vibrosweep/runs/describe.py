@@ -12,7 +12,7 @@ import numpy as np
 
 from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.measures import OF_REALIZATIONS, RESERVED
-from vibrosweep.model.parameters import BASES
+from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.status import Status
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.store.kinds import SWEEP, Kind, kind_of, load_dataset
@@ -78,7 +78,7 @@ def _head(file: Any) -> Iterator[str]:
     defaults = str(file.attrs.get("defaults", "")).split()
     for name in (*INPUTS, "transient", "duration"):
         if name == "transient":
-            yield f"{'base':32}{file.attrs.get('base', BASES[0])}"
+            yield f"{'base':32}{file.attrs.get('base', HIGH_BOUNCE)}"
             yield f"{'rebound':32}{file.attrs['rebound']}"
         if name in file.variables:
             remark = " (default)" if name in defaults else ""

@@ -14,8 +14,8 @@ from typing import Any, Final
 
 from vibrosweep.errors import SpecError
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.mount import OF_MOUNT, SPRUNG
-from vibrosweep.model.parameters import BASES
+from vibrosweep.model.mount import OF_MOUNT
+from vibrosweep.model.parameters import HIGH_BOUNCE, SPRUNG
 from vibrosweep.spec.columns import GivenTable
 
 ABSENT = object()
@@ -120,7 +120,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return found[0] if found else None
 
 
-def likely_parameter(word: str, base: str = BASES[0]) -> str | None:
+def likely_parameter(word: str, base: str = HIGH_BOUNCE) -> str | None:
     """Return the physical parameter of a base that an unknown word was probably meant to be."""
     short = word.lower()
     known = {n: p for n, p in INPUTS.items() if base == SPRUNG or n not in OF_MOUNT}

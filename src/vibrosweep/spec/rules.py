@@ -20,12 +20,13 @@ from vibrosweep.model.forcing import (
     only_parameters,
     refuse_large,
 )
-from vibrosweep.model.measures import COUPLES, Measures
-from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, SPRUNG, mount_mistakes
+from vibrosweep.model.measures import Measures
+from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, mount_mistakes
 from vibrosweep.model.parameters import (
-    BASES,
+    HIGH_BOUNCE,
     LAWS,
     MOUNT,
+    SPRUNG,
     STAGGERED,
     dimensionless,
     launches,
@@ -69,7 +70,7 @@ class Setting(NamedTuple):
     launch: str | tuple[float, ...] = STAGGERED
     duration: Time = 12.0
     rebound: str = LAWS[0]
-    base: str = BASES[0]
+    base: str = HIGH_BOUNCE
 
 
 def kind(sample: SampleTable) -> str:
@@ -117,15 +118,13 @@ def check_window(
 def check_measures(base: str, measures: Measures, mistakes: Mistakes) -> None:
     """Report measures that cannot be had over a base."""
     for key in measures.impossible(base):
-        if base == COUPLES:
+        if base == SPRUNG:
             text = (
                 f'is of particles that do not act on each other; with base = "{base}" leave it out '
                 f"(`vibrosweep verify` tells how exact a result is)"
             )
         else:
-            text = (
-                f'is of particles that a base of finite mass couples; it needs base = "{COUPLES}"'
-            )
+            text = f'is of particles that a base of finite mass couples; it needs base = "{SPRUNG}"'
         mistakes.add(f"measure.{key}", text, True, involves=["scene.base"])
 
 
