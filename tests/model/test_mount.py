@@ -30,7 +30,7 @@ def test_a_ratio_of_masses_and_a_frequency_are_enough():
         assert mount_mistakes("sprung", {"amplitude", *given}) == {}
 
 
-@pytest.mark.parametrize("base", (HIGH_BOUNCE, MOVING))
+@pytest.mark.parametrize("base", [HIGH_BOUNCE, MOVING])
 @pytest.mark.parametrize("name", OF_MOUNT)
 def test_another_base_has_no_mount(base, name):
     assert mount_mistakes(base, {"amplitude"}) == {}
