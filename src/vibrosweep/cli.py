@@ -22,7 +22,8 @@ from typing import Final
 
 from vibrosweep._version import __version__
 from vibrosweep.commands import COMMANDS
-from vibrosweep.errors import OPTIONS, VibrosweepError
+from vibrosweep.errors import Interruption, VibrosweepError
+from vibrosweep.mistakes import CHUNK, COMMAND_LINE, Text
 
 DONE, MISTAKE, INTERRUPTED = 0, 2, 130
 OBJECTS_BETWEEN_SEARCHES: Final = 50_000  # for garbage
@@ -57,14 +58,15 @@ def _perform(arguments: Sequence[str]) -> int:
         code: int | None = options.perform(options)
         sys.stdout.flush()
     except VibrosweepError as error:
-        _complain(str(error))
+        _complain(error.parts)
         return MISTAKE
     except MemoryError as error:
-        remedy = "lower chunk=" if "chunk" in options else "take fewer points or particles"
-        _complain(f"not enough memory: {error}; {remedy}, or close other programs")
+        remedy = ("lower ", CHUNK) if "chunk" in options else "take fewer points or particles"
+        _complain((f"not enough memory: {error}; ", remedy, ", or close other programs"))
         return MISTAKE
     except KeyboardInterrupt as error:
-        _complain(str(error) or "interrupted; an unfinished result is not kept")
+        unkept = "interrupted; an unfinished result is not kept"
+        _complain(error.parts if isinstance(error, Interruption) else unkept)
         return INTERRUPTED
     except BrokenPipeError:  # the reader has closed the pipe, as `head` does
         _drop_output()
@@ -76,11 +78,9 @@ def _perform(arguments: Sequence[str]) -> int:
     return code or DONE
 
 
-def _complain(message: str) -> None:
-    for argument, option in OPTIONS.items():
-        message = message.replace(argument, option)
+def _complain(message: Text) -> None:
     with suppress(OSError):
-        print(f"vibrosweep: {message}", file=sys.stderr, flush=True)
+        print(f"vibrosweep: {COMMAND_LINE.told(message)}", file=sys.stderr, flush=True)
 
 
 def _drop_output() -> None:

@@ -2,17 +2,16 @@
 
 Each message is one clear text that names the file, the key, the value, what is allowed and what
 to do.  The command line prints it, with its own options, and exits with code 2; no traceback is
-shown.
+shown.  Mistakes in a description are held as data too (`VibrosweepError.mistakes`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+
+from vibrosweep.mistakes import FORCE, OUTPUT, PYTHON, Dialect, Mistake, Mistakes, Text
 
 __all__ = [
-    "OPTIONS",
     "DataError",
     "ExistingOutputError",
     "Interruption",
@@ -28,17 +27,21 @@ __all__ = [
 ]
 
 
-# Messages advise arguments as Python spells them; the command line prints its own options instead.
-OPTIONS: Final[Mapping[str, str]] = {
-    "output=": "-o",
-    "force=True": "--force",
-    "chunk=": "--chunk",
-    "impact_budget=": "--impact-budget",
-}
+class _Told(BaseException):
+    """An exception whose message the command line can tell in its own way."""
+
+    def __init__(self, *parts: Text, dialect: Dialect = PYTHON) -> None:
+        super().__init__(dialect.told(parts))
+        self.parts = parts
 
 
-class VibrosweepError(Exception):
+class VibrosweepError(_Told, Exception):
     """Base of all errors that a user can cause and mend."""
+
+    @property
+    def mistakes(self) -> tuple[Mistake, ...]:
+        """Mistakes that the message lists: key, value, what is allowed, remedy."""
+        return tuple(part for part in self.parts if isinstance(part, Mistake))
 
 
 class ParameterError(VibrosweepError, ValueError):
@@ -71,8 +74,8 @@ class ExistingOutputError(OutputError):
     def __init__(self, path: Path, what: str = "") -> None:
         end = "" if what.endswith("\n") else "; "
         super().__init__(
-            f"{path}: exists and is kept{what and ': '}{what}{end}write to another file with "
-            f"output=, or replace it with force=True"
+            f"{path}: exists and is kept{what and ': '}{what}{end}write to another file with ",
+            *(OUTPUT, ", or replace it with ", FORCE),
         )
         self.path = path
 
@@ -95,7 +98,7 @@ class RunError(VibrosweepError, RuntimeError):
     """Another run or an unfinished run blocks the output, or chunks of a run failed."""
 
 
-class Interruption(KeyboardInterrupt):
+class Interruption(_Told, KeyboardInterrupt):
     """An interruption, with a sentence on what was kept."""
 
 
@@ -105,3 +108,19 @@ class TrackError(VibrosweepError, ValueError):
 
 class ShortObservationWarning(UserWarning):
     """Orbits are observed for too short a time to tell what they settle on."""
+
+
+def refuse(
+    mistakes: Mistakes, error: type[VibrosweepError] = SpecError, most: int | None = None
+) -> None:
+    """Raise one error that lists every mistake, or the first `most` of them, if there are any."""
+    listed, count = mistakes.listed[:most], len(mistakes.listed)
+    if not listed:
+        return
+    dialect = mistakes.dialect
+    where = (f"{mistakes.where}: ",) if mistakes.where else ()
+    if count == 1:
+        raise error(*where, *listed, dialect=dialect)
+    lines = [part for mistake in listed for part in ("\n  ", mistake)]
+    more = [f"\n  ... and {count - len(listed)} more"] if count > len(listed) else []
+    raise error(*where, f"{count} mistakes", *lines, *more, dialect=dialect)

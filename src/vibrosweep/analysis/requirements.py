@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from vibrosweep.errors import DataError
+from vibrosweep.mistakes import nearest
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, RESERVED, VARIABLES
-from vibrosweep.spec.messages import nearest
 
 if TYPE_CHECKING:
     import xarray as xr

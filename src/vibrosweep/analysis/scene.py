@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from vibrosweep.arrays import Array
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import ParameterError
+from vibrosweep.mistakes import Key
 from vibrosweep.model.forcing import (
     FORCINGS,
     INPUTS,
@@ -270,10 +271,11 @@ def grid_axes(
     axes = {n: np.sort(s.values) for n, s in spec.sampled.items() if isinstance(s, Axis)}
     other = [name for name in axes if name not in (needed, *allowed)]
     if spec.design != "grid" or needed not in axes or other:
-        wrong = f"sample.{other[0]}" if other else f'sample.design = "{spec.design}"'
+        wrong = Key(f"sample.{other[0]}" if other else "sample.design")
+        value = "" if other else f' = "{spec.design}"'
         also = f" and, if need be, of {' or '.join(allowed)}" if allowed else " and no other"
         grid = 'design = "grid" with an axis of' if spec.source else "a list of values for"
-        raise spec.refusal(f"{wrong}: {purpose} need {grid} {needed}{also}")
+        raise spec.refusal((wrong, f"{value}: {purpose} need {grid} {needed}{also}"))
     return axes
 
 

@@ -16,6 +16,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.mistakes import RANGE
 from vibrosweep.model.forcing import INPUTS, completed, forcing_of, inputs_of, only_parameters
 from vibrosweep.model.measures import (
     MEASURE_OF,
@@ -96,7 +97,10 @@ def sobol_of_spec(
     ranges = {n: (s.low, s.high) for n, s in spec.sampled.items() if isinstance(s, Range)}
     if not ranges:
         raise spec.refusal(
-            "Sobol' indices need parameters that vary over ranges, as restitution = [low, high]"
+            (
+                "Sobol' indices need parameters that vary over ranges, as restitution = ",
+                RANGE,
+            )
         )
     if outputs is None:
         outputs = [n for n in OUTPUTS if spec.particles > 1 or MEASURE_OF.get(n) != "separation"]

@@ -33,6 +33,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.fixed import END_ERROR
 from vibrosweep.kernels.rounding import HALF_ULP
+from vibrosweep.mistakes import Key, table
 from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of, refuse_large
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs.driver import thread_count
@@ -166,12 +167,15 @@ def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
     """
     if spec.windows is None:
         raise spec.refusal(
-            f"[windows] is missing; add it with conditions = [...], each one of {', '.join(NAMES)}"
+            (
+                table("windows"),
+                f" is missing; add it with conditions = [...], each one of {', '.join(NAMES)}",
+            )
         )
     try:
         conditions = [named(name) for name in spec.windows.conditions]
     except ParameterError as error:
-        raise spec.refusal(f"windows.conditions: {error}") from error
+        raise spec.refusal((Key("windows.conditions"), f": {error}")) from error
     forcing = forcing_of(spec.sampled)
     axes = grid_axes(spec, "windows", forcing, ("restitution",))
     return find_windows(

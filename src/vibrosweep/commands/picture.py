@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from vibrosweep.commands.arguments import positive, some
 from vibrosweep.errors import ExistingOutputError, Interruption, OutputError, VibrosweepError
+from vibrosweep.mistakes import OUTPUT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,7 +72,8 @@ def _check(options: argparse.Namespace, spec: SweepSpec, output: Path, picture: 
     if str(target_of(output)).casefold() == str(target_of(picture)).casefold():
         raise OutputError(
             f"{output}: is the name of the picture, which is written beside the dataset; give the "
-            f"dataset a name as {output.with_suffix('.h5').name} with output="
+            f"dataset a name as {output.with_suffix('.h5').name} with ",
+            OUTPUT,
         )
     try:
         check_output(output, force=options.force, inputs=(options.spec,))

@@ -11,9 +11,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from vibrosweep.errors import ParameterError, SpecError
+from vibrosweep.errors import ParameterError, SpecError, refuse
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
+from vibrosweep.mistakes import Mistakes, nearest
 from vibrosweep.model.forcing import (
     FORCINGS,
     INPUTS,
@@ -23,7 +24,6 @@ from vibrosweep.model.forcing import (
 )
 from vibrosweep.model.mount import mount_mistakes
 from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, STAGGERED
-from vibrosweep.spec.messages import Mistakes, nearest
 from vibrosweep.spec.schema import MAX_SEED, Check, flag, is_plain, one_of
 from vibrosweep.spec.sweep import read_text
 
@@ -51,14 +51,14 @@ def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
     tables = {name: _table(name, data.pop(name, {}), mistakes) for name in _KEYS}
     for name, value in data.items():
         mistakes.add(name, f"is not known; known here: title, {', '.join(_KEYS)}", value)
-    mistakes.raise_any()
+    refuse(mistakes)
     scene = tables["scene"]
     physical = _physical(scene, mistakes)
     numbers = scene.pop("particles", (5,))
     launch = scene.get("launch", STAGGERED)
     if not isinstance(launch, str) and any(number != len(launch) for number in numbers):
         mistakes.add("scene.launch", f"must list a time for each of {list(numbers)} particles")
-    mistakes.raise_any()
+    refuse(mistakes)
     try:
         experiments = tuple(
             Experiment(
@@ -85,7 +85,7 @@ def _physical(scene: dict[str, Any], mistakes: Mistakes) -> dict[str, float]:
     forcings = [name for name in FORCINGS if name in given]
     if len(forcings) > 1:
         mistakes.add(f"scene.{forcings[1]}", f"{forcings[0]} is given too; keep one of them")
-    mistakes.raise_any()
+    refuse(mistakes)
     names = inputs_of(given or ["amplitude"], base)
     known = {**{n: p.default for n, p in INPUTS.items()}, **LABORATORY, **given}
     values = completed({name: np.array([known[name]]) for name in names})
@@ -110,7 +110,7 @@ def _table(name: str, data: object, mistakes: Mistakes) -> dict[str, Any]:
         try:
             sound[key] = known[key](value)
         except ValueError as error:
-            mistakes.add(f"{name}.{key}", str(error), value)
+            mistakes.add(f"{name}.{key}", error.args, value)
     return sound
 
 

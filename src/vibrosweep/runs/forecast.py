@@ -16,6 +16,7 @@ from vibrosweep.engine import landings
 from vibrosweep.engine.landings import BYTES_PER_LANDING
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError, ParameterError, RunError
+from vibrosweep.mistakes import CHUNK, OUTPUT
 from vibrosweep.runs.chunks import batch_size
 from vibrosweep.runs.pilot import memory_per_realization
 from vibrosweep.runs.plan import Plan, bytes_per_realization
@@ -100,7 +101,9 @@ def require_disk(output: Path, needed: float) -> None:
         raise OutputError(
             f"{output}: the sweep needs {needed / 2**30:.3g} GiB of disk, but "
             f"{target_of(output).parent} has {free / 2**30:.3g} GiB free: make room, choose "
-            f"another place with output=, or lower sample.realizations or what [measure] asks for"
+            f"another place with ",
+            OUTPUT,
+            ", or lower sample.realizations or what [measure] asks for",
         )
 
 
@@ -172,6 +175,7 @@ def require_memory(needed: float) -> None:
     if needed > available:
         raise ParameterError(
             f"the sweep needs {needed / 2**30:.3g} GiB of memory, but this machine has "
-            f"{available / 2**30:.3g} GiB: lower chunk= where it was given, take fewer particles, "
-            f"or shorten the record"
+            f"{available / 2**30:.3g} GiB: lower ",
+            CHUNK,
+            " where it was given, take fewer particles, or shorten the record",
         )

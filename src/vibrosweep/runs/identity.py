@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from vibrosweep.errors import TableError
+from vibrosweep.mistakes import toml
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.times import Periods, unit_of
 from vibrosweep.spec.columns import GivenTable
 from vibrosweep.spec.keywords import short_axis
-from vibrosweep.spec.messages import toml
 from vibrosweep.spec.rules import Axis, Range, RecordSpec
 from vibrosweep.spec.schema import SampleTable, SceneTable
 from vibrosweep.spec.sweep import SweepSpec

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vibrosweep.errors import Interruption, OutputError, RunError, TakenOutputError
+from vibrosweep.mistakes import FORCE, OUTPUT, Text
 from vibrosweep.runs.chunks import Columns, Job, Runner, compute_chunk
 from vibrosweep.runs.identity import differences
 from vibrosweep.runs.progress import Advance
@@ -38,8 +39,10 @@ def continued(
             f"{output}: {directory} holds an unfinished run of another sweep, "
             f"{finished} of {manifest.chunks} chunks finished:\n  "
             + "\n  ".join(changes)
-            + "\nfinish it with what it began with, write to another file with output=, or throw "
-            "it away and start again with force=True"
+            + "\nfinish it with what it began with, write to another file with ",
+            OUTPUT,
+            ", or throw it away and start again with ",
+            FORCE,
         )
     return manifest
 
@@ -99,7 +102,8 @@ class KeptRun:
         if columns is None:
             raise OutputError(
                 f"{path}: what was just written reads back differently: the disk is damaged; "
-                f"choose another place with output="
+                f"choose another place with ",
+                OUTPUT,
             )
         return columns
 
@@ -109,21 +113,23 @@ class KeptRun:
         try:
             yield
         except KeyboardInterrupt as error:
-            raise Interruption(f"interrupted; {self._remains()}") from error
+            raise Interruption("interrupted; ", self._remains()) from error
         except TakenOutputError:  # the result is complete, under another name
             abandon(self.directory)
             raise
         except (OutputError, RunError) as error:
-            raise type(error)(f"{error}; {self._remains()}") from error
+            raise type(error)(*error.parts, "; ", self._remains()) from error
 
-    def _remains(self) -> str:
+    def _remains(self) -> Text:
         directory = self.job.parts.directory
         try:
             finished = len(self.job.parts.finished())
         except OSError:
             return f"the finished chunks were removed with {directory}"
-        again = "without force=True " if self.job.manifest.replaces else ""
+        again: Text = ("without ", FORCE, " ") if self.job.manifest.replaces else ""
         return (
             f"{finished} of {self.job.manifest.chunks} chunks are finished and kept in "
-            f"{directory}: run the same command {again}again to continue"
+            f"{directory}: run the same command ",
+            again,
+            "again to continue",
         )

@@ -12,6 +12,7 @@ import numpy as np
 from vibrosweep.engine.asked import varying
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, VibrosweepError
+from vibrosweep.mistakes import CHUNK
 from vibrosweep.runs.chunks import batch_size
 from vibrosweep.runs.pilot import UNKNOWN, Cost, explore
 from vibrosweep.spec.design import Design, chosen, open_design
@@ -96,8 +97,9 @@ def _require_memory(spec: SweepSpec, design: Design, chunk: int) -> None:
     if needed > available / 2:
         raise ParameterError(
             f"a chunk of {chunk} realizations of {spec.particles} particles needs about "
-            f"{needed / 2**30:.3g} GiB of this machine's {available / 2**30:.3g} GiB: lower "
-            f"chunk= where it was given, or take fewer particles"
+            f"{needed / 2**30:.3g} GiB of this machine's {available / 2**30:.3g} GiB: lower ",
+            CHUNK,
+            " where it was given, or take fewer particles",
         )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from vibrosweep.engine.asked import varying
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
+from vibrosweep.mistakes import FORCE, IMPACT_BUDGET
 from vibrosweep.runs.chunks import Columns, Job, Runner, batch_size, column_kinds, in_process
 from vibrosweep.runs.describe import summary_of
 from vibrosweep.runs.identity import differences, identity
@@ -136,12 +137,14 @@ def _rows(spec: SweepSpec, output: Path) -> tuple[dict[str, str], tuple[int, ...
         raise RunError(
             f"{output}: is a result of another sweep or version:\n  "
             + "\n  ".join(changes)
-            + "\nonly the impact budget may differ; compute the sweep anew with force=True"
+            + "\nonly the impact budget may differ; compute the sweep anew with ",
+            FORCE,
         )
     if spec.measures.impact_budget < budget:
         raise RunError(
             f"{output}: was computed with an impact budget of {budget}, which "
-            f"{spec.measures.impact_budget} would not reach: raise it with impact_budget="
+            f"{spec.measures.impact_budget} would not reach: raise it with ",
+            IMPACT_BUDGET,
         )
     return before, tuple(np.flatnonzero(failed).tolist())
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TableError
+from vibrosweep.mistakes import Key
 from vibrosweep.spec.columns import Label
 from vibrosweep.spec.rules import Axis, Range
 from vibrosweep.spec.sweep import SweepSpec
@@ -115,8 +116,11 @@ def _uniform(spec: SweepSpec) -> Callable[[int, int], Array]:
 def _sobol(spec: SweepSpec) -> Callable[[int, int], Array]:
     if (spec.realizations or 1) > 2**_SOBOL_BITS:
         raise spec.refusal(
-            f"sample.realizations = {spec.realizations} is more than the {2**_SOBOL_BITS} points "
-            f'of a Sobol\' sequence; lower it, or use design = "uniform"'
+            (
+                Key("sample.realizations"),
+                f" = {spec.realizations} is more than the {2**_SOBOL_BITS} points of a Sobol' "
+                f'sequence; lower it, or use design = "uniform"',
+            )
         )
     from scipy.stats import qmc
 
@@ -147,9 +151,12 @@ def _latin(spec: SweepSpec) -> Callable[[int, int], Array]:
     values = count * len(spec.sampled)
     if values > MAX_LATIN_VALUES:
         raise spec.refusal(
-            f"sample.realizations = {count} makes a Latin hypercube of {values} values, which must "
-            f"be held in memory; at most {MAX_LATIN_VALUES} are allowed: lower it, or use "
-            f'design = "sobol" or "uniform"'
+            (
+                Key("sample.realizations"),
+                f" = {count} makes a Latin hypercube of {values} values, which must be held in "
+                f"memory; at most {MAX_LATIN_VALUES} are allowed: lower it, or use "
+                f'design = "sobol" or "uniform"',
+            )
         )
     from scipy.stats import qmc
 

@@ -12,10 +12,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from vibrosweep.mistakes import PYTHON, RANGE, Mistakes, nearest, toml
 from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.likely import likely_parameter
 from vibrosweep.model.parameters import refuse_masked
 from vibrosweep.spec.columns import GivenTable
-from vibrosweep.spec.messages import Mistakes, likely_parameter, nearest, toml
 from vibrosweep.spec.schema import DRAWN, MAX_STEPS, SECTIONS
 from vibrosweep.spec.sweep import SweepSpec, checked
 
@@ -33,7 +34,7 @@ def keyword_spec(given: Mapping[str, Any], *first: str) -> SweepSpec:
     SpecError lists all mistakes, each with its keyword; a ParameterError tells of masked values.
     """
     stated = {name: value for name, value in given.items() if value is not None}
-    mistakes = Mistakes(None, stated)
+    mistakes = Mistakes(dialect=PYTHON, given=stated)
     data = _tables(stated, (*first, *HOMES), mistakes)
     spec = checked(data, "", None, mistakes)
     return replace(spec, text=_file(data))
@@ -53,7 +54,7 @@ def _tables(given: Mapping[str, Any], homes: tuple[str, ...], mistakes: Mistakes
         if home is None:
             _note_unknown(name, value, homes, mistakes)
         elif name in data.setdefault(home, {}):
-            mistakes.add_broken(name, f"is given in {home} too; keep one of the two", value)
+            mistakes.add_broken(name, f"is given in {home} too", value, "keep one of the two")
         else:
             plain = _plain(name, value)
             data[home][name] = short_axis(plain) if name in INPUTS else plain
@@ -84,16 +85,16 @@ def _choose_design(given: Mapping[str, Any], data: dict[str, Any], mistakes: Mis
     sample = data.get("sample", {})
     design = sample.get("design") if isinstance(sample, Mapping) else None
     if axes and ranges:
-        text = f"is an axis of a grid, but {ranges[0]} is a range; give all as lists, or as tuples"
-        mistakes.add_broken(axes[0], text, given[axes[0]])
+        rule = f"is an axis of a grid, but {ranges[0]} is a range"
+        mistakes.add_broken(axes[0], rule, given[axes[0]], "give all as lists, or as tuples")
     elif axes and design is None:
         data["sample"]["design"] = "grid"
     elif axes and isinstance(design, str) and design in DRAWN:
-        text = f'is an axis of a grid, but design = "{design}" draws: give a tuple [low, high]'
-        mistakes.add_broken(axes[0], text, given[axes[0]])
+        rule = f'is an axis of a grid, but design = "{design}" draws'
+        mistakes.add_broken(axes[0], rule, given[axes[0]], ("give a tuple ", RANGE))
     elif ranges and design == "grid":
-        text = 'is a range, but design = "grid" takes the values of an axis: give them as a list'
-        mistakes.add_broken(ranges[0], text, given[ranges[0]])
+        rule = 'is a range, but design = "grid" takes the values of an axis'
+        mistakes.add_broken(ranges[0], rule, given[ranges[0]], "give them as a list")
 
 
 def _title(given: Mapping[str, Any]) -> str:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.errors import ParameterError
+from vibrosweep.mistakes import RANGE, Key, Mistakes, Text, Value, Word
 from vibrosweep.model.forcing import (
     FORCINGS,
     INPUTS,
@@ -32,7 +33,6 @@ from vibrosweep.model.parameters import (
     launches,
 )
 from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
-from vibrosweep.spec.messages import Mistakes
 from vibrosweep.spec.schema import DRAWN, MAX_REALIZATIONS, SampleTable, SceneTable, Steps
 
 
@@ -88,8 +88,9 @@ def setting(name: str, table: SceneTable, shared: Setting, mistakes: Mistakes) -
         holder = "scene.launch" if table.launch is None else f"{name}.launch"
         mistakes.add(
             f"{name}.particles",
-            f"contradicts the {len(launch)} launch times of {holder}; give one for each particle",
+            (f"contradicts the {len(launch)} launch times of ", Key(holder)),
             particles,
+            "give one for each particle",
             involves=[f"{name}.launch", "scene.launch"],
         )
     base, rebound = table.base or shared.base, table.rebound or shared.rebound
@@ -97,7 +98,7 @@ def setting(name: str, table: SceneTable, shared: Setting, mistakes: Mistakes) -
         own = [f"{name}.{key}" for key in ("base", "rebound")]
         wrong = invalid_law(base, rebound)
         if wrong:
-            mistakes.add(name, wrong, involves=[*own, "scene.base", "scene.rebound"])
+            mistakes.add(f"{name}.", wrong, involves=[*own, "scene.base", "scene.rebound"])
     duration = shared.duration if table.duration is None else table.duration
     return Setting(particles, launch, duration, rebound, base)
 
@@ -111,7 +112,7 @@ def check_window(
             f"{key}_periods" if isinstance(time, Periods) else key
             for key, time in (("measure.transient", begin), ("scene.duration", end))
         ]
-        rule = f"must be less than {keys[1]} = {amount(end)} {unit_of(end)}"
+        rule = ("must be less than ", Key(keys[1]), f" = {amount(end)} {unit_of(end)}")
         mistakes.add(keys[0], rule, amount(begin), involves=["scene.duration", *keys])
 
 
@@ -141,8 +142,9 @@ def check_forcing(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) ->
     for key, name, value in given[1:]:
         first, before, _ = given[0]
         if name != before:
-            text = f"{name} gives the forcing, and so does {before} in {first}; keep one of the two"
-            mistakes.add(key, text, value, involves=[first])
+            also = Word(f"{before} in {first}", before)
+            rule = (f"{name} gives the forcing, and so does ", also)
+            mistakes.add(key, rule, value, "keep one of the two", involves=[first])
 
 
 def check_mount(base: str, scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> None:
@@ -166,8 +168,8 @@ def fixed_numbers(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) ->
     in_scene, in_sample = scene.parameters, sample.parameters
     for name in in_sample:
         if name in in_scene:
-            text = f"is given as scene.{name} = {in_scene[name]} too; keep one of the two"
-            mistakes.add(f"sample.{name}", text, in_sample[name])
+            rule = ("is given as ", Key(f"scene.{name}"), f" = {in_scene[name]} too")
+            mistakes.add(f"sample.{name}", rule, in_sample[name], "keep one of the two")
     return {**in_scene} | {n: v for n, v in in_sample.items() if isinstance(v, float)}
 
 
@@ -193,23 +195,25 @@ def _axis(key: str, value: tuple[float, ...] | Steps, mistakes: Mistakes) -> Axi
     else:
         values = value
     if len(set(values)) < len(values):
-        mistakes.add(key, "names a value of the axis twice; name each once", value)
+        mistakes.add(key, "names a value of the axis twice", value, "name each once")
     return Axis(values)
 
 
 def _range(key: str, value: tuple[float, ...] | Steps, design: str, mistakes: Mistakes) -> Range:
+    rule: Text
     if isinstance(value, Steps) or len(value) != 2:
-        text = f'must be a number or [low, high] under design = "{design}"; an axis needs "grid"'
-        mistakes.add(key, text, asdict(value) if isinstance(value, Steps) else value)
+        rule = ("must be a number or ", RANGE, f' under design = "{design}"')
+        shown = asdict(value) if isinstance(value, Steps) else value
+        mistakes.add(key, rule, shown, 'an axis needs "grid"')
         return Range(0.0, 1.0)
     low, high = value
     allowed = INPUTS[key.partition(".")[2]].allowed
     if low == high:
-        text = f"the range is empty: low must be less than high (allowed: {allowed}); to keep the "
-        mistakes.add(key, text + f"parameter fixed write the number {low}", value)
+        rule = f"the range is empty: low must be less than high (allowed: {allowed})"
+        mistakes.add(key, rule, value, f"to keep the parameter fixed write the number {low}")
     elif low > high:
-        text = f"the range is reversed: low must be less than high (allowed: {allowed}); write "
-        mistakes.add(key, text + f"[{high}, {low}]", value)
+        rule = f"the range is reversed: low must be less than high (allowed: {allowed})"
+        mistakes.add(key, rule, value, ("write ", Value((high, low))))
     return Range(low, high)
 
 
@@ -220,12 +224,14 @@ def columns(
     if sample.columns is None:
         return None
     if kind(sample) != "table":
-        text = 'needs a table: give its path as the design, as in design = "table.csv"'
-        mistakes.add("sample.columns", text, sample.columns, involves=["sample.design"])
+        remedy = 'give its path as the design, as in design = "table.csv"'
+        mistakes.add(
+            "sample.columns", "needs a table", sample.columns, remedy, involves=["sample.design"]
+        )
     for name in sample.columns:
         if name in numbers:
-            text = f"{name} is a fixed number of this file too; keep one of the two"
-            mistakes.add("sample.columns", text, sample.columns)
+            rule = f"{name} is a fixed number too"
+            mistakes.add("sample.columns", rule, sample.columns, "keep one of the two")
     return sample.columns
 
 
@@ -240,18 +246,18 @@ def realizations(
         sizes = [len(axis.values) for axis in spreads.values() if isinstance(axis, Axis)]
         product = math.prod(sizes)
         if number is not None and number != product:
-            text = f"contradicts the grid, whose axes make {product}; leave this key out"
-            mistakes.add(key, text, number, involves=["sample.design"])
+            rule, remedy = f"contradicts the grid, whose axes make {product}", "leave this key out"
+            mistakes.add(key, rule, number, remedy, involves=["sample.design"])
         if product > MAX_REALIZATIONS:
             text = f"the grid's axes make {product}, at most {MAX_REALIZATIONS} are allowed"
             mistakes.add(key, text, involves=["sample.design"])
         return product
     if number is None and spreads:
-        text = (
-            "is missing; state how many realizations to draw from the ranges, a whole number, at "
-            "least 1, or take a grid of values"
+        remedy = (
+            "state how many realizations to draw from the ranges, a whole number, at least 1, or "
+            "take a grid of values"
         )
-        mistakes.add(key, text, involves=["sample.design"])
+        mistakes.add(key, "is missing", remedy=remedy, involves=["sample.design"])
     return number or 1
 
 
@@ -268,15 +274,15 @@ def record(
     """
     given, own = table.parameters, setting("record", table, shared, mistakes)
     if varied is None:
-        text = (
-            "the recorded scene must state what the table samples; name the table's columns, as in "
-            'sample.columns = ["restitution", "amplitude"]'
-        )
-        mistakes.add("record", text, involves=["sample.design", "sample.columns"])
+        rule = "the recorded scene must state what the table samples"
+        names = Value(["restitution", "amplitude"])
+        remedy: Text = ("name the table's columns, as in ", Key("sample.columns"), " = ", names)
+        mistakes.add("record", rule, remedy=remedy, involves=["sample.design", "sample.columns"])
     forcings = [name for name in FORCINGS if name in given]
     if len(forcings) > 1:
-        text = f"gives the forcing, and so does record.{forcings[0]}; keep one of the two"
-        mistakes.add(f"record.{forcings[1]}", text, given[forcings[1]])
+        first, second, *_ = forcings
+        also = ("gives the forcing, and so does ", Key(f"record.{first}"))
+        mistakes.add(f"record.{second}", also, given[second], "keep one of the two")
     # what the record does not take from the sweep: another way to give the same, another base
     replaced = {*FORCINGS} if forcings else set()
     replaced |= {*MASSES} if MASS_RATIO in given else set()
@@ -284,8 +290,8 @@ def record(
     replaced |= {*OF_MOUNT} if own.base != SPRUNG else set()
     for name in varied or ():
         if name in INPUTS and name not in given and name not in replaced:
-            text = "is missing; the sweep samples it, so state the value of the recorded scene"
-            mistakes.add(f"record.{name}", f"{text} (allowed: {INPUTS[name].allowed})")
+            state = f"so state the value of the recorded scene (allowed: {INPUTS[name].allowed})"
+            mistakes.add(f"record.{name}", f"is missing; the sweep samples it, {state}")
     found = {n: v for n, v in values.items() if n not in replaced} | {**given}
     tables = ("scene", "sample", "record")
     involved = [f"{t}.{name}" for t in tables for name in ("base", *OF_MOUNT)]
@@ -314,4 +320,4 @@ def check_extremes(
         dimensionless(arrays, shared.duration)
         launches(shared.launch, 1, np.max(arrays["frequency"], keepdims=True))
     except ParameterError as error:
-        mistakes.add(key, str(error))
+        mistakes.add(f"{key}.", str(error))

@@ -14,12 +14,24 @@ from functools import partial
 from pathlib import PurePath
 from typing import Any, Final
 
+from vibrosweep.mistakes import (
+    RANGE,
+    SWITCH,
+    Key,
+    Mistakes,
+    Text,
+    Value,
+    Word,
+    nearest,
+    quoted,
+    table,
+)
 from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.likely import likely_parameter
 from vibrosweep.model.measures import KEYS, OPTIONS, Measures, Option
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED, Parameter
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.spec.columns import GivenTable
-from vibrosweep.spec.messages import Mistakes, likely_parameter, nearest, quoted, shown
 from vibrosweep.spec.windows import WindowsTable, condition_names, tolerance
 
 DRAWN: Final = ("uniform", "latin", "sobol")
@@ -111,48 +123,49 @@ def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
 
 
 def _sound(
-    table: str, data: Mapping[str, Any], checks: Mapping[str, Check], mistakes: Mistakes
+    home: str, data: Mapping[str, Any], checks: Mapping[str, Check], mistakes: Mistakes
 ) -> dict[str, Any]:
     """Values of the known keys that pass their check; the others are noted."""
     sound = {}
     for name, value in data.items():
-        key = f"{table}.{name}" if table else name
+        key = f"{home}.{name}" if home else name
         if name not in checks:
-            _note_unknown(table, name, value, checks, mistakes)
+            _note_unknown(home, name, value, checks, mistakes)
             continue
         try:
             sound[name] = checks[name](value)
         except ValueError as error:
-            mistakes.add_broken(key, str(error), value)
+            mistakes.add_broken(key, error.args, value)
     return sound
 
 
 def _note_unknown(
-    table: str, name: str, value: object, known: Mapping[str, Check], mistakes: Mistakes
+    home: str, name: str, value: object, known: Mapping[str, Check], mistakes: Mistakes
 ) -> None:
     """Say which key was probably meant, or where it belongs."""
-    homes = [f"[{t}]" for t, checks in SECTIONS.items() if name in checks]
+    homes = [table(t) for t, checks in SECTIONS.items() if name in checks]
     guess = None if homes else nearest(name, known)
-    hint = f"; it belongs in {' or '.join(homes)}." if homes else "."
-    hint = f'; did you mean "{guess}"?' if guess else hint
-    where = f"of [{table}]" if table else "at the top of the file"
-    prefix = f"{table}." if table else ""
-    text = f"is not a known key{hint} Known keys {where}: {', '.join(known)}"
-    mistakes.add_broken(prefix + name, text, value)
+    hint: Text = f'; did you mean "{guess}"?' if guess else "."
+    if homes:
+        hint = ("; it belongs in ", homes[0], *((" or ", home) for home in homes[1:]), ".")
+    where: Text = ("of ", table(home)) if home else Word("at the top of the file", "here")
+    prefix = f"{home}." if home else ""
+    rule = ("is not a known key", hint, " Known keys ", where, f": {', '.join(known)}")
+    mistakes.add_broken(prefix + name, rule, value)
     if guess:  # the key that was meant is neither missing nor at its default
         mistakes.broken.add(prefix + guess)
 
 
-def _one_time(table: str, key: str, values: dict[str, Any], mistakes: Mistakes) -> None:
+def _one_time(home: str, key: str, values: dict[str, Any], mistakes: Mistakes) -> None:
     """Put a time in periods into the place of that in s, of which only one may be given."""
     of_periods = f"{key}_periods"
     if of_periods not in values:
         return
     number = values.pop(of_periods)
     if key in values:
-        text = f"{table}.{key} = {values[key]} is given too; keep one of the two"
-        mistakes.add_broken(f"{table}.{of_periods}", text, number)
-        mistakes.broken.add(f"{table}.{key}")
+        rule = (Key(f"{home}.{key}"), f" = {values[key]} is given too")
+        mistakes.add_broken(f"{home}.{of_periods}", rule, number, "keep one of the two")
+        mistakes.broken.add(f"{home}.{key}")
     else:
         values[key] = Periods(number)
 
@@ -178,7 +191,7 @@ def is_plain(text: str) -> bool:
 def _table(name: str, value: object) -> Mapping[str, Any]:
     if isinstance(value, Mapping):
         return value
-    raise ValueError(f"must be a table: write [{name}] on a line of its own")
+    raise ValueError("must be ", Word(f"a table: write [{name}] on a line of its own", "a mapping"))
 
 
 def _whole(allowed: str, low: int, high: int, value: object) -> int:
@@ -192,7 +205,7 @@ def flag(value: object) -> bool:
     """Return what is true or false."""
     if isinstance(value, bool):
         return value
-    raise ValueError("must be true or false")
+    raise ValueError("must be ", SWITCH)
 
 
 def _positive(units: str, value: object) -> float:
@@ -227,8 +240,9 @@ def _spread(parameter: Parameter, value: object) -> Spread:
     if isinstance(value, list):
         if not value:
             raise ValueError(
-                f"the list is empty: give [low, high], or under a grid the values "
-                f"(allowed: {parameter.allowed})"
+                "the list is empty: give ",
+                RANGE,
+                f", or under a grid the values (allowed: {parameter.allowed})",
             )
         return tuple(_within(parameter, v) for v in value)
     if isinstance(value, Mapping):
@@ -281,12 +295,12 @@ def _is_finite_number(value: object) -> bool:
 def _within(parameter: Parameter, value: object) -> float:
     """Return a number within the parameter's range, or raise ValueError with what is allowed."""
     if not _is_finite_number(value):
-        raise ValueError(f"{shown(value)} is not a finite number (allowed: {parameter.allowed})")
+        rule = f" is not a finite number (allowed: {parameter.allowed})"
+        raise ValueError(Value(value), rule)
     number = float(value)  # type: ignore[arg-type]
     if not parameter.accepts(number):
-        raise ValueError(
-            f"{shown(value)} is out of range: the {parameter.long_name} must be {parameter.allowed}"
-        )
+        rule = f" is out of range: the {parameter.long_name} must be {parameter.allowed}"
+        raise ValueError(Value(value), rule)
     return number
 
 

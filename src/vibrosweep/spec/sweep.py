@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from vibrosweep.errors import SpecError
+from vibrosweep.errors import SpecError, refuse
+from vibrosweep.mistakes import TOML, Mistakes, Text
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.observables import Observable, observables_of
 from vibrosweep.model.times import Time
 from vibrosweep.spec import rules as rules
 from vibrosweep.spec.columns import GivenTable
-from vibrosweep.spec.messages import Mistakes, in_python
 from vibrosweep.spec.rules import Axis, Range, RecordSpec, Setting
 from vibrosweep.spec.schema import SpecFile, read_tables
 from vibrosweep.spec.windows import WindowsTable
@@ -73,9 +73,11 @@ class SweepSpec:
         """Files that the sweep is read from."""
         return tuple(path for path in (self.source, self.table) if isinstance(path, Path))
 
-    def refusal(self, text: str) -> SpecError:
+    def refusal(self, text: Text) -> SpecError:
         """Return the error that says why an analysis cannot use this sweep."""
-        return SpecError(in_python(text) if self.source is None else f"{self.source}: {text}")
+        if self.source is None:
+            return SpecError(text)
+        return SpecError(f"{self.source}: ", text, dialect=TOML)
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -117,7 +119,7 @@ def parse_spec(text: str, source: Path | None = None) -> SweepSpec:
     try:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # too many digits, too deep
-        raise SpecError(f"{mistakes.file}: is not valid TOML: {error}") from error
+        raise SpecError(f"{mistakes.where}: is not valid TOML: {error}") from error
     return checked(data, text, source, mistakes)
 
 
@@ -130,16 +132,17 @@ def checked(
     the SpecError that lists all.
     """
     spec = _assembled(read_tables(data, mistakes), text, source, mistakes)
-    mistakes.raise_any()
+    refuse(mistakes)
     _check_extremes(spec, mistakes)
-    mistakes.raise_any()
+    refuse(mistakes)
     return spec
 
 
 def _assembled(file: SpecFile, text: str, source: Path | None, mistakes: Mistakes) -> SweepSpec:
     """Apply the rules between keys; the result is sound if no mistake was noted."""
     if file.title is None:
-        mistakes.add("title", 'is missing; begin with title = "..." that says what the sweep shows')
+        remedy = 'begin with title = "..." that says what the sweep shows'
+        mistakes.add("title", "is missing", remedy=remedy)
     sample = file.sample
     design = rules.kind(sample)
     sampled = rules.sampled(sample, mistakes)

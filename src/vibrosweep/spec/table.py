@@ -15,12 +15,13 @@ from typing import Any, Final
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import TableError
+from vibrosweep.errors import TableError, refuse
+from vibrosweep.mistakes import PYTHON, TOML, Key, Mistakes, Text, table
 from vibrosweep.model.forcing import FORCINGS, INPUTS
+from vibrosweep.model.likely import likely_parameter
 from vibrosweep.model.measures import RESERVED
 from vibrosweep.model.mount import mount_mistakes
 from vibrosweep.spec.columns import GivenTable, Label, columns_of
-from vibrosweep.spec.messages import in_python, likely_parameter
 from vibrosweep.spec.schema import SECTIONS
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.spec.units import KNOWN_UNITS, factor
@@ -34,6 +35,9 @@ _LISTED: Final = 20
 # HDF5 lists what lies along a dimension in 64 KiB: 4095 variables, measured ones among them.
 _MOST_LABELS: Final = 3900
 
+COLUMNS: Final = Key("sample.columns")
+SCENE: Final = table("scene")
+
 
 @dataclass(frozen=True)
 class Table:
@@ -43,31 +47,6 @@ class Table:
     # `vibrosweep.model.forcing.INPUTS`, each value within the parameter's range
     parameters: Mapping[str, Array]
     labels: Mapping[str, Label]  # the other columns by their names
-
-
-class _Mistakes:
-    """Mistakes in a table: the first ones in words, and the number of all."""
-
-    def __init__(self, spec: SweepSpec) -> None:
-        self.table = spec.table
-        self.by_keywords = spec.source is None
-        self.lines: list[str] = []
-        self.total = 0
-
-    def add(self, text: str) -> None:
-        self.total += 1
-        if self.total <= _LISTED:
-            self.lines.append(in_python(text) if self.by_keywords else text)
-
-    def raise_any(self) -> None:
-        if self.total == 1:
-            raise TableError(f"{self.table}: {self.lines[0]}")
-        if self.total:
-            more = self.total - len(self.lines)
-            lines = [*self.lines, *([f"... and {more} more"] if more else [])]
-            raise TableError(
-                f"{self.table}: {self.total} mistakes" + "".join(f"\n  {line}" for line in lines)
-            )
 
 
 def read_table(spec: SweepSpec) -> Table:
@@ -81,7 +60,7 @@ def read_table(spec: SweepSpec) -> Table:
         or that of a result, or contradicts the sweep file; all mistakes are listed.
     """
     path = spec.table
-    mistakes = _Mistakes(spec)
+    mistakes = Mistakes(str(spec.table), dialect=PYTHON if spec.source is None else TOML)
     if path is None:
         raise ValueError(f"design {spec.design!r} has no table")
     if isinstance(path, GivenTable):
@@ -96,15 +75,15 @@ def read_table(spec: SweepSpec) -> Table:
         columns = _read_csv(path, mistakes)
     chosen = _chosen(columns, spec, mistakes)
     if not columns:
-        mistakes.add("has no columns; give one for each parameter that it samples")
+        mistakes.add("", "has no columns; give one for each parameter that it samples")
     elif chosen and not columns[chosen[0]].values.size:
-        mistakes.add("has no rows; give one for each realization")
+        mistakes.add("", "has no rows; give one for each realization")
     parameters = {
         name: _numbers(name, columns[name], mistakes) for name in INPUTS if name in chosen
     }
     labels = {name: _label(columns[name]) for name in chosen if name not in INPUTS}
     _judge_labels(labels, mistakes)
-    mistakes.raise_any()
+    refuse(mistakes, TableError, _LISTED)
     return Table(parameters, labels)
 
 
@@ -112,7 +91,7 @@ def _sweep(spec: SweepSpec) -> str:
     return str(spec.source or "the sweep")
 
 
-def _read_csv(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
+def _read_csv(path: Path, mistakes: Mistakes) -> dict[str, Label]:
     """Return all columns as text; Python's float then rounds each cell correctly."""
     try:
         # utf-8-sig: spreadsheets put a byte order mark first
@@ -131,7 +110,7 @@ def _read_csv(path: Path, mistakes: _Mistakes) -> dict[str, Label]:
     return {name: Label(cells[:, k]) for k, name in enumerate(names)}
 
 
-def _judge_header(path: Path, names: list[str], mistakes: _Mistakes) -> None:
+def _judge_header(path: Path, names: list[str], mistakes: Mistakes) -> None:
     if not names:
         raise TableError(f"{path}: is empty; begin with a line of column names")
     for mark, word in ((";", "semicolons"), ("\t", "tabulators")):
@@ -142,16 +121,17 @@ def _judge_header(path: Path, names: list[str], mistakes: _Mistakes) -> None:
             )
     for name in dict.fromkeys(names):
         if names.count(name) > 1:
-            mistakes.add(f'column "{name}" appears twice; keep one')
+            mistakes.add("", f'column "{name}" appears twice; keep one')
 
 
-def _rows(lines: Any, width: int, mistakes: _Mistakes) -> Iterator[list[str | None]]:
+def _rows(lines: Any, width: int, mistakes: Mistakes) -> Iterator[list[str | None]]:
     """Give the cells of each row that is not empty; only None where there are too many or few."""
     for row in lines:
         if row and len(row) != width:
             mistakes.add(
+                "",
                 f"line {lines.line_num} has {len(row)} values for {width} columns; give one for "
-                f"each"
+                f"each",
             )
             yield [None] * width
         elif row:
@@ -174,96 +154,92 @@ def _read_netcdf(path: Path) -> dict[str, Label]:
     return columns_of(whole)
 
 
-def _chosen(columns: Mapping[str, Label], spec: SweepSpec, mistakes: _Mistakes) -> list[str]:
+def _chosen(columns: Mapping[str, Label], spec: SweepSpec, mistakes: Mistakes) -> list[str]:
     """Names of the columns to use."""
     found = list(columns)
     if spec.columns is not None:
         for name in spec.columns:
             if name not in columns:
-                mistakes.add(_lacking(name, found, "sample.columns names it"))
+                mistakes.add("", _lacking(name, found, (COLUMNS, " names it")))
         chosen = [name for name in spec.columns if name in columns]
     else:
         for name in found:
             if name in spec.given:
-                mistakes.add(
-                    f'column "{name}" is also fixed, {name} = {spec.fixed[name]:g} in '
-                    f"{_sweep(spec)}; keep one of the two"
-                )
+                rule = f'column "{name}" is also fixed, {name} = {spec.fixed[name]:g} in '
+                mistakes.add("", rule + _sweep(spec), remedy="keep one of the two")
         meant = [likely_parameter(name, spec.base) for name in found if name not in INPUTS]
         known = {*found, *spec.given, *meant}
         for name in _EXPECTED:
             same = FORCINGS if name in FORCINGS else (name,)
             if known.isdisjoint(same):
-                mistakes.add(_lacking(name, found, f"{_sweep(spec)} does not fix it"))
+                mistakes.add("", _lacking(name, found, f"{_sweep(spec)} does not fix it"))
         chosen = found
     forcings = [name for name in FORCINGS if name in chosen or name in spec.given]
     if len(forcings) > 1:
-        mistakes.add(
-            f"{forcings[0]} and {forcings[1]} both give the forcing, here or in {_sweep(spec)}; "
-            f"keep one of the two"
-        )
+        rule = f"{forcings[0]} and {forcings[1]} both give the forcing, here or in {_sweep(spec)}"
+        mistakes.add("", rule, remedy="keep one of the two")
     for name, text in mount_mistakes(spec.base, {*chosen, *spec.given}).items():
         what = f"{name} in {_sweep(spec)}" if name in spec.given else f'column "{name}"'
         lacks = name not in chosen and name not in spec.given
-        remedy = "; add the column, or write it as a number in [scene]" if lacks else ""
-        mistakes.add(f"{what} {text}{remedy}")
+        remedy = ("add the column, or write it as a number in ", SCENE) if lacks else ""
+        mistakes.add("", f"{what} {text}", remedy=remedy)
     for name in chosen:
         _judge_name(name, spec, mistakes)
     _judge_shapes({name: columns[name] for name in chosen}, mistakes)
     return chosen
 
 
-def _judge_name(name: str, spec: SweepSpec, mistakes: _Mistakes) -> None:
+def _judge_name(name: str, spec: SweepSpec, mistakes: Mistakes) -> None:
     """Check that the name of a column that is not a parameter can be a label."""
     if name in INPUTS:
         return
-    elsewhere = "; rename it, or list the columns to use in sample.columns"
+    elsewhere = ("rename it, or list the columns to use in ", COLUMNS)
     guess = None if spec.columns else likely_parameter(name, spec.base)
     if guess:
-        mistakes.add(
-            f'column "{name}" is not a physical parameter; did you mean "{guess}"? Known columns: '
-            f"{', '.join(INPUTS)}; to keep it as a label rename it, to leave it out list the "
-            f"others in sample.columns"
-        )
+        rule = f'column "{name}" is not a physical parameter; did you mean "{guess}"?'
+        remedy = ("to keep it as a label rename it, to leave it out list the others in ", COLUMNS)
+        mistakes.add("", f"{rule} Known columns: {', '.join(INPUTS)}", remedy=remedy)
     elif name in RESERVED.union(spec.measures.own_names):
-        mistakes.add(f'column "{name}" has the name of something that a result holds{elsewhere}')
+        rule = f'column "{name}" has the name of something that a result holds'
+        mistakes.add("", rule, remedy=elsewhere)
     elif name in {*SECTIONS["scene"], *SECTIONS["measure"]}:
-        mistakes.add(
-            f'column "{name}" has the name of a key that is the same for all '
-            f"realizations{elsewhere}"
-        )
+        rule = f'column "{name}" has the name of a key that is the same for all realizations'
+        mistakes.add("", rule, remedy=elsewhere)
     elif not name.isidentifier():
         mistakes.add(
+            "",
             f'column "{name}" cannot be a label of a result, whose name is made of letters, digits '
-            f"and underscores{elsewhere}"
+            f"and underscores",
+            remedy=elsewhere,
         )
 
 
-def _judge_shapes(columns: Mapping[str, Label], mistakes: _Mistakes) -> None:
+def _judge_shapes(columns: Mapping[str, Label], mistakes: Mistakes) -> None:
     """Parameters lie along one dimension, the same for all."""
     shared = next((column.dims for column in columns.values()), ())
     for name, column in columns.items():
         if len(column.dims) != 1 or column.dims != shared:
             mistakes.add(
+                "",
                 f'column "{name}" has the dimensions ({", ".join(column.dims)}); all columns must '
-                f"have the same single one"
+                f"have the same single one",
             )
     lengths = {name: column.values.size for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
-        mistakes.add(f"its columns differ in length, {lengths}; give a value for each realization")
+        mistakes.add(
+            "", f"its columns differ in length, {lengths}; give a value for each realization"
+        )
 
 
-def _lacking(name: str, found: Iterable[str], reason: str) -> str:
+def _lacking(name: str, found: Iterable[str], reason: Text) -> Text:
     has = ", ".join(found) or "none"
     allowed = f"; allowed values: {INPUTS[name].allowed}" if name in INPUTS else ""
-    fixed = f" or write {name} as a number in [scene]" if name in INPUTS else ""
-    return (
-        f'column "{name}" is missing and {reason}; add the column (columns found: {has}{allowed})'
-        f"{fixed}"
-    )
+    fixed = (f" or write {name} as a number in ", SCENE) if name in INPUTS else ()
+    add = f"; add the column (columns found: {has}{allowed})"
+    return (f'column "{name}" is missing and ', reason, add, fixed)
 
 
-def _numbers(name: str, column: Label, mistakes: _Mistakes) -> Array:
+def _numbers(name: str, column: Label, mistakes: Mistakes) -> Array:
     """Return a column in the parameter's unit as float64; report invalid values."""
     parameter, values = INPUTS[name], column.values
     if values.dtype.kind in "iuf":
@@ -274,9 +250,10 @@ def _numbers(name: str, column: Label, mistakes: _Mistakes) -> Array:
     scale = factor(unit, parameter.units)
     if scale is None:
         mistakes.add(
+            "",
             f'column "{name}" is in {unit!r}, which is not known as a unit of the '
             f"{parameter.long_name}, {parameter.units}; convert it; known are products of "
-            f"{', '.join(KNOWN_UNITS)}, as in mm s-1"
+            f"{', '.join(KNOWN_UNITS)}, as in mm s-1",
         )
         return numbers
     numbers = numbers * scale[0] / scale[1]
@@ -285,9 +262,10 @@ def _numbers(name: str, column: Label, mistakes: _Mistakes) -> Array:
         if value is not None:
             in_unit = f" {unit}" if "units" in column.attributes else ""
             mistakes.add(
+                "",
                 f'column "{name}", row {row + 1} (the first row of values is 1): '
                 f"{f'{value}{in_unit}' if str(value) else 'nothing'} is not allowed; the "
-                f"{parameter.long_name} must be a number, {parameter.allowed}; correct the table"
+                f"{parameter.long_name} must be a number, {parameter.allowed}; correct the table",
             )
     return numbers
 
@@ -304,20 +282,23 @@ def _number(value: object) -> float:
         return np.nan
 
 
-def _judge_labels(labels: Mapping[str, Label], mistakes: _Mistakes) -> None:
+def _judge_labels(labels: Mapping[str, Label], mistakes: Mistakes) -> None:
     """Check that a file can hold the labels, before anything is computed."""
     if len(labels) > _MOST_LABELS:
         mistakes.add(
+            "",
             f"has {len(labels)} columns that are no parameters; a result holds at most "
-            f"{_MOST_LABELS}: list the columns to use in sample.columns"
+            f"{_MOST_LABELS}",
+            remedy=("list the columns to use in ", COLUMNS),
         )
     for name, label in labels.items():
         texts = label.values.tolist() if label.values.dtype == object else []
         for row, text in enumerate(texts, start=1):
             if UNSTORABLE.search(text):
                 mistakes.add(
+                    "",
                     f'column "{name}", row {row} (the first row of values is 1): {text!r} has a '
-                    f"character that no text in a file may have; correct the table"
+                    f"character that no text in a file may have; correct the table",
                 )
 
 

@@ -22,6 +22,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.errors import ExistingOutputError, OutputError, TakenOutputError
+from vibrosweep.mistakes import OUTPUT
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -47,27 +48,27 @@ def check_output(path: Path, *, force: bool, inputs: Iterable[Path | None] = ())
         mode = None
     except OSError as error:
         raise OutputError(
-            f"{path}: cannot be written ({error.strerror}); choose another name with output="
+            f"{path}: cannot be written ({error.strerror}); choose another name with ", OUTPUT
         ) from error
     if mode is not None and not stat.S_ISREG(mode):
         kind = "a directory" if stat.S_ISDIR(mode) else "no ordinary file"
-        raise OutputError(f"{path}: is {kind}; give the name of a file with output=")
+        raise OutputError(f"{path}: is {kind}; give the name of a file with ", OUTPUT)
     if mode is not None and not force:
         raise ExistingOutputError(path)
     if any(one is not None and one.exists() and one.samefile(path) for one in inputs if mode):
-        raise OutputError(f"{path}: is an input of this run; write to another file with output=")
+        raise OutputError(f"{path}: is an input of this run; write to another file with ", OUTPUT)
     parent = target_of(path).parent
     if not parent.is_dir():
         raise OutputError(
-            f"{path}: {parent} is not a directory; create it, or choose another place with output="
+            f"{path}: {parent} is not a directory; create it, or choose another place with ", OUTPUT
         )
     try:
         with tempfile.TemporaryFile(dir=parent):
             pass
     except OSError as error:
         raise OutputError(
-            f"{path}: cannot write in {parent} ({error.strerror}); choose another place with "
-            f"output="
+            f"{path}: cannot write in {parent} ({error.strerror}); choose another place with ",
+            OUTPUT,
         ) from error
 
 
@@ -205,11 +206,15 @@ def unwritten(path: Path, error: OSError) -> OutputError:
     if error.errno == errno.ENOENT:
         return OutputError(
             f"{path}: writing failed: {target_of(path).parent} was removed; make the directory "
-            f"again, or choose another place with output=, then run again"
+            f"again, or choose another place with ",
+            OUTPUT,
+            ", then run again",
         )
     return OutputError(
         f"{path}: writing failed ({error.strerror or error}); free some space or choose another "
-        f"place with output=, then run again"
+        f"place with ",
+        OUTPUT,
+        ", then run again",
     )
 
 

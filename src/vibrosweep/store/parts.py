@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.errors import RunError
+from vibrosweep.mistakes import FORCE, OUTPUT
 from vibrosweep.store.disk import replacing
 
 Columns = dict[str, NDArray[Any]]
@@ -81,13 +82,14 @@ def read_manifest(directory: Path) -> Manifest | None:
         return None
     except OSError as error:
         raise RunError(
-            f"{path}: cannot be read ({error.strerror}); choose another place with output="
+            f"{path}: cannot be read ({error.strerror}); choose another place with ", OUTPUT
         ) from error
     except (ValueError, TypeError, KeyError, RecursionError):
         pass
     raise RunError(
         f"{path}: is damaged or of another version, so that the parts next to it "
-        f"cannot be identified; start the run again with force=True"
+        f"cannot be identified; start the run again with ",
+        FORCE,
     )
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from vibrosweep.errors import RunError
+from vibrosweep.mistakes import OUTPUT
 from vibrosweep.store.disk import flush_directory, reporting, target_of, unwritten
 from vibrosweep.store.parts import MANIFEST, read_manifest
 from vibrosweep.system import locked
@@ -84,13 +85,15 @@ def _lock(output: Path, directory: Path, descriptor: int) -> None:
     except OSError as error:
         raise RunError(
             f"{output}: the file system of {directory} has no locks ({error.strerror}), so that "
-            f"two runs could disturb each other; choose another place with output="
+            f"two runs could disturb each other; choose another place with ",
+            OUTPUT,
         ) from error
     if not free:
         holder = os.read(descriptor, 200).decode(errors="replace").strip()
         raise RunError(
             f"{output}: is being computed by another run ({holder or 'process unknown'}), which "
-            f"holds {directory}; wait for its end, or write to another file with output="
+            f"holds {directory}; wait for its end, or write to another file with ",
+            OUTPUT,
         )
     with suppress(OSError):  # the holder's name is only for the message
         os.ftruncate(descriptor, 0)

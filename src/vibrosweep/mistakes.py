@@ -1,0 +1,175 @@
+"""Mistakes as data, and the dialects in which they are told.
+
+A mistake is what was given under which key, the rule that it breaks and the remedy.  A text is a
+tuple of parts: plain strings, and what a sweep file, Python and the command line write differently.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple, TypeAlias
+
+ABSENT: Final = object()
+LONGEST: Final = 60  # characters of a value that are shown
+
+
+class Key(NamedTuple):
+    """A key of a sweep file by its path, as ``scene.duration``: a keyword of Python."""
+
+    path: str
+
+
+class Value(NamedTuple):
+    """A value; a tuple is a range."""
+
+    value: object
+
+
+class Word(NamedTuple):
+    """A word that a sweep file, Python and the command line spell differently."""
+
+    file: str
+    python: str
+    option: str = ""  # that of the file where empty
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One mistake: what was given, and how to mend it."""
+
+    key: str  # path in a sweep file; ends with a point for a rule between keys of a table
+    rule: Text  # what is allowed, or what it contradicts
+    value: object = ABSENT
+    remedy: Text = ()
+
+
+Text: TypeAlias = "str | Key | Value | Word | Mistake | tuple[Text, ...]"
+
+
+def table(name: str) -> Word:
+    """Return a table of a sweep file, which is a mapping in Python."""
+    return Word(f"[{name}]", name)
+
+
+RANGE: Final = Word("[low, high]", "(low, high)")
+SWITCH: Final = Word("true or false", "True or False")
+OUTPUT: Final = Word("output=", "output=", "-o")
+FORCE: Final = Word("force=True", "force=True", "--force")
+CHUNK: Final = Word("chunk=", "chunk=", "--chunk")
+IMPACT_BUDGET: Final = Word("impact_budget=", "impact_budget=", "--impact-budget")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How keys, values and words are written."""
+
+    key: Callable[[str], str]
+    value: Callable[[object], str]
+    word: Callable[[Word], str]
+
+    def told(self, text: Text) -> str:
+        """Write a text."""
+        if isinstance(text, str):
+            return text
+        if isinstance(text, Key):
+            return self.key(text.path)
+        if isinstance(text, Value):
+            return cut(self.value(text.value))
+        if isinstance(text, Word):
+            return self.word(text)
+        if isinstance(text, Mistake):
+            return self._told(text)
+        return "".join(map(self.told, text))
+
+    def _told(self, mistake: Mistake) -> str:
+        head = self.key(mistake.key)
+        if mistake.value is not ABSENT:
+            head += f" = {cut(self.value(mistake.value))}"
+        rest = "; ".join(told for told in map(self.told, (mistake.rule, mistake.remedy)) if told)
+        return f"{head}: {rest}" if head else rest
+
+
+def cut(text: str) -> str:
+    """Shorten a text to a readable length."""
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def toml(value: object, most: int | None = None) -> str:
+    """Write a value as TOML does, of a list the first `most` members."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(toml(v, most) for v in value[:most])}]"
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{k} = {toml(v, most)}' for k, v in value.items())} }}"
+    if isinstance(value, int) and value.bit_length() > 1000:
+        return "a huge number"  # Python refuses to print integers of many thousand digits
+    return str(value) if isinstance(value, int | float) else json.dumps(str(value))
+
+
+def _python(value: object) -> str:
+    value = value.tolist() if hasattr(value, "tolist") else value
+    huge = isinstance(value, int) and value.bit_length() > 1000
+    return "a huge number" if huge else repr(value)
+
+
+TOML: Final = Dialect(
+    lambda path: path.removesuffix("."), lambda value: toml(value, LONGEST), lambda word: word.file
+)
+COMMAND_LINE: Final = Dialect(TOML.key, TOML.value, lambda word: word.option or word.file)
+PYTHON: Final = Dialect(lambda path: path.rpartition(".")[2], _python, lambda word: word.python)
+
+
+@dataclass
+class Mistakes:
+    """All that is wrong with one description."""
+
+    where: str = ""  # name of the file, as messages begin with it
+    dialect: Dialect = TOML  # that in which the description was given
+    # Keywords of Python as they were given, to be shown so
+    given: Mapping[str, Any] = field(default_factory=dict)
+    listed: list[Mistake] = field(default_factory=list)
+    # Keys, or whole tables, with an invalid value.  Rules that involve one of them are not checked,
+    # so that one mistake is never reported twice.
+    broken: set[str] = field(default_factory=set)
+
+    def add(
+        self,
+        key: str,
+        rule: Text,
+        value: object = ABSENT,
+        remedy: Text = (),
+        involves: Iterable[str] = (),
+    ) -> None:
+        """Add a violation by ``key`` of a rule that also involves the keys ``involves``."""
+        if not any(self.is_broken(k) for k in (key, *involves)):
+            value = value if value is ABSENT else self.given.get(PYTHON.key(key), value)
+            self.listed.append(Mistake(key, rule, value, remedy))
+
+    def add_broken(self, key: str, rule: Text, value: object, remedy: Text = ()) -> None:
+        """Add a mistake in the value of ``key`` itself."""
+        value = self.given.get(PYTHON.key(key), value)
+        self.listed.append(Mistake(key, rule, value, remedy))
+        self.broken.add(key)
+
+    def is_broken(self, key: str) -> bool:
+        """Whether ``key`` or the table that holds it is invalid."""
+        return key in self.broken or key.partition(".")[0] in self.broken
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that ``word`` was probably meant to be, or None."""
+    import difflib  # only a mistake needs it
+
+    found = difflib.get_close_matches(word.lower(), list(known), n=1)
+    return found[0] if found else None
+
+
+def quoted(words: Iterable[str]) -> str:
+    """List words in quotes: ``"a", "b" or "c"``."""
+    *first, last = (f'"{word}"' for word in words)
+    return f"{', '.join(first)} or {last}" if first else last
