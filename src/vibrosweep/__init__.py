@@ -1,10 +1,11 @@
 """Fast, accurate parameter sweeps of the bouncing ball (vibro-impact).
 
 `sweep` computes realizations in memory, `run` into a file that survives interruptions, and
-`simulate` gives every landing of a small scene; `windows`, `bifurcation`, `basins`, `sobol` and
-`separations` answer one question each.  All take the same keywords and return an `xarray.Dataset`.
-`analysis` holds what is derived from a result or a record, `figures` draws, `lab` reads camera
-tracks, `theory` holds closed forms, `errors` what is raised.
+`simulate` gives every landing of a small scene, `positions` the heights between; `windows`,
+`bifurcation`, `basins`, `sobol` and `separations` answer one question each.  All take the same
+keywords and return an `xarray.Dataset`.  `analysis` holds what is derived from a result or a
+record, `figures` draws, `lab` reads camera tracks, `theory` holds closed forms, `errors` what is
+raised.
 
 Importing this package loads neither numba nor xarray: they are loaded when first used.
 """
@@ -18,6 +19,7 @@ from vibrosweep.lazy import lazily
 
 if TYPE_CHECKING:
     from vibrosweep import analysis, errors, figures, lab, theory
+    from vibrosweep.analysis.sampled_positions import positions
     from vibrosweep.api.analyses import basins, bifurcation, separations, sobol, windows
     from vibrosweep.api.results import open_record, open_sweep
     from vibrosweep.api.simulation import simulate
@@ -43,6 +45,7 @@ __all__ = [
     "lab",
     "open_record",
     "open_sweep",
+    "positions",
     "run",
     "separations",
     "simulate",
@@ -59,6 +62,7 @@ _HOMES: Final = {
     **dict.fromkeys(("LANDINGS_OF_AN_EXPONENT", "Regime", "Status"), "vibrosweep.model.status"),
     **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),
     **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
+    "positions": "vibrosweep.analysis.sampled_positions",
     "simulate": "vibrosweep.api.simulation",
     **dict.fromkeys(
         ("basins", "bifurcation", "separations", "sobol", "windows"), "vibrosweep.api.analyses"

@@ -1,0 +1,100 @@
+"""Heights of particles and of the base at any times, from a record of landings."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from vibrosweep.analysis.base_motion import BaseMotion
+from vibrosweep.analysis.record_flights import base_motion, course
+from vibrosweep.analysis.records import FLIGHTS, variable
+from vibrosweep.analysis.requirements import require
+from vibrosweep.arrays import Array
+from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.model.status import Status
+
+__all__ = ["positions"]
+
+
+def positions(record: xr.Dataset, times: ArrayLike) -> xr.Dataset:
+    """Height of every particle and of the base at any times.
+
+    Between landings a particle follows its parabola, and while it rests it follows the base: no
+    interpolation is made.  Use it for films, spectra and comparison with a camera.
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` and `open_record` return it.
+    times
+        One-dimensional, in s, in any order, up to the end of the record.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims ``realization``, ``particle`` and ``time``: ``height`` and ``base_height`` (m), which
+        has no particles.  Over base ``"high-bounce"`` the base is at height 0.  A height is NaN
+        before the launch of the particle, and once it was given up (`Status`).
+
+    Raises
+    ------
+    ParameterError
+        A time is not finite, or there is more than one dimension.
+    DataError
+        The record lacks a variable, or ends before one of the times.
+
+    Examples
+    --------
+    >>> import numpy as np, vibrosweep as vs
+    >>> film = vs.positions(vs.simulate(launch_time=[0.0, 0.125]), np.arange(0.0, 12.0, 1 / 240))
+    >>> film.height.dims, float(film.height.sel(time=0.5).isel(particle=0, realization=0))
+    (('realization', 'particle', 'time'), 1.27375)
+    """
+    instants = np.asarray(times, dtype=np.float64)
+    if instants.ndim != 1 or not np.all(np.isfinite(instants)):
+        raise ParameterError("times: a list of finite times in s is expected")
+    require(record, "positions", *FLIGHTS, "rested", "status")
+    end = float(record["duration"].min())
+    if np.any(instants > end):
+        raise DataError(
+            f"positions: the record ends at {end:g} s, and the last of the times is "
+            f"{float(instants.max()):g} s; simulate it with a longer duration"
+        )
+    heights, levels = [], []
+    for realization in range(record.sizes["realization"]):
+        one = record.isel(realization=realization)
+        base = base_motion(one, "positions")
+        levels.append(base.height(instants))
+        heights.append(_heights(one, base, levels[-1], instants))
+    dims = ("realization", "particle", "time")
+    kept = {n: c for n, c in record.coords.items() if set(c.dims) <= {"realization", "particle"}}
+    return xr.Dataset(
+        {
+            "height": variable(dims, np.array(heights), "height of the particle", "m"),
+            "base_height": variable(dims[::2], np.array(levels), "height of the base", "m"),
+        },
+        {**kept, "time": variable(("time",), instants, "time", "s")},
+        {name: record.attrs[name] for name in ("base", "rebound") if name in record.attrs},
+    )
+
+
+def _heights(one: xr.Dataset, base: BaseMotion, levels: Array, times: Array) -> Array:
+    """Height of each particle of one realization, (particle, time), where the base is at `levels`.
+
+    The flight that began last is over at its landing.  Then the particle stays on the base to its
+    next flight, or for good.
+    """
+    each, gravity = course(one, base, np.inf), float(one["gravity"])
+    followed = one["status"].values == Status.COMPLETED
+    heights = np.full((followed.size, times.size), np.nan)
+    for particle, height in enumerate(heights):
+        flight = np.searchsorted(each.start[particle], times, side="right") - 1  # NaN come last
+        last = np.count_nonzero(np.isfinite(each.start[particle])) - 1
+        since = times - each.start[particle, flight]
+        velocity, low = each.velocity[particle, flight], each.height[particle, flight]
+        flies = (flight >= 0) & (times < each.end[particle, flight])
+        stays = (flight >= 0) & ~flies & (followed[particle] | (flight < last))
+        height[stays] = levels[stays]
+        height[flies] = (low + since * (velocity - 0.5 * gravity * since))[flies]
+    return heights
