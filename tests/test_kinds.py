@@ -4,9 +4,16 @@ import pytest
 import xarray as xr
 
 import vibrosweep as vs
+from vibrosweep.api import result_kinds
 from vibrosweep.cli import main
 from vibrosweep.errors import DataError
-from vibrosweep.store.kinds import KIND, KINDS, load_dataset, read_kind
+from vibrosweep.store.kinds import KIND, SWEEP, ResultKind, load_dataset, read_kind
+
+KINDS = {
+    kind.name: kind
+    for kind in (SWEEP, *vars(result_kinds).values())
+    if isinstance(kind, ResultKind)
+}
 
 GRID = 'title = "A grid"\n[scene]\nparticles = 2\nduration = 40.0\n[sample]\ndesign = "grid"\n'
 SPECS = {

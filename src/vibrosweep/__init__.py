@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep._version import __version__
+from vibrosweep.api import result_kinds as _result_kinds  # noqa: F401, registers them
 from vibrosweep.lazy import lazily
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from vibrosweep.model.observables import Landing, Observable
     from vibrosweep.model.parameters import PARAMETERS, Parameter
     from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime, Status
+    from vibrosweep.store.kinds import ResultKind, register_kind
+    from vibrosweep.store.saving import save_result
 
 __all__ = [
     "LANDINGS_OF_AN_EXPONENT",
@@ -35,6 +38,7 @@ __all__ = [
     "Observable",
     "Parameter",
     "Regime",
+    "ResultKind",
     "Status",
     "__version__",
     "analysis",
@@ -46,7 +50,9 @@ __all__ = [
     "open_record",
     "open_sweep",
     "positions",
+    "register_kind",
     "run",
+    "save_result",
     "separations",
     "simulate",
     "sobol",
@@ -63,6 +69,8 @@ _HOMES: Final = {
     **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),
     **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
     "positions": "vibrosweep.analysis.sampled_positions",
+    **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.kinds"),
+    "save_result": "vibrosweep.store.saving",
     "simulate": "vibrosweep.api.simulation",
     **dict.fromkeys(
         ("basins", "bifurcation", "separations", "sobol", "windows"), "vibrosweep.api.analyses"

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from vibrosweep.analysis.meetings import first_shared_base
     from vibrosweep.analysis.order import order_of_landings
     from vibrosweep.analysis.preservation import separation_changes
+    from vibrosweep.analysis.requirements import require
     from vibrosweep.analysis.returns import return_map
     from vibrosweep.analysis.scene import Scene
     from vibrosweep.analysis.separations import (
@@ -39,6 +40,7 @@ __all__ = [
     "first_shared_base",
     "heights_against_restitution",
     "order_of_landings",
+    "require",
     "return_map",
     "separation_against",
     "separation_changes",
@@ -56,6 +58,7 @@ _HOMES: Final = {
     "first_shared_base": "vibrosweep.analysis.meetings",
     "order_of_landings": "vibrosweep.analysis.order",
     "separation_changes": "vibrosweep.analysis.preservation",
+    "require": "vibrosweep.analysis.requirements",
     "return_map": "vibrosweep.analysis.returns",
     "Scene": "vibrosweep.analysis.scene",
     **dict.fromkeys(

@@ -16,9 +16,31 @@ if TYPE_CHECKING:
 def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -> None:
     """Make sure that a dataset holds the variables or coordinates that an analysis needs.
 
-    The DataError names the analysis, as the user asked for it, every missing variable and, for
-    each, the key of the sweep file that gives it; or the `source`, the function whose result the
-    analysis takes.
+    Parameters
+    ----------
+    dataset
+        What the analysis is given.
+    analysis
+        Name of the analysis, as the user calls it.
+    names
+        Variables and coordinates that it needs.
+    source
+        The function whose result it takes, where that is neither a sweep nor a record.
+
+    Returns
+    -------
+    None
+
+    Raises
+    ------
+    DataError
+        The dataset lacks one; the message names all that it lacks and, for each, the key of the
+        sweep file that gives it.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> vs.analysis.require(vs.simulate(), "echo", "landing_time")
     """
     absent = [name for name in names if name not in dataset.variables]
     if absent and source:

@@ -24,10 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     from vibrosweep.analysis.bifurcation import bifurcation_of_spec
+    from vibrosweep.api.result_kinds import BIFURCATION
 
     produce(
         options,
-        NAME,
+        BIFURCATION,
         lambda spec, threads: bifurcation_of_spec(
             spec, options.observable, options.samples, threads
         ),

@@ -37,10 +37,8 @@ def _draw(path: Path, directory: Path) -> None:
 
     kind = read_kind(path)
     if kind is not SWEEP:
-        if not kind.drawing:
-            raise DataError(f"{path}: {kind.undrawn}")
-        figure = kind.draw(load_dataset(path))
-        print("\n".join(map(str, save_formats(figure, directory, kind.stem))))
+        figure = kind.figure(load_dataset(path))
+        print("\n".join(map(str, save_formats(figure, directory, kind.stem or kind.name))))
         return
     # no figure of a sweep shows single particles, which may be many
     sweep = _loaded(path, open_sweep, "particle")

@@ -146,12 +146,12 @@ def _view(options: argparse.Namespace) -> View:
 
 
 def _impacts(options: argparse.Namespace) -> None:
+    from vibrosweep.api.result_kinds import IMPACTS
     from vibrosweep.lab.fitting import fit_tracks
     from vibrosweep.lab.impacts import impacts_of
     from vibrosweep.lab.lines import agreement_lines, impact_lines
     from vibrosweep.lab.repeats import agreement, quantities
-    from vibrosweep.store.kinds import KINDS
-    from vibrosweep.store.saving import save_dataset
+    from vibrosweep.store.saving import save_result
 
     recordings = _recordings(options)
     if options.output is not None and len(recordings) > 1:
@@ -167,7 +167,7 @@ def _impacts(options: argparse.Namespace) -> None:
         each.append(quantities(found, frequency=options.frequency, phase=options.phase))
     print("\n".join(agreement_lines(agreement(each))))
     if options.output is not None:
-        save_dataset(found, options.output, KINDS["impacts"], force=options.force)
+        save_result(found, options.output, IMPACTS, force=options.force)
         print(f"written to {options.output}")
     if options.figures is not None:
         from vibrosweep.figures.laboratory import fitted_track
@@ -180,13 +180,13 @@ def _impacts(options: argparse.Namespace) -> None:
 
 
 def _compare(options: argparse.Namespace) -> None:
+    from vibrosweep.api.result_kinds import COMPARISON
     from vibrosweep.engine.workers import Workers
     from vibrosweep.lab.compare import compare
     from vibrosweep.lab.lines import table_lines
     from vibrosweep.lab.twin import Comparison
     from vibrosweep.runs.driver import available_threads
-    from vibrosweep.store.kinds import KINDS
-    from vibrosweep.store.saving import save_dataset
+    from vibrosweep.store.saving import save_result
 
     recordings = _recordings(options)
     known = {n: getattr(options, n) for n in PHYSICAL if getattr(options, n) is not None}
@@ -201,7 +201,7 @@ def _compare(options: argparse.Namespace) -> None:
         table = compare(recordings, how, workers)
     print("\n".join(table_lines(table)))
     if options.output is not None:
-        save_dataset(table, options.output, KINDS["comparison"], force=options.force)
+        save_result(table, options.output, COMPARISON, force=options.force)
         print(f"written to {options.output}")
     if options.figures is not None:
         from vibrosweep.figures.laboratory import errors_by_case

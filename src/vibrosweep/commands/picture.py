@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from vibrosweep.spec.sweep import SweepSpec
+    from vibrosweep.store.kinds import ResultKind
 
 
 def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
@@ -31,7 +32,7 @@ def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
 
 def produce(
     options: argparse.Namespace,
-    kind: str,
+    kind: ResultKind,
     compute: Callable[[SweepSpec, int], xr.Dataset],
 ) -> None:
     """Compute a dataset, print its summary, and write it and its picture side by side.
@@ -46,21 +47,20 @@ def produce(
     _check(options, spec, output, picture)
     from vibrosweep.figures.registry import save
     from vibrosweep.runs.driver import available_threads
-    from vibrosweep.store.kinds import KINDS
     from vibrosweep.store.provenance import provenance
-    from vibrosweep.store.saving import save_dataset
+    from vibrosweep.store.saving import save_result
 
     threads = options.threads or available_threads()
     print(spec.title)
     began = time.perf_counter()
     found = compute(spec, threads)
     print(f"{time.perf_counter() - began:.3g} s on {some(threads, 'thread')}")
-    print("\n".join(KINDS[kind].lines(found)))
+    print("\n".join(kind.lines(found)))
     if found.attrs["notes"]:
         print(f"observation: {found.attrs['notes']}")
-    save_dataset(found.assign_attrs(provenance(threads)), output, KINDS[kind], force=options.force)
+    save_result(found.assign_attrs(provenance(threads)), output, kind, force=options.force)
     with drawing(output):
-        save(KINDS[kind].draw(found), picture, force=options.force)
+        save(kind.figure(found), picture, force=options.force)
     print(f"written to {output} and {picture}")
 
 

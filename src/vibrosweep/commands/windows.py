@@ -17,5 +17,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> None:
     from vibrosweep.analysis.windows import windows_of_spec
+    from vibrosweep.api.result_kinds import WINDOWS
 
-    produce(options, NAME, windows_of_spec)
+    produce(options, WINDOWS, windows_of_spec)

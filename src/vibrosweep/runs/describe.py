@@ -15,7 +15,7 @@ from vibrosweep.model.measures import OF_REALIZATIONS, RESERVED
 from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.status import Status
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
-from vibrosweep.store.kinds import SWEEP, Kind, kind_of, load_dataset
+from vibrosweep.store.kinds import SWEEP, ResultKind, kind_of, load_dataset
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.reading import no_result, reading, using
 from vibrosweep.store.rows import read_rows, row_count
@@ -47,7 +47,7 @@ def describe(path: Path) -> Iterator[str]:
         yield "no seal: another program wrote this file, so that damage to it would go unnoticed"
 
 
-def _other(path: Path, kind: Kind) -> Iterator[str]:
+def _other(path: Path, kind: ResultKind) -> Iterator[str]:
     """Describe a result other than a sweep."""
     dataset = load_dataset(path)
     yield str(dataset.attrs.get("title", path.name))

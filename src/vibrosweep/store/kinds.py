@@ -1,23 +1,20 @@
-"""The kinds of result files, and the functions that summarise and draw each.
+"""The kinds of results: the command that makes each, its lines for ``info`` and its figure.
 
-An attribute of the file names its kind.  The functions belong to layers above this one, so they are
-given by name here and imported when they are called.
+An attribute of the file names its kind.  `vibrosweep.api.result_kinds` registers those of this
+package; another package names its own in the entry points `GROUP`, which are searched when a file
+of an unregistered kind is read.
 """
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import h5netcdf
-
-from vibrosweep.errors import DataError
-from vibrosweep.store.reading import reading
+from vibrosweep.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,97 +22,119 @@ if TYPE_CHECKING:
 
 # Attribute of a file that names its kind.
 KIND: Final = "result"
-_PROVES: Final = "the reference proves landings of single trajectories from their launch, and"
+GROUP: Final = "vibrosweep.results"
+
+
+def _no_lines(result: xr.Dataset) -> Iterable[str]:
+    return ()
 
 
 @dataclass(frozen=True)
-class Kind:
-    """One kind of result."""
+class ResultKind:
+    """A kind of result, for ``vibrosweep info``, ``figures`` and ``verify``.
 
-    name: str  # value of the attribute in the file
-    command: str  # command that makes it
-    # ``module:function`` from the dataset to lines of text; empty if the file is read piece by
-    # piece instead
-    summary: str = ""
-    drawing: str = ""  # ``module:function`` from the dataset to a figure; empty if there is none
-    stem: str = ""  # file name of the figure, without its extension
-    undrawn: str = ""  # why the dataset alone does not give a figure, and what does
-    unverified: str = ""  # why ``vibrosweep verify`` cannot check it; empty if it can
+    Attributes
+    ----------
+    name
+        Name of the kind, which its files hold as the attribute ``result``.
+    command
+        What makes such a result, as messages call it.
+    lines
+        Function from the dataset to the lines that ``vibrosweep info`` prints.
+    draw
+        Function from the dataset to the figure of ``vibrosweep figures``; None without a figure.
+    stem
+        Name of the figure's files without their ending; by default `name`.
+    undrawn
+        Why there is no figure, and what to do instead.
+    unverified
+        Why ``vibrosweep verify`` does not check such a result; empty where it does.
 
-    def lines(self, dataset: xr.Dataset) -> Iterable[str]:
-        """Summarise a dataset of this kind."""
-        return _named(self.summary)(dataset)  # type: ignore[no-any-return]
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> vs.ResultKind("echo", "the echo package").lines
+    <function _no_lines at ...>
+    """
 
-    def draw(self, dataset: xr.Dataset) -> Figure:
-        """Draw a dataset of this kind."""
-        return _named(self.drawing)(dataset)  # type: ignore[no-any-return]
+    name: str
+    command: str
+    lines: Callable[[xr.Dataset], Iterable[str]] = _no_lines
+    draw: Callable[[xr.Dataset], Figure] | None = None
+    stem: str = ""
+    undrawn: str = "results of this kind have no figure"
+    unverified: str = "verify proves results of vibrosweep run alone"
 
-
-SWEEP: Final = Kind("sweep", "vibrosweep run")
-KINDS: Final[Mapping[str, Kind]] = {
-    kind.name: kind
-    for kind in (
-        SWEEP,
-        Kind(
-            "windows",
-            "vibrosweep windows",
-            "vibrosweep.analysis.window_codes:summary",
-            "vibrosweep.figures.window_bands:stability_windows",
-            "stability_windows",
-            unverified=f"{_PROVES} this holds ends of intervals of the forcing",
-        ),
-        Kind(
-            "bifurcation",
-            "vibrosweep bifurcation",
-            "vibrosweep.analysis.bifurcation:summary",
-            "vibrosweep.figures.bifurcation:bifurcation_diagram",
-            "bifurcation_diagram",
-            unverified=f"{_PROVES} this holds orbits that go on from amplitude to amplitude",
-        ),
-        Kind(
-            "basins",
-            "vibrosweep basins",
-            "vibrosweep.analysis.basins:summary",
-            "vibrosweep.figures.basins:basins_of_attraction",
-            "basins_of_attraction",
-            unverified=f"{_PROVES} this holds the attractors that launches lead to",
-        ),
-        Kind(
-            "impacts",
-            "vibrosweep lab impacts",
-            "vibrosweep.lab.lines:impact_lines",
-            undrawn="the figure shows the tracks themselves: vibrosweep lab impacts TRACKS "
-            "--figures DIR",
-            unverified="it holds measurements of a camera, which nothing can prove",
-        ),
-        Kind(
-            "comparison",
-            "vibrosweep lab compare",
-            "vibrosweep.lab.lines:table_lines",
-            "vibrosweep.figures.laboratory:errors_by_case",
-            "lab_table4",
-            unverified="it holds measurements of a camera, which nothing can prove",
-        ),
-    )
-}
+    def figure(self, result: xr.Dataset) -> Figure:
+        """Draw a result; a DataError where results of this kind have no figure."""
+        if self.draw is None:
+            raise DataError(self.undrawn)
+        return self.draw(result)
 
 
-def kind_of(path: str | os.PathLike[str], attributes: Mapping[str, Any]) -> Kind:
+SWEEP: Final = ResultKind("sweep", "vibrosweep run", unverified="")
+KINDS: Final[dict[str, ResultKind]] = {SWEEP.name: SWEEP}  # what is registered
+
+
+def register_kind(kind: ResultKind) -> ResultKind:
+    """Make a kind of result known to ``info``, ``figures``, ``verify`` and `save_result`.
+
+    The command line finds a kind of another package by an entry point of the group
+    ``vibrosweep.results``, whose name is that of the kind, and whose value is the `ResultKind`.
+
+    Parameters
+    ----------
+    kind
+        The kind; registering it twice changes nothing.
+
+    Returns
+    -------
+    ResultKind
+        The same.
+
+    Raises
+    ------
+    ParameterError
+        Another kind has this name.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> echo = vs.register_kind(vs.ResultKind("echo", "the echo package"))
+    """
+    if KINDS.setdefault(kind.name, kind) != kind:
+        raise ParameterError(
+            f"kind {kind.name!r}: {KINDS[kind.name].command} has registered another kind of this "
+            f"name; choose another name"
+        )
+    return kind
+
+
+def kind_of(path: str | os.PathLike[str], attributes: Mapping[str, Any]) -> ResultKind:
     """Return the kind of a file from its attributes; other programs' files have none.
 
-    Raises a DataError where only another version of this package knows the kind.
+    Raises a DataError where no installed package knows the kind.
     """
     name = str(attributes.get(KIND, SWEEP.name))
     if name not in KINDS:
+        from importlib.metadata import entry_points  # takes 30 ms
+
+        for found in entry_points(group=GROUP, name=name):
+            register_kind(found.load())
+    if name not in KINDS:
         raise DataError(
             f"{path}: is a result of the kind {name!r}, which this version of vibrosweep does not "
-            f"know; use the version that wrote it"
+            f"know; use the version that wrote it, or install the package that did"
         )
     return KINDS[name]
 
 
-def read_kind(path: Path) -> Kind:
+def read_kind(path: Path) -> ResultKind:
     """Return the kind of a result file; a DataError where it cannot be read or is no result."""
+    import h5netcdf
+
+    from vibrosweep.store.reading import reading
+
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         return kind_of(path, file.attrs)
 
@@ -124,12 +143,9 @@ def load_dataset(path: Path) -> xr.Dataset:
     """Read a result other than a sweep into memory; errors as of `read_kind`."""
     import xarray as xr
 
+    from vibrosweep.store.reading import reading
+
     with reading(path), warnings.catch_warnings():
         # of attributes that do not fit, which another program may have written
         warnings.simplefilter("ignore", xr.SerializationWarning)
         return xr.load_dataset(path, engine="h5netcdf")
-
-
-def _named(path: str) -> Any:
-    module, _, name = path.partition(":")
-    return getattr(import_module(module), name)

@@ -2,25 +2,59 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vibrosweep.store.disk import replacing
-from vibrosweep.store.kinds import KIND, Kind
+from vibrosweep.store.kinds import KIND, ResultKind
 from vibrosweep.store.seal import append_seal
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-def save_dataset(dataset: xr.Dataset, path: Path, kind: Kind, *, force: bool) -> None:
+def save_result(
+    dataset: xr.Dataset, path: str | os.PathLike[str], kind: ResultKind, *, force: bool = False
+) -> Path:
     """Write a dataset as netCDF-4, with its kind and a seal like the result of a sweep.
 
-    Raises an OutputError where the file cannot be written, or exists and `force` is not given.
+    The file appears when it is complete, and damage to it is noticed when it is read.
+
+    Parameters
+    ----------
+    dataset
+        Result of an analysis.
+    path
+        Where to.
+    kind
+        What `register_kind` has registered.
+    force
+        Whether an existing file is replaced.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written, or exists and `force` is not given.
+
+    Examples
+    --------
+    >>> import tempfile, vibrosweep as vs, xarray as xr
+    >>> echo = vs.register_kind(vs.ResultKind("echo", "the echo package"))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     vs.save_result(xr.Dataset({"gain": 0.5}), f"{folder}/echo.h5", echo).name
+    'echo.h5'
     """
-    with tempfile.TemporaryDirectory() as directory, replacing(path, force=force) as disk:
+    output = Path(path)
+    with tempfile.TemporaryDirectory() as directory, replacing(output, force=force) as disk:
         whole = Path(directory) / "dataset.h5"
         dataset.assign_attrs({KIND: kind.name}).to_netcdf(whole, engine="h5netcdf")
         disk.write(whole.read_bytes())
         append_seal(disk)
+    return output

@@ -1,0 +1,124 @@
+"""The kinds of results that this package writes.
+
+They are registered when the package is imported; what they call is imported when it is called.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Final
+
+from vibrosweep.store.kinds import ResultKind, register_kind
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+_PROVES: Final = "the reference proves landings of single trajectories from their launch, and"
+_OF_A_CAMERA: Final = "it holds measurements of a camera, which nothing can prove"
+
+
+def _window_lines(windows: xr.Dataset) -> Iterable[str]:
+    from vibrosweep.analysis.window_codes import summary
+
+    return summary(windows)
+
+
+def _window_figure(windows: xr.Dataset) -> Figure:
+    from vibrosweep.figures import stability_windows
+
+    return stability_windows(windows)
+
+
+def _bifurcation_lines(diagram: xr.Dataset) -> Iterable[str]:
+    from vibrosweep.analysis.bifurcation import summary
+
+    return summary(diagram)
+
+
+def _bifurcation_figure(diagram: xr.Dataset) -> Figure:
+    from vibrosweep.figures import bifurcation_diagram
+
+    return bifurcation_diagram(diagram)
+
+
+def _basin_lines(basins: xr.Dataset) -> Iterable[str]:
+    from vibrosweep.analysis.basins import summary
+
+    return summary(basins)
+
+
+def _basin_figure(basins: xr.Dataset) -> Figure:
+    from vibrosweep.figures import basins_of_attraction
+
+    return basins_of_attraction(basins)
+
+
+def _impact_lines(impacts: xr.Dataset) -> Iterable[str]:
+    from vibrosweep.lab.lines import impact_lines
+
+    return impact_lines(impacts)
+
+
+def _comparison_lines(table: xr.Dataset) -> Iterable[str]:
+    from vibrosweep.lab.lines import table_lines
+
+    return table_lines(table)
+
+
+def _comparison_figure(table: xr.Dataset) -> Figure:
+    from vibrosweep.figures.laboratory import errors_by_case
+
+    return errors_by_case(table)
+
+
+WINDOWS: Final = register_kind(
+    ResultKind(
+        "windows",
+        "vibrosweep windows",
+        _window_lines,
+        _window_figure,
+        "stability_windows",
+        unverified=f"{_PROVES} this holds ends of intervals of the forcing",
+    )
+)
+BIFURCATION: Final = register_kind(
+    ResultKind(
+        "bifurcation",
+        "vibrosweep bifurcation",
+        _bifurcation_lines,
+        _bifurcation_figure,
+        "bifurcation_diagram",
+        unverified=f"{_PROVES} this holds orbits that go on from amplitude to amplitude",
+    )
+)
+BASINS: Final = register_kind(
+    ResultKind(
+        "basins",
+        "vibrosweep basins",
+        _basin_lines,
+        _basin_figure,
+        "basins_of_attraction",
+        unverified=f"{_PROVES} this holds the attractors that launches lead to",
+    )
+)
+IMPACTS: Final = register_kind(
+    ResultKind(
+        "impacts",
+        "vibrosweep lab impacts",
+        _impact_lines,
+        undrawn="the figure shows the tracks themselves: vibrosweep lab impacts TRACKS "
+        "--figures DIR",
+        unverified=_OF_A_CAMERA,
+    )
+)
+COMPARISON: Final = register_kind(
+    ResultKind(
+        "comparison",
+        "vibrosweep lab compare",
+        _comparison_lines,
+        _comparison_figure,
+        "lab_table4",
+        unverified=_OF_A_CAMERA,
+    )
+)
