@@ -7,9 +7,7 @@ from vibrosweep.analysis.base_motion import moves, recoils
 from vibrosweep.analysis.decay import slot_decay
 from vibrosweep.analysis.energy import energy_balance
 from vibrosweep.analysis.heights import heights_against_restitution
-from vibrosweep.analysis.scene import Scene
-from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.errors import DataError
 
 SPRUNG = xr.Dataset(attrs={"base": "sprung"})
 
@@ -33,14 +31,3 @@ def test_a_sprung_base_moves_and_recoils():
 def test_analyses_of_independent_particles(analysis):
     with pytest.raises(DataError, match=r"do not act on each other.*mass_ratio = 0"):
         analysis(SPRUNG)
-
-
-def test_scenes_of_windows_diagrams_and_basins():
-    with pytest.raises(ParameterError, match='base = "sprung": couples the particles'):
-        Scene(base="sprung")
-    spec = parse_spec(
-        'title = "x"\n[scene]\nbase = "sprung"\nmass_ratio = 0.1\nmount_frequency = 2.0\n'
-        '[sample]\ndesign = "grid"\namplitude = [1.0, 2.0]\n'
-    )
-    with pytest.raises(ParameterError, match='base = "sprung": couples the particles'):
-        Scene.of(spec)

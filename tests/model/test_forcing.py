@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.impact import BASE_OF, base_of
+from vibrosweep.kernels.impact import BASE_OF
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.model.forcing import (
     FORCINGS,
@@ -17,7 +16,6 @@ from vibrosweep.model.forcing import (
     completed,
     differing,
     forcing_of,
-    invalid_law,
     refuse_large,
 )
 from vibrosweep.model.mount import OF_MOUNT
@@ -103,23 +101,6 @@ def test_no_extreme_overflows_and_what_is_too_large_is_refused(forcing):
             assert forcing in ("base_displacement", "base_acceleration")
             with pytest.raises(ParameterError, match=f"{forcing}: makes an amplitude"):
                 refuse_large(found, forcing)
-
-
-@pytest.mark.parametrize("base", BASES)
-def test_a_law_that_a_base_does_not_implement_is_refused(base, monkeypatch):
-    monkeypatch.setitem(LAW_OF, "softening", LAW_OF["rest"])  # as a law that somebody adds
-    for law in (*LAW_OF, "softening"):
-        said = invalid_law(base, law)
-        assert bool(said) == (law not in LAWS_OF[base])
-        if not said:
-            continue
-        assert f'base = "{base}"' in said
-        assert f'rebound = "{law}"' in said
-        with pytest.raises(ParameterError, match=law):
-            record_observation(1, "staggered", 1.0, law, 10, base)
-        if base in BASE_OF:
-            with pytest.raises(ParameterError, match=law):
-                base_of(base, law)
 
 
 def test_what_a_base_implements_is_a_law_of_the_kernels():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import HIGH_BOUNCE, SPRUNG
@@ -63,8 +64,6 @@ def recoils(dataset: xr.Dataset) -> bool:
 
 def refuse_recoil(dataset: xr.Dataset, analysis: str) -> None:
     """Refuse, with a DataError, what holds only for particles that do not act on each other."""
-    if recoils(dataset):
-        raise DataError(
-            f"{analysis} holds for particles that do not act on each other, and over base = "
-            f'"{SPRUNG}" they do: compute the sweep with mass_ratio = 0, or with base = "moving"'
-        )
+    wrong = refusal(base_name(dataset), analysis=analysis)
+    if wrong:
+        raise DataError(f"{analysis} {wrong}")

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.evaluate import lift_off_speeds
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_ability, require_memory
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
@@ -123,6 +123,7 @@ def basins_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
 
     Raises a SpecError unless its design is a grid of launch velocities.
     """
+    require_ability("basins", spec.base)
     speeds = grid_axes(spec, "basins", "launch_velocity")["launch_velocity"]
     times = launch_times(spec.launch, spec.particles, spec.fixed["frequency"])
     found = basins(Scene.of(spec), times, speeds, threads=threads)

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_ability, require_memory
 from vibrosweep.arrays import Array
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.workers import Workers
@@ -149,6 +149,7 @@ def bifurcation_of_spec(
 
     Raises a SpecError unless the design is such a grid.
     """
+    require_ability("bifurcation", spec.base)
     forcing = forcing_of(spec.sampled)
     values = grid_axes(spec, "bifurcation diagrams", forcing)[forcing]
     scene = Scene.of(spec)

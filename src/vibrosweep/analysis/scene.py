@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import ParameterError
@@ -29,7 +30,6 @@ from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
     LAWS,
     PARAMETERS,
-    SPRUNG,
     STAGGERED,
     refuse_masked,
 )
@@ -120,7 +120,6 @@ class Scene:
         refuse_large(self.quantities(), forcing_of(own))
         self._require(self.particles >= 1, "particles", "at least 1")
         self._require(self.impact_budget >= 1, "impact_budget", "at least 1")
-        _refuse_coupled(self.base)
         self._require(self.base in FIXED, "base", f"one of {', '.join(FIXED)}")
         self._require(self.rebound in LAWS, "rebound", f"one of {', '.join(LAWS)}")
         self._judge_window()
@@ -151,7 +150,6 @@ class Scene:
     @classmethod
     def of(cls, spec: SweepSpec) -> Scene:
         """Scene of a sweep file; a sampled parameter is at its default."""
-        _refuse_coupled(spec.base)
         given = {
             "impact_budget": spec.measures.impact_budget,
             **{name: getattr(spec, name) for name in ("particles", "launch", "base", "rebound")},
@@ -236,13 +234,11 @@ class Scene:
         return fixed
 
 
-def _refuse_coupled(base: str) -> None:
-    """Refuse a base that couples particles, which analyses with a scene follow one by one."""
-    if base == SPRUNG:
-        raise ParameterError(
-            f'base = "{base}": couples the particles, which this analysis follows one by one; '
-            f"compute a sweep instead (vibrosweep run), or take base = {' or '.join(FIXED)}"
-        )
+def require_ability(analysis: str, base: str) -> None:
+    """Refuse a base over which an analysis cannot be had."""
+    wrong = refusal(base, analysis=analysis)
+    if wrong:
+        raise ParameterError(f"{analysis}: {wrong}")
 
 
 def axis(name: str, values: ArrayLike) -> Array:

@@ -26,7 +26,7 @@ from vibrosweep.analysis.conditions import (
     Locked,
     named,
 )
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_memory
+from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_ability, require_memory
 from vibrosweep.analysis.window_codes import ENDS, FRESH, HELD, NO_WINDOW, code_of_ends
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
@@ -165,6 +165,7 @@ def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
     Raises a SpecError where the file has no such section, a condition is not known, or the design
     is no grid over restitution and a forcing alone.
     """
+    require_ability("windows", spec.base)
     if spec.windows is None:
         raise spec.refusal(
             (

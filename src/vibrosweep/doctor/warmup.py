@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.abilities import refusal
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.evaluate import locked
@@ -34,7 +35,6 @@ from vibrosweep.kernels.settle import settle
 from vibrosweep.kernels.shortest import shortest_flights
 from vibrosweep.kernels.statistics import combine
 from vibrosweep.kernels.trust import trust
-from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import LAWS, SPRUNG
 
@@ -73,7 +73,7 @@ def warm_up() -> Compiled:
             "machine code cannot be kept beside the package nor in the home directory; set "
             "NUMBA_CACHE_DIR to a directory that can be written, and unset NUMBA_DISABLE_JIT"
         )
-    ways = [pair for pair in product(BASE_OF, LAWS) if not invalid_law(*pair)]
+    ways = [(base, law) for base, law in product(BASE_OF, LAWS) if not refusal(base, law=law)]
     # one problem twice; over a moving base, with at most 1 g and with more
     scenes = [all_parameters({"amplitude": np.array([a, a])}) for a in (1.0, 6.0)]
     with Workers(1) as workers:

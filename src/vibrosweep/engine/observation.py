@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
-from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.times import Periods, Time, amount, in_periods
@@ -38,7 +38,7 @@ class Observation:
     base: str = HIGH_BOUNCE  # one of `vibrosweep.model.parameters.BASES`
 
     def __post_init__(self) -> None:
-        wrong = invalid_law(self.base, self.rebound)
+        wrong = refusal(self.base, law=self.rebound)
         if wrong:
             raise ParameterError(wrong)
 

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.abilities import refusal
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import (
@@ -26,7 +27,6 @@ from vibrosweep.kernels.bases import (
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.laws import LAW_OF
-from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
 
 Instant = tuple[float, float]  # whole periods and phase
@@ -69,7 +69,7 @@ def base_of(base: str, rebound: str) -> Base:
             f'base = "{base}": couples particles, which cannot be followed one by one; take '
             f"one of {', '.join(BASE_OF)}"
         )
-    if wrong := invalid_law(base, rebound):
+    if wrong := refusal(base, law=rebound):
         raise ParameterError(wrong)
     return BASE_OF[base](LAW_OF[rebound])
 

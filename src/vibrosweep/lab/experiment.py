@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import xarray as xr
 
+from vibrosweep.abilities import ANALYSES, refusal
 from vibrosweep.arrays import Array
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.coupled import base_track
@@ -25,7 +26,6 @@ from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
 from vibrosweep.lab.surfaces import LEVEL, Surface, oscillating, recoiling
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import phase_walk, wandering_record
-from vibrosweep.model.forcing import invalid_law
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.mount import require_mount
 from vibrosweep.model.parameters import (
@@ -147,17 +147,14 @@ class Experiment:
     base: str = HIGH_BOUNCE
 
     def __post_init__(self) -> None:
-        wrong = invalid_law(self.base, self.rebound)
+        wrong = refusal(self.base, law=self.rebound)
         if wrong:
             raise ParameterError(wrong)
         require_mount(self.base, [name for name in MOUNT if name in self.scene])
-        cannot = ["frequency_jitter"] if self.base != HIGH_BOUNCE else []
-        cannot += ["restitution_spread", "restitution_exponent"] if self.base == SPRUNG else []
-        for name in cannot:
-            if getattr(self.variation, name):
-                raise ParameterError(
-                    f'variation.{name}: cannot be computed with base = "{self.base}"; leave it out'
-                )
+        for name in ANALYSES.keys() & vars(self.variation).keys():
+            wrong = refusal(self.base, analysis=name)
+            if wrong and getattr(self.variation, name):
+                raise ParameterError(f"variation.{name}: {wrong}")
 
 
 class Trial(NamedTuple):

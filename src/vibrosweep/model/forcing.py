@@ -20,7 +20,7 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT
-from vibrosweep.model.parameters import LARGEST, LAWS_OF, MOUNT, PARAMETERS, SPRUNG, Parameter
+from vibrosweep.model.parameters import LARGEST, MOUNT, PARAMETERS, SPRUNG, Parameter
 
 AMPLITUDE: Final = "amplitude"
 ACCELERATION: Final = "base_acceleration"
@@ -148,18 +148,3 @@ def refuse_large(values: Mapping[str, Array], forcing: str) -> None:
             f"{' and '.join(MASSES)}: make a {MASS_RATIO} of "
             f"{float(np.max(values[MASS_RATIO])):.3g}, which must be {allowed.allowed}"
         )
-
-
-def invalid_law(base: str, rebound: str) -> str:
-    """Say why a law of rebound cannot be had with a base; empty if it can."""
-    if rebound in LAWS_OF[base]:
-        return ""
-    others = [f'"{other}"' for other, laws in LAWS_OF.items() if rebound in laws]
-    remedy = " or ".join(f'rebound = "{law}"' for law in LAWS_OF[base])
-    remedy += f", or base = {' or '.join(others)}" if others else ""
-    if rebound == "reflect":
-        return (
-            f'rebound = "reflect" has no meaning with base = "{base}", which a ball cannot be '
-            f"pushed into: take {remedy}"
-        )
-    return f'rebound = "{rebound}" is not implemented with base = "{base}": take {remedy}'

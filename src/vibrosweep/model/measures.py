@@ -605,13 +605,6 @@ class Measures:
         """Return the same measures, with those that a base brings with it."""
         return replace(self, ordering=True) if base == SPRUNG else self
 
-    def impossible(self, base: str) -> tuple[str, ...]:
-        """Return the keys that are asked for and cannot be had over a base."""
-        other = base != SPRUNG
-        return tuple(
-            key for key, m in MEASURES.items() if getattr(self, key) and m.coupled is other
-        )
-
     @property
     def variables(self) -> tuple[Variable, ...]:
         """What is measured, in the order of a result."""

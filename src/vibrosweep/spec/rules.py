@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibrosweep.abilities import refusal
 from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import RANGE, Key, Mistakes, Text, Value, Word
 from vibrosweep.model.forcing import (
@@ -17,11 +18,10 @@ from vibrosweep.model.forcing import (
     INPUTS,
     completed,
     forcing_of,
-    invalid_law,
     only_parameters,
     refuse_large,
 )
-from vibrosweep.model.measures import Measures
+from vibrosweep.model.measures import MEASURES, Measures
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, mount_mistakes
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
@@ -96,7 +96,7 @@ def setting(name: str, table: SceneTable, shared: Setting, mistakes: Mistakes) -
     base, rebound = table.base or shared.base, table.rebound or shared.rebound
     if table.base or table.rebound:
         own = [f"{name}.{key}" for key in ("base", "rebound")]
-        wrong = invalid_law(base, rebound)
+        wrong = refusal(base, law=rebound)
         if wrong:
             mistakes.add(f"{name}.", wrong, involves=[*own, "scene.base", "scene.rebound"])
     duration = shared.duration if table.duration is None else table.duration
@@ -118,15 +118,10 @@ def check_window(
 
 def check_measures(base: str, measures: Measures, mistakes: Mistakes) -> None:
     """Report measures that cannot be had over a base."""
-    for key in measures.impossible(base):
-        if base == SPRUNG:
-            text = (
-                f'is of particles that do not act on each other; with base = "{base}" leave it out '
-                f"(`vibrosweep verify` tells how exact a result is)"
-            )
-        else:
-            text = f'is of particles that a base of finite mass couples; it needs base = "{SPRUNG}"'
-        mistakes.add(f"measure.{key}", text, True, involves=["scene.base"])
+    for key in MEASURES:
+        wrong = refusal(base, measure=key)
+        if wrong and getattr(measures, key):
+            mistakes.add(f"measure.{key}", wrong, True, involves=["scene.base"])
 
 
 def check_forcing(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> None:

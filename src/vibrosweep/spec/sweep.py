@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from vibrosweep.abilities import refusal
 from vibrosweep.errors import SpecError, refuse
 from vibrosweep.mistakes import TOML, Mistakes, Text
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
@@ -62,10 +63,9 @@ class SweepSpec:
         SpecError where the base is one of finite mass, whose landings no observable sees.
         """
         found = observables_of(observables)
-        if found and self.base == "sprung":
-            raise self.refusal(
-                'observables: see no landings on a base of finite mass; take base = "moving"'
-            )
+        wrong = refusal(self.base, analysis="observables")
+        if found and wrong:
+            raise self.refusal(f"observables: {wrong}")
         return replace(self, measures=replace(self.measures, observables=found))
 
     @property

@@ -1,0 +1,107 @@
+"""What can be computed over each base: laws of rebound, measures and analyses, in one table.
+
+Messages, the page of abilities and tests derive from it: nothing else says what a base cannot do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Final
+
+from vibrosweep.model.measures import MEASURES
+from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, LAWS_OF, MOVING, SPRUNG
+
+APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
+
+
+@dataclass(frozen=True)
+class Ability:
+    """The bases over which something can be had."""
+
+    bases: tuple[str, ...]
+    # Why it cannot be had over another base; ``{base}`` and ``{others}`` stand for that one, and
+    # for those over which it can
+    why: str
+
+
+_FOLLOWED = (
+    "follows particles one by one, which base = {base} couples: compute a sweep instead "
+    "(vibrosweep run), or take base = {others}"
+)
+_ANYWHERE = Ability(BASES, "")
+_OF_PARTICLES: Final[Mapping[bool | None, Ability]] = {
+    None: _ANYWHERE,
+    True: Ability(
+        (SPRUNG,), "is of particles that a base of finite mass couples; it needs base = {others}"
+    ),
+    False: Ability(
+        APART,
+        "is of particles that do not act on each other; with base = {base} leave it out "
+        "(`vibrosweep verify` tells how exact a result is)",
+    ),
+}
+ANALYSES: Final[Mapping[str, Ability]] = {
+    "windows": Ability(APART, _FOLLOWED),
+    "bifurcation": Ability(APART, _FOLLOWED),
+    "basins": Ability(APART, _FOLLOWED),
+    "sobol": _ANYWHERE,
+    "separations": _ANYWHERE,
+    "record": _ANYWHERE,
+    "observables": Ability(APART, "see no landings on a base of finite mass; take base = {others}"),
+    **dict.fromkeys(
+        ("energy_balance", "heights_against_restitution", "slot_decay"),
+        Ability(
+            APART,
+            "holds for particles that do not act on each other, and over base = {base} they do: "
+            "compute the sweep with mass_ratio = 0, or with base = {others}",
+        ),
+    ),
+    # imperfections of an experiment in the laboratory
+    "frequency_jitter": Ability(
+        (HIGH_BOUNCE,), "cannot be computed with base = {base}; leave it out"
+    ),
+    **dict.fromkeys(
+        ("restitution_spread", "restitution_exponent"),
+        Ability(APART, "cannot be computed with base = {base}; leave it out"),
+    ),
+}
+
+
+def refusal(base: str, *, law: str = "", measure: str = "", analysis: str = "") -> str:
+    """Say in one sentence why something cannot be had over a base; empty where it can.
+
+    One of `BASES`; a law is one of `LAWS`, a measure a key of
+    `vibrosweep.model.measures.MEASURES`, an analysis a key of `ANALYSES`.
+    """
+    if law and law not in LAWS_OF[base]:
+        return _refused_law(base, law)
+    wanted = [_OF_PARTICLES[MEASURES[measure].coupled]] if measure else []
+    wanted += [ANALYSES[analysis]] if analysis else []
+    for ability in wanted:
+        if base not in ability.bases:
+            return ability.why.format(base=_quoted([base]), others=_quoted(ability.bases))
+    return ""
+
+
+def _refused_law(base: str, law: str) -> str:
+    others = [other for other, laws in LAWS_OF.items() if law in laws]
+    remedy = " or ".join(f'rebound = "{known}"' for known in LAWS_OF[base])
+    remedy += f", or base = {_quoted(others)}" if others else ""
+    reason = f'is not implemented with base = "{base}"'
+    if law == "reflect":
+        reason = f'has no meaning with base = "{base}", which a ball cannot be pushed into'
+    return f'rebound = "{law}" {reason}: take {remedy}'
+
+
+def _quoted(bases: Collection[str]) -> str:
+    return " or ".join(f'"{base}"' for base in bases)
+
+
+def cells() -> Iterator[tuple[str, dict[str, str]]]:
+    """Give every base with each law, measure and analysis, as `refusal` takes them."""
+    asked = [{"law": law} for law in LAWS]
+    asked += [{"measure": key} for key in MEASURES]
+    asked += [{"analysis": name} for name in ANALYSES]
+    yield from product(BASES, asked)

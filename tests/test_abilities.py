@@ -1,0 +1,89 @@
+"""Every cell of the table of abilities is refused, with its sentence, or not refused at all."""
+
+import pytest
+
+import vibrosweep as vs
+from vibrosweep.abilities import ANALYSES, BASES, cells, refusal
+from vibrosweep.analysis import energy_balance, heights_against_restitution, slot_decay
+from vibrosweep.errors import SpecError, VibrosweepError
+from vibrosweep.kernels.impact import BASE_OF, base_of
+from vibrosweep.kernels.laws import LAW_OF
+from vibrosweep.lab.experiment import LABORATORY
+from vibrosweep.model.parameters import LAWS_OF
+from vibrosweep.spec.keywords import keyword_spec
+
+CELLS = list(cells())
+MOUNT = {"mass_ratio": 0.1, "mount_frequency": 2.0}
+AXES = {"amplitude": [1.0, 1.1], "restitution": 0.5, "duration": 3.0}
+RESULTS = {f.__name__: f for f in (energy_balance, heights_against_restitution, slot_decay)}
+
+
+def add_speed(totals, landing):
+    totals[0] += landing.speed
+
+
+def over(base, **keywords):
+    return {"base": base, **(MOUNT if base == "sprung" else {}), **keywords}
+
+
+def perform(base, analysis):
+    """Call an analysis that computes anew, with as little as it takes."""
+    if analysis == "basins":
+        return vs.basins(over(base, launch_velocity=[3.0], duration=3.0))
+    if analysis == "sobol":
+        return keyword_spec(over(base, amplitude=(0.2, 3.5), realizations=4))
+    if analysis == "record":
+        return keyword_spec(over(base, record={}))
+    if analysis == "observables":
+        seen = vs.Observable("seen", add_speed, "sum of speeds")
+        return keyword_spec(over(base)).observing([seen])
+    if analysis in RESULTS:
+        return RESULTS[analysis](vs.sweep(over(base, duration=1.0)))
+    if analysis == "separations":
+        return keyword_spec(over(base, separation=True))
+    if analysis in ("windows", "bifurcation"):
+        return getattr(vs, analysis)(over(base, **AXES))
+    variation = vs.lab.Variation(**{analysis: 0.1})
+    scene = {**LABORATORY, **(MOUNT | {"mount_damping": 0.0} if base == "sprung" else {})}
+    return vs.lab.Experiment(scene=scene, base=base, variation=variation)
+
+
+@pytest.mark.parametrize(("base", "asked"), [c for c in CELLS if refusal(c[0], **c[1])], ids=str)
+def test_what_a_base_cannot_do_is_refused_with_its_sentence(base, asked):
+    sentence = refusal(base, **asked)
+    if "analysis" in asked:
+        with pytest.raises(VibrosweepError) as caught:
+            perform(base, asked["analysis"])
+        assert str(caught.value).endswith(sentence)
+        return
+    given = {"rebound": asked["law"]} if "law" in asked else {asked["measure"]: True}
+    with pytest.raises(SpecError) as listed:
+        keyword_spec(over(base, **given))
+    assert sentence in [mistake.rule for mistake in listed.value.mistakes]
+
+
+@pytest.mark.parametrize(
+    ("base", "asked"), [c for c in CELLS if not refusal(c[0], **c[1])], ids=str
+)
+def test_what_a_base_can_do_is_not_refused(base, asked):
+    if asked.get("analysis") in ("windows", "bifurcation", "basins", *RESULTS):
+        return  # tests of their own compute them
+    if "analysis" in asked:
+        perform(base, asked["analysis"])
+    else:
+        given = {"rebound": asked["law"]} if "law" in asked else {asked["measure"]: True}
+        assert keyword_spec(over(base, **given)).base == base
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_a_law_that_somebody_adds_is_refused_where_no_base_implements_it(base, monkeypatch):
+    monkeypatch.setitem(LAW_OF, "softening", LAW_OF["rest"])
+    assert "softening" not in LAWS_OF[base]
+    assert 'rebound = "softening" is not implemented' in refusal(base, law="softening")
+    if base in BASE_OF:
+        with pytest.raises(vs.errors.ParameterError, match="softening"):
+            base_of(base, "softening")
+
+
+def test_every_analysis_can_be_had_over_some_base():
+    assert all(set(ability.bases) <= set(BASES) and ability.bases for ability in ANALYSES.values())
