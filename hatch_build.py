@@ -1,8 +1,9 @@
-"""What an index shows of the package: addresses, and a README whose links work there."""
+"""What an index shows of the package: names, addresses, and a README whose links work there."""
 
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +14,22 @@ LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?:|#)([^)]+)\)")
 
 
 class Hook(MetadataHookInterface):
-    """Sets `urls` and `readme` from the addresses in pyproject.toml."""
+    """Sets `authors`, `urls` and `readme` from MAINTAINERS.toml."""
 
     def update(self, metadata: dict[str, Any]) -> None:
-        """Set the two fields."""
+        """Set the three fields."""
+        root = Path(self.root)
+        given = tomllib.loads((root / "MAINTAINERS.toml").read_text(encoding="utf-8"))
+        addresses = given["addresses"]
+        metadata["authors"] = [
+            {key: one[key] for key in ("name", "email") if one.get(key)} for one in given["authors"]
+        ]
         named = ("source", "documentation", "changelog", "issues")
-        metadata["urls"] = {
-            name.title(): self.config[name] for name in named if self.config.get(name)
-        }
-        text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
+        metadata["urls"] = {name.title(): addresses[name] for name in named if addresses.get(name)}
+        text = (root / "README.md").read_text(encoding="utf-8")
         metadata["readme"] = {
             "content-type": "text/markdown",
-            "text": described(text, self.config.get("files", "")),
+            "text": described(text, addresses.get("files", "")),
         }
 
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import os
 import re
+import tomllib
+from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import unescape
 
@@ -19,8 +21,10 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
     from sphinx.writers.html5 import HTML5Translator
 
+GIVEN = tomllib.loads((Path(__file__).parents[1] / "MAINTAINERS.toml").read_text("utf-8"))
+
 project = "vibrosweep"
-author = copyright = "The vibrosweep developers"  # noqa: A001
+author = copyright = ", ".join(one["name"] for one in GIVEN["authors"])  # noqa: A001
 version = release = vibrosweep.__version__
 
 extensions = [
@@ -61,7 +65,12 @@ html_show_sourcelink = False
 html_sidebars = {page: [] for page in ("index", "start", "gallery")}  # nothing is below them
 html_theme_options = {
     "navbar_align": "left",
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 6,
+    "icon_links": [
+        {"name": "Repository", "url": url, "icon": "fa-solid fa-code-branch"}
+        for url in (GIVEN["addresses"]["source"],)
+        if url
+    ],
     "show_toc_level": 2,
     "navigation_with_keys": False,
     "footer_start": ["copyright"],

@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import shutil
 import tomllib
 import zipfile
 from email.parser import BytesParser
@@ -10,8 +11,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-ADDRESSES = PROJECT["tool"]["hatch"]["metadata"]["hooks"]["custom"]
+GIVEN = tomllib.loads((ROOT / "MAINTAINERS.toml").read_text(encoding="utf-8"))
+ADDRESSES = GIVEN["addresses"]
 
 
 @pytest.fixture(scope="module")
@@ -66,11 +67,12 @@ def test_the_description_shows_no_picture_that_an_index_cannot_find(metadata):
     assert "# vibrosweep" in text
     for target in re.findall(r"\]\(([^)#]+)", text):
         assert target.startswith("https://"), target
-    named = {key.title() for key, address in ADDRESSES.items() if key != "files" and address}
+    shown = ("source", "documentation", "changelog", "issues")
+    named = {key.title() for key in shown if ADDRESSES[key]}
     assert {url.partition(",")[0] for url in metadata.get_all("Project-URL", [])} == named
 
 
-def test_addresses_reach_the_description(hook):
+def test_names_and_addresses_reach_the_description(hook, tmp_path):
     readme = (
         "a\n![One](docs/one.png)\n![Two](docs/two.png)\n[model](docs/model.md), [x](https://x)\n"
     )
@@ -79,9 +81,15 @@ def test_addresses_reach_the_description(hook):
         "a\n![One](https://files/v1/docs/one.png)\n![Two](https://files/v1/docs/two.png)\n"
         "[model](https://files/v1/docs/model.md), [x](https://x)\n"
     )
+    shutil.copy(ROOT / "README.md", tmp_path)
+    (tmp_path / "MAINTAINERS.toml").write_text(
+        '[[authors]]\nname = "A"\nemail = "a@b"\n[[authors]]\nname = "B"\nemail = ""\n'
+        '[addresses]\nsource = "https://source"\nissues = ""\nfiles = "https://files"\n',
+        encoding="utf-8",
+    )
     metadata = {}
-    given = {"source": "https://source", "issues": "", "files": "https://files"}
-    hook.Hook(str(ROOT), given).update(metadata)
+    hook.Hook(str(tmp_path), {}).update(metadata)
+    assert metadata["authors"] == [{"name": "A", "email": "a@b"}, {"name": "B"}]
     assert metadata["urls"] == {"Source": "https://source"}
     assert "](https://files/docs/images/" in metadata["readme"]["text"]
 
@@ -99,3 +107,18 @@ def test_the_citation_is_of_this_version(metadata):
     assert stated["license"] == metadata["License-Expression"]
     assert stated["abstract"].rstrip(".") == metadata["Summary"]
     assert stated.get("repository-code", "") == ADDRESSES["source"]
+
+
+@pytest.mark.parametrize("path", ["CITATION.cff", "paper/paper.md"])
+def test_authors_are_those_that_the_maintainers_give(path):
+    text = (ROOT / path).read_text(encoding="utf-8")
+    listed = re.search(r"^authors:.*\n((?:  .*\n)+)", text, re.MULTILINE)[1]
+    assert re.findall(r"name: (.+)", listed) == [one["name"] for one in GIVEN["authors"]]
+
+
+def test_everything_that_the_paper_cites_is_in_its_bibliography():
+    paper, library = (
+        (ROOT / "paper" / name).read_text("utf-8") for name in ("paper.md", "paper.bib")
+    )
+    cited = set(re.findall(r"@(\w+)", paper))
+    assert cited == set(re.findall(r"^@\w+\{(\w+),", library, re.MULTILINE))
