@@ -48,9 +48,7 @@ def drawings(record):
     return {
         "flights": found.flights,
         "stays": found.stays,
-        "return map": pictures.return_map(record),
-        "phases": pictures.landing_phases(record),
-        "separations": pictures.separations(record),
+        **{name: dots.columns(record) for name, dots in pictures.DOTS.items()},
     }
 
 
@@ -73,7 +71,9 @@ def assert_shows(view, record):
     for source, columns in drawings(record).items():
         shown = content[source]
         assert rows(shown, shown) <= rows(columns, shown)
-        across = next(name for name in ("start", "time", "speed") if name in columns)
+        across = next(
+            name for name in ("start", "arrival_speed", "landing_time") if name in columns
+        )
         left, right, _, _ = content["views"].get(source, content["views"]["height"])
         pixel = (right - left) / motion_view.GUESS[0]
         assert farthest(columns[across], shown[across]) <= pixel
@@ -141,8 +141,8 @@ def test_a_window_that_is_moved_gets_all_that_is_seen_in_it(page):
     columns = drawings(record)
     sent = window(page, "phases", 3.0, 3.2, 0.0, 1.0)
     assert set(sent) == {"phases"}
-    time = columns["phases"]["time"]
-    assert set(time[(time > 3.0) & (time < 3.2)]) <= set(sent["phases"]["time"])
+    time = columns["phases"]["landing_time"]
+    assert set(time[(time > 3.0) & (time < 3.2)]) <= set(sent["phases"]["landing_time"])
     flights = window(page, "height", 3.0, 3.2, 0.0, 1.0)["flights"]
     over = (columns["flights"]["start"] < 3.2) & (columns["flights"]["end"] > 3.0)
     assert set(columns["flights"]["start"][over]) <= set(flights["start"])

@@ -77,15 +77,15 @@ def test_the_view_holds_all_flights(record):
 
 def test_landing_phases_come_to_that_of_the_locked_orbit():
     record = vs.simulate(**LOCKED, duration=800.0)
-    found = pictures.landing_phases(record)
-    assert np.array_equal(found["time"], known(record.landing_time.values))
+    found = vs.analysis.landing_phases(record)
+    assert np.array_equal(found["landing_time"], known(record.landing_time.values))
     assert found["phase"][-1] == pytest.approx(0.4329824002, abs=1e-9)
 
 
 def test_a_locked_orbit_is_a_point_of_the_return_map():
-    found = pictures.return_map(vs.simulate(**LOCKED, duration=800.0))
-    assert found["speed"][-1] == pytest.approx(4.905, abs=1e-9)
-    assert found["next"][-1] == pytest.approx(4.905, abs=1e-9)
+    found = vs.analysis.return_map(vs.simulate(**LOCKED, duration=800.0))
+    assert found["arrival_speed"][-1] == pytest.approx(4.905, abs=1e-9)
+    assert found["next_arrival_speed"][-1] == pytest.approx(4.905, abs=1e-9)
 
 
 def test_the_smallest_separation_is_that_of_the_sweep(results):
@@ -93,11 +93,12 @@ def test_the_smallest_separation_is_that_of_the_sweep(results):
     points = of_result(swept, Path("out.h5"), "sweep")
     apart = np.flatnonzero(swept.dt_min.values > 0.0)
     for i in apart[:5]:
-        gaps = pictures.separations(points.choice(int(i)).simulate())["gap"]
+        record = points.choice(int(i)).simulate()
+        gaps = vs.analysis.landing_separations(record)["separation"].values
         # times of some seconds are rounded to 1e-15 s
         assert gaps.min() == pytest.approx(float(swept.dt_min[i]), rel=1e-6, abs=1e-14)
     assert apart.size
 
 
 def test_one_particle_has_no_separations():
-    assert pictures.separations(vs.simulate(**LOCKED))["gap"].size == 0
+    assert vs.analysis.landing_separations(vs.simulate(**LOCKED)).sizes["landing"] == 0

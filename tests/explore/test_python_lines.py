@@ -4,7 +4,8 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from vibrosweep.explore import pictures, python_lines
+import vibrosweep as vs
+from vibrosweep.explore import python_lines
 from vibrosweep.explore.points import open_points
 from vibrosweep.explore.table import TABLE, table
 
@@ -33,7 +34,9 @@ def test_lines_of_motions_give_the_record_and_a_picture(points, picture, tmp_pat
     assert len(list(tmp_path.glob("*.png"))) == 1
     if picture == "separations":
         drawn = names["axes"].collections[0].get_offsets()
-        assert np.array_equal(drawn[:, 1], pictures.separations(choice.simulate())["gap"])
+        assert np.array_equal(
+            drawn[:, 1], vs.analysis.landing_separations(choice.simulate())["separation"]
+        )
 
 
 SPECS = {

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from vibrosweep.analysis.energy import energy_balance
     from vibrosweep.analysis.equal_heights import crossings
     from vibrosweep.analysis.heights import heights_against_restitution
+    from vibrosweep.analysis.landing_instants import landing_phases, landing_separations
     from vibrosweep.analysis.meetings import first_shared_base
     from vibrosweep.analysis.order import order_of_landings
     from vibrosweep.analysis.preservation import separation_changes
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
         separation_distribution,
     )
     from vibrosweep.analysis.windows import find_windows
+    from vibrosweep.store.rows import flat
 
 __all__ = [
     "Condition",
@@ -38,7 +40,10 @@ __all__ = [
     "energy_balance",
     "find_windows",
     "first_shared_base",
+    "flat",
     "heights_against_restitution",
+    "landing_phases",
+    "landing_separations",
     "order_of_landings",
     "require",
     "return_map",
@@ -55,6 +60,10 @@ _HOMES: Final = {
     "energy_balance": "vibrosweep.analysis.energy",
     "crossings": "vibrosweep.analysis.equal_heights",
     "heights_against_restitution": "vibrosweep.analysis.heights",
+    "flat": "vibrosweep.store.rows",
+    **dict.fromkeys(
+        ("landing_phases", "landing_separations"), "vibrosweep.analysis.landing_instants"
+    ),
     "first_shared_base": "vibrosweep.analysis.meetings",
     "order_of_landings": "vibrosweep.analysis.order",
     "separation_changes": "vibrosweep.analysis.preservation",

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from vibrosweep.engine.landings import launch_times
+import numpy as np
+
+import vibrosweep as vs
 from vibrosweep.model.forcing import inputs_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, SPRUNG, STAGGERED
 from vibrosweep.model.times import Periods, Time, amount
@@ -48,7 +50,8 @@ class Choice:
         if not isinstance(self.launch, Spread):
             return self.launch
         frequency = self.inputs["frequency"]
-        times = launch_times(STAGGERED, self.particles, frequency) * self.launch.width
+        staggered = np.arange(self.particles) / (self.particles * frequency)
+        times = staggered * self.launch.width
         return tuple((times + self.launch.first / frequency).tolist())
 
     @property
@@ -101,9 +104,7 @@ class Choice:
 
     def simulate(self) -> xr.Dataset:
         """Every landing, as `vibrosweep.simulate` returns it."""
-        from vibrosweep.api.simulation import simulate
-
-        return simulate(**self.keywords())
+        return vs.simulate(**self.keywords())
 
     def observe(self) -> xr.Dataset:
         """Regimes, exponents and separations, as `vibrosweep.sweep` returns them.
@@ -111,8 +112,6 @@ class Choice:
         Particles are observed for `OBSERVED_PERIODS`; those that a base of finite mass couples as
         long as they are drawn, for each landing of theirs takes much longer.
         """
-        from vibrosweep.api.sweeps import sweep
-
         coupled = self.base == SPRUNG
         longer = self if coupled else self.lasting(max(OBSERVED_PERIODS, self.periods))
         asked: dict[str, Any] = {
@@ -120,4 +119,4 @@ class Choice:
             **longer.sweep_keywords(),
             **dict.fromkeys(("joint",) if coupled else ("regimes", "lyapunov"), True),
         }
-        return sweep(separation=True, progress=False, **asked)
+        return vs.sweep(separation=True, progress=False, **asked)

@@ -1,22 +1,27 @@
-"""What the page of a server and the page in a file share."""
+"""Parts that the page of a server and the page in a file share."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from bokeh.models import Select
+from bokeh.document import Document
+from bokeh.events import DocumentReady
+from bokeh.layouts import row
+from bokeh.models import Button, Div, PreText, Select
 
 from vibrosweep.explore.motion_view import MotionView
 from vibrosweep.explore.plane_view import NO_MARKER, PlaneView
+from vibrosweep.explore.table import TABLE
 
 TEMPLATE: Final = (Path(__file__).parent / "page.html").read_text("utf-8")
 TITLES: Final = {"x": "horizontal", "y": "vertical", "colour": "colour", "marker": "marker"}
+WRAP: Final = {"flex-wrap": "wrap"}
 
 
 def picker(plane: PlaneView, name: str) -> Select:
-    """Choose what the plane has along x or y, as its colour or as its marker."""
+    """Choose the column along x or y of the plane, that of its colour or of its marker."""
     columns = plane.points.columns
     options = [(key, one.label) for key, one in columns.items()]
     if name == "marker":
@@ -27,19 +32,50 @@ def picker(plane: PlaneView, name: str) -> Select:
     )
 
 
-def parts(
-    left: Sequence[Any], motions: Sequence[MotionView], right: Sequence[Any]
-) -> tuple[list[Any], dict[str, Any]]:
-    """Roots of the document, and where `TEMPLATE` places them by their names.
+def picker_row(pickers: Iterable[Select]) -> Any:
+    """Pickers side by side, as many as fit."""
+    return row(*pickers, styles=WRAP, sizing_mode="stretch_width", name="pickers")
 
-    The style sheet lays the page out.  Each picture and each text is a root of its own, because a
-    change of a text would have Bokeh lay out all that is in the same root.  `left` is beside the
-    plane, `right` below the motions.
+
+def paragraph(name: str, text: str = "") -> Div:
+    """HTML as wide as its column."""
+    return Div(text=text, sizing_mode="stretch_width", name=name)
+
+
+def code_block(text: str = "") -> PreText:
+    """The Python lines of a picture."""
+    return PreText(text=text, styles={"overflow-x": "auto"}, name="code")
+
+
+def code_picker(options: Sequence[str]) -> Select:
+    """Choose the picture whose Python lines are shown."""
+    return Select(title="Python lines of", value="height", options=[*options], name="picture")
+
+
+def save_button() -> Button:
+    """Save the chosen points; disabled until there are some."""
+    return Button(label=f"Save the table as {TABLE}", disabled=True, name="save")
+
+
+def fill(
+    document: Document,
+    left: Sequence[Any],
+    motions: Sequence[MotionView],
+    right: Sequence[Any],
+) -> dict[str, Any]:
+    """Add the widgets and figures to a document; return where `TEMPLATE` places them, by name.
+
+    The style sheet lays the page out.  Each picture and each text is a root of its own, because
+    Bokeh lays out again all that is in the same root when a text changes.  `left` stands around
+    the plane, `right` below the motions.
     """
     roots = [*left, *(root for motion in motions for root in motion.roots), *right]
-    names = {
+    with document.models.freeze():  # otherwise each root makes Bokeh gather all models again
+        for root in roots:
+            document.add_root(root)
+    document.js_on_event(DocumentReady, *(motion.script for motion in motions))
+    return {
         "left": [root.name for root in left],
         "motions": [[root.name for root in motion.roots] for motion in motions],
         "right": [root.name for root in right],
     }
-    return roots, names

@@ -10,16 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 from bokeh.document import Document
-from bokeh.events import DocumentReady, SelectionGeometry, Tap
+from bokeh.events import SelectionGeometry, Tap
 from bokeh.layouts import row
-from bokeh.models import (
-    Button,
-    ColumnDataSource,
-    CustomJS,
-    Div,
-    PreText,
-    Select,
-)
+from bokeh.models import Button, ColumnDataSource, CustomJS
 from numpy.typing import NDArray
 
 from vibrosweep.explore import python_lines as lines
@@ -27,7 +20,17 @@ from vibrosweep.explore.background import Background
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.controls import Controls
 from vibrosweep.explore.facts import facts_html, named
-from vibrosweep.explore.layout import TEMPLATE, parts, picker
+from vibrosweep.explore.layout import (
+    TEMPLATE,
+    WRAP,
+    code_block,
+    code_picker,
+    fill,
+    paragraph,
+    picker,
+    picker_row,
+    save_button,
+)
 from vibrosweep.explore.motion_view import MotionView
 from vibrosweep.explore.plane_view import PlaneView
 from vibrosweep.explore.points import Points
@@ -101,30 +104,22 @@ class Page:
     def _build(self) -> None:
         self.pickers = {name: picker(self.plane, name) for name in ("x", "y", "colour", "marker")}
         self.pickers["marker"].visible = not self.plane.pixels
-        self.status = Div(text="", sizing_mode="stretch_width", name="status")
-        self.facts = Div(text="", sizing_mode="stretch_width", name="facts")
-        self.selection = Div(
-            text="The lasso and the box of the plane choose realizations for a table.",
-            sizing_mode="stretch_width",
-            name="selection",
+        self.status, self.facts = paragraph("status"), paragraph("facts")
+        self.selection = paragraph(
+            "selection", "The lasso and the box of the plane choose realizations for a table."
         )
-        self.save = Button(label=f"Save the table as {TABLE}", disabled=True, name="save")
+        self.save = save_button()
         self.holder = ColumnDataSource({"text": [""]})
         self.save.tags = [self.holder]  # a browser is told only of what belongs to a widget
-        self.picture = Select(
-            title="Python lines of",
-            value="height",
-            options=[PLANE, *lines.PICTURES, "table of the selection"],
-            name="picture",
-        )
-        self.code = PreText(text="", styles={"overflow-x": "auto"}, name="code")
+        self.picture = code_picker([PLANE, *lines.PICTURES, "table of the selection"])
+        self.code = code_block()
         copy = Button(label="Copy")
         copy.js_on_click(CustomJS(args={"code": self.code}, code=COPY))
         remark = html.escape(self.points.remark)
-        note = Div(text=remark, visible=bool(remark), sizing_mode="stretch_width", name="remark")
-        wrap = {"flex-wrap": "wrap"}
-        left = [
-            row(*self.pickers.values(), styles=wrap, sizing_mode="stretch_width", name="pickers"),
+        note = paragraph("remark", remark)
+        note.visible = bool(remark)
+        self.left = [
+            picker_row(self.pickers.values()),
             self.plane.figure,
             self.status,
             note,
@@ -132,8 +127,8 @@ class Page:
             self.selection,
             self.save,
         ]
-        lines_of = row(self.picture, copy, styles={**wrap, "align-items": "end"}, name="lines of")
-        self.roots, self.places = parts(left, self.motions, [self.facts, lines_of, self.code])
+        lines_of = row(self.picture, copy, styles={**WRAP, "align-items": "end"}, name="lines of")
+        self.right = [self.facts, lines_of, self.code]
 
     def _listen(self) -> None:
         for name, one in self.pickers.items():
@@ -154,13 +149,10 @@ class Page:
 
     def attach(self) -> None:
         """Make this the content of the document."""
-        with self.document.models.freeze():  # else each would have all models gathered again
-            for root in self.roots:
-                self.document.add_root(root)
-        self.document.js_on_event(DocumentReady, *(motion.script for motion in self.motions))
+        places = fill(self.document, self.left, self.motions, self.right)
         self.document.title = self.points.heading
         self.document.template = TEMPLATE
-        self.document.template_variables.update(self.places)
+        self.document.template_variables.update(places)
 
     def _tapped(self, event: Any) -> None:
         if are_numbers(event.x, event.y):

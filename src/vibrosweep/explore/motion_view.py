@@ -19,11 +19,10 @@ from bokeh.models import (
 from bokeh.plotting import figure
 
 from vibrosweep.arrays import Array
-from vibrosweep.explore import pictures
 from vibrosweep.explore.colours import particle_colours
-from vibrosweep.explore.pictures import Columns
-from vibrosweep.explore.seen import Axis, seen
+from vibrosweep.explore.pictures import DOTS, HEIGHT, Columns, heights
 from vibrosweep.explore.sources import empty_source, inner_pixels, is_window
+from vibrosweep.explore.visible import Axis, visible_rows
 
 View = tuple[float, float, float, float]  # x and y, each from where to where
 
@@ -35,16 +34,9 @@ TITLES: Final = {
     "phases": "Landing phases",
     "separations": "Separations",
 }
-AXES: Final = {
-    "height": ("time t (s)", "height y (m)"),
-    "return map": ("speed of arrival vₙ (m s⁻¹)", "next one vₙ₊₁ (m s⁻¹)"),
-    "phases": ("time t (s)", "phase of landing (turns)"),
-    "separations": ("time t (s)", "time since another landed (s)"),
-}
-DOTS: Final = {
-    "return map": ("speed", "next"),
-    "phases": ("time", "phase"),
-    "separations": ("time", "gap"),
+LABELS: Final = {
+    HEIGHT: ("time t (s)", "height y (m)"),
+    **{name: (dots.x_label, dots.y_label) for name, dots in DOTS.items()},
 }
 FLIGHT: Final = ("start", "y_start", "end", "y_end", "cx", "cy")
 STAY: Final = FLIGHT[:4]
@@ -78,10 +70,9 @@ class MotionView:
             "base": empty_source("time", "height", "floor"),
             "flights": empty_source(*FLIGHT, "particle"),
             "stays": empty_source(*STAY, "particle"),
-            "return map": empty_source("speed", "next", "particle"),
-            "phases": empty_source("time", "phase", "particle"),
-            "separations": empty_source("time", "gap", "particle", "other"),
+            **{name: empty_source(dots.x, dots.y, "particle") for name, dots in DOTS.items()},
         }
+        self.sources["separations"].add([], "previous_particle")
         self._columns: dict[str, Columns] = {}
         self._views: dict[str, View] = {}
         self.figures = {name: self._figure(name, key) for name in TITLES}
@@ -99,7 +90,7 @@ class MotionView:
 
     def _figure(self, name: str, key: str) -> Any:
         large = name == "height"
-        given = {"y_axis_type": "log"} if name == "separations" else {}
+        given = {"y_axis_type": "log"} if self._is_log(name) else {}
         plot = figure(
             title=TITLES[name],
             height=290 if large else 250,
@@ -108,8 +99,8 @@ class MotionView:
             tools="pan,wheel_zoom,box_zoom,reset,save",
             active_drag="box_zoom",
             toolbar_location="right" if large else "above",
-            x_axis_label=AXES[name][0],
-            y_axis_label=AXES[name][1],
+            x_axis_label=LABELS[name][0],
+            y_axis_label=LABELS[name][1],
             x_range=Range1d(0, 1),
             y_range=Range1d(1e-3, 1),
             name=f"{name} {key}",
@@ -120,6 +111,10 @@ class MotionView:
         if not self.whole:
             plot.on_event(RangesUpdate, lambda event: self._moved(name, event))
         return plot
+
+    @staticmethod
+    def _is_log(name: str) -> bool:
+        return name in DOTS and DOTS[name].log
 
     def _colour(self) -> dict[str, Any]:
         return {"field": "particle", "transform": self.mapper}
@@ -135,16 +130,17 @@ class MotionView:
         )
 
     def _draw_dots(self, name: str) -> None:
-        plot, (x, y) = self.figures[name], DOTS[name]
+        plot, x, y = self.figures[name], DOTS[name].x, DOTS[name].y
         source = self.sources[name]
         if name == "return map":
             plot.line(x=[-1e6, 1e6], y=[-1e6, 1e6], line_color="#bbbbbb")
         drawn = plot.scatter(
             x, y, source=source, marker="square", size=3, fill_color=self._colour(), line_color=None
         )
-        tips = [(AXES[name][0], f"@{x}{{0.000000}}"), (AXES[name][1], f"@{y}{{0.00000000}}")]
+        tips = [(LABELS[name][0], f"@{x}{{0.000000}}"), (LABELS[name][1], f"@{y}{{0.00000000}}")]
         others = [("particle", "@particle")]
-        others += [("after particle", "@other")] if "other" in source.data else []
+        if "previous_particle" in source.data:
+            others.append(("after particle", "@previous_particle"))
         plot.add_tools(HoverTool(renderers=[drawn], tooltips=[*tips, *others]))
 
     @property
@@ -159,20 +155,19 @@ class MotionView:
 
     def show(self, record: xr.Dataset, words: str) -> None:
         """Show a record; `words` say of what."""
-        found = pictures.heights(record)
+        found = heights(record)
         self._columns = {
             "flights": found.flights,
             "stays": found.stays,
-            "return map": pictures.return_map(record),
-            "phases": pictures.landing_phases(record),
-            "separations": pictures.separations(record),
+            **{name: dots.columns(record) for name, dots in DOTS.items()},
         }
         span, (bottom, top) = found.span
         room = 0.06 * (top - bottom)
-        speeds = np.concatenate([self._columns["return map"][name] for name in ("speed", "next")])
+        arrivals = self._columns["return map"]
+        speeds = np.concatenate([arrivals["arrival_speed"], arrivals["next_arrival_speed"]])
         fastest, slowest = float(speeds.max(initial=0.1)), float(speeds.min(initial=0.0))
         view = (slowest - 0.04 * fastest, 1.06 * fastest)
-        gaps = self._columns["separations"]["gap"]
+        gaps = self._columns["separations"]["separation"]
         known = gaps[gaps > 0.0]
         low, high = (float(known.min()), float(known.max())) if known.size else (1e-3, 1.0)
         self._views = {
@@ -191,7 +186,7 @@ class MotionView:
             "heading": f"<b>{words}</b>{note if together else ''}",
         }
         for name in TITLES:
-            content.update(self._seen(name))
+            content.update(self._visible(name))
         self._send(content)
 
     def _send(self, content: dict[str, Any]) -> None:
@@ -202,12 +197,12 @@ class MotionView:
         ends = event.x0, event.x1, event.y0, event.y1
         if is_window(*ends):
             self._views[name] = ends
-            self._send(self._seen(name))
+            self._send(self._visible(name))
 
-    def _seen(self, name: str) -> dict[str, Columns]:
-        """Columns of what is seen in the window of a picture."""
-        if name != "height":
-            x, y = (self._columns[name][column] for column in DOTS[name])
+    def _visible(self, name: str) -> dict[str, Columns]:
+        """Columns of the elements that are visible in the window of a picture."""
+        if name != HEIGHT:
+            x, y = (self._columns[name][column] for column in (DOTS[name].x, DOTS[name].y))
             return {name: self._taken(name, name, [x], y)}
         flights, stays = self._columns["flights"], self._columns["stays"]
         middles = {
@@ -220,10 +215,10 @@ class MotionView:
         }
 
     def _taken(self, name: str, source: str, across: list[Array], up: Array) -> Columns:
-        rows = np.arange(up.size) if self.whole else seen(across, up, *self._axes(name))
+        rows = np.arange(up.size) if self.whole else visible_rows(across, up, *self._axes(name))
         return {n: self._columns[source][n][rows] for n in self.sources[source].data}
 
     def _axes(self, name: str) -> tuple[Axis, Axis]:
         columns, rows = inner_pixels(self.figures[name], GUESS)
         left, right, low, high = self._views[name]
-        return Axis(left, right, columns), Axis(low, high, rows, log=name == "separations")
+        return Axis(left, right, columns), Axis(low, high, rows, log=self._is_log(name))

@@ -1,18 +1,17 @@
-"""What is drawn of a record of landings: flights and the base, return map, phases, separations."""
+"""The pictures of a record of landings: heights against time, and three with a dot a landing."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep import analysis
 from vibrosweep.analysis.base_motion import BaseMotion, recoils
 from vibrosweep.analysis.record_flights import base_motion, course
-from vibrosweep.analysis.returns import return_points
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Columns = dict[str, NDArray[Any]]
 
@@ -20,6 +19,46 @@ Columns = dict[str, NDArray[Any]]
 SAMPLES: Final = 48
 MOST_SAMPLES: Final = 20_000
 OF_STAY: Final = 24
+
+HEIGHT: Final = "height"
+
+
+class Dots(NamedTuple):
+    """A picture that shows a dot for each landing, coloured by the particle."""
+
+    analysis: Callable[[xr.Dataset], xr.Dataset]  # from a record to its columns
+    # x, y: names of two columns; x_label, y_label: what stands at the axes
+    x: str
+    y: str
+    x_label: str
+    y_label: str
+    log: bool = False  # whether the vertical axis is logarithmic
+
+    def columns(self, record: xr.Dataset) -> Columns:
+        """Columns of the dots of the first realization of a record."""
+        return {str(name): column.values for name, column in self.analysis(record).items()}
+
+
+DOTS: Final[Mapping[str, Dots]] = {
+    "return map": Dots(
+        analysis.return_map,
+        "arrival_speed",
+        "next_arrival_speed",
+        "speed of arrival vₙ (m s⁻¹)",
+        "next one vₙ₊₁ (m s⁻¹)",
+    ),
+    "phases": Dots(
+        analysis.landing_phases, "landing_time", "phase", "time t (s)", "phase of landing (turns)"
+    ),
+    "separations": Dots(
+        analysis.landing_separations,
+        "landing_time",
+        "separation",
+        "time t (s)",
+        "time since another landed (s)",
+        log=True,
+    ),
+}
 
 
 class Heights(NamedTuple):
@@ -94,48 +133,3 @@ def _base(one: xr.Dataset, base: BaseMotion, begin: float, end: float) -> Column
             landing = one["landing_time"].values
             time = np.union1d(time, landing[np.isfinite(landing)])
     return {"time": time, "height": base.height(time)}
-
-
-def return_map(record: xr.Dataset) -> Columns:
-    """Speed of arrival at each landing and at the next (m s-1), with the particle.
-
-    Of the first realization of a record.
-    """
-    one = record.isel(realization=0)
-    before, after, known = return_points(one)
-    particle, _ = np.nonzero(known)
-    return {"speed": before[known], "next": after[known], "particle": particle}
-
-
-def landing_phases(record: xr.Dataset) -> Columns:
-    """Time (s) and phase of the forcing (turns, 0 to 1) of each landing, with its particle.
-
-    Of the first realization of a record.
-    """
-    one = record.isel(realization=0)
-    time = one["landing_time"].values
-    particle, impact = np.nonzero(np.isfinite(time))
-    time = time[particle, impact]
-    turns = float(one["frequency"]) * time + float(one["phase"]) / (2.0 * np.pi)
-    return {"time": time, "phase": turns % 1.0, "particle": particle}
-
-
-def separations(record: xr.Dataset) -> Columns:
-    """Time from each landing to the next one, where that is another particle's.
-
-    Of the first realization of a record: ``time`` of the later landing and ``gap`` (s),
-    ``particle`` and ``other``, the numbers of the particles that land later and earlier.  The
-    smallest gap is ``dt_min``.
-    """
-    time = record["landing_time"].values[0]
-    particle, impact = np.nonzero(np.isfinite(time))
-    order = np.argsort(time[particle, impact], kind="stable")
-    sequence, instants = particle[order], time[particle, impact][order]
-    gap = np.diff(instants)
-    different = sequence[1:] != sequence[:-1]
-    return {
-        "time": instants[1:][different],
-        "gap": gap[different],
-        "particle": sequence[1:][different],
-        "other": sequence[:-1][different],
-    }

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+import vibrosweep as vs
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.explore.choice import Choice, Spread
@@ -21,7 +22,6 @@ from vibrosweep.model.mount import MASSES
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED
 from vibrosweep.model.times import Periods, amount
 from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
-from vibrosweep.store.rows import REALIZATION, flat
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -97,9 +97,7 @@ def open_points(path: Path) -> Points:
     """Read a result; a DataError where it cannot be read, or nothing of it lies in a plane."""
     kind = read_kind(path)
     if kind is SWEEP:
-        from vibrosweep.api.results import open_sweep
-
-        with open_sweep(path) as dataset:
+        with vs.open_sweep(path) as dataset:
             # single particles are many, and computed again where a point is clicked
             several = [name for name, v in dataset.data_vars.items() if "particle" in v.dims]
             return of_result(dataset.drop_vars(several).load(), path, kind.name)
@@ -150,14 +148,13 @@ def _require_sound(points: Points) -> None:
 
 def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
     """Every realization is a point."""
-    sweep = flat(dataset)
-    size = (REALIZATION,)
-    along = {str(n): v for n, v in sweep.variables.items() if v.dims == size}
-    numbers = {n: v for n, v in along.items() if v.dtype.kind in "iufb" and n != REALIZATION}
+    sweep = vs.analysis.flat(dataset)
+    along = {str(n): v for n, v in sweep.variables.items() if v.dims == ("realization",)}
+    numbers = {n: v for n, v in along.items() if v.dtype.kind in "iufb" and n != "realization"}
     inputs = [name for name in INPUTS if name in numbers]
     columns = {name: _column(name, numbers[name]) for name in inputs}
     columns |= {n: _column(n, _numbers(n, sweep)) for n in numbers if n not in columns}
-    index = np.arange(sweep.sizes[REALIZATION], dtype=np.float64)
+    index = np.arange(sweep.sizes["realization"], dtype=np.float64)
     columns["number"] = Column("number of the realization", index)
     given = str(sweep.attrs.get("forcing", "amplitude"))
     varied = tuple(n for n in inputs if n in _given_names(sweep, given))

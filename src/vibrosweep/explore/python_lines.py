@@ -7,53 +7,18 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from vibrosweep.explore.choice import Choice
+from vibrosweep.explore.pictures import DOTS, HEIGHT
 from vibrosweep.explore.points import Points
 
 WIDTH: Final = 79
-LEADING: Final = "import vibrosweep as vs"
-PLOT: Final = "import matplotlib.pyplot as plt"
+LEADING: Final = "import vibrosweep as vs\n"
+PLOT: Final = "import matplotlib.pyplot as plt\n"
+PICTURES: Final = (HEIGHT, *DOTS)
 
-# What is drawn of a record, by the name of the picture
-PICTURES: Final[Mapping[str, str]] = {
-    "height": """
-from vibrosweep.figures import height_time
-
-figure = height_time(record)
-figure.savefig("height.png")
-""",
-    "return map": """
-from vibrosweep.explore.pictures import return_map
-
-drawn = return_map(record)
-figure, axes = plt.subplots()
-axes.scatter(drawn["speed"], drawn["next"], c=drawn["particle"], s=4)
-axes.set(xlabel="arrival speed (m/s)", ylabel="next arrival speed (m/s)")
-figure.savefig("return_map.png")
-""",
-    "phases": """
-from vibrosweep.explore.pictures import landing_phases
-
-drawn = landing_phases(record)
-figure, axes = plt.subplots()
-axes.scatter(drawn["time"], drawn["phase"], c=drawn["particle"], s=4)
-axes.set(xlabel="time (s)", ylabel="phase of landing (turns)")
-figure.savefig("phases.png")
-""",
-    "separations": """
-from vibrosweep.explore.pictures import separations
-
-drawn = separations(record)
-figure, axes = plt.subplots()
-axes.scatter(drawn["time"], drawn["gap"], c=drawn["particle"], s=4)
-axes.set(xlabel="time (s)", ylabel="time since another landed (s)", yscale="log")
-figure.savefig("separations.png")
-""",
-}
-
-_DRAWINGS: Final[Mapping[str, tuple[str, str]]] = {
-    "windows": ("stability_windows", "stability_windows"),
-    "bifurcation": ("bifurcation", "bifurcation_diagram"),
-    "basins": ("basins", "basins_of_attraction"),
+_DRAWINGS: Final[Mapping[str, str]] = {
+    "windows": "stability_windows",
+    "bifurcation": "bifurcation_diagram",
+    "basins": "basins_of_attraction",
 }
 
 
@@ -70,30 +35,34 @@ def simulation(choice: Choice) -> str:
 
 def around(picture: str) -> tuple[str, str]:
     """Lines before and after the call of `simulation` that draw one of `PICTURES`."""
-    body = PICTURES[picture]
-    imports = [PLOT] if "plt." in body else []
-    taken, _, rest = body.strip().partition("\n\n")
-    top = "\n".join([*imports, LEADING, taken])
-    return f"{top}\n\nrecord = ", f"\n{rest}\n"
+    if picture == HEIGHT:
+        drawn = "figure = vs.figures.height_time(record)\n"
+        return f"{LEADING}\nrecord = ", f'\n{drawn}figure.savefig("height.png")\n'
+    dots = DOTS[picture]
+    name, scale = dots.analysis.__name__, ', yscale="log"' if dots.log else ""
+    return f"{PLOT}{LEADING}\nrecord = ", (
+        f"\ndrawn = vs.analysis.{name}(record)\n"
+        f"figure, axes = plt.subplots()\n"
+        f"axes.scatter(drawn.{dots.x}, drawn.{dots.y}, c=drawn.particle, s=4)\n"
+        f'axes.set(xlabel="{dots.x_label}", ylabel="{dots.y_label}"{scale})\n'
+        f'figure.savefig("{name}.png")\n'
+    )
 
 
 def plane_lines(points: Points, x: str, y: str, colour: str) -> str:
     """Lines that draw the plane of a result."""
     path = str(points.path)
     if points.kind in _DRAWINGS:
-        module, draw = _DRAWINGS[points.kind]
         return (
-            f"import xarray as xr\n"
-            f"from vibrosweep.figures.{module} import {draw}\n\n"
+            f"import xarray as xr\n{LEADING}\n"
             f'found = xr.load_dataset({path!r}, engine="h5netcdf")\n'
-            f'{draw}(found).savefig("plane.png")\n'
+            f'vs.figures.{_DRAWINGS[points.kind]}(found).savefig("plane.png")\n'
         )
-    names = [name for name in (x, y, colour) if name == "number"]
-    index = '\nfound["number"] = ("realization", range(found.sizes["realization"]))'
+    number = '\nfound["number"] = ("realization", range(found.sizes["realization"]))'
     return (
-        f"{PLOT}\n{LEADING}\n"
-        f"from vibrosweep.store.rows import flat\n\n"
-        f"found = flat(vs.open_sweep({path!r})){index if names else ''}\n"
+        f"{PLOT}{LEADING}\n"
+        f"found = vs.analysis.flat(vs.open_sweep({path!r}))"
+        f"{number if 'number' in (x, y, colour) else ''}\n"
         f"figure, axes = plt.subplots()\n"
         f"drawn = axes.scatter(found[{x!r}], found[{y!r}], c=found[{colour!r}], s=8)\n"
         f"figure.colorbar(drawn, label={colour!r})\n"
@@ -107,7 +76,7 @@ def table_lines(points: Points, name: str) -> str:
     shared = points.base_choice
     inputs = {n: v for n, v in shared.inputs.items() if points.varied}
     keywords = {"design": name, **inputs, **shared.sweep_keywords()}
-    return f"{LEADING}\n\nfound = {call('vs.sweep', keywords)}\n"
+    return f"{LEADING}\nfound = {call('vs.sweep', keywords)}\n"
 
 
 def call(function: str, keywords: Mapping[str, Any]) -> str:

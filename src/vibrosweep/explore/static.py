@@ -8,9 +8,8 @@ from typing import Any, Final
 
 from bokeh.document import Document
 from bokeh.embed import file_html
-from bokeh.events import DocumentReady, Tap
-from bokeh.layouts import row
-from bokeh.models import Button, ColumnDataSource, CustomJS, Div, PreText, Select
+from bokeh.events import Tap
+from bokeh.models import ColumnDataSource, CustomJS, Select
 from bokeh.resources import INLINE
 
 from vibrosweep.errors import OutputError
@@ -18,7 +17,16 @@ from vibrosweep.explore import python_lines as lines
 from vibrosweep.explore.colours import colouring
 from vibrosweep.explore.facts import facts_html, named
 from vibrosweep.explore.labels import legible
-from vibrosweep.explore.layout import TEMPLATE, parts, picker
+from vibrosweep.explore.layout import (
+    TEMPLATE,
+    code_block,
+    code_picker,
+    fill,
+    paragraph,
+    picker,
+    picker_row,
+    save_button,
+)
 from vibrosweep.explore.motion_view import MotionView
 from vibrosweep.explore.plane_view import PlaneView, limits
 from vibrosweep.explore.points import Points
@@ -90,49 +98,37 @@ class _Page:
         first = self.points.choice(self.kept[0]).shortened(PERIODS)
         self.motion.show(first.simulate(), named(first))
         self.plane.mark_point(self.kept[0])
-        self.facts = Div(text=self.motions[0]["facts"], sizing_mode="stretch_width", name="facts")
-        self.code = PreText(
-            text=lines.motion_lines(first, "height"), styles={"overflow-x": "auto"}, name="code"
-        )
+        self.facts = paragraph("facts", self.motions[0]["facts"])
+        self.code = code_block(lines.motion_lines(first, "height"))
 
     def html(self) -> str:
         """Return the page."""
-        document = Document()
-        roots, places = self._parts()
-        with document.models.freeze():  # else each would have all models gathered again
-            for root in roots:
-                document.add_root(root)
-        document.js_on_event(DocumentReady, self.motion.script)
-        heading = self.points.heading
-        page = file_html(document, INLINE, heading, template=TEMPLATE, template_variables=places)
-        return str(page)
-
-    def _parts(self) -> tuple[list[Any], dict[str, Any]]:
-        plane, points = self.plane, self.points
+        document, plane, points = Document(), self.plane, self.points
         pickers = [picker(plane, name) for name in ("x", "y", "colour")]
         around = {name: list(lines.around(name)) for name in lines.PICTURES}
         around[PLANE] = [lines.plane_lines(points, plane.x, plane.y, plane.colour), ""]
-        self.picture = Select(
-            title="Python lines of", value="height", options=[*around], name="picture"
-        )
-        self.selection = Div(text="The lasso and the box choose points.", name="selection")
-        self.save = Button(label=f"Save the table as {TABLE}", disabled=True, name="save")
+        self.picture = code_picker([*around])
+        self.selection = paragraph("selection", "The lasso and the box choose points.")
+        self.save = save_button()
         kept = {name: plane.values(name)[self.kept] for name in points.axes}
         marks = ColumnDataSource(dict(zip("xy", kept.values(), strict=True)))
         plane.figure.scatter("x", "y", source=marks, marker="cross", size=8, line_color="black")
         self._listen({**self._arguments(pickers, marks), "around": around}, pickers)
-        wrap = {"flex-wrap": "wrap"}
         name = legible(points.path.name)
         needs = f"Other parameters need the program: vibrosweep explore {name}"
         said = html.escape(f"{self.said}. {needs}. {points.remark}")
         left = [
-            row(*pickers, styles=wrap, sizing_mode="stretch_width", name="pickers"),
+            picker_row(pickers),
             plane.figure,
-            Div(text=said, sizing_mode="stretch_width", name="said"),
+            paragraph("said", said),
             self.selection,
             self.save,
         ]
-        return parts(left, [self.motion], [self.facts, self.picture, self.code])
+        places = fill(document, left, [self.motion], [self.facts, self.picture, self.code])
+        page = file_html(
+            document, INLINE, points.heading, template=TEMPLATE, template_variables=places
+        )
+        return str(page)
 
     def _arguments(self, pickers: list[Select], marks: ColumnDataSource) -> dict[str, Any]:
         plane, points = self.plane, self.points

@@ -7,6 +7,7 @@ import io
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
@@ -62,12 +63,6 @@ def in_polygon(x: Array, y: Array, corners_x: Array, corners_y: Array) -> Rows:
     """Numbers of the points within a polygon, by the rule of even and odd crossings."""
     box = (corners_x.min(), corners_x.max(), corners_y.min(), corners_y.max())
     near = in_rectangle(x, y, box)
-    px, py = x[near], y[near]
-    inside = np.zeros(near.size, bool)
-    x1, y1 = corners_x, corners_y
-    x0, y0 = np.roll(x1, 1), np.roll(y1, 1)
-    for xa, ya, xb, yb in zip(x0, y0, x1, y1, strict=True):
-        crosses = np.flatnonzero((ya > py) != (yb > py))
-        along = (py[crosses] - ya) / (yb - ya)  # from 0 to 1, as these points lie between the ends
-        inside[crosses] ^= px[crosses] < xa + (xb - xa) * along
-    return near[inside]
+    polygon = Outline(np.column_stack([corners_x, corners_y]))
+    inside: NDArray[np.bool_] = polygon.contains_points(np.column_stack([x[near], y[near]]))
+    return np.asarray(near[inside])

@@ -48,7 +48,22 @@ def require_written(what: str, missing: Mapping[str, int]) -> None:
 def flat(sweep: xr.Dataset) -> xr.Dataset:
     """Return the result of a sweep with its realizations along one dim ``realization``.
 
-    That of a grid is stacked, its axes become coordinates.
+    Parameters
+    ----------
+    sweep
+        Result of a sweep.
+
+    Returns
+    -------
+    xarray.Dataset
+        The same; of a grid, whose axes are its dims, stacked, so that the axes become coordinates.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> grid = vs.sweep(design="grid", restitution=[0.8, 0.9], amplitude=[1.0, 2.0, 3.0])
+    >>> vs.analysis.flat(grid).sizes["realization"]
+    6
     """
     of_each = ([d for d in v.dims if d in INPUTS] for v in sweep.variables.values())
     longest = max(of_each, key=len, default=[])

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vibrosweep.explore.seen import Axis, seen
+from vibrosweep.explore.visible import Axis, visible_rows
 
 COUNTS = st.integers(0, 60)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -19,7 +19,7 @@ def test_of_dots_in_a_pixel_the_last_is_seen(count, seed):
     last = {}
     for i in range(count):  # by the definition of a pixel
         last[int((x[i] - 1.0) * 10.0), int((np.log10(y[i]) + 3.0) / 0.3)] = i
-    assert seen([x], y, X, Y).tolist() == sorted(last.values())
+    assert visible_rows([x], y, X, Y).tolist() == sorted(last.values())
 
 
 @settings(max_examples=60, deadline=None)
@@ -27,7 +27,7 @@ def test_of_dots_in_a_pixel_the_last_is_seen(count, seed):
 def test_of_lines_that_agree_in_all_pixels_the_last_is_seen(count, seed):
     rng = np.random.default_rng(seed)
     start, length, up = rng.uniform(-1.0, 5.0, count), rng.uniform(0.0, 3.0, count), np.ones(count)
-    shown = seen([start, start + length], up, X, Axis(0.0, 2.0, 10))
+    shown = visible_rows([start, start + length], up, X, Axis(0.0, 2.0, 10))
     reaches = (start + length > 1.0) & (start < 3.0)
     for i in np.flatnonzero(reaches):
         like = shown[shown >= i]
@@ -38,4 +38,4 @@ def test_of_lines_that_agree_in_all_pixels_the_last_is_seen(count, seed):
 
 def test_what_has_no_place_on_a_logarithmic_axis_is_not_seen():
     gaps = np.array([0.0, 0.1, np.nan, -1.0])
-    assert seen([np.full(4, 2.0)], gaps, X, Y).tolist() == [1]
+    assert visible_rows([np.full(4, 2.0)], gaps, X, Y).tolist() == [1]

@@ -1,4 +1,4 @@
-"""What of a picture is seen: what covers the same pixels as something drawn later is not."""
+"""The elements of a picture that are visible in a window, without those that others cover."""
 
 from __future__ import annotations
 
@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 
 Rows = NDArray[np.int64]
-BEYOND = 8  # pixels outside the window to which a line or a dot within it may reach
+MARGIN = 8  # pixels by which a line or a dot may reach into the window from outside
 MOST = 1 << 20  # pixels that are told apart along an axis
 
 
 class Axis(NamedTuple):
-    """From where to where an axis of a window goes, and over how many pixels.
-
-    `log` says that it is logarithmic.
-    """
+    """An axis of a window: its two ends, its length in pixels, and whether it is logarithmic."""
 
     low: float
     high: float
@@ -35,16 +32,16 @@ class Axis(NamedTuple):
         return np.asarray(np.floor((values - low) * (self.pixels / (high - low))))
 
 
-def seen(across: Sequence[Array], up: Array, x: Axis, y: Axis) -> Rows:
-    """Numbers of the things that are seen in a window, in their order.
+def visible_rows(across: Sequence[Array], up: Array, x: Axis, y: Axis) -> Rows:
+    """Row numbers of the elements that are visible in a window, in their order.
 
-    Of things in the same pixels only the last is seen.  `across` holds the horizontal coordinates
-    of each thing, the least first: one of a dot, of a line those of its ends; `up` its vertical
-    one.
+    Of several elements in the same pixels, the last one covers the others.  `across` holds the
+    horizontal coordinate of each dot, or of the two ends of each line, the left one first; `up` is
+    the vertical coordinate.
     """
     columns, row = [x.pixel(one) for one in across], y.pixel(up)
-    there = (columns[-1] >= -BEYOND) & (columns[0] <= x.pixels + BEYOND) & np.isfinite(row)
-    rows = np.flatnonzero(there)[::-1]  # of equal ones `unique` finds the first
+    within = (columns[-1] >= -MARGIN) & (columns[0] <= x.pixels + MARGIN) & np.isfinite(row)
+    rows = np.flatnonzero(within)[::-1]  # `unique` keeps the first of equal keys: here the last row
     key = np.zeros(rows.size, np.int64)
     for pixel in (*columns, row):
         key = key * MOST + np.clip(pixel[rows] + MOST // 2, 0, MOST - 1).astype(np.int64)
