@@ -28,11 +28,11 @@ import numpy as np
 
 from accuracy import processor, table, write_section
 from vibrosweep.errors import RunError
-from vibrosweep.runs import driver as run
+from vibrosweep.runs import result
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.runs.result import Rows
 from vibrosweep.runs.retry import retry_failed
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
+from vibrosweep.store.dataset import Group
 from vibrosweep.store.parts import Parts
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import LENGTH
@@ -40,7 +40,7 @@ from vibrosweep.store.seal import LENGTH
 REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
 Tables = dict[str, dict[str, Any]]
 # where a run may be interrupted: what is called, and where it stands
-PLACES = ((Parts, "write"), (Parts, "read"), (Rows, "add"), (run, "write_record"))
+PLACES = ((Parts, "write"), (Parts, "read"), (Group, "write"), (result, "write_record"))
 MODELS = (
     {"rebound": "rest"},
     {"rebound": "reflect"},

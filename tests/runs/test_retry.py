@@ -137,7 +137,7 @@ def test_a_retry_that_is_killed_after_its_result_had_its_name(sweep, output, mon
     """Whether or not the new budget settled all."""
     run_sweep(sweep(32), output, threads=1)
     with monkeypatch.context() as patch:
-        patch.setattr("vibrosweep.runs.retry.abandon", lambda directory: 1 / 0)
+        patch.setattr("vibrosweep.runs.kept.abandon", lambda directory: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             retry_failed(sweep(32), output, threads=1, impact_budget=budget)
     made = bits(output)
@@ -150,7 +150,7 @@ def test_a_retry_that_is_killed_after_its_result_had_its_name(sweep, output, mon
 
 def test_a_retry_of_a_run_that_was_killed_after_its_result_had_its_name(sweep, output, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr("vibrosweep.runs.driver.abandon", lambda directory: 1 / 0)
+        patch.setattr("vibrosweep.runs.kept.abandon", lambda directory: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             run_sweep(sweep(32), output, threads=1, chunk=2)
     assert run_directory(output).exists()

@@ -410,7 +410,7 @@ def left(sweep, tmp_path):
     def leave(kept, **options):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(
-                "vibrosweep.runs.driver.abandon", lambda path: exec("raise Killed", globals())
+                "vibrosweep.runs.kept.abandon", lambda path: exec("raise Killed", globals())
             )
             with pytest.raises(Killed):
                 sweep(**options)

@@ -83,19 +83,18 @@ def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) 
     done = 0
     with Workers(threads) as workers:
         for piece in compute_rows(job.spec, design, start, stop, workers):
-            size = piece["status"].size
-            columns = columns or {n: _room(stop - start, values) for n, values in piece.items()}
-            for name, room in columns.items():
-                room[done : done + size] = piece[name]
-            done += size
+            if not columns:
+                shapes = (
+                    (name, (stop - start, *v.shape[1:]), v.dtype) for name, v in piece.items()
+                )
+                columns = {name: np.empty(shape, dtype) for name, shape, dtype in shapes}
+            for name, whole in columns.items():
+                whole[done : done + piece["status"].size] = piece[name]
+            done += piece["status"].size
             if tick is not None:
-                tick(size)
+                tick(piece["status"].size)
     job.parts.write(index, columns)
     return stop - start
-
-
-def _room(rows: int, values: NDArray[Any]) -> NDArray[Any]:
-    return np.empty((rows, *values.shape[1:]), values.dtype)
 
 
 _opened: tuple[Job, Design] | None = None
@@ -127,9 +126,14 @@ def column_kinds(spec: SweepSpec, design: Design) -> dict[str, str]:
 
 
 def compute_rows(
-    spec: SweepSpec, design: Design, start: int, stop: int, workers: Workers
+    spec: SweepSpec,
+    design: Design,
+    start: int,
+    stop: int,
+    workers: Workers,
+    most: int | None = None,
 ) -> Iterator[Columns]:
-    """Compute the realizations start, ..., stop - 1 of a sweep, batch by batch.
+    """Compute the realizations start, ..., stop - 1 of a sweep in batches of at most `most`.
 
     Yields
     ------
@@ -137,9 +141,10 @@ def compute_rows(
         What differs between realizations, and measured variables, each of shape
         (realization, ...): exactly those of `column_kinds`.
     """
-    for first in range(start, stop, batch_size(spec)):
+    size = min(most or stop, batch_size(spec))
+    for first in range(start, stop, size):
         # free the memory before the next batch is computed
-        yield _batch(spec, design, first, min(first + batch_size(spec), stop), workers)
+        yield _batch(spec, design, first, min(first + size, stop), workers)
 
 
 def _batch(spec: SweepSpec, design: Design, start: int, stop: int, workers: Workers) -> Columns:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from numbers import Integral
 from pathlib import Path
 
@@ -10,21 +11,19 @@ import numpy as np
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, RunError, VibrosweepError
-from vibrosweep.runs.chunks import Job, Runner, batch_size, column_kinds, compute_rows, in_process
+from vibrosweep.runs.chunks import Columns, Job, Runner, column_kinds, compute_rows
 from vibrosweep.runs.forecast import estimate, has_room, record_bytes, require_disk
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.kept import KeptRun, continued
-from vibrosweep.runs.notes import notes
 from vibrosweep.runs.plan import Plan, bytes_per_realization, make_plan
 from vibrosweep.runs.progress import Advance, silent
-from vibrosweep.runs.result import Rows, declare, sign, write_record
+from vibrosweep.runs.result import write_result
 from vibrosweep.runs.summary import Summary
 from vibrosweep.spec.design import Design, open_design
 from vibrosweep.spec.sweep import SweepSpec
-from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import check_output, reporting
 from vibrosweep.store.parts import Manifest, Parts, write_manifest
-from vibrosweep.store.rundir import abandon, empty, holding
+from vibrosweep.store.rundir import empty, holding
 
 
 def available_threads() -> int:
@@ -102,15 +101,17 @@ def run_sweep(
             with reporting(output):
                 empty(directory)
         manifest = continued(output, directory, lambda: identity(spec))
-        check_output(output, force=force or (manifest is not None and manifest.replaces))
+        replaces = force or (manifest is not None and manifest.replaces)
+        check_output(output, force=replaces)
         if manifest is None:
             with Workers(threads) as workers:
                 plan = _planned(spec, output, workers, chunk, at_least)
+                design = plan.design
                 if plan.chunks == 1 and runner is None:
-                    return _run_at_once(
-                        spec, plan.design, output, directory, workers, advance, force=force
+                    pieces = _pieces(output, spec, design, workers, advance)
+                    return write_result(
+                        output, directory, spec, design, pieces, workers, force=force
                     )
-            design = plan.design
             columns = column_kinds(spec, design)
             manifest = Manifest(
                 identity(spec), design.realizations, plan.chunk, columns, replaces=force
@@ -119,31 +120,7 @@ def run_sweep(
         else:
             design = open_design(spec)
         run = KeptRun(output, design, Job(spec, manifest, Parts(directory, manifest)), threads)
-        with run.kept():
-            run.compute(runner or in_process(threads), advance)
-            summary = _consolidated(run)
-        abandon(directory)
-    return summary
-
-
-def _consolidated(run: KeptRun) -> Summary:
-    """Merge all parts, in order, into the result file."""
-    spec, force = run.job.spec, run.job.manifest.replaces
-    summary = Summary(notes=notes(spec, run.design))
-    with (
-        Workers(run.threads) as workers,
-        creating(run.output, run.directory, force=force) as file,
-    ):
-        declare(file, spec, run.design, run.threads)
-        sign(file, spec)
-        rows = Rows(file, run.job.manifest.columns, batch_size(spec))
-        for columns in run.columns(summary):
-            rows.add(columns)
-            summary.add(columns)
-        rows.flush()
-        if spec.record is not None:
-            write_record(file.group("record"), spec.record, spec.measures.impact_budget, workers)
-    return summary
+        return run.complete(runner, advance, run.columns(), force=replaces)
 
 
 def _planned(
@@ -164,36 +141,20 @@ def _planned(
     return plan
 
 
-def _run_at_once(
-    spec: SweepSpec,
-    design: Design,
-    output: Path,
-    directory: Path,
-    workers: Workers,
-    advance: Advance,
-    *,
-    force: bool,
-) -> Summary:
-    """Compute a sweep of one chunk directly into its file: there is nothing to resume."""
-    summary = Summary(notes=notes(spec, design))
-    with creating(output, directory, force=force) as file:
-        declare(file, spec, design, workers.threads)
-        sign(file, spec)
-        rows = Rows(file, column_kinds(spec, design), batch_size(spec))
-        try:
-            for columns in compute_rows(spec, design, 0, design.realizations, workers):
-                rows.add(columns)
-                summary.add(columns)
-                advance(summary.realizations, design.realizations)
-        except (VibrosweepError, MemoryError):
-            raise
-        except Exception as error:
-            raise RunError(
-                f"{output}: the computation failed twice after {summary.realizations} of "
-                f"{design.realizations} realizations ({type(error).__name__}: {error}); nothing "
-                f"was written"
-            ) from error
-        rows.flush()
-        if spec.record is not None:
-            write_record(file.group("record"), spec.record, spec.measures.impact_budget, workers)
-    return summary
+def _pieces(
+    output: Path, spec: SweepSpec, design: Design, workers: Workers, advance: Advance
+) -> Iterator[Columns]:
+    """Compute a sweep of one chunk, which goes directly into its file: nothing can be resumed."""
+    done = 0
+    try:
+        for columns in compute_rows(spec, design, 0, design.realizations, workers):
+            yield columns
+            done += len(columns["status"])
+            advance(done, design.realizations)
+    except (VibrosweepError, MemoryError):
+        raise
+    except Exception as error:
+        raise RunError(
+            f"{output}: the computation failed twice after {done} of {design.realizations} "
+            f"realizations ({type(error).__name__}: {error}); nothing was written"
+        ) from error

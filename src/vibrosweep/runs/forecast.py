@@ -20,7 +20,7 @@ from vibrosweep.mistakes import CHUNK, OUTPUT
 from vibrosweep.runs.chunks import batch_size
 from vibrosweep.runs.pilot import memory_per_realization
 from vibrosweep.runs.plan import Plan, bytes_per_realization
-from vibrosweep.runs.result import Rows, declare, recorded, write_record
+from vibrosweep.runs.result import declare, recorded, write_record, write_rows
 from vibrosweep.spec.rules import Axis, RecordSpec
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.dataset import creating
@@ -129,9 +129,8 @@ def _sample_file(spec: SweepSpec, plan: Plan, most: int, threads: int) -> tuple[
         began = time.perf_counter()
         with creating(path) as file:
             declare(file, spec, replace(plan.design, realizations=rows), threads)
-            writer = Rows(file, kinds(columns), batch_size(spec))
-            writer.add({name: values[drawn] for name, values in columns.items()})
-            writer.flush()
+            sample = {name: values[drawn] for name, values in columns.items()}
+            write_rows(file, kinds(columns), batch_size(spec), [sample])
         return rows, path.stat().st_size, time.perf_counter() - began
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.runs.chunks import batch_size, column_kinds, compute_rows
+from vibrosweep.runs.chunks import Columns, column_kinds, compute_rows
 from vibrosweep.runs.plan import bytes_per_realization
 from vibrosweep.runs.progress import Advance, silent
-from vibrosweep.runs.result import Rows, declare
+from vibrosweep.runs.result import declare, write_rows
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.memory import InMemory
@@ -38,16 +39,17 @@ def sweep_in_memory(spec: SweepSpec, *, threads: int, advance: Advance = silent)
             f"the results of {total} realizations take {needed / 2**30:.3g} GiB of this machine's "
             f"{available / 2**30:.3g} GiB: write them to a file with vibrosweep.run"
         )
+    piece = max(-(-total // PIECES), TRAJECTORIES_PER_PIECE // spec.particles, 1)
     found = InMemory()
     declare(found, spec, design, threads)
-    piece = max(-(-total // PIECES), TRAJECTORIES_PER_PIECE // spec.particles, 1)
-    piece, done = min(piece, batch_size(spec)), 0
-    rows = Rows(found, column_kinds(spec, design), piece)
     with Workers(threads) as workers:
-        while done < total:
-            for columns in compute_rows(spec, design, done, min(done + piece, total), workers):
-                rows.add(columns)
-            done = min(done + piece, total)
-            advance(done, total)
-    rows.flush()
+
+        def pieces() -> Iterator[Columns]:
+            done = 0
+            for columns in compute_rows(spec, design, 0, total, workers, piece):
+                yield columns
+                done += len(columns["status"])
+                advance(done, total)
+
+        write_rows(found, column_kinds(spec, design), piece, pieces())
     return found.dataset()

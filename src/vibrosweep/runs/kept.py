@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import Interruption, OutputError, RunError, TakenOutputError
 from vibrosweep.mistakes import FORCE, OUTPUT, Text
-from vibrosweep.runs.chunks import Columns, Job, Runner, compute_chunk
+from vibrosweep.runs.chunks import Columns, Job, Runner, compute_chunk, in_process
 from vibrosweep.runs.identity import differences
 from vibrosweep.runs.progress import Advance
+from vibrosweep.runs.result import write_result
 from vibrosweep.runs.summary import Summary
 from vibrosweep.spec.design import Design
 from vibrosweep.store.disk import reporting
@@ -47,7 +49,7 @@ def continued(
     return manifest
 
 
-@dataclass(frozen=True)
+@dataclass
 class KeptRun:
     """A run that keeps its finished chunks and can be resumed."""
 
@@ -55,13 +57,34 @@ class KeptRun:
     design: Design  # the realizations to compute
     job: Job  # what a process needs to compute the chunks
     threads: int  # number of threads in this process
+    repaired: int = 0  # damaged parts that were computed again
 
     @property
     def directory(self) -> Path:
         """The run directory."""
         return self.job.parts.directory
 
-    def compute(self, runner: Runner, advance: Advance) -> None:
+    def complete(
+        self, runner: Runner | None, advance: Advance, pieces: Iterable[Columns], *, force: bool
+    ) -> Summary:
+        """Compute the missing chunks and write the result from `pieces`; forget the chunks."""
+        with self._kept():
+            self._compute(runner or in_process(self.threads), advance)
+            with Workers(self.threads) as workers:
+                summary = write_result(
+                    self.output,
+                    self.directory,
+                    self.job.spec,
+                    self.design,
+                    pieces,
+                    workers,
+                    force=force,
+                )
+        abandon(self.directory)
+        summary.repaired = self.repaired
+        return summary
+
+    def _compute(self, runner: Runner, advance: Advance) -> None:
         """Compute the missing chunks; raise a RunError if any failed, after all the others."""
         manifest, finished = self.job.manifest, self.job.parts.finished()
         missing = [index for index in range(manifest.chunks) if index not in finished]
@@ -82,20 +105,20 @@ class KeptRun:
                 f"{names}; the first: {failed[min(failed)]})"
             )
 
-    def columns(self, summary: Summary) -> Iterator[Columns]:
+    def columns(self) -> Iterator[Columns]:
         """Yield the columns of each chunk, in order; damaged parts are computed again."""
         finished = self.job.parts.finished()
         for index in range(self.job.manifest.chunks):
-            yield self._part(index, finished.get(index), summary)
+            yield self._part(index, finished.get(index))
 
-    def _part(self, index: int, path: Path | None, summary: Summary) -> Columns:
+    def _part(self, index: int, path: Path | None) -> Columns:
         """Read a part; compute it again if it is damaged or missing."""
         columns = None if path is None else self.job.parts.read(index, path)
         if columns is not None:
             return columns
         if path is not None:
             path.unlink(missing_ok=True)
-        summary.repaired += 1
+        self.repaired += 1
         compute_chunk(self.job, index, self.threads)
         path = self.job.parts.finished()[index]
         columns = self.job.parts.read(index, path)
@@ -108,7 +131,7 @@ class KeptRun:
         return columns
 
     @contextmanager
-    def kept(self) -> Iterator[None]:
+    def _kept(self) -> Iterator[None]:
         """Add to any error that ends the run what was kept and how to resume."""
         try:
             yield

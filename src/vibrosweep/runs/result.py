@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -19,12 +20,14 @@ from vibrosweep.model.forcing import INPUTS, completed, forcing_of, only_paramet
 from vibrosweep.model.measures import OPTIONS, RECORD
 from vibrosweep.model.parameters import Parameter
 from vibrosweep.model.times import Periods, Time, in_seconds
+from vibrosweep.runs.chunks import batch_size, column_kinds
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import notes, silent_defaults
+from vibrosweep.runs.summary import Summary
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.rules import Axis, RecordSpec
 from vibrosweep.spec.sweep import SweepSpec
-from vibrosweep.store.dataset import Group
+from vibrosweep.store.dataset import Group, creating
 from vibrosweep.store.kinds import KIND, SWEEP
 from vibrosweep.store.memory import InMemory
 from vibrosweep.store.parts import kinds
@@ -53,59 +56,91 @@ def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
     }
 
 
-class Rows:
-    """Takes rows in pieces of any length and writes them in blocks of one length.
+class Stream:
+    """Rows that come in pieces of any length, taken in order in pieces of another length."""
 
-    Where HDF5 places what it is given depends on the pieces; so the file does not depend on how a
-    sweep was cut.
+    def __init__(self, pieces: Iterable[Columns]) -> None:
+        self._pieces = iter(pieces)
+        self._rest: Columns = {}
 
-    Parameters
-    ----------
-    file
-        Where they go.
-    kinds
-        Kind of each column, as `vibrosweep.store.parts.kinds` gives it.
-    block
-        Rows that are written at a time.
+    def take(self, rows: int) -> Columns:
+        """Take the next `rows` rows, or all that are left; empty where there are none."""
+        taken: list[Columns] = []
+        while rows and (piece := self._rest or next(self._pieces, {})):
+            size = min(rows, len(piece["status"]))
+            taken.append({name: values[:size] for name, values in piece.items()})
+            left = size < len(piece["status"])
+            self._rest = {name: values[size:] for name, values in piece.items()} if left else {}
+            rows -= size
+        if len(taken) < 2:
+            return taken[0] if taken else {}
+        return {name: np.concatenate([piece[name] for piece in taken]) for name in taken[0]}
+
+
+def write_rows(
+    file: Group | InMemory, declared: Mapping[str, str], block: int, pieces: Iterable[Columns]
+) -> None:
+    """Write rows that come in pieces of any length, in blocks of one length.
+
+    HDF5 places data according to the pieces that it is given; with blocks of one length the file
+    does not depend on how a sweep was cut.  Raises a RunError unless each piece has the columns
+    that were `declared`, as `vibrosweep.store.parts.kinds` gives them.
     """
+    rows, written = Stream(_checked(pieces, declared)), 0
+    while columns := rows.take(block):
+        for name, values in columns.items():
+            if file.awaits(name):  # axes of a grid are written when they are declared
+                file.write(name, written, values)
+        written += len(columns["status"])
 
-    def __init__(self, file: Group | InMemory, kinds: Mapping[str, str], block: int) -> None:
-        self._file = file
-        self._kinds = dict(kinds)
-        self._block = block
-        self._written = 0
-        self._pieces: list[Columns] = []
-        self._waiting = 0
 
-    def add(self, columns: Columns) -> None:
-        """Add as many rows of every column; a RunError unless they are the declared columns."""
-        found = kinds(columns)
-        if found != self._kinds:
-            wrong = sorted({name for name, _ in found.items() ^ self._kinds.items()})
+def _checked(pieces: Iterable[Columns], declared: Mapping[str, str]) -> Iterator[Columns]:
+    for columns in pieces:
+        if wrong := sorted({name for name, _ in kinds(columns).items() ^ declared.items()}):
             raise RunError(
                 f"what was computed is not what the result declares: {', '.join(wrong)}; "
                 f"this is a fault of vibrosweep: please report it"
             )
-        first, rows = 0, len(columns["status"])
-        while rows - first:
-            taken = min(rows - first, self._block - self._waiting)
-            self._pieces.append({n: v[first : first + taken] for n, v in columns.items()})
-            self._waiting += taken
-            first += taken
-            if self._waiting == self._block:
-                self.flush()
+        yield columns
 
-    def flush(self) -> None:
-        """Write what waits for its block to be full."""
-        if not self._pieces:
-            return
-        for name in self._kinds:
-            pieces = [piece[name] for piece in self._pieces]
-            values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
-            if self._file.awaits(name):  # axes of a grid are written when they are declared
-                self._file.write(name, self._written, values)
-        self._written += self._waiting
-        self._pieces, self._waiting = [], 0
+
+def write_result(
+    output: Path,
+    directory: Path,
+    spec: SweepSpec,
+    design: Design,
+    pieces: Iterable[Columns],
+    workers: Workers,
+    *,
+    force: bool,
+) -> Summary:
+    """Write the file of a sweep, whose rows come in order and in pieces of any length.
+
+    Parameters
+    ----------
+    output, directory, force
+        As of `vibrosweep.store.dataset.creating`.
+    spec, design
+        The sweep.
+    pieces
+        Its rows.
+    workers
+        Compute the record of every landing, where the sweep has one.
+    """
+    summary = Summary(notes=notes(spec, design))
+
+    def summarized() -> Iterator[Columns]:
+        for columns in pieces:
+            yield columns
+            summary.add(columns)
+
+    with creating(output, directory, force=force) as file:
+        declare(file, spec, design, workers.threads)
+        file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
+        write_rows(file, column_kinds(spec, design), batch_size(spec), summarized())
+        if spec.record is not None:
+            write_record(file.group("record"), spec.record, spec.measures.impact_budget, workers)
+    return summary
 
 
 def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: int) -> None:
@@ -151,11 +186,6 @@ def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: in
             **provenance(threads),
         }
     )
-
-
-def sign(file: Group, spec: SweepSpec) -> None:
-    """Write what the numbers depend on, into a group of its own: the text is long."""
-    file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
 
 
 def identity_in(file: Any) -> str:

@@ -16,18 +16,16 @@ from vibrosweep.engine.asked import varying
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.mistakes import FORCE, IMPACT_BUDGET
-from vibrosweep.runs.chunks import Columns, Job, Runner, batch_size, column_kinds, in_process
+from vibrosweep.runs.chunks import Columns, Job, Runner, batch_size, column_kinds
 from vibrosweep.runs.describe import summary_of
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.runs.kept import KeptRun, continued
-from vibrosweep.runs.notes import notes
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.runs.progress import Advance, silent
-from vibrosweep.runs.result import Rows, declare, identity_in, sign, write_record
+from vibrosweep.runs.result import Stream, identity_in
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.spec.design import Design, open_design
 from vibrosweep.spec.sweep import SweepSpec
-from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Manifest, Parts, read_manifest, write_manifest
 from vibrosweep.store.reading import reading
@@ -111,10 +109,7 @@ def retry_failed(
                 return summary_of(file), 0
         job = Job(spec, manifest, Parts(directory, manifest), rows)
         run = KeptRun(output, design, job, threads)
-        with run.kept():
-            run.compute(runner or in_process(threads), advance)
-            summary = _merged(run, np.asarray(rows))
-        abandon(directory)
+        summary = run.complete(runner, advance, _merged(run, np.asarray(rows)), force=True)
     return summary, len(rows)
 
 
@@ -163,26 +158,15 @@ def _digest(rows: tuple[int, ...]) -> str:
     return f"{len(rows)} (digest {digest})"
 
 
-def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Summary:
-    """Write the old result with the retried realizations replaced."""
-    spec = run.job.spec
-    summary = Summary(notes=notes(spec, run.design))
-    with Workers(run.threads) as workers, creating(run.output, run.directory) as file:
-        declare(file, spec, run.design, run.threads)
-        sign(file, spec)
-        block = batch_size(spec)
-        writer, fresh = Rows(file, run.job.manifest.columns, block), _Stream(run.columns(summary))
-        for start, columns in _blocks(run.output, spec, run.design, block):
-            first, last = np.searchsorted(rows, (start, start + block))
-            replaced = fresh.take(int(last - first))
-            for name, values in replaced.items():
-                columns[name][rows[first:last] - start] = values
-            writer.add(columns)
-            summary.add(columns)
-        writer.flush()
-        if spec.record is not None:
-            write_record(file.group("record"), spec.record, spec.measures.impact_budget, workers)
-    return summary
+def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Iterator[Columns]:
+    """Give the rows of the old result in blocks, with those retried in their places."""
+    spec, fresh = run.job.spec, Stream(run.columns())
+    block = batch_size(spec)
+    for start, columns in _blocks(run.output, spec, run.design, block):
+        first, last = np.searchsorted(rows, (start, start + block))
+        for name, values in fresh.take(int(last - first)).items():
+            columns[name][rows[first:last] - start] = values
+        yield columns
 
 
 def _blocks(
@@ -194,25 +178,3 @@ def _blocks(
         for start in range(0, design.realizations, size):
             rows = slice(start, min(start + size, design.realizations))
             yield start, {name: read_rows(file, name, rows) for name in names}
-
-
-class _Stream:
-    """Rows from an iterator of pieces of any length, taken in order."""
-
-    def __init__(self, pieces: Iterator[Columns]) -> None:
-        self._pieces = pieces
-        self._rest: Columns = {}
-
-    def take(self, rows: int) -> Columns:
-        """Take the next `rows` rows."""
-        taken: list[Columns] = []
-        while rows:
-            if not self._rest or not len(self._rest["status"]):
-                self._rest = next(self._pieces)
-            piece = {name: values[:rows] for name, values in self._rest.items()}
-            self._rest = {name: values[rows:] for name, values in self._rest.items()}
-            rows -= len(piece["status"])
-            taken.append(piece)
-        return (
-            {name: np.concatenate([t[name] for t in taken]) for name in taken[0]} if taken else {}
-        )
