@@ -34,6 +34,17 @@ def test_a_file_appears_at_its_end(tmp_path):
     assert h5py.is_hdf5(path)
 
 
+def test_what_a_killed_command_left_is_cleared_by_the_next_of_the_same_output(tmp_path):
+    path, left = tmp_path / "out.h5", tmp_path / ".out.h5.0123abcd.partial"
+    left.touch()
+    other = tmp_path / ".other.h5.0123abcd.partial"
+    other.touch()
+    with replacing(path), replacing(path):  # the second finds the first one at work
+        assert not left.exists()
+        assert len(list(tmp_path.glob(".out.h5.*.partial"))) == 2
+    assert {one.name for one in tmp_path.iterdir()} == {path.name, other.name}
+
+
 @pytest.mark.parametrize(
     "error", [ValueError("x"), OSError("x"), KeyboardInterrupt(), SystemExit()]
 )

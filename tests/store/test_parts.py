@@ -88,7 +88,7 @@ def test_other_columns_than_those_declared_are_neither_written_nor_taken(parts, 
 
 
 def test_what_is_no_part_is_not_counted(parts):
-    for name in ("lock", MANIFEST, ".chunk-0000000000.1234.partial", "chunk-1-ab.part"):
+    for name in ("lock", MANIFEST, ".chunk-0000000000.0123abcd.partial", "chunk-1-ab.part"):
         (parts.directory / name).touch()
     assert parts.finished() == {}
 

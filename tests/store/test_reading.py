@@ -12,8 +12,9 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.api.results import has_record
 from vibrosweep.cli import main
-from vibrosweep.errors import DataError
+from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.explore.points import open_points
+from vibrosweep.proof import verify
 from vibrosweep.runs.retry import retry_failed
 from vibrosweep.spec.sweep import parse_spec
 from vibrosweep.store.kinds import load_dataset, read_kind
@@ -31,6 +32,12 @@ realizations = 3
 amplitude = 1.0
 restitution = 0.9
 """
+
+
+@pytest.mark.parametrize("call", [vs.open_sweep, vs.open_record, verify])
+def test_what_is_no_path_is_refused(call):
+    with pytest.raises(ParameterError, match="path = 5"):
+        call(5)
 
 
 @pytest.fixture(scope="module")

@@ -56,7 +56,7 @@ def test_a_directory_with_a_manifest_is_kept(output):
     assert not replaces(output)
     with holding(output) as directory:
         write_manifest(directory, Manifest({}, 1, 1, {}, replaces=True))
-        (directory / ".chunk.1234.partial").touch()
+        (directory / ".chunk.0123abcd.partial").touch()
     assert replaces(output)
     with holding(output):  # what a killed write left is removed
         assert {p.name for p in directory.iterdir()} == {"lock", "manifest.json"}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import xarray as xr
@@ -19,7 +18,7 @@ from vibrosweep.runs.finished import cleared, is_of, origin
 from vibrosweep.runs.inmemory import sweep_in_memory
 from vibrosweep.runs.progress import showing
 from vibrosweep.spec.sweep import SweepSpec
-from vibrosweep.store.disk import check_output
+from vibrosweep.store.disk import check_output, path_of
 from vibrosweep.store.rundir import replaces
 
 __all__ = ["run", "sweep"]
@@ -175,7 +174,7 @@ def run(
     ...     print(found.sizes["realization"])
     50
     """
-    path = Path(output)
+    path = path_of("output", output)
     checked = _observing(asked(spec, {}), observables)
     chunk = None if chunk is None else count("chunk", chunk)
     require_switch("force", force)

@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -41,6 +40,7 @@ from vibrosweep.proof.setting import Setting
 from vibrosweep.proof.tolerances import Bounds
 from vibrosweep.proof.verification import Outcome, Report, State
 from vibrosweep.runs.progress import Advance, silent
+from vibrosweep.store.disk import path_of
 from vibrosweep.store.kinds import read_kind
 
 # About ten seconds for a realization, and half a gigabyte.
@@ -94,12 +94,13 @@ def verify(
     """
     if max_landings is not None and max_landings < 1:
         raise ParameterError(f"max_landings = {max_landings!r}: must be at least 1")
-    kind = read_kind(Path(path))
+    source = path_of("path", path)
+    kind = read_kind(source)
     if kind.unverified:
         raise DataError(
             f"{path}: is a result of {kind.command}, which cannot be verified: {kind.unverified}"
         )
-    drawn, record, setting, axes = read_sample(Path(path), sample, seed)
+    drawn, record, setting, axes = read_sample(source, sample, seed)
     coupled = drawn.observation.base == SPRUNG
     if max_landings is None:
         max_landings = MAX_COUPLED if coupled else MAX_LANDINGS

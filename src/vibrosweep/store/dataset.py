@@ -193,12 +193,12 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 @contextmanager
-def creating(path: Path, room: Path | None = None, *, force: bool = True) -> Iterator[Group]:
+def creating(path: Path, directory: Path | None = None, *, force: bool = True) -> Iterator[Group]:
     """Create a file as `vibrosweep.store.disk.replacing` does.
 
     Raises a RunError where a declared variable was not written completely.
     """
-    with replacing(path, room, force=force) as disk:
+    with replacing(path, directory, force=force) as disk:
         with undisturbed():
             file = h5py.File(disk, "w", track_order=True)
         try:

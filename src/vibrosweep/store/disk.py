@@ -7,6 +7,7 @@ and renamed: however a run ends, it leaves no incomplete file that looks complet
 from __future__ import annotations
 
 import errno
+import glob
 import io
 import itertools
 import os
@@ -21,14 +22,22 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Final
 
-from vibrosweep.errors import ExistingOutputError, OutputError, TakenOutputError
+from vibrosweep.errors import ExistingOutputError, OutputError, ParameterError, TakenOutputError
 from vibrosweep.mistakes import OUTPUT
+from vibrosweep.system import locked
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 # Signals that terminate a program, on systems that have them.
 ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+def path_of(name: str, value: object) -> Path:
+    """Return the path that an argument gives; a ParameterError unless it is text or a path."""
+    if not isinstance(value, str | os.PathLike):
+        raise ParameterError(f"{name} = {value!r}: must be the path of a file")
+    return Path(value)
 
 
 def target_of(path: Path) -> Path:
@@ -134,29 +143,32 @@ def undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def replacing(path: Path, room: Path | None = None, *, force: bool = True) -> Iterator[Disk]:
+def replacing(path: Path, directory: Path | None = None, *, force: bool = True) -> Iterator[Disk]:
     """Write a file that is renamed to `path` if the block succeeds, and removed otherwise.
 
-    The temporary file is in the directory `room`, on the same file system; by default in that of
-    `path`.  Raises an OutputError where the file cannot be written, and a TakenOutputError where,
-    without `force`, another file of this name appeared meanwhile; the new file was then saved next
-    to it, under another name.
+    The temporary file is in `directory`, on the same file system; by default in that of `path`.
+    Raises an OutputError where the file cannot be written, and a TakenOutputError where, without
+    `force`, another file of this name appeared meanwhile; the new file was then saved next to it,
+    under another name.
     """
     target, beside = target_of(path), None
-    partial = (room or target.parent) / f".{target.name[:40]}.{secrets.token_hex(4)}.partial"
+    name = target.name[:40]
+    with reporting(path):
+        clear_partials(directory or target.parent, glob.escape(name))
+        disk = _begun(directory or target.parent, name, path)
+    partial = Path(str(disk.name))
     try:
-        with reporting(path):
-            disk = Disk(partial, path)
         with disk:
             yield disk
             disk.check()
             with reporting(path):
                 os.fsync(disk.fileno())
-        with reporting(path):
-            if force:
-                partial.replace(target)
-            elif not _named(partial, target):
-                beside = _named_beside(partial, target)
+                if os.name == "nt":  # an open file cannot be renamed
+                    disk.close()
+                if force:
+                    partial.replace(target)
+                elif not _named(partial, target):
+                    beside = _named_beside(partial, target)
     finally:
         with suppress(OSError):  # the directory may have been removed
             partial.unlink()
@@ -164,6 +176,28 @@ def replacing(path: Path, room: Path | None = None, *, force: bool = True) -> It
         flush_directory(target.parent)
     if beside is not None:
         raise TakenOutputError(path, beside)
+
+
+def _begun(directory: Path, name: str, path: Path) -> Disk:
+    """Create a temporary file, locked until it is closed: so nobody clears it away."""
+    while True:
+        disk = Disk(directory / f".{name}.{secrets.token_hex(4)}.partial", path)
+        try:
+            if locked(disk.fileno(), wait=False) and os.fstat(disk.fileno()).st_nlink:
+                return disk
+        except OSError:  # a file system without locks, on which nothing is cleared away
+            return disk
+        disk.close()  # another process took it for a remainder before it was locked
+
+
+def clear_partials(directory: Path, name: str = "*") -> None:
+    """Remove temporary files of killed processes, which nobody holds, where `name` fits theirs."""
+    for partial in directory.glob(f".{name}.{'[0-9a-f]' * 8}.partial"):
+        with suppress(OSError), partial.open("r+b") as file:
+            if locked(file.fileno(), wait=False):
+                if os.name == "nt":  # an open file cannot be removed
+                    file.close()
+                partial.unlink()
 
 
 def _named(partial: Path, name: Path) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 import h5py
 
 from vibrosweep.errors import DataError, VibrosweepError
+from vibrosweep.store.disk import path_of
 from vibrosweep.store.seal import State, state_of
 from vibrosweep.store.trial import require_readable, require_whole
 
@@ -22,10 +23,11 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
     separate process, so that a damaged file cannot crash or block this one.  What a file has in
     other files is never opened.
     """
+    file_path = path_of("path", path)
     try:
-        seal = state_of(Path(path))
+        seal = state_of(file_path)
         if seal is State.MISSING:
-            require_readable(Path(path))
+            require_readable(file_path)
         elif seal is State.INTACT:
             with h5py.File(path, "r") as file:
                 require_whole(file)

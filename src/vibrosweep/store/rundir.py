@@ -12,7 +12,7 @@ from typing import Final
 
 from vibrosweep.errors import RunError
 from vibrosweep.mistakes import OUTPUT
-from vibrosweep.store.disk import flush_directory, reporting, target_of, unwritten
+from vibrosweep.store.disk import clear_partials, flush_directory, reporting, target_of, unwritten
 from vibrosweep.store.parts import MANIFEST, read_manifest
 from vibrosweep.system import locked
 
@@ -45,9 +45,7 @@ def holding(output: Path) -> Iterator[Path]:
     directory = run_directory(output)
     descriptor = _locked(output, directory)
     try:
-        with suppress(OSError):
-            for path in directory.glob(".*.partial"):
-                path.unlink()
+        clear_partials(directory)
         yield directory
     finally:
         if (directory / MANIFEST).exists():
