@@ -14,7 +14,7 @@ from vibrosweep.proof.measured import Measured
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.tolerances import Bounds, claims
+from vibrosweep.proof.tolerances import Bounds
 
 SCENE = Realization(
     parameters={
@@ -47,7 +47,7 @@ BOUNDS = Bounds(1e-6, 1e-5)
 
 
 def test_claims_of_a_window_that_is_clear():
-    found = claims(BOUNDS, SCENE, MEASURED)
+    found = BOUNDS.claims(SCENE, MEASURED)
     assert found["impact_count"] == found["status"] == found["base_shared"] == 0.0
     assert found["rebound_height_max"] == pytest.approx((2 * 4 * 1e-5 + 1e-10) / 20, rel=1e-6)
     assert found["flight_time_mean"] == pytest.approx(2 * 1e-5 / 10, rel=1e-6)
@@ -59,18 +59,18 @@ def test_every_variable_that_is_proved_has_a_claim():
     by_proof = JUDGES["measure"].by_proof
     proved = {v.name for v in VARIABLES.values() if JUDGES[v.judged].by_proof is by_proof}
     ordered = {v.name for v in MEASURES["ordering"].variables}  # of coupled particles
-    assert claims(BOUNDS, SCENE, MEASURED).keys() == proved - ordered
+    assert BOUNDS.claims(SCENE, MEASURED).keys() == proved - ordered
 
 
 def test_claims_without_errors_are_roundings():
-    found = claims(Bounds(0.0, 0.0), SCENE, MEASURED)
+    found = Bounds(0.0, 0.0).claims(SCENE, MEASURED)
     assert found["rebound_height_mean"] == pytest.approx(42 * EPS * 25 / 20)
     assert found["flight_time_mean"] == pytest.approx(42 * EPS * 8 / 10)
     assert found["dt_min"] == pytest.approx(EPS * (1.0 + 1.0))
 
 
 def test_nothing_is_claimed_of_a_window_whose_beginning_is_too_near_to_a_landing():
-    found = claims(BOUNDS, SCENE, replace(MEASURED, edge=arb("5e-7")))
+    found = BOUNDS.claims(SCENE, replace(MEASURED, edge=arb("5e-7")))
     unclaimed = {name for name, claim in found.items() if claim is None}
     assert {"impact_count", "rest_count", "dt_min", "rebound_height_max"} <= unclaimed
     assert not {"status", "at_rest_count", "base_shared"} & unclaimed
@@ -78,24 +78,24 @@ def test_nothing_is_claimed_of_a_window_whose_beginning_is_too_near_to_a_landing
 
 @pytest.mark.parametrize("overlap", ["1e-6", "0", "-2e-6"])
 def test_touching_stays_are_not_decided(overlap):
-    found = claims(BOUNDS, SCENE, replace(MEASURED, overlap=arb(overlap)))
+    found = BOUNDS.claims(SCENE, replace(MEASURED, overlap=arb(overlap)))
     assert {n for n, claim in found.items() if claim is None} == {"base_shared", "collision_free"}
 
 
 @pytest.mark.parametrize("overlap", ["4e-6", "-4e-6", None])
 def test_stays_farther_apart_than_their_errors_are(overlap):
     near = replace(MEASURED, overlap=None if overlap is None else arb(overlap))
-    assert claims(BOUNDS, SCENE, near)["base_shared"] == 0.0
+    assert BOUNDS.claims(SCENE, near)["base_shared"] == 0.0
 
 
 def test_launch_on_the_edge_of_the_window():
-    found = claims(BOUNDS, SCENE, replace(MEASURED, launch_depth=Fraction(1, 10**18)))
+    found = BOUNDS.claims(SCENE, replace(MEASURED, launch_depth=Fraction(1, 10**18)))
     assert {n for n, claim in found.items() if claim is None} == {"flight_height_max"}
 
 
 def test_kick_that_barely_lifts_decides_no_stay():
     weak = replace(SCENE, parameters=SCENE.parameters | {"amplitude": 5e-4 * (1 + 1e-15)})
-    assert claims(BOUNDS, weak, MEASURED)["base_shared"] is None
+    assert BOUNDS.claims(weak, MEASURED)["base_shared"] is None
     assert BOUNDS.record_claims(weak, 1.0)["liftoff_time"] == math.inf
 
 

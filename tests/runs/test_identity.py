@@ -206,4 +206,6 @@ print(json.dumps([m.__file__ for m in modules]))
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
     loaded = {Path(name) for name in json.loads(done.stdout)}
     assert len(loaded) > 40
-    assert loaded - set(sources()) == set()
+    package = Path(vibrosweep.__file__).parent
+    kinds = {package / "api" / name for name in ("__init__.py", "result_kinds.py")}
+    assert loaded - set(sources()) <= kinds  # which say how results are shown

@@ -1,8 +1,7 @@
-"""What a file holds under the names of its dimensions.
+"""Check of the arrays that a file holds under the names of its dimensions.
 
-A dimension of netCDF-4 without a variable is an array of HDF5 into which nobody writes; a program
-that saves a dataset again may make a variable of it, with the numbers of realizations, particles
-and impacts.
+A dimension of netCDF-4 without a variable is an HDF5 array that nobody writes to.  A program that
+saves a dataset again may turn it into a variable that numbers realizations, particles or impacts.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ MARK: Final = NO_VARIABLE.partition("%")[0]
 
 
 def judge_axes(path: Path) -> Iterator[Judgement]:
-    """Judge the axes of a file and of its record: variables, and what should be untouched."""
+    """Judge the axes of a file and of its record: variables, and arrays that must hold zeros."""
     with h5py.File(path) as file:
         for place in ("", "record"):
             group = file.get(place or "/")

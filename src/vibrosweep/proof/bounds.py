@@ -1,7 +1,7 @@
 """Check of the error bounds stored in a dataset against the proved errors.
 
-A bound is sound if no landing of the kernel is farther from the proved one.  A bound that was
-tampered with could still be sound, so it must also equal the one that the kernel computes again.
+A bound is sound if no landing of the kernel is farther from the proved one.  An altered bound could
+still be sound, so it must also equal the one that the kernel computes now.
 """
 
 from __future__ import annotations
@@ -25,30 +25,28 @@ from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.tolerances import Bounds
 
-# The variables that hold them, in the order of the fields of `Bounds`
+# Variables of the bounds, in the order of the fields of `Bounds`
 BOUNDS: Final = tuple(f"{field}_error" for field in Bounds._fields)
+
+# Keys of `vibrosweep.proof.judges.JUDGES` that compare with the numbers that are found now
+RECOMPUTED: Final = ("recomputed", "uncertain", "exponent_error", "exponent_sum_error")
 
 
 def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
-    """Bounds of all rows and their landings of any time, computed anew; no bounds if coupled."""
+    """Recompute all rows over all landings: their counts and, unless coupled, error bounds."""
     bounded = sample.observation.base != SPRUNG
     everything = _all_landings(sample.observation).measuring(trust=bounded)
     return measure_all(sample.parameters, everything, workers)
 
 
-def measure_orbits(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
-    """What orbits of all rows settle on, with its errors, computed anew."""
-    found = measure_all(sample.parameters, sample.observation.measuring(lyapunov=True), workers)
-    return {name: values for name, values in found.items() if name in MEASURE_OF}
-
-
 def measure_again(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
-    """What no proof is held against and all rows hold, computed anew."""
-    names = {name for name in sample.stored if VARIABLES[name].judged == "recomputed"}
-    keys = {MEASURE_OF[name] for name in names if name in MEASURE_OF}
-    asked = sample.observation.measuring(**dict.fromkeys(keys, True))
+    """Stored variables of all rows that are judged by their recomputed values, computed anew."""
+    names = {name for name in sample.stored if VARIABLES[name].judged in RECOMPUTED}
+    if not names:
+        return {}
+    asked = sample.observation.measuring(**{MEASURE_OF[name]: True for name in names})
     found = measure_all(sample.parameters, asked, workers)
-    return {name: values for name, values in found.items() if name in names}
+    return {name: found[name] for name in names}
 
 
 def _all_landings(observation: Observation) -> Observation:
@@ -58,8 +56,8 @@ def _all_landings(observation: Observation) -> Observation:
 class Errors(NamedTuple):
     """True errors of the kernel's landings of one particle; infinite where landings are missing."""
 
-    # landing_time, rebound_velocity: shape (impact,), s and m s-1, less what the rounding of the
-    # recorded number may add
+    # landing_time, rebound_velocity: shape (impact,), s and m s-1, less the largest rounding of the
+    # recorded number
     landing_time: Array
     rebound_velocity: Array
 
@@ -83,10 +81,10 @@ def landing_errors(
 def change_of_bound(
     name: str, stored: float, again: Mapping[str, Any], frequency: float, particle: int | None
 ) -> str:
-    """Describe how a stored bound differs from the one the same version computes now, if it does.
+    """Describe how a stored bound differs from the one that this version computes; empty if equal.
 
-    Another processor or numpy may round the phase of lift-off otherwise, and a bound follows the
-    orbit: it changes as much, relatively, as the orbit does in periods, times its curvature.
+    Another processor or numpy may round the phase of lift-off differently, and a bound depends on
+    the orbit: its relative change is that of the orbit in periods, times a curvature.
     """
     bound = float(again[name] if particle is None else again[name][particle])
     slack = 1e-9 + 1e3 * float(again["landing_time_error"]) * frequency

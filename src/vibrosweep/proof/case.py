@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from vibrosweep.proof.bounds import Errors
-from vibrosweep.proof.coupled import Estimate, with_order
+from vibrosweep.proof.coupled import Estimate
 from vibrosweep.proof.cycle import largest_exponent
 from vibrosweep.proof.measured import Measured, measures
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
@@ -19,7 +19,7 @@ from vibrosweep.proof.reference._flint import exact
 from vibrosweep.proof.reference.results import Impact, Trajectory
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import Proved
-from vibrosweep.proof.tolerances import Bounds, claims
+from vibrosweep.proof.tolerances import Bounds
 
 # Criteria of an aperiodic orbit: the number of landings in the window, and the standard errors by
 # which its exponent exceeds zero.
@@ -39,7 +39,7 @@ class Exponents:
     total: Proved
     total_claim: float | None
     standard_error: Proved = None  # of a mean along the orbit, within `claim`; None where undefined
-    # Whether the error of the largest is a bound of its rounding, as it is of a cycle
+    # True on a cycle, where the error of the largest exponent bounds its rounding
     bounds_rounding: bool = False
 
 
@@ -48,7 +48,7 @@ class Case:
     """One realization to be judged."""
 
     stored: Mapping[str, Any]  # its variables: numbers, or arrays over the particles
-    # Bounds that the kernel finds for it now, named as variables; empty of another version
+    # Bounds and other variables as this version computes them; empty if another computed the file
     again: Mapping[str, Any]
     realization: Realization  # what was computed
     bounds: Bounds  # bounds of the errors of its landings
@@ -56,27 +56,22 @@ class Case:
     # Proved errors of the kernel's landings of each particle, where the file bounds them
     errors: Sequence[Errors]
     tolerance: float  # error of a landing time in s up to which it is trusted
-    # Of the errors of its landings, where its particles are coupled and it is proved
+    # Estimate of the errors of its landings, where its particles are coupled and it is proved
     estimate: Estimate | None = None
 
     @cached_property
     def measures(self) -> Measured:
         """Proved measures."""
-        found = measures(self.realization, self.trajectories)
-        if self.realization.coupled:
-            return with_order(found, self.realization, self.trajectories)
-        return found
+        return measures(self.realization, self.trajectories)
 
     @cached_property
     def claims(self) -> Mapping[str, float | None]:
         """Largest errors of the measures that the dataset admits."""
-        if self.estimate is not None:
-            return self.estimate.claims(self.realization, self.measures)
-        return claims(self.bounds, self.realization, self.measures)
+        return (self.estimate or self.bounds).claims(self.realization, self.measures)
 
     @property
     def deviation(self) -> tuple[float, float] | None:
-        """Largest error in s of the kernel's landings, and its estimate, where that is one."""
+        """Largest error in s of the kernel's landings, and its estimate, where there is one."""
         if self.estimate is None or not self.errors:
             return None
         largest = max(float(np.max(e.landing_time, initial=0.0)) for e in self.errors)
@@ -92,7 +87,7 @@ class Case:
 
     @cached_property
     def cycles(self) -> Sequence[Cycle | None]:
-        """Cycle of each particle: from rest to rest, or as the majority of its variables says."""
+        """Cycle of each particle: from rest to rest, or else as most of its variables state."""
         said = [np.array([SAID[n](v) for v in self.stored[n]]) for n in SAID if n in self.stored]
         found = []
         for particle, orbit in enumerate(self.orbits):
@@ -151,7 +146,7 @@ class Case:
         return Exponents(mean.value, mean.claim, total, claim, mean.standard_error)
 
     def aperiodic(self, particle: int) -> bool | None:
-        """Whether a particle that does not recur is aperiodic; None where that is not proved."""
+        """Decide whether a particle that does not recur is aperiodic; None where that is open."""
         impacts, first = self._window(particle)
         if len(impacts) - first < LANDINGS or any(i.rested for i in impacts[first:]):
             return False

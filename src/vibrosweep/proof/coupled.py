@@ -1,11 +1,11 @@
-"""Realizations on a base of finite mass: their proof, and estimates of what rounding does to them.
+"""Realizations on a base of finite mass: their proof, and estimates of rounding errors.
 
 No bound of the errors of coupled particles is proved.  Instead the reference follows a realization
-twice: as it is, and with its parameters changed by `CHANGE` of themselves, some up and some down,
-and each particle launched by as much of a period later than the one before, without which landings
-at once would stay so.  That is some hundred times what a rounding does.  The largest change of any
-landing or lift-off, of any velocity and of any height is the estimate of the largest error in
-doubles.  Where a decision changes nothing is claimed.
+twice: as it is, and with its parameters changed by a relative `CHANGE`, some up and some down, and
+with each launch delayed after the one before by that fraction of a period, since simultaneous
+landings would otherwise stay simultaneous.  These changes are some hundred times a rounding error.
+The largest change of any landing or lift-off, of any velocity and of any height is the estimate of
+the largest error in doubles.  Where a decision changes, nothing is claimed.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from itertools import cycle, pairwise
+from itertools import cycle
 from typing import Final, NamedTuple
 
-from vibrosweep.proof.measured import Measured
+from vibrosweep.proof.measured import HARMONICS, Measured
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx, exact
 from vibrosweep.proof.reference.coupled import (
     PATIENCE,
@@ -28,7 +28,7 @@ from vibrosweep.proof.reference.coupled import (
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.statistics import Landing, Proved, landings_of
+from vibrosweep.proof.statistics import Proved
 from vibrosweep.proof.tolerances import reaches
 
 # Landings of a realization: some ten seconds, and more where few particles make all of them.
@@ -36,15 +36,6 @@ MAX_COUPLED: Final = 1000
 MAX_BITS: Final = 1 << 13
 CHANGE: Final = 2.0**-44
 SIGNS: Final = (1.0, -1.0, 1.0, 1.0, -1.0)  # no pattern that could cancel
-# Order parameters by what they multiply the forcing frequency with.
-HARMONICS: Final = {
-    "order_1": Fraction(1),
-    "order_2": Fraction(2),
-    "order_3": Fraction(3),
-    "order_half": Fraction(1, 2),
-    "order_third": Fraction(1, 3),
-}
-MOST_GAPS: Final = 4096
 
 
 class Estimate(NamedTuple):
@@ -58,7 +49,7 @@ class Estimate(NamedTuple):
         """Largest error of a recorded number of that size, by the variable that it belongs to."""
         rounding = 4.0 * EPS * (abs(number) if math.isfinite(number) else 0.0)
         period = 1.0 / realization.parameters["frequency"]
-        # the time from one event to the next, perhaps from one launch to another, is one double
+        # the time from one event, or launch, to the next is one double
         times = (realization.duration, *realization.launch_times)
         longest = max(abs(float(time)) for time in times)
         time = self.time + 4.0 * EPS * longest + 8.0 * EPS * period
@@ -106,7 +97,7 @@ def prove(
 ) -> tuple[Sequence[Trajectory], Estimate | None]:
     """Proved trajectories of a realization, and estimates of their errors in doubles.
 
-    None instead of these where rounding may change a decision.  Raises an UndecidableError where
+    The estimates are None where rounding may change a decision.  Raises an UndecidableError where
     the reference cannot decide, and a TooManyLandingsError where more landings come before the end.
     """
     proved = _followed(realization, max_landings, 0)
@@ -153,7 +144,7 @@ def _followed(realization: Realization, max_landings: int, bits: int) -> Coupled
 
 
 def _decisions(trajectory: Trajectory) -> tuple[bool, list[tuple[bool, bool]]]:
-    """What was decided about a particle."""
+    """List the decisions about a particle."""
     each = [(impact.rested, impact.liftoff_time is None) for impact in trajectory.impacts]
     return trajectory.at_rest, each
 
@@ -175,70 +166,20 @@ def _changes(a: Trajectory, b: Trajectory) -> Iterator[tuple[float, float, float
 
 
 def _apart(a: arb | None, b: arb | None) -> float:
-    """Distance of two numbers; none where there are none."""
+    """Distance of two numbers; 0 where either is None."""
     return 0.0 if a is None or b is None else float((a - b).abs_upper())
 
 
 def _ends(motion: Coupled, realization: Realization) -> Iterator[arb]:
-    """Times of all landings and lift-offs, of the landings after the end of the observation too."""
+    """Times of all lift-offs and landings, with the first landings after the end."""
     period = 1 / arb(realization.parameters["frequency"])
     for trajectory, launched in zip(motion.particles, realization.launch_times, strict=True):
         left, flight = exact(launched), trajectory.launch
         for impact in trajectory.impacts:
             yield impact.landing_time
             if impact.liftoff_time is None or impact.flight is None:
-                break  # it rides the base at the end
+                break  # the particle rides the base at the end
             left, flight = impact.liftoff_time, impact.flight
             yield left
         else:
             yield left + flight.duration * period
-
-
-def with_order(
-    measured: Measured, realization: Realization, trajectories: Sequence[Trajectory]
-) -> Measured:
-    """Add the order of the landings to the measures of a realization."""
-    with ctx.workprec(max(t.precision_bits for t in trajectories)):
-        ordered = _ordering(realization, trajectories)
-    return replace(measured, values=measured.values | ordered)
-
-
-def _ordering(
-    realization: Realization, trajectories: Sequence[Trajectory]
-) -> dict[str, Proved | list[Proved]]:
-    """Order of the landings, by its definition."""
-    period = 1 / arb(realization.parameters["frequency"])
-    landings = landings_of(realization, trajectories)
-    begin = exact(realization.transient) if realization.windowed else arb.neg_inf()
-    late = begin.max(exact(realization.duration) - period)
-    gaps = [
-        b.time - a.time
-        for a, b in pairwise(landings)
-        if a.particle != b.particle and b.time >= late
-    ]
-    gaps = sorted(gaps, key=arb.mid) if len(gaps) <= MOST_GAPS else []
-    half = len(gaps) // 2
-    found: dict[str, Proved | list[Proved]] = {
-        "gap_median": (gaps[~half] + gaps[half]) / 2 if gaps else None,
-        "gap_min": gaps[0] if gaps else None,
-        "order_changes": _out_of_turn(landings, begin),
-    }
-    last = [t.impacts[-1] for t in trajectories if t.impacts]
-    for name, harmonic in HARMONICS.items():
-        half_turns = [2 * exact(harmonic) * (impact.count + impact.phase) for impact in last]
-        even = sum((turn.cos_pi() for turn in half_turns), arb(0))
-        odd = sum((turn.sin_pi() for turn in half_turns), arb(0))
-        square = (even * even + odd * odd).max(arb(0))
-        found[name] = square.sqrt() / len(last) if last else None
-    return found
-
-
-def _out_of_turn(landings: Sequence[Landing], begin: arb) -> int:
-    """Landings from `begin` on of a particle other than that which landed longest ago."""
-    turn: dict[int, int] = {}
-    found = 0
-    for number, landing in enumerate(landings):
-        own = turn.get(landing.particle)
-        found += own is not None and own > min(turn.values()) and bool(landing.time >= begin)
-        turn[landing.particle] = number
-    return found

@@ -82,7 +82,7 @@ def _ball(radius: arb) -> arb:
 
 
 def _once_round(m: PeriodMap, x: arb, u: arb, impacts: int) -> _Return | None:
-    """Follow a ball of states round the cycle; None where it may rest or turn on the way."""
+    """Follow a ball of states round the cycle; None where it may rest or turn back on the way."""
     j00, j01, j10, j11 = arb(1), arb(0), arb(0), arb(1)
     determinant = arb(1)
     for _ in range(impacts):

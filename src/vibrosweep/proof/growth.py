@@ -2,7 +2,7 @@
 
 The kernel's orbit is within the dataset's bounds of the proved one, and so are its Jacobians.  A
 change of a Jacobian changes the growth at that impact, and turns the direction that is carried on:
-both are followed here to first order, and doubled for what that leaves out.
+both are followed here to first order, and doubled to cover the higher orders.
 """
 
 from __future__ import annotations

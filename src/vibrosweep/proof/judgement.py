@@ -1,4 +1,4 @@
-"""Comparison of a stored number with its proved value, or with what follows from other numbers."""
+"""Comparison of a stored number with its proved value, or with one implied by other numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Judgement:
     """Result of the comparison for one stored number."""
 
     variable: str  # its name
-    particle: int | None  # its particle, None for a number of the whole realization
+    particle: int | None  # number of the particle; None for a number of the whole realization
     # Distance from the proved value; NaN where both are undefined, infinite where one is
     error: float
     claim: float | None  # largest error that the dataset admits; None where it claims nothing

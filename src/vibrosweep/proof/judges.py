@@ -1,7 +1,7 @@
-"""How the variables of a dataset are judged: `JUDGES`, by the names in the registry.
+"""Judges of the variables of a dataset: `JUDGES`, by the names in the registry.
 
-A variable is held against its proof where the realization has one.  Where it has none, what follows
-from other variables of the file is at least held against those.
+A variable is compared with its proved value where the realization is proved.  Otherwise a variable
+that follows from others is at least compared with those.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ FOUND_NOW: Final = "but {!r} is found now"
 
 
 class Judge(NamedTuple):
-    """How one variable is judged."""
+    """Comparisons of one variable."""
 
-    # Judges the variable of that name where the realization is proved
+    # Judges the variable of a given name where the realization is proved
     by_proof: Callable[[Case, str], Judgements]
-    # The same where it is not; None where nothing can be said
+    # The same where it is not proved; None where nothing can be said
     otherwise: Callable[[Case, str], Judgements] | None = None
 
 
@@ -42,7 +42,7 @@ def judge_row(case: Case, name: str) -> Judgements:
 
 
 def _follows(value: Callable[[Case, str], float | None]) -> Callable[[Case, str], Judgements]:
-    """Judge a variable by what others of the file make it; None where they say nothing."""
+    """Judge a variable by the value that others imply, which is None where they imply nothing."""
 
     def follows(case: Case, name: str) -> Judgements:
         made = value(case, name) if case.stored["status"] == Status.COMPLETED else None
@@ -54,7 +54,7 @@ def _follows(value: Callable[[Case, str], float | None]) -> Callable[[Case, str]
 
 
 def _same(name: str, particle: int | None, stored: float, other: float, words: str) -> Judgement:
-    """Judge a number by another that it must equal; `words` say where that is from."""
+    """Judge a number by another that it must equal; `words` describe the other."""
     if stored == other or (math.isnan(stored) and math.isnan(other)):
         return Judgement(name, particle, 0.0, 0.0)
     complaint = f"is {stored!r}, {words.format(other)}"
@@ -62,7 +62,7 @@ def _same(name: str, particle: int | None, stored: float, other: float, words: s
 
 
 def _each(case: Case, name: str, proved: Iterable[tuple[Proved, float | None]]) -> Judgements:
-    """Judge the numbers of the particles by proved values and what is claimed of them."""
+    """Judge the numbers of all particles by proved values and claims."""
     for particle, (value, claim) in enumerate(proved):
         yield judge(name, particle, float(case.stored[name][particle]), value, claim)
 
@@ -79,7 +79,7 @@ def _measure(case: Case, name: str) -> Judgements:
 
 
 def _is_unresolved(case: Case) -> bool:
-    """Whether the kernel says that landings crowd too much to be told apart: then it says so."""
+    """Tell whether the kernel found landings too close together to separate them."""
     names = [v.name for v in MEASURES["separation"].variables if v.name in case.stored]
     return all(case.stored[n] == UNDETERMINED or math.isnan(case.stored[n]) for n in names)
 
@@ -89,7 +89,7 @@ def _regime(case: Case, name: str) -> Judgements:
 
 
 def _regimes(case: Case) -> list[int]:
-    """Regime of each particle, the stored one where nothing is proved."""
+    """Regime of each particle: the proved one, or else the stored one."""
     if not case.trajectories:
         return [int(code) for code in case.stored["regime"]]
     found = []
@@ -107,7 +107,7 @@ def _regimes(case: Case) -> list[int]:
 
 
 def _number_in(case: Case, name: str) -> float:
-    """Particles in the regime that a count is named after."""
+    """Count the particles in the regime that the variable is named after."""
     return _regimes(case).count(Regime[name.removesuffix("_count").upper()])
 
 
@@ -117,7 +117,7 @@ def _cycle(case: Case, name: str) -> Judgements:
 
 
 def _uncertain(case: Case, name: str) -> Judgements:
-    """Judge what rounding may have decided by what the same version finds now."""
+    """Judge a code that rounding may decide by the one that this version computes."""
     for particle, stored in enumerate(case.stored[name].tolist()):
         if case.trajectories and case.cycles[particle] is None:
             yield judge(name, particle, float(stored), UNDETERMINED, 0.0)
@@ -126,7 +126,7 @@ def _uncertain(case: Case, name: str) -> Judgements:
 
 
 def _recomputed(case: Case, name: str) -> Judgements:
-    """Judge what has no proof by what the same version finds now."""
+    """Judge a variable without a proof by the value that this version computes."""
     if name in case.again:
         yield _same(name, None, float(case.stored[name]), float(case.again[name]), FOUND_NOW)
 
@@ -189,7 +189,7 @@ def _slot(case: Case, name: str) -> Judgements:
 
 
 def _decided(code: int | None) -> float | None:
-    """Claim of a code; nothing is claimed of one that cannot be decided."""
+    """Claim of a code: exact, or none where the code cannot be decided."""
     return None if code is None else 0.0
 
 
@@ -221,7 +221,7 @@ def _negation(case: Case, name: str) -> float:
 
 
 def _total(case: Case, name: str) -> float | None:
-    """Sum over the particles, of what is counted or told of each."""
+    """Sum over the particles of their counts or flags."""
     for each in (f"particle_{name}", f"particle_{name.removesuffix('_count')}"):
         if each in case.stored:
             return float(np.sum(case.stored[each]))
@@ -229,13 +229,13 @@ def _total(case: Case, name: str) -> float | None:
 
 
 def _greatest(case: Case, name: str) -> float | None:
-    """Largest of the particles that have a number at all."""
+    """Largest number of the particles that have one."""
     each = case.stored.get(f"particle_{name}")
     return None if each is None else float(np.fmax.reduce(each))
 
 
 def _landing_bound(case: Case, name: str) -> Judgements:
-    """Judge a bound of the errors of all landings: by the proved ones, and by the kernel's."""
+    """Judge a bound of the errors of all landings by the proved errors, and by a new bound."""
     stored = float(case.stored[name])
     changed = _changed(case, name, None)
     if not case.trajectories:
@@ -250,7 +250,7 @@ def _landing_bound(case: Case, name: str) -> Judgements:
 
 
 def _changed(case: Case, name: str, particle: int | None) -> str:
-    """Say how a bound differs from what the same version finds now; empty for another version."""
+    """Describe how a bound differs from that of this version; empty if another wrote the file."""
     if name not in case.again:
         return ""
     stored = case.stored[name] if particle is None else case.stored[name][particle]
@@ -261,8 +261,8 @@ def _changed(case: Case, name: str, particle: int | None) -> str:
 def _rounding_bound(case: Case, name: str, particle: int) -> Judgement:
     """Judge a bound of an exponent's rounding error.
 
-    The exponent itself is judged by that bound; so of a file of this version only a change of the
-    bound is one here.
+    The exponent itself is judged by that bound, so that in a file of this version only a change of
+    the bound is a failure.
     """
     stored = float(case.stored[name][particle])
     error = _true_error(case, name.removesuffix("_error"), particle)

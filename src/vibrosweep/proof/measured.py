@@ -1,6 +1,6 @@
 """Every measured variable of a realization, by its definition, from proved trajectories.
 
-Plain code in ball arithmetic, apart from the kernels: what comes back is proved.
+Plain code in ball arithmetic, independent of the kernels: its results are proved.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from functools import reduce
 from itertools import groupby, pairwise
 from operator import attrgetter
 from sys import float_info
+from typing import Final
 
 from vibrosweep.model.status import Status
 from vibrosweep.proof.reference._flint import arb, ctx, exact
@@ -29,12 +30,21 @@ from vibrosweep.proof.statistics import (
     statistics,
 )
 
-GUARD_BITS = 64
+GUARD_BITS: Final = 64
+# Order parameters by what they multiply the forcing frequency with.
+HARMONICS: Final = {
+    "order_1": Fraction(1),
+    "order_2": Fraction(2),
+    "order_3": Fraction(3),
+    "order_half": Fraction(1, 2),
+    "order_third": Fraction(1, 3),
+}
+MOST_GAPS: Final = 4096
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Proved measures of a realization, and what decides how far a dataset can know them."""
+    """Proved measures of a realization, and distances that show if rounding can change them."""
 
     # By the names of `vibrosweep.model.measures`; a list over the particles for those of each
     values: dict[str, Proved | list[Proved]]
@@ -81,6 +91,8 @@ def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> M
         values[f"particle_{name}"] = [statistics(flights, frequency)[name] for flights in each]
     values["particle_at_rest"] = [int(t.at_rest) for t in trajectories]
     values["particle_status"] = list(status)
+    if realization.coupled:
+        values |= _ordering(realization, trajectories, landings, begin)
     return Measured(
         values=values,
         fastest=largest(abs(speed) for speed in whole.speeds),
@@ -142,3 +154,45 @@ def _overlap(landings: Sequence[Landing], begin: arb) -> arb | None:
 
 def _least(balls: Sequence[arb]) -> arb | None:
     return reduce(arb.min, balls) if balls else None
+
+
+def _ordering(
+    realization: Realization,
+    trajectories: Sequence[Trajectory],
+    landings: Sequence[Landing],
+    begin: arb,
+) -> dict[str, Proved | list[Proved]]:
+    """Order of the landings, by its definition."""
+    period = 1 / arb(realization.parameters["frequency"])
+    late = begin.max(exact(realization.duration) - period)
+    gaps = [
+        b.time - a.time
+        for a, b in pairwise(landings)
+        if a.particle != b.particle and b.time >= late
+    ]
+    gaps = sorted(gaps, key=arb.mid) if len(gaps) <= MOST_GAPS else []
+    half = len(gaps) // 2
+    found: dict[str, Proved | list[Proved]] = {
+        "gap_median": (gaps[~half] + gaps[half]) / 2 if gaps else None,
+        "gap_min": gaps[0] if gaps else None,
+        "order_changes": _out_of_turn(landings, begin),
+    }
+    last = [t.impacts[-1] for t in trajectories if t.impacts]
+    for name, harmonic in HARMONICS.items():
+        half_turns = [2 * exact(harmonic) * (impact.count + impact.phase) for impact in last]
+        even = sum((turn.cos_pi() for turn in half_turns), arb(0))
+        odd = sum((turn.sin_pi() for turn in half_turns), arb(0))
+        square = (even * even + odd * odd).max(arb(0))
+        found[name] = square.sqrt() / len(last) if last else None
+    return found
+
+
+def _out_of_turn(landings: Sequence[Landing], begin: arb) -> int:
+    """Landings from `begin` on of a particle other than that which landed longest ago."""
+    turn: dict[int, int] = {}
+    found = 0
+    for number, landing in enumerate(landings):
+        own = turn.get(landing.particle)
+        found += own is not None and own > min(turn.values()) and bool(landing.time >= begin)
+        turn[landing.particle] = number
+    return found

@@ -12,7 +12,7 @@ from vibrosweep.proof.judgement import Judgement, judge
 from vibrosweep.proof.reference.results import Impact, Trajectory
 from vibrosweep.proof.sample import Sample
 
-# Its variables share names with those of the sweep, but not their dimensions.
+# Variables of the record share names with those of the sweep, but not dimensions.
 RECORDED: Final = {f"record/{name}": variable for name, variable in RECORD.items()}
 
 
@@ -21,7 +21,7 @@ def judge_record(
     claims: Callable[[float], Mapping[str, float]],
     trajectories: Sequence[Trajectory],
 ) -> list[Judgement]:
-    """Judge every number of a record; `claims` are those of a number of some size, by variable."""
+    """Judge every number of a record; `claims` gives largest errors by the size of a number."""
     judged = []
     for particle, trajectory in enumerate(trajectories):
         stored = {name: values[0, particle].tolist() for name, values in record.stored.items()}
@@ -43,7 +43,7 @@ def judge_record(
 
 
 def _landing(impact: Impact | None) -> dict[str, Any]:
-    """What must be recorded of a landing; None for NaN."""
+    """Return the numbers that must be recorded of a landing; None stands for NaN."""
     if impact is None:
         return {"landing_time": None, "liftoff_time": None, "rebound_velocity": None, "rested": 0}
     return {

@@ -1,8 +1,8 @@
 """Recurrence of a proved orbit: whether it repeats as stated, its cycle, slot and exponents.
 
 The state after a rest is always the same: an orbit that is lifted from two rests has closed its
-cycle, and entered it with the first.  Else the kernel detects recurrence when a state returns bit
-for bit, whereas the exact orbit approaches its cycle asymptotically.  What can be proved is that it
+cycle, and entered it with the first.  Otherwise the kernel detects recurrence when a state returns
+bit for bit, whereas the exact orbit approaches its cycle asymptotically.  A proof can show that it
 repeats as stated, up to the tolerance with which the kernel identifies states and to the errors
 that the dataset claims; impacts and periods of the cycle then follow exactly.  The state at which a
 recurrence is stated occurred one cycle earlier, so states are compared with those a cycle later
@@ -141,7 +141,7 @@ class Orbit:
         return next((n for n in others if self._repeats(since - n, n, SAME_ORBIT + self._error)), 0)
 
     def _repeats(self, first: int, cycle: int, error: float) -> bool:
-        """Whether all states from one on are equal to those a cycle later, up to an error."""
+        """Tell whether all states from `first` on return a cycle later, up to an error."""
         last = len(self.times) - cycle
         if not 0 <= first < last:
             return False
@@ -160,9 +160,9 @@ class Orbit:
         return realization.reference.period_map(realization.parameters, realization.rebound)
 
     def contraction(self, first: int, last: int) -> tuple[arb | float, float]:
-        """Mean logarithm of what impacts leave of an area, from state `first` to state `last`.
+        """Mean logarithm of the contraction of areas by impacts, from state `first` to `last`.
 
-        Also how much it may be off by the errors that the dataset admits.
+        With it comes its largest error by the errors that the dataset admits.
         """
         error, speeds = self._bounds.speed_error(self._realization), self.speeds[first:last]
         with ctx.workprec(self.trajectory.precision_bits):
@@ -241,7 +241,7 @@ def numbered(
 
 
 def _same(cycle: Cycle, state: State, other: Cycle, first: State) -> bool | None:
-    """Whether two particles are on one orbit; None if this cannot be decided."""
+    """Decide whether two particles are on one orbit; None if that is open."""
     if (cycle.impacts, cycle.periods, cycle.rests) != (other.impacts, other.periods, other.rests):
         return False
     apart = state.phase - first.phase

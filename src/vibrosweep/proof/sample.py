@@ -30,7 +30,7 @@ class Realization:
     # periods
     transient: float | Fraction
     duration: float | Fraction
-    # Whether landings before the window are possible; if not, every landing up to the end counts
+    # True if landings before the window are possible; if not, every landing up to the end counts
     windowed: bool
     # Error in s with which a launch is compared with the edges of the window
     launch_rounding: float
@@ -39,12 +39,12 @@ class Realization:
 
     @property
     def coupled(self) -> bool:
-        """Whether the base couples the particles."""
+        """True if the base couples the particles."""
         return self.base == SPRUNG
 
     @property
     def reference(self) -> Reference:
-        """What the reference knows of a base over which particles are independent."""
+        """Reference of a base over which particles are independent."""
         return REFERENCE_OF[self.base]
 
 
@@ -56,7 +56,7 @@ class Sample:
     rows: NDArray[np.int64]  # indices of those drawn, in increasing order
     parameters: Mapping[str, Array]  # as of a `Realization`, each of shape (row,)
     observation: Observation  # what was launched, watched and measured
-    own: bool  # whether this version and git revision computed the dataset
+    current: bool  # True if this version and git revision computed the dataset
     stored: Mapping[str, NDArray[Any]]  # the dataset's measured variables, each of shape (row, ...)
     # Its coordinates: numbers, arrays over the particles, or sampled ones of shape (row,)
     coordinates: Mapping[str, NDArray[Any]]

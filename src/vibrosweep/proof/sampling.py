@@ -73,7 +73,7 @@ def _drawn(file: Any, size: int, seed: int) -> Sample:
         rows=rows,
         parameters={n: _parameter(file, n, chosen, rows) for n in _taken(observation.base)},
         observation=observation,
-        own=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
+        current=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: read_rows(file, name, chosen) for name in names},
         coordinates=_coordinates(file, chosen),
         others=_others(file, (*VARIABLES, *SWEEP_COORDINATES)),
@@ -107,12 +107,12 @@ def _parameter(
 
 
 def _taken(base: str) -> tuple[str, ...]:
-    """Names of what the engine takes of a base."""
+    """Names of the parameters of a base."""
     return (*PARAMETERS, *(MOUNT if base == SPRUNG else ()))
 
 
 def _record(file: Any, sample: Sample) -> Sample:
-    """Return the recorded realization, of which every landing counts."""
+    """Return the recorded realization, whose landings all count."""
     group, rows = file.groups["record"], np.zeros(1, np.int64)
     shared = {
         "particles": group.variables["impact_count"].shape[1],
@@ -126,9 +126,9 @@ def _record(file: Any, sample: Sample) -> Sample:
             name: np.atleast_1d(group.variables[name][...]) for name in _taken(observation.base)
         },
         observation=observation,
-        own=sample.own,
+        current=sample.current,
         stored={name: group.variables[name][...] for name in RECORD},
-        # beside a grid, a parameter that is one of its axes is written along the one realization
+        # in the record of a grid, a parameter that is an axis has one value along `realization`
         coordinates={
             n: np.asarray(v[0] if n in INPUTS and v.shape else v[...])
             for n, v in group.variables.items()
@@ -192,6 +192,6 @@ def _unsound(path: Path, bad: list[str]) -> DataError:
 
 
 def _fits(shape: tuple[int, ...], sizes: tuple[int | None, ...]) -> bool:
-    """Whether a shape has the sizes that are known."""
+    """Tell whether a shape has the sizes that are known."""
     known = zip(shape, sizes, strict=False)
     return len(shape) == len(sizes) and all(size in (None, length) for length, size in known)

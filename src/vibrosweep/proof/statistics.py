@@ -1,4 +1,4 @@
-"""Statistics of landings and of the flights that follow: their proof, and what is claimed of them.
+"""Statistics of landings and of the flights that follow: their proof and their claims.
 
 A running statistic of the kernels (`vibrosweep.kernels.statistics`) has its definition in ball
 arithmetic here, and the largest error that the bounds of a dataset allow it.

@@ -8,7 +8,7 @@ few sums and products that lead from flights to the stored number; EPS is one ro
 * A height v^2 / 2 g: (2 v dv + dv^2) / 2 g with the largest rebound speed v of the realization;
   the height of a moving base, of velocity V0 at most, adds V0 dt.
 * The mean flight time 2 v / g: 2 dv / g.  Over a moving base, its derivatives by the phase and the
-  relative speed of the lift-off, twice over for what they leave out.
+  relative speed of the lift-off, doubled to cover the higher orders.
 * Means are sums of n positive numbers, first of each particle, then of the particles: relative
   error (n + particles) EPS with n flights of a particle, and 10 EPS for the change of units.
 * A separation is the difference of two landing times: 2 dt, and the rounding of the difference of
@@ -33,7 +33,7 @@ from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
 from vibrosweep.proof.statistics import Proved, Uncertainty, statistics_claims
 
-# for what the derivatives of a flight leave out
+# covers the higher orders, which the derivatives of a flight leave out
 FIRST_ORDER: Final = 2.0
 
 
@@ -58,8 +58,8 @@ class Bounds(NamedTuple):
     def speed_error(self, realization: Realization) -> float:
         """Bound of the errors of speeds relative to the base, in units of g / 2 f."""
         p = realization.parameters
-        own = 2.0 * math.pi * p["frequency"] * self.height_error(realization)
-        return (self.rebound_velocity + own) * 2.0 * p["frequency"] / p["gravity"]
+        base = 2.0 * math.pi * p["frequency"] * self.height_error(realization)
+        return (self.rebound_velocity + base) * 2.0 * p["frequency"] / p["gravity"]
 
     def record_claims(self, realization: Realization, number: float) -> Mapping[str, float]:
         """Largest error of a recorded number of that size, by the variable that it belongs to."""
@@ -82,32 +82,29 @@ class Bounds(NamedTuple):
         linear = abs(by_phase) * self.phase_error(realization) + abs(by_speed) * speed
         return FIRST_ORDER * linear * period
 
-
-def claims(
-    bounds: Bounds, realization: Realization, measured: Measured
-) -> Mapping[str, float | None]:
-    """Largest error of each variable that the bounds allow, in its own unit; None: not claimed."""
-    dt, period = bounds.landing_time, 1.0 / realization.parameters["frequency"]
-    exact: dict[str, float | None] = {"at_rest_count": 0.0, "status": 0.0}
-    exact |= {"particle_at_rest": 0.0, "particle_status": 0.0}
-    undecided = reaches(measured.overlap, _stay_error(dt, realization))
-    exact |= dict.fromkeys(("base_shared", "collision_free"), None if undecided else 0.0)
-    error = Uncertainty(
-        velocity=bounds.rebound_velocity,
-        height=bounds.height_error(realization),
-        duration=max(
-            (bounds.duration_error(realization, f) for f in measured.flights), default=0.0
-        ),
-    )
-    windowed = statistics_claims(
-        error, realization, measured.flights, measured.fastest, measured.longest
-    ) | _separations(dt, measured, period)
-    if reaches(measured.edge, dt + 4.0 * EPS * period):
-        windowed = dict.fromkeys(windowed)
-    # only a late window over staggered launches compares anything that is rounded
-    if realization.windowed and abs(measured.launch_depth) < realization.launch_rounding:
-        windowed["flight_height_max"] = None
-    return exact | windowed
+    def claims(self, realization: Realization, measured: Measured) -> Mapping[str, float | None]:
+        """Largest error of each variable, in its own unit; None: not claimed."""
+        dt, period = self.landing_time, 1.0 / realization.parameters["frequency"]
+        exact: dict[str, float | None] = {"at_rest_count": 0.0, "status": 0.0}
+        exact |= {"particle_at_rest": 0.0, "particle_status": 0.0}
+        undecided = reaches(measured.overlap, _stay_error(dt, realization))
+        exact |= dict.fromkeys(("base_shared", "collision_free"), None if undecided else 0.0)
+        error = Uncertainty(
+            velocity=self.rebound_velocity,
+            height=self.height_error(realization),
+            duration=max(
+                (self.duration_error(realization, f) for f in measured.flights), default=0.0
+            ),
+        )
+        windowed = statistics_claims(
+            error, realization, measured.flights, measured.fastest, measured.longest
+        ) | _separations(dt, measured, period)
+        if reaches(measured.edge, dt + 4.0 * EPS * period):
+            windowed = dict.fromkeys(windowed)
+        # only a late window over staggered launches compares anything that is rounded
+        if realization.windowed and abs(measured.launch_depth) < realization.launch_rounding:
+            windowed["flight_height_max"] = None
+        return exact | windowed
 
 
 def _separations(dt: float, measured: Measured, period: float) -> dict[str, float | None]:
@@ -134,5 +131,5 @@ def _lift_off_error(realization: Realization) -> float:
 
 
 def reaches(distance: Proved, error: float) -> bool:
-    """Whether zero lies within the error of an exact distance (None: there is nothing near)."""
+    """Tell whether zero is within the error of an exact distance; None stands for no distance."""
     return distance is not None and not bool(abs(distance) > error)

@@ -29,7 +29,7 @@ COMPLAINTS_SHOWN: Final = 20
 
 
 class State(Enum):
-    """Whether a realization could be compared; the value is the text of the report."""
+    """Reasons why a realization could or could not be compared, in the words of the report."""
 
     COMPARED = "proved"
     NO_CLAIM = "without a claim: rounding may have changed a decision"
@@ -53,7 +53,7 @@ class Outcome:
 
     @property
     def place(self) -> str:
-        """Where in the dataset it is, in words."""
+        """Its place in the dataset, in words."""
         return RECORD if self.realization is None else f"realization {self.realization}"
 
 
@@ -86,7 +86,7 @@ class VariableReport:
             self.digits.append(judgement.digits)
 
     def line(self, name: str, places: int) -> str:
-        """Row of the table, of a variable that could be compared in so many places."""
+        """Row of the table for a variable that could be compared in `places` places."""
         variable = ALL.get(name)
         exact = variable is not None and (bool(variable.flags) or variable.dtype == "int64")
         units = UNITS.get(name.removeprefix("record/"), "1")
@@ -129,7 +129,7 @@ class Report:
 
     @property
     def passed(self) -> bool:
-        """Whether no number lies outside the error claimed for it."""
+        """True if every number is within the error claimed for it."""
         return not any(self.complaints())
 
     def count(self, state: State) -> int:
@@ -137,7 +137,7 @@ class Report:
         return sum(o.state is state for o in self.outcomes if o.realization is not None)
 
     def variables(self) -> Mapping[str, VariableReport]:
-        """Comparisons of each variable of the dataset about which anything was found."""
+        """Comparisons of each variable of the dataset that was judged."""
         reports: dict[str, VariableReport] = {}
         for place, judgement in self._judgements():
             reports.setdefault(judgement.variable, VariableReport()).add(place, judgement)
@@ -163,7 +163,7 @@ class Report:
         return "; ".join(why)
 
     def _judgements(self) -> Iterator[tuple[str, Judgement]]:
-        """Give every judgement with the place that it is about."""
+        """Give every judgement with its place."""
         yield from ((DATASET, judgement) for judgement in self.coordinates)
         for outcome in self.outcomes:
             yield from ((outcome.place, judgement) for judgement in outcome.judgements)
@@ -209,10 +209,10 @@ class Report:
         yield from self._verdict()
 
     def _estimates(self) -> Iterator[str]:
-        """Say what is claimed where no bound is proved, and how near the kernel comes to it."""
+        """Describe the estimates over a sprung base, and the largest errors that were found."""
         yield (
             "no bound of errors is proved for coupled particles: claims are estimates, "
-            f"what changes of the parameters by {CHANGE:.2g} of themselves do"
+            f"the effects of relative changes of the parameters by {CHANGE:.2g}"
         )
         found = [o.deviation for o in self.outcomes if o.deviation is not None]
         found = [one for one in found if one[1] > 0.0]  # without a landing there is no estimate

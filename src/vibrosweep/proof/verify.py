@@ -22,7 +22,6 @@ from vibrosweep.proof.bounds import (
     landing_errors,
     measure_again,
     measure_bounds,
-    measure_orbits,
 )
 from vibrosweep.proof.case import Case
 from vibrosweep.proof.coupled import MAX_COUPLED, Estimate, prove
@@ -45,7 +44,7 @@ from vibrosweep.store.kinds import read_kind
 
 # About ten seconds for a realization, and half a gigabyte.
 MAX_LANDINGS: Final = 250_000
-# If a dataset claims anything, its orbits have lost fewer digits than a double has.
+# Where a dataset claims anything, its orbits have lost fewer digits than a double has.
 MAX_BITS: Final = 1 << 12
 UNKNOWN: Final = "this version knows no such variable"
 
@@ -108,9 +107,7 @@ def verify(
     outcomes = []
     with Workers(1) as workers:
         again = measure_bounds(drawn, workers)
-        if drawn.own and "regime" in drawn.stored:
-            again |= measure_orbits(drawn, workers)
-        if drawn.own and coupled:
+        if drawn.current:
             again |= measure_again(drawn, workers)
         for row in range(drawn.rows.size):
             outcomes.append(_checked(drawn, setting, again, row, claimed, max_landings, workers))
@@ -139,8 +136,8 @@ def _names(sample: Sample, record: Sample | None) -> list[str]:
 
 
 def _others(sample: Sample, record: Sample | None) -> list[str]:
-    own = [] if record is None else [f"record/{name}" for name in record.others]
-    return [*sample.others, *own]
+    recorded = [] if record is None else [f"record/{name}" for name in record.others]
+    return [*sample.others, *recorded]
 
 
 def _checked(
@@ -161,11 +158,11 @@ def _checked(
     bounds = _bounds(sample.stored if claimed else again, row)
     proof = _proved(sample, row, bounds, int(again["impact_count"][row]), max_landings)
     errors: Sequence[Errors] = ()
-    if proof.trajectories and (claimed or (proof.estimate is not None and sample.own)):
+    if proof.trajectories and (claimed or (proof.estimate is not None and sample.current)):
         errors = landing_errors(sample, row, proof.trajectories, workers)
     case = Case(
         stored={name: values[row] for name, values in sample.stored.items()},
-        again={name: values[row] for name, values in again.items()} if sample.own else {},
+        again={name: values[row] for name, values in again.items()} if sample.current else {},
         realization=sample.realization(row),
         bounds=bounds,
         trajectories=proof.trajectories,
@@ -198,7 +195,7 @@ def _coordinates(sample: Sample, setting: Setting, prefix: str) -> Iterator[Judg
     """Judge the coordinates that all realizations share, or those of the record."""
     for name, values in sample.coordinates.items():
         if not prefix and values.shape != setting.sampled.get(name, values).shape:
-            yield Judgement(name, None, math.nan, 0.0, None, "has not a value of each realization")
+            yield Judgement(name, None, math.nan, 0.0, None, "has no value for each realization")
         if prefix + name not in setting.shared:
             continue
         value = np.asarray(setting.shared[prefix + name])
@@ -236,7 +233,7 @@ def _proved(sample: Sample, row: int, bounds: Bounds, landings: int, max_landing
         trajectories, estimate = prove(realization, max_landings)
     except UndecidableError:
         return _Proof(State.UNDECIDED)
-    except TooManyLandingsError:  # those before the window count here, too
+    except TooManyLandingsError:  # those before the window count, too
         return _Proof(State.TOO_LONG)
     if estimate is None:
         return _Proof(State.NO_CLAIM)

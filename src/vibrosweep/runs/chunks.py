@@ -23,7 +23,7 @@ Tick = Callable[[int], object]
 
 # The statistics of this many trajectories take 22 MB, and the fixed cost per batch is negligible.
 TRAJECTORIES_PER_BATCH: Final = 1 << 19
-# So many totals of an observable take 64 MB.
+# The totals of an observable: this many take 64 MB.
 TOTALS_PER_BATCH: Final = 1 << 23
 
 
@@ -34,7 +34,7 @@ class Job:
     spec: SweepSpec
     manifest: Manifest  # how the sweep is cut into chunks
     parts: Parts  # where its parts are written
-    rows: tuple[int, ...] = ()  # indices of the realizations to compute; None for all
+    rows: tuple[int, ...] = ()  # indices of the realizations to compute; all if empty
 
     def open(self) -> Design:
         """Open the design of the realizations to compute."""
@@ -117,7 +117,7 @@ def _design(job: Job) -> Design:
 
 
 def column_kinds(spec: SweepSpec, design: Design) -> dict[str, str]:
-    """Kind of each column of a sweep, as `vibrosweep.store.parts.kinds` gives it."""
+    """Return the type of each column of a sweep, in the form of `vibrosweep.store.parts.kinds`."""
     sizes = {"realization": 0, **spec.sizes}
     columns = {name: np.empty(0) for name in varying(spec, design.sampled)}
     for variable in spec.measures.variables:
@@ -138,8 +138,8 @@ def compute_rows(
     Yields
     ------
     dict
-        What differs between realizations, and measured variables, each of shape
-        (realization, ...): exactly those of `column_kinds`.
+        The columns of `column_kinds`: parameters that vary, and measured variables, each of
+        shape (realization, ...).
     """
     size = min(most or stop, batch_size(spec))
     for first in range(start, stop, size):

@@ -48,7 +48,7 @@ def describe(path: Path) -> Iterator[str]:
 
 
 def _other(path: Path, kind: ResultKind) -> Iterator[str]:
-    """Describe a result other than a sweep."""
+    """Describe a result that is not a sweep."""
     dataset = load_dataset(path)
     yield str(dataset.attrs.get("title", path.name))
     yield f"result of {kind.command}"
@@ -141,7 +141,7 @@ def _unsettled(file: Any) -> Iterator[str]:
         total += places.size
         for place in places[: LISTED - len(lines)].tolist():
             status = Status(int(codes["status"][place]))
-            # the rest was counted from the cycle, but these measures need every landing
+            # all else was counted from the cycle, but these measures need every landing
             meaning = status.meaning if status else "separations or error bounds undetermined"
             at = slice(rows.start + place, rows.start + place + 1)
             values = (f"{name} {read_rows(file, name, at)[0]:g}" for name in sampled)

@@ -32,14 +32,14 @@ def available_threads() -> int:
 
 
 def thread_count(threads: int | None) -> int:
-    """Return the number of threads, all processors for None; a ParameterError unless whole."""
+    """Return the number of threads; None means all processors."""
     return available_threads() if threads is None else count("threads", threads)
 
 
 def count(name: str, value: object) -> int:
-    """Return a whole number as an int: arithmetic with numpy's own could overflow.
+    """Return a whole number as a Python int, since numpy integers can overflow.
 
-    A ParameterError unless it is an int or a numpy integer, at least 1.
+    Raises a ParameterError unless it is an int or a numpy integer, at least 1.
     """
     if not isinstance(value, Integral) or isinstance(value, bool) or value < 1:
         raise ParameterError(f"{name} = {value!r}: must be a whole number, at least 1")
@@ -47,7 +47,7 @@ def count(name: str, value: object) -> int:
 
 
 def require_switch(name: str, value: object) -> None:
-    """Refuse, with a ParameterError, what is neither True nor False; None stands for a default."""
+    """Raise a ParameterError unless a value is True, False or None (the default)."""
     if not (value is None or isinstance(value, bool | np.bool_)):
         raise ParameterError(f"{name} = {value!r}: must be True or False")
 
@@ -144,7 +144,7 @@ def _planned(
 def _pieces(
     output: Path, spec: SweepSpec, design: Design, workers: Workers, advance: Advance
 ) -> Iterator[Columns]:
-    """Compute a sweep of one chunk, which goes directly into its file: nothing can be resumed."""
+    """Compute a sweep of one chunk, which is written at once and cannot be resumed."""
     done = 0
     try:
         for columns in compute_rows(spec, design, 0, design.realizations, workers):

@@ -18,14 +18,14 @@ from vibrosweep.store.rundir import abandon, holding, run_directory
 
 
 def is_of(spec: SweepSpec, path: Path) -> bool:
-    """Whether a file is the finished result of exactly this sweep and version."""
+    """Tell whether a file is the finished result of exactly this sweep and version."""
     return _changes(spec, path) == []
 
 
 def cleared(spec: SweepSpec, output: Path) -> bool:
-    """Clear away what a run that was killed left beside the finished result of this sweep.
+    """Remove the parts that a killed run left beside the finished result of this sweep.
 
-    Returns whether there was anything.  An unfinished run of another sweep, or a retry, is kept.
+    Returns True if there were any.  An unfinished run of another sweep, or a retry, is kept.
     """
     if not run_directory(output).exists():
         return False
@@ -41,7 +41,7 @@ def cleared(spec: SweepSpec, output: Path) -> bool:
 
 
 def origin(spec: SweepSpec, path: Path) -> str:
-    """Say whether an existing file was made from this sweep, and if not, what differs."""
+    """Describe how an existing file is related to this sweep, and how they differ."""
     changes = _changes(spec, path)
     if changes is None:
         return "it is no result of a sweep, or is damaged"
@@ -53,7 +53,7 @@ def origin(spec: SweepSpec, path: Path) -> str:
 
 
 def _changes(spec: SweepSpec, path: Path) -> list[str] | str | None:
-    """Differences from the sweep that made a file, or its kind; None for foreign files."""
+    """Return how a file's sweep differs, or the kind of the file; None for foreign files."""
     try:
         with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
             kind, text = kind_of(path, file.attrs), file.attrs.get("sweep_file")

@@ -90,7 +90,7 @@ def record_bytes(spec: SweepSpec, workers: Workers) -> tuple[int, int]:
 
 
 def has_room(output: Path, needed: float) -> bool:
-    """Whether the disk of an output has this many bytes free."""
+    """Tell whether the disk of an output has this many bytes free."""
     return needed <= shutil.disk_usage(target_of(output).parent).free
 
 
@@ -139,10 +139,10 @@ def _shortened(spec: SweepSpec, most: int) -> tuple[SweepSpec, int]:
     axes = {name: s.values for name, s in spec.sampled.items() if isinstance(s, Axis)}
     if not axes:
         return spec, most
-    room = most
+    left = most
     for name in reversed(axes):
-        axes[name] = axes[name][: max(1, room)]
-        room //= len(axes[name])
+        axes[name] = axes[name][: max(1, left)]
+        left //= len(axes[name])
     sampled = {name: Axis(values) for name, values in axes.items()}
     return replace(spec, sampled=sampled), math.prod(map(len, axes.values()))
 

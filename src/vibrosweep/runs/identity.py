@@ -25,7 +25,7 @@ from vibrosweep.spec.schema import SampleTable, SceneTable
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.provenance import version
 
-# Fields of a spec that are not part of the identity, each with the reason.
+# Fields of a spec that are not part of the identity, with the reason for each.
 EXEMPT: Final[Mapping[str, str]] = {
     "text": "wording and comments; the values of the text are in the other fields",
     "source": "where the sweep file lies",

@@ -19,7 +19,7 @@ from vibrosweep.system import physical_memory
 if TYPE_CHECKING:
     import xarray as xr
 
-# Progress is told about as often; smaller pieces would cost time.
+# Number of progress reports, about; smaller pieces would cost time.
 PIECES: Final = 100
 TRAJECTORIES_PER_PIECE: Final = 1 << 14
 
@@ -28,8 +28,8 @@ def sweep_in_memory(spec: SweepSpec, *, threads: int, advance: Advance = silent)
     """Compute a sweep without its record; the result does not depend on the number of threads.
 
     `advance` is called with the number of finished realizations and the total.  Raises a
-    ParameterError, TableError or SpecError where the result does not fit into memory, or the
-    realizations cannot be had.
+    ParameterError, TableError or SpecError where the result does not fit into memory or the
+    design cannot be opened.
     """
     design = open_design(spec)
     total = design.realizations

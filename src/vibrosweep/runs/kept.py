@@ -26,7 +26,8 @@ def continued(
 ) -> Manifest | None:
     """Return the manifest of an unfinished run of this sweep to resume, or None.
 
-    Files that cannot be resumed from are removed.  `now` returns the identity of the sweep to run.
+    Without a manifest, all files in the directory are removed.  `now` returns the identity of the
+    sweep to run.
     Raises a RunError where the directory holds an unfinished run of another sweep.
     """
     manifest = read_manifest(directory)
@@ -67,7 +68,7 @@ class KeptRun:
     def complete(
         self, runner: Runner | None, advance: Advance, pieces: Iterable[Columns], *, force: bool
     ) -> Summary:
-        """Compute the missing chunks and write the result from `pieces`; forget the chunks."""
+        """Compute the missing chunks, write the result from `pieces` and abandon the chunks."""
         with self._kept():
             self._compute(runner or in_process(self.threads), advance)
             with Workers(self.threads) as workers:

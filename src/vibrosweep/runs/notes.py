@@ -41,15 +41,15 @@ def _defaults(spec: SweepSpec, design: Design) -> str:
 
 
 def observation_of_orbits(spec: SweepSpec, design: Design) -> str:
-    """Say where locked orbits cannot be recognised before the observation ends; else empty."""
+    """Return a remark if the observation is too short to recognise locked orbits; else empty."""
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
     return short_observation(spec.base, restitution[1], frequency[0], spec.duration)
 
 
 def short_observation(base: str, restitution: float, frequency: float, duration: Time) -> str:
-    """Say whether orbits locked at this restitution and frequency may not be recognised in time.
+    """Return a remark if the duration is too short to recognise locked orbits; else empty.
 
-    Empty where they are.
+    The orbits are those of this restitution and frequency.
     """
     if base not in theory.FIXED:
         return ""  # how long coupled orbits take to return is not known
@@ -70,7 +70,7 @@ def short_observation(base: str, restitution: float, frequency: float, duration:
 
 
 def _short_window(spec: SweepSpec, design: Design) -> str:
-    """Say where a window is too short for the exponent of an orbit that lands once a period."""
+    """Return a remark if the window is too short for the exponent of an orbit; else empty."""
     frequency = np.array(_ends(spec, design, "frequency")[1:])
     begin, end = (in_periods(t, frequency) for t in (spec.measures.transient, spec.duration))
     periods = float((end - begin)[0])

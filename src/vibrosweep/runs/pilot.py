@@ -51,12 +51,12 @@ class Cost:
 
     @property
     def known(self) -> bool:
-        """Whether the sample could be computed."""
+        """True if the sample could be computed."""
         return bool(self.columns)
 
     @property
     def compiled(self) -> bool:
-        """Whether kernels were compiled, which takes seconds, rather than loaded."""
+        """True if kernels were compiled, which takes seconds, rather than loaded."""
         return self.start > SECONDS_TO_LOAD
 
 
@@ -82,7 +82,7 @@ def explore(
     before = (0.0, 0.0, 0.0)
     while True:
         share = shares.pop(0)
-        # twice: the first call may load or compile kernels, and which ones depends on the duration
+        # twice: the first call may load or compile kernels, and the duration decides which ones
         first, _ = _timed(spec, sampled, size, share, workers)
         took, columns = _timed(spec, sampled, size, share, workers)
         start += max(first - took, 0.0)

@@ -57,9 +57,9 @@ def make_plan(
 ) -> Plan:
     """Cut a sweep into chunks of some seconds of work, or of `chunk` realizations.
 
-    `rows` are the indices of the realizations to compute, all where there are none.  There are
-    `at_least` so many chunks, unless there are fewer realizations; `seconds` and `enough` are those
-    of `pilot.explore`.  Raises a ParameterError where a chunk does not fit into memory, and a
+    `rows` are the indices of the realizations to compute, or all of them if empty.  `at_least` is
+    the smallest number of chunks, unless there are fewer realizations; `seconds` and `enough` are
+    those of `pilot.explore`.  Raises a ParameterError where a chunk does not fit into memory, and a
     TableError or SpecError where the design cannot be opened.
     """
     began = time.perf_counter()

@@ -17,7 +17,7 @@ class Advance(Protocol):
     """Called with the number of finished realizations and the total."""
 
     def __call__(self, done: int, total: int, /) -> object:
-        """Tell it."""
+        """Report progress."""
 
 
 def silent(done: int, total: int, /) -> None:
@@ -41,9 +41,9 @@ def reporting(stream: TextIO, things: str = "realizations") -> Iterator[Advance]
 
 @contextmanager
 def showing(wanted: bool | None) -> Iterator[Advance]:
-    """Show a bar that counts realizations to who calls a function from Python.
+    """Show a bar that counts realizations, for functions called from Python.
 
-    With None it is shown in a notebook, and on a terminal.
+    None shows it in a notebook and on a terminal only.
     """
     if wanted is None:
         terminal = sys.stderr is not None and sys.stderr.isatty()
@@ -88,7 +88,7 @@ class _Lines:
 
     def __call__(self, done: int, total: int, /) -> None:
         now = time.monotonic()
-        # chunks of an earlier run must not count for the speed of this one
+        # chunks of an earlier run must not count towards the speed of this one
         before, since = self.began = self.began or (done, now)
         if now - self.last < SECONDS_BETWEEN_LINES or done == before or now == since:
             return

@@ -1,4 +1,4 @@
-"""The result file of a sweep: what it declares, and its rows in blocks of one size."""
+"""The result file of a sweep: its declarations, and its rows in blocks of one size."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Columns = Mapping[str, NDArray[Any]]
 
 LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
 DURATION: Final = {"units": "s", "long_name": "end of the observation"}
-# Group and attribute that say what the numbers depend on.
+# Group and attribute that hold the identity of the sweep: all that the numbers depend on.
 IDENTITY: Final = "identity"
 TRANSIENT: Final = {
     "units": OPTIONS["transient"].units,
@@ -144,7 +144,7 @@ def write_result(
 
 
 def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: int) -> None:
-    """Declare what the file will hold: of a grid, its axes are the dimensions."""
+    """Declare dimensions, variables and attributes; the axes of a grid are its dimensions."""
     axes = {n: np.array(s.values) for n, s in spec.sampled.items() if isinstance(s, Axis)}
     sizes = {name: values.size for name, values in axes.items()}
     sizes = sizes or {REALIZATION: design.realizations}
@@ -189,7 +189,7 @@ def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: in
 
 
 def identity_in(file: Any) -> str:
-    """JSON text of what the numbers of an open result file depend on; empty where it is not told.
+    """Return the identity that an open result file holds, as JSON; empty without one.
 
     Earlier versions wrote it as an attribute of the whole file.
     """
@@ -211,9 +211,9 @@ def attributes_of(name: str) -> Mapping[str, str]:
 def _along(
     name: str, spec: SweepSpec, axes: Mapping[str, Array]
 ) -> tuple[tuple[str, ...], Array | None]:
-    """Dimensions of what differs between realizations; its values where those are not all.
+    """Return the dimensions of a quantity that varies, and its values unless it has them all.
 
-    On a grid a quantity lies along the axes that it follows from.
+    On a grid a quantity lies along the axes that it is computed from.
     """
     if not axes:
         return (REALIZATION,), None
@@ -225,8 +225,8 @@ def _along(
         return dims, None
     mesh = np.meshgrid(*(axes[dim] for dim in dims), indexing="ij")
     first = {axis: np.full(mesh[0].size, values[0]) for axis, values in axes.items()}
-    own = {dim: values.ravel() for dim, values in zip(dims, mesh, strict=True)}
-    found = quantities_of(spec, first | own, mesh[0].size)[name]
+    varied = {dim: values.ravel() for dim, values in zip(dims, mesh, strict=True)}
+    found = quantities_of(spec, first | varied, mesh[0].size)[name]
     return dims, found.reshape(mesh[0].shape)
 
 
@@ -241,7 +241,7 @@ def _declare_launches(
 
 
 def recorded(record: RecordSpec, budget: int) -> tuple[dict[str, Array], Observation]:
-    """Parameters of the recorded scene, and how it is watched."""
+    """Return the parameters of the recorded scene, and its observation."""
     watched = record_observation(
         record.particles, record.launch, record.duration, record.rebound, budget, record.base
     )
@@ -249,13 +249,13 @@ def recorded(record: RecordSpec, budget: int) -> tuple[dict[str, Array], Observa
 
 
 def recorded_quantities(record: RecordSpec) -> dict[str, Array]:
-    """What a result says of the recorded scene, as `vibrosweep.engine.asked.quantities_of`."""
+    """Return the quantities of the recorded scene, as `vibrosweep.engine.asked.quantities_of`."""
     found = completed({name: np.array([value]) for name, value in record.parameters.items()})
     return found | {"duration": in_seconds(record.duration, found["frequency"])}
 
 
 def write_record(file: Group, record: RecordSpec, budget: int, workers: Workers) -> None:
-    """Write every landing of the recorded scene, as its own group."""
+    """Write every landing of the recorded scene, as a group."""
     parameters, observation = recorded(record, budget)
     found = record_landings(parameters, observation, workers)
     sizes = dict(zip(RECORD["landing_time"].dims, found["landing_time"].shape, strict=True))

@@ -114,9 +114,9 @@ def retry_failed(
 
 
 def _rows(spec: SweepSpec, output: Path) -> tuple[dict[str, str], tuple[int, ...]]:
-    """Identity of a result of this sweep, and indices of the realizations to retry.
+    """Return the identity of a result of this sweep, and the indices of realizations to retry.
 
-    The first one is among them where the record lacks landings.
+    Index 0 is among them if the record lacks landings.
     """
     with reading(output), h5netcdf.File(output, "r", phony_dims="access") as file:
         before = json.loads(identity_in(file))
@@ -145,7 +145,7 @@ def _rows(spec: SweepSpec, output: Path) -> tuple[dict[str, str], tuple[int, ...
 
 
 def _abandon_merged(directory: Path, before: Mapping[str, str], now: Mapping[str, str]) -> None:
-    """Abandon a run that was killed after what it computed had come into the result."""
+    """Abandon a run that was killed after its rows had been written into the result."""
     manifest = read_manifest(directory)
     if manifest is not None and manifest.identity.get(AGAIN) != now[AGAIN]:
         made = {key: value for key, value in manifest.identity.items() if key != AGAIN}

@@ -1,4 +1,4 @@
-"""A sweep in a few lines: what the terminal shows of a result, gathered chunk by chunk."""
+"""A summary of a sweep in a few lines for the terminal, gathered chunk by chunk."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vibrosweep.model.measures import OF_REALIZATIONS, VARIABLES, Variable, known
 from vibrosweep.model.status import Status
 
-# What tells whether a larger impact budget would give more, as far as a result holds it.
+# Variables that show whether a larger impact budget would change a result.
 SETTLING: Final = ("status", *(v.name for v in VARIABLES.values() if v.open_by_budget))
 
 
@@ -40,10 +40,10 @@ class _Spread:
 
 @dataclass
 class Summary:
-    """What the realizations of a sweep have in common; add chunks in their order.
+    """Ranges, means and counts over the realizations of a sweep; add chunks in their order.
 
-    `repaired` counts parts that were found damaged and computed again, `notes` are remarks on how
-    the sweep was asked for, by their subject.
+    `repaired` counts parts that were found damaged and computed again, `notes` are remarks on the
+    settings of the sweep, by subject.
     """
 
     realizations: int = 0
@@ -83,7 +83,7 @@ class Summary:
                 yield f"{Status(code).meaning}: {Status(code).sentence}"
 
     def _spread(self, spread: _Spread) -> str:
-        """Ends and mean of what is finite, and how many realizations hold something else."""
+        """Write smallest, mean and largest finite value, and count the realizations without one."""
         undefined = self.realizations - spread.count - sum(spread.infinite.values())
         others = {f"{value:g}": count for value, count in sorted(spread.infinite.items())}
         words = ", ".join(
@@ -98,7 +98,7 @@ class Summary:
 
 
 def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
-    """How often each code occurs, in words."""
+    """Write how often each code occurs, in words."""
     meanings = dict(variable.flags)
     total = sum(counts.values())
     parts = (
@@ -108,9 +108,9 @@ def _counted(variable: Variable, counts: Mapping[int, int]) -> str:
 
 
 def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
-    """Tell which realizations did not complete, or lack a measure that a larger budget gives."""
+    """Mark realizations that did not complete, or lack a measure that a larger budget gives."""
     failed = columns["status"] != Status.COMPLETED
-    # cycles are counted to the end for nothing, but other measures must follow every landing
+    # landings on a cycle are counted without following them; other measures need each landing
     for name in SETTLING[1:]:
         if name in columns:
             failed = failed | ~known(name, columns)

@@ -27,7 +27,7 @@ COMPRESSION: Final = {"compression": "gzip", "compression_opts": 1, "shuffle": T
 CHUNK_VALUES: Final = 1 << 13
 
 
-# What names an axis that no variable goes with, and its length, in netCDF-4.
+# Name, in netCDF-4, of an axis without a variable; it ends with the length of the axis.
 NO_VARIABLE: Final = "This is a netCDF dimension but not a netCDF variable.%10d"
 
 
@@ -35,8 +35,8 @@ NO_VARIABLE: Final = "This is a netCDF dimension but not a netCDF variable.%10d"
 class Group:
     """A group of a file being written; data are appended along its rows, the realizations.
 
-    A netCDF-4 file is an HDF5 file whose axes have dimension scales, which h5py writes in half of
-    the time that h5netcdf takes: that looks up every object anew whenever it is used.
+    A netCDF-4 file is an HDF5 file whose axes have dimension scales.  h5py writes it in half the
+    time of h5netcdf, which looks up every object whenever it is used.
     """
 
     _disk: Disk
@@ -51,12 +51,12 @@ class Group:
     _groups: list[Group] = field(default_factory=list)
 
     def dimensions(self, sizes: Mapping[str, int], axes: tuple[str, ...] = (REALIZATION,)) -> None:
-        """Declare dimensions by name and length, and along which of them realizations lie."""
+        """Declare dimensions by name and length; realizations lie along `axes`."""
         self._axes = axes
         self._sizes.update(sizes)
 
     def has_outer(self, name: str) -> bool:
-        """Whether the file that this group is in has a dimension of that name."""
+        """Tell whether the file that holds this group has a dimension of that name."""
         return name in self._outer
 
     @undisturbed()
@@ -69,8 +69,8 @@ class Group:
     ) -> None:
         """Declare a coordinate of all variables declared after it.
 
-        Values that are given, numbers or strings as objects, are written at once, others piece by
-        piece with `write`.
+        Given values, numbers or strings as objects, are written at once; without them, `write`
+        adds them piece by piece.
         """
         texts = values is not None and values.dtype == object
         dataset = self._create(name, dims, h5py.string_dtype() if texts else "float64", attributes)
@@ -83,7 +83,7 @@ class Group:
 
     @undisturbed()
     def fixed(self, name: str, attributes: Mapping[str, Any], value: float) -> None:
-        """Write what all realizations share as a variable without dimensions.
+        """Write a value that all realizations share as a variable without dimensions.
 
         It is no coordinate: xarray writes all coordinates of one value above a plot.
         """
@@ -136,7 +136,7 @@ class Group:
         self._disk.check()
 
     def awaits(self, name: str) -> bool:
-        """Whether values of a variable are still to be written."""
+        """Tell whether values of a variable are still to be written."""
         return self._missing.get(name, 0) > 0
 
     @undisturbed()
@@ -147,7 +147,7 @@ class Group:
 
     @undisturbed()
     def group(self, name: str) -> Group:
-        """Create a subgroup; in the file, the names of its dimensions begin with its own name.
+        """Create a subgroup; in the file, the names of its dimensions begin with its name.
 
         xarray cannot open a file as a tree if dimensions of one name differ in length between
         groups.
@@ -178,7 +178,7 @@ class Group:
 
 
 def _storable(value: Any) -> Any:
-    """Mark, in a text, zero bytes, which end a text in HDF5, and what UTF-8 does not have."""
+    """Replace zero bytes, which end a text in HDF5, and characters that UTF-8 lacks."""
     if not isinstance(value, str):
         return value
     return UNSTORABLE.sub("\N{REPLACEMENT CHARACTER}", value)

@@ -1,4 +1,4 @@
-"""A result in memory: takes what the file of a sweep takes, and becomes a dataset."""
+"""A result in memory: it is written like a file, and becomes a dataset."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class InMemory:
     _missing: dict[str, int] = field(default_factory=dict)
 
     def dimensions(self, sizes: Mapping[str, int], axes: tuple[str, ...] = (REALIZATION,)) -> None:
-        """Declare dimensions by name and length, and along which of them realizations lie."""
+        """Declare dimensions by name and length; realizations lie along `axes`."""
         self._axes = axes
         self._sizes.update(sizes)
 
@@ -40,32 +40,32 @@ class InMemory:
         attributes: Mapping[str, Any],
         values: NDArray[Any] | None = None,
     ) -> None:
-        """Declare a coordinate, whose values are written later where they are not given."""
+        """Declare a coordinate; values that are not given are written later."""
         if values is None:
             values = np.full(self._shape(dims), np.nan)
             self._missing[name] = values.size
         self._coordinates[name] = (dims, values, dict(attributes))
 
     def fixed(self, name: str, attributes: Mapping[str, Any], value: float) -> None:
-        """Take what all realizations share as a variable without dimensions."""
+        """Take a value that all realizations share as a variable without dimensions."""
         self._variables[name] = ((), value, dict(attributes))
 
     def variable(self, variable: Variable) -> None:
         """Declare a variable of the registry."""
         dims = along(variable.dims, self._axes)
-        room = np.full(self._shape(dims), variable.blank, variable.dtype)
-        self._variables[variable.name] = (dims, room, variable.attributes)
+        values = np.full(self._shape(dims), variable.blank, variable.dtype)
+        self._variables[variable.name] = (dims, values, variable.attributes)
         self._missing[variable.name] = math.prod(self._sizes[axis] for axis in self._axes)
 
     def write(self, name: str, start: int, values: NDArray[Any]) -> None:
         """Write a piece that begins at realization `start`."""
-        _, room, _ = self._coordinates.get(name) or self._variables[name]
-        rows = room.reshape(-1, *values.shape[1:])  # a view
+        _, whole, _ = self._coordinates.get(name) or self._variables[name]
+        rows = whole.reshape(-1, *values.shape[1:])  # a view
         rows[start : start + values.shape[0]] = values
         self._missing[name] -= values.shape[0]
 
     def awaits(self, name: str) -> bool:
-        """Whether values of a variable are still to be written."""
+        """Tell whether values of a variable are still to be written."""
         return self._missing.get(name, 0) > 0
 
     def attributes(self, values: Mapping[str, Any]) -> None:

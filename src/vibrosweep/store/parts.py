@@ -33,14 +33,14 @@ ALIGNMENT: Final = 64
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a run computes and how it is cut into chunks; fixed from its start to its end."""
+    """Identity of a run and its division into chunks; fixed from its start to its end."""
 
     identity: Mapping[str, str]  # resume key: everything that the results depend on, key by key
     realizations: int
     chunk: int  # realizations in a chunk; the last one may hold fewer
     # Type and shape of each column, as returned by `kinds`; every part must have exactly these
     columns: Mapping[str, str]
-    replaces: bool = False  # whether an existing output is to be replaced at the end
+    replaces: bool = False  # True if an existing output is to be replaced at the end
 
     @property
     def key(self) -> str:
@@ -59,7 +59,7 @@ class Manifest:
 
 
 def kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, str]:
-    """Type of each column and its shape along the dimensions after the first."""
+    """Return the type of each column and its shape along the dimensions after the first."""
     return {name: f"{values.dtype.str} {values.shape[1:]}" for name, values in columns.items()}
 
 
@@ -133,7 +133,7 @@ class Parts:
         return columns if self._fits(index, columns) else None
 
     def _fits(self, index: int, columns: Mapping[str, NDArray[Any]]) -> bool:
-        """Whether the columns are those of the manifest and have the length of the chunk."""
+        """Tell whether the columns are those of the manifest and have the length of the chunk."""
         start, stop = self.manifest.bounds(index)
         lengths = {len(values) for values in columns.values()}
         return kinds(columns) == self.manifest.columns and lengths <= {stop - start}

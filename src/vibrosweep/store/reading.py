@@ -20,8 +20,8 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
     """Turn any failure to read a result file into one clear DataError.
 
     A sealed file is first compared with its checksum; a file without a seal is first read in a
-    separate process, so that a damaged file cannot crash or block this one.  What a file has in
-    other files is never opened.
+    separate process, so that a damaged file cannot crash or block this one.  Links to other files
+    are never opened.
     """
     file_path = path_of("path", path)
     try:
@@ -52,10 +52,10 @@ def reading(path: str | os.PathLike[str]) -> Iterator[None]:
 
 @contextmanager
 def using(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Turn any failure with what another program saved in a result file into one clear DataError.
+    """Turn any failure to use a file that another program saved into one clear DataError.
 
-    It may hold anything under any name.  What is wrong with a file that this program has sealed is
-    a fault of this program, and raised as it is.
+    Such a file may hold anything under any name.  A failure with a file that this program has
+    sealed is a fault of this program, and raised as it is.
     """
     try:
         yield
@@ -65,7 +65,7 @@ def using(path: str | os.PathLike[str]) -> Iterator[None]:
         raise DataError(f"{path}: {error}") from error
     except (VibrosweepError, MemoryError):
         raise
-    except Exception as error:  # anything may follow from anything
+    except Exception as error:  # a foreign file can cause any error
         if state_of(Path(path)) is not State.MISSING:
             raise
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]

@@ -1,8 +1,8 @@
 """Realizations of a result: along one dimension, or along the axes of a grid.
 
-A grid of parameters is stored with its axes as dimensions.  What works realization by realization
-reads any result through the functions of this module: the realizations of a grid are numbered with
-its last axis varying fastest.
+A grid of parameters is stored with its axes as dimensions.  Code that works realization by
+realization reads any result through the functions of this module: the realizations of a grid are
+numbered with its last axis varying fastest.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     import xarray as xr
 
 REALIZATION: Final = "realization"
-# What no text in a file can have: a zero byte, and halves of characters of two.
+# Characters that no text in a file can have: a zero byte, and lone surrogates.
 UNSTORABLE: Final = re.compile("[\0\ud800-\udfff]")
-# Of a grid: a call that reads a single one takes as long as one that reads thousands.
+# Rows of a grid in one reading: reading one takes as long as reading thousands.
 ROWS_AT_A_TIME: Final = 1 << 14
 
 Box = tuple[slice, ...]
 
 
 def along(dims: tuple[str, ...], axes: tuple[str, ...]) -> tuple[str, ...]:
-    """Dimensions in a result of what the registry has along realizations."""
+    """Replace the dimension of realizations by the axes along which a result has them."""
     return tuple(d for dim in dims for d in (axes if dim == REALIZATION else (dim,)))
 
 
 def require_written(what: str, missing: Mapping[str, int]) -> None:
-    """Raise a RunError where rows of a variable, which are counted by its name, are missing."""
+    """Raise a RunError if rows of a variable are missing; `missing` counts them by name."""
     names = [name for name, rows in missing.items() if rows]
     if names:
         raise RunError(
@@ -56,7 +56,7 @@ def flat(sweep: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        The same; of a grid, whose axes are its dims, stacked, so that the axes become coordinates.
+        The same; a grid is stacked, so that its axes become coordinates.
 
     Examples
     --------
@@ -105,10 +105,10 @@ def read_rows(file: Any, name: str, rows: slice | NDArray[np.int64]) -> NDArray[
             whole = _range(variable, sizes, start, min(start + ROWS_AT_A_TIME, total))
             pieces.append(whole[rows[blocks == block] - start])
         return np.concatenate(pieces)
-    index = np.arange(total)[rows] if isinstance(rows, slice) else rows
-    places = dict(zip(dims, np.unravel_index(index, sizes), strict=True))
-    own = [places[dim] for dim in variable.dimensions if dim in places]
-    return np.asarray(variable[...][tuple(own)])
+    flat_index = np.arange(total)[rows] if isinstance(rows, slice) else rows
+    places = dict(zip(dims, np.unravel_index(flat_index, sizes), strict=True))
+    index = [places[dim] for dim in variable.dimensions if dim in places]
+    return np.asarray(variable[...][tuple(index)])
 
 
 def _range(variable: Any, sizes: list[int], start: int, stop: int) -> NDArray[Any]:

@@ -26,7 +26,7 @@ def run_directory(output: Path) -> Path:
 
 
 def replaces(output: Path) -> bool:
-    """Whether an unfinished run was started with ``force``, to replace the output.
+    """Tell whether an unfinished run was started with ``force``, to replace the output.
 
     Raises a RunError where its manifest is damaged.
     """
@@ -112,7 +112,7 @@ def abandon(directory: Path) -> None:
 
 
 def _remove(directory: Path, descriptor: int) -> None:
-    """Remove the directory and give up its lock: in this order where open files can be removed."""
+    """Remove the directory and release its lock, in this order except on Windows."""
     with suppress(OSError):  # leftover files do no harm
         empty(directory)
     if os.name == "nt":

@@ -54,9 +54,9 @@ def _try(path: Path, inode: int, size: int, modified: int) -> None:
 
 
 def require_file(path: Path) -> os.stat_result:
-    """Return what the system knows of an ordinary file; a ValueError where it is none.
+    """Return the status of an ordinary file; a ValueError for anything else.
 
-    What is not may never end, or be waited for for ever.
+    A pipe or a device may never end, or never begin to answer.
     """
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
@@ -65,9 +65,9 @@ def require_file(path: Path) -> os.stat_result:
 
 
 def require_whole(file: Any) -> None:
-    """Raise a ValueError where anything in a file of h5py is kept outside it.
+    """Raise a ValueError if an open file of h5py keeps any of its data in another file.
 
-    Nothing says what is there now, and it may be a pipe, which is waited for for ever.
+    That other file may have changed, or be a pipe, which blocks the reader.
     """
     import h5py
 
@@ -90,7 +90,7 @@ def _read(group: Any) -> None:
     for member in group.values():
         if hasattr(member, "values"):
             _read(member)
-        elif hasattr(member, "shape"):  # a type that has a name has none
+        elif hasattr(member, "shape"):  # a named type has no shape
             dict(member.attrs)
             if member.shape:
                 for start in range(0, member.shape[0], ROWS_AT_A_TIME):
@@ -108,7 +108,7 @@ def _resolve(group: Any) -> None:
 
 
 def _limit_memory() -> None:
-    """Limit memory, so that a damaged size ends this process instead of exhausting the machine."""
+    """Limit memory, so that a damaged size cannot exhaust the machine."""
     try:
         import resource
     except ImportError:  # Windows has no such limit

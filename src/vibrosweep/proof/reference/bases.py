@@ -10,7 +10,7 @@ from vibrosweep.proof.reference.motion import Motion, PeriodMap, Problem
 
 
 class Reference(NamedTuple):
-    """What the reference knows of a base."""
+    """Reference of a base: its motion, its map and its errors in doubles."""
 
     motion: Callable[[Problem], Motion]  # of a particle, from a problem
     # Impacts in forcing periods, from physical parameters and the law of rebound

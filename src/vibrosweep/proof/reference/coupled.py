@@ -186,16 +186,16 @@ class _Course:
 
     @property
     def rides(self) -> bool:
-        """Whether it is on the base at the end."""
+        """True if the particle is on the base at the end."""
         return self.counted > 0 and _rests(self.events[self.counted - 1])
 
     @property
     def waits(self) -> bool:
-        """Whether it may still be on the base since then."""
+        """True if the particle may still be on the base since then."""
         return self.rides and self.counted == len(self.events) and not self.complete
 
     def trajectory(self, problem: _Problem, rest: bool, bits: int) -> Trajectory:
-        """What is reported of it; one that rides at the end may be at `rest` for good."""
+        """Return the trajectory; a particle that rides at the end may be at `rest` for good."""
         impacts: list[Impact] = []
         for i, landed in enumerate(self.events[: self.counted]):
             if landed.kind is not LANDING:
@@ -229,7 +229,7 @@ class _Course:
 
 
 def _rests(event: Event) -> bool:
-    """Whether the particle stays on the base after an event."""
+    """Tell whether the particle stays on the base after an event."""
     return event.relative is None
 
 
@@ -238,12 +238,12 @@ def _attempt(problem: _Problem, bits: int) -> Coupled:
     with ctx.workprec(bits):
         bodies, end = bodies_of(problem.parameters), problem.turns(problem.duration)
         system, counted, seen = System(bodies, problem.launches, end + PATIENCE), 0, 0
-        own = [_Course() for _ in problem.launch_times]
+        courses = [_Course() for _ in problem.launch_times]
         stay = rest = late = False
         while True:
             if counted == len(system.events):  # the end is still to come
                 stay = system.riders_stay(end)
-            alone = bodies.mount.mass_ratio.is_zero() or all(one.rides for one in own)
+            alone = bodies.mount.mass_ratio.is_zero() or all(one.rides for one in courses)
             rest = stay and alone
             if not system.advance():
                 break
@@ -251,7 +251,7 @@ def _attempt(problem: _Problem, bits: int) -> Coupled:
                 what = f"the {event.kind} of particle {event.particle} is after the end"
                 after = certain_above(event.turns, end, what, event.number)
                 late = after and certain_above(event.turns, end + PATIENCE, what, event.number)
-                own[event.particle].add(event, after, late)
+                courses[event.particle].add(event, after, late)
                 counted += not after
             seen = len(system.events)
             if system.landings > problem.max_landings:
@@ -260,8 +260,8 @@ def _attempt(problem: _Problem, bits: int) -> Coupled:
                     f"or shorten the duration"
                 )
             if counted < seen and all(
-                one.complete or (one.waits and (late or rest)) for one in own
+                one.complete or (one.waits and (late or rest)) for one in courses
             ):
                 break
-        particles = tuple(one.trajectory(problem, rest, bits) for one in own)
+        particles = tuple(one.trajectory(problem, rest, bits) for one in courses)
         return Coupled(particles, tuple(system.events[:counted]), bits)

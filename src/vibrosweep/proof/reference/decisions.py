@@ -1,4 +1,4 @@
-"""What a computation in ball arithmetic decides, or leaves to a higher precision."""
+"""Decisions of ball arithmetic, or a request for more precision."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def nearest_integer(ball: arb) -> int:
 
 
 def decided(attempt: Callable[[int], T], bits: int, max_bits: int) -> T:
-    """Result of an attempt at the first precision, doubled again and again, that decides all.
+    """Return the result of an attempt at the lowest precision that decides everything.
 
-    Raises an UndecidableError where none up to the largest does.
+    The precision is doubled from `bits` on; an UndecidableError where `max_bits` is not enough.
     """
     while True:
         try:

@@ -1,4 +1,4 @@
-"""What happens on a base of finite mass: the events, and the particles that may take part in one.
+"""Events on a base of finite mass, and the particles that may take part in one.
 
 The units are those of `vibrosweep.proof.reference.mount`.
 """
@@ -17,7 +17,7 @@ LAUNCH, LANDING, LIFTOFF = "launch", "landing", "lift-off"
 
 
 class Bodies(NamedTuple):
-    """What moves: the base on its mount, and identical particles."""
+    """The moving bodies: the base on its mount, and identical particles."""
 
     mount: Mount
     e: arb  # restitution
@@ -26,7 +26,7 @@ class Bodies(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What happened to one particle."""
+    """An event of one particle."""
 
     kind: str  # `LAUNCH`, `LANDING`, or `LIFTOFF` of a rider
     particle: int  # its number
@@ -55,7 +55,7 @@ class Flying:
     # gap, speed: height and speed relative to the base
     gap: arb
     speed: arb
-    lifted: bool = False  # whether the base pressed them until they left
+    lifted: bool = False  # True if the base pressed them until they left
     # Time before which they have not landed; None where that is the last event
     clear: arb | None = None
 

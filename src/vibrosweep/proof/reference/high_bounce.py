@@ -1,4 +1,4 @@
-"""The high-bounce approximation in ball arithmetic: all that this base has of its own.
+"""The high-bounce approximation in ball arithmetic.
 
 The base stays at height 0: a flight arrives with the speed that it began with, and the kick depends
 on the phase alone.  The state is kept in velocities: the rebound speed v, and the sum V of the
@@ -12,7 +12,7 @@ division has made inexact.  Without excitation V and v stay exact while they fit
 even a tie is decided.  The dimensionless map is the case g = 2, f = 1, phi = 0.
 
 Where only phase and flight matter, as on a cycle, the map is written in forcing periods:
-x' = x + u, w = e u + a sin(2 pi x').  What an impact keeps of the speed is the law's to say; e v
+x' = x + u, w = e u + a sin(2 pi x').  The law decides how much of the speed an impact keeps; e v
 and e u stand for it here.
 """
 

@@ -114,11 +114,11 @@ class Clearance:
 
 
 def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
-    """Ball that holds the first root, with G' < 0 on all of it.
+    """Return a ball that holds the first root, with G' < 0 on all of it.
 
-    There is none before `start`, and none is looked for after `until`: infinite where none comes up
-    to then.  Raises an UncertainError, about that impact, where a graze is not told from a landing
-    at this precision.
+    No root is before `start`, and the search ends at `until`: infinity where it has found none.
+    Raises an UncertainError, about that impact, where this precision cannot distinguish a graze
+    from a landing.
     """
     clear = c.above_all()
     s, before = start, start
@@ -126,7 +126,7 @@ def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
         if s > until:
             return END
         height, slope = c.height(s), c.slope(s)
-        if not height > 0:  # as near to the root as this precision comes
+        if not height > 0:  # the closest approach to the root at this precision
             break
         if slope < 0:
             found = _bracket(c, s, (s - 2 * height / slope).upper())

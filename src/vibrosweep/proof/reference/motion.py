@@ -1,4 +1,4 @@
-"""What a base answers about the particle that it throws, landing after landing."""
+"""Interface of a base: the motion of a particle from landing to landing, and its period map."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Left(NamedTuple):
     """A launch or lift-off."""
 
     flown: arb  # time since the launch, in the unit of the base
-    rested: bool  # whether the particle stayed on the base before
+    rested: bool  # True if the particle stayed on the base before
     velocity: arb  # m s-1
     # Relative to the base; the unit is that whose flight from a base at rest lasts one forcing
     # period, g / 2 f
@@ -108,7 +108,7 @@ class Carried(NamedTuple):
     along: Pair
     across: Pair
     wrong: float  # bound of the change of the first by the errors of the state and of doubles
-    turned_back: bool  # whether the law of rebound then turns the particle back
+    turned_back: bool  # True if the law of rebound then turns the particle back
 
 
 class PeriodMap(Protocol):
@@ -123,11 +123,11 @@ class PeriodMap(Protocol):
     def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
         """Carry a direction through the impact after a flight that sets out from phase x.
 
-        In doubles, which know phase and speed of the lift-off up to `errors`.
+        In doubles, with phase and speed of the lift-off known up to `errors`.
         """
 
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
-        """Mean logarithm of what impacts after flights of these speeds leave of an area.
+        """Mean logarithm of the contraction of areas by impacts after flights of these speeds.
 
-        Also a bound of its change where all speeds change by `error`.
+        With it comes a bound of its change where all speeds change by `error`.
         """

@@ -21,7 +21,7 @@ from vibrosweep.proof.reference.decisions import UncertainError
 from vibrosweep.proof.reference.landing import SHY
 
 ZERO = arb(0)
-# Derivatives of the base's height that anything asks for, and bounds of these.
+# Number of derivatives of the height of the base that are needed.
 ORDERS: Final = 7
 
 
@@ -80,11 +80,11 @@ class Arc:
         self._excess = ZERO if excess.is_zero() else self._z * self._z - self._q
         self.level = -2 * load / square
         sine, cosine = (2 * x).sin_cos_pi()
-        own = -mount.alpha / self._omega
+        bare = -mount.alpha / self._omega  # without particles
         by_cos, by_sin = self._answer(mount, load, impact)
         # coefficients of the cosine and the sine of the time that has passed
         self._answered = by_cos * cosine + by_sin * sine, by_sin * cosine - by_cos * sine
-        self._forced = own * cosine + self._answered[0], -own * sine + self._answered[1]
+        self._forced = bare * cosine + self._answered[0], -bare * sine + self._answered[1]
         sine, cosine = (2 * after).sin_cos_pi()
         c, d = self._answered
         h = state[0] - self.level - c * cosine - d * sine
@@ -174,8 +174,8 @@ class Arc:
         """Bound of the modulus of a derivative, from s on; of the height, from its mean."""
         free, low = self._free_at(s), max(order - 1, 0)
         energy = free[low + 1] * free[low + 1] + self._q * free[low] * free[low]
-        own = (energy if order else energy / self._q).upper().sqrt()
-        return (self._size * self._omega**order + own).upper()
+        decaying = (energy if order else energy / self._q).upper().sqrt()
+        return (self._size * self._omega**order + decaying).upper()
 
     @cached_property
     def _size(self) -> arb:
@@ -228,7 +228,7 @@ class Above:
 def contact_free(arc: Arc, now: arb, speed: arb, *, lifted: bool, impact: int) -> arb:
     """Time until which a particle that leaves the base `now` has not landed.
 
-    Its speed is relative to the base; `lifted` tells whether the base presses it until then.
+    Its speed is relative to the base; `lifted` is True if the base presses it until then.
     Raises an UncertainError, about the next impact, where more precision is needed.
     """
     until = ZERO
@@ -266,5 +266,5 @@ class Pressure:
         """No time is known to be free of roots."""
 
     def lasts(self, s: arb) -> bool:
-        """Whether it is proved positive from then on for ever."""
+        """Tell whether it is proved to stay positive from then on."""
         return bool(2 - self._arc.most(2, s) > 0)

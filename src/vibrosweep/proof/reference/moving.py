@@ -1,4 +1,4 @@
-"""The moving base in ball arithmetic: all that this base has of its own.
+"""The moving base in ball arithmetic.
 
 The base has the velocity V0 sin(omega t + phi) and the height -(V0 / omega) cos(omega t + phi),
 with V0 = A / (1 + e).  In forcing periods and speeds of g / 2 f its velocity is alpha sin(2 pi x)
@@ -75,7 +75,7 @@ class MovingMap(NamedTuple):
         return self.alpha * (2 * x).sin_pi()
 
     def presses(self, x: arb, impact: int) -> bool:
-        """Whether the base presses a particle that lies on it at a phase."""
+        """Tell whether the base presses a particle that lies on it at a phase."""
         pressure = 1 + self.gamma * (2 * x).cos_pi()
         return certain_above(pressure, ZERO, "the base presses the particle", impact)
 
@@ -127,8 +127,8 @@ class MovingMap(NamedTuple):
 
     def carried(self, x: arb, flight: Flight, direction: Pair, errors: Pair) -> Carried:
         """Carry a direction and its normal through the impact after a flight from phase x."""
-        own = -2 * Clearance(self.alpha, x, flight.speed).slope(flight.duration)
-        exact = self.jacobian(x, flight.duration, own)
+        landing = -2 * Clearance(self.alpha, x, flight.speed).slope(flight.duration)
+        exact = self.jacobian(x, flight.duration, landing)
         near, fast = x + arb(0, errors[0]), flight.speed + arb(0, errors[1])
         # both ends of the flight are off by the error of a phase
         s = flight.duration + arb(0, 2.0 * errors[0])
@@ -143,7 +143,7 @@ class MovingMap(NamedTuple):
         return Carried(_floats(along), _floats(across), wrong, False)
 
     def contraction(self, speeds: Sequence[arb], error: float) -> Contraction:
-        """Mean logarithm of the determinant, in coordinates in which no speed enters it.
+        """Mean logarithm of the determinant, in coordinates in which it does not depend on speeds.
 
         It is e y / z = e^2 y / y' in (x, y), and e^2 in (x, y^2).
         """
@@ -243,8 +243,8 @@ class Motion:
         s, rows = self._over_the_set(phase + self._flown, impact)
         with ctx.workprec(max(FRAME_BITS, min(ctx.prec, state.bits))):
             x = phase + state.flown
-            own = None if s is None else narrowed(Clearance(m.alpha, x, state.speed), s)
-            centre = m.impact(x, state.speed, own, impact)
+            flight = None if s is None else narrowed(Clearance(m.alpha, x, state.speed), s)
+            centre = m.impact(x, state.speed, flight, impact)
             flown, speed = state.flown + centre.duration, centre.speed
         (by_flown, by_speed), below = rows
         duration = centre.duration + state.change(by_flown - 1, by_speed)

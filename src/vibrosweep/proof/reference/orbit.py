@@ -16,7 +16,7 @@ from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 
 
 class _Narrow:
-    """Whether what is reported is as narrow as a problem asks for."""
+    """Check that results are as narrow as a problem asks for."""
 
     def __init__(self, problem: Problem) -> None:
         p = problem.balls

@@ -1,4 +1,4 @@
-"""What the proved reference returns: balls, and the doubles nearest to them."""
+"""Results of the proved reference: balls, and the doubles nearest to them."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Trajectory:
 
     @cached_property
     def rested(self) -> NDArray[np.bool_]:
-        """Whether the particle stayed on the base after the landing."""
+        """Flags of landings after which the particle stayed on the base."""
         return np.array([impact.rested for impact in self.impacts], dtype=np.bool_)
 
     @cached_property

@@ -11,7 +11,7 @@ of velocity V on which n particles ride, with the approach speed c = V - v.  mu 
 
 The base presses while it would, alone, not fall faster than gravity: Yf'' - 2 zeta w0 D' - w0^2 D
 > -2.  When it begins to, all riders leave with its velocity.  Particles in one and the same state
-land in the order of their numbers, and those whom the base then no longer approaches fly on.
+land in the order of their numbers, and those that the base then no longer approaches fly on.
 
 Which event is next is proved: of all flights the first landing is enclosed, or proved to be later,
 and two enclosures that overlap ask for more precision.  Balls are carried from event to event as
@@ -47,7 +47,7 @@ STRETCH: Final = arb(16)
 
 
 class System:
-    """The base, of a state at the first launch, and its particles; at one precision.
+    """The base, whose state at the first launch is given, and its particles, at one precision.
 
     Where all particles ride the base, their lift-off is looked for up to the phase `end`.
 
@@ -86,7 +86,7 @@ class System:
         return Arc(self._bodies.mount, self._instant, *state, self.landings + 1)
 
     def riders_stay(self, turns: arb) -> bool:
-        """Whether those who ride can no longer leave at that phase, if nothing lands until then."""
+        """Tell whether no rider can leave from a phase on, if nothing lands until then."""
         return Pressure(self._arc).lasts(turns - self._instant)
 
     def advance(self) -> bool:
@@ -121,7 +121,7 @@ class System:
         if self._riders:
             last = latest_start(found) if found else (self._end - self._instant).upper()
             found += self._liftoff(last)
-        # a few bits have told most of them apart
+        # few bits are enough to separate most of them
         least, number = latest_start(found), self.landings + 1
         found = [one if one.s > least else one.narrowed() for one in found]
         if not found:
@@ -144,7 +144,7 @@ class System:
         return [Next(s, what, course)] if s.is_finite() else []
 
     def _liftoff(self, until: arb) -> list[Next]:
-        """When the base begins to fall away from its riders, if that comes before `until`."""
+        """Find the instant at which the base falls away from its riders, if before `until`."""
         pressure, start = Pressure(self._arc), self._late.lower()
         while start < until and not pressure.lasts(start):
             stretch = (start + STRETCH).lower().min(until)
@@ -155,7 +155,7 @@ class System:
         return []
 
     def _go_to(self, event: Next) -> arb:
-        """Take base and flights to an event; gives the speed at which its particles land."""
+        """Carry base and flights to an event; return the speed at which its particles land."""
         arc, s = self._arc, event.s
         turns = event.what.turns if isinstance(event.what, Launch) else self._instant + s
         instant = turns.mid()
@@ -233,9 +233,9 @@ class System:
         if self._bodies.mount.mass_ratio.is_zero():
             self._impact(particles, speed)
             return
-        own = self._recoiled
+        recoiled = self._recoiled
         for place, particle in enumerate(particles):
-            now = speed + self._recoiled - own
+            now = speed + self._recoiled - recoiled
             what = "the base still approaches a particle that lands with another"
             if place and not certain_above(-now, ZERO, what, self.landings + 1):
                 self._leaving.append(Flying((particle,), ZERO, now))
@@ -265,7 +265,7 @@ class System:
         self._leaving.append(Flying(tuple(particles), ZERO, e * c))
 
     def _sticks(self, c: arb) -> bool:
-        """Whether a particle that approaches the base with this speed sticks."""
+        """Decide whether a particle that approaches the base with this speed sticks."""
         (mount, e, r, _), riding = self._bodies, len(self._riders)
         if certain_above(e * c, r, "e c > r", self.landings):
             return False
