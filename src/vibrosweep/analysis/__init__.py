@@ -1,6 +1,6 @@
-"""What is derived from a result or a record: dataset in, dataset out, one question per file.
+"""Analyses of results and records: dataset in, dataset out, one question per file.
 
-With a `Scene` of its own, and a `Condition` that is a function, `find_windows` computes anew.
+`find_windows` computes anew, from a `Scene` and conditions that may be functions.
 """
 
 from __future__ import annotations

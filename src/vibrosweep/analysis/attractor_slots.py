@@ -1,4 +1,4 @@
-"""How many particles a base can keep apart: the slots of all attractors."""
+"""Number of particles that a base can keep apart: the slots of all attractors."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def capacity(basins: xr.Dataset) -> xr.Dataset:
     Parameters
     ----------
     basins
-        What `vibrosweep.analysis.basins.basins` found.
+        Result of `vibrosweep.basins`.
 
     Returns
     -------
     xarray.Dataset
         ``capacity`` and its part ``capacity_without_rests`` (attractors on which no particle
         rests); ``unsettled_fraction`` of the launches, which found no recurrent orbit; dim
-        ``attractor``: ``slots``, 0 for what is not an orbit.
+        ``attractor``: ``slots``, 0 for an index that is not a recurrent orbit.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How the base of a record moves."""
+"""Motion of the base of a record."""
 
 from __future__ import annotations
 
@@ -48,22 +48,22 @@ class BaseMotion:
 
 
 def base_name(dataset: xr.Dataset) -> str:
-    """Which of `vibrosweep.model.parameters.BASES` a dataset is about; the first by default."""
+    """Return the base of a dataset, one of `BASES`; by default the high-bounce base."""
     return str(dataset.attrs.get("base", HIGH_BOUNCE))
 
 
 def moves(dataset: xr.Dataset) -> bool:
-    """Whether the base of a dataset moves."""
+    """Tell whether the base of a dataset moves."""
     return base_name(dataset) != HIGH_BOUNCE
 
 
 def recoils(dataset: xr.Dataset) -> bool:
-    """Whether the base of a dataset is of finite mass, so that its particles act on each other."""
+    """Tell whether the base of a dataset has finite mass and so couples its particles."""
     return base_name(dataset) == SPRUNG
 
 
 def refuse_recoil(dataset: xr.Dataset, analysis: str) -> None:
-    """Refuse, with a DataError, what holds only for particles that do not act on each other."""
+    """Raise a DataError for an analysis that holds only for independent particles."""
     wrong = refusal(base_name(dataset), analysis=analysis)
     if wrong:
         raise DataError(f"{analysis} {wrong}")

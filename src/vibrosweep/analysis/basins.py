@@ -1,4 +1,4 @@
-"""Basins: which attractor each launch leads to."""
+"""Basins of attraction: the attractor of each launch."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def basins(
     *,
     threads: int | None = None,
 ) -> xr.Dataset:
-    """Launch a particle at every point of a plane and tell what it settles on.
+    """Launch a particle at every point of a plane and find its attractor.
 
     Parameters
     ----------
     scene
-        All other parameters; its particles and launches play no part.
+        All other parameters; its particles and launches are ignored.
     launch_time
         In s, in any order; the result holds each once, ascending.
     launch_velocity
@@ -61,14 +61,7 @@ def basins(
     Returns
     -------
     xarray.Dataset
-        Dims (launch_velocity, launch_time): ``basin``, an index into the dim attractor, and
-        ``slot``, which of the time-shifted copies of the attractor it is, -1 without recurrence.
-        Dim attractor, the most frequent first: ``fraction`` of the launches, ``regime``,
-        ``cycle_impacts``, ``cycle_periods``, ``cycle_rests``, ``lyapunov_largest``,
-        ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1) of the impact of the cycle after
-        which the flight is shortest.  All launches at rest for good are one attractor.  All that
-        are aperiodic have one index, and so have all that are unsettled, which is no attractor:
-        ``regime`` says so.  Attribute ``notes``: whether launches are observed for long enough.
+        As of `vibrosweep.basins`.
 
     Raises
     ------

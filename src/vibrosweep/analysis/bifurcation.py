@@ -94,11 +94,7 @@ def bifurcation(
     Returns
     -------
     xarray.Dataset
-        Dims (direction, amplitude, particle, sample): the observable under its name, ``observable``
-        for a function; dims (direction, amplitude, particle): ``lyapunov_largest`` with its error,
-        ``regime``, ``cycle_impacts``, ``cycle_periods`` and ``cycle_rests``.  What is unsettled by
-        ``regime`` may be on its way to an attractor.  Attribute ``notes``: whether orbits are
-        followed for long enough.
+        As of `vibrosweep.bifurcation`.
 
     Raises
     ------

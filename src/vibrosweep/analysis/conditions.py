@@ -22,7 +22,7 @@ __all__ = ["FAILS", "HOLDS", "NAMES", "UNDETERMINED", "Condition", "Locked", "na
 
 Codes = NDArray[np.int64]
 
-FAILS, HOLDS = 0, 1  # codes of what is decided
+FAILS, HOLDS = 0, 1  # codes of a decided condition
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Condition:
     variables
         The measured variables that `holds` reads.
     sentence
-        What it means, in one sentence.
+        Meaning of the condition, in one sentence.
 
     Examples
     --------
@@ -68,7 +68,7 @@ class Condition:
 
     @property
     def measures(self) -> dict[str, bool]:
-        """The measures that an observation must be asked for."""
+        """Keys of the measures that the condition needs."""
         return {MEASURE_OF[name]: True for name in self.variables if name in MEASURE_OF}
 
     def judge(self, dataset: xr.Dataset) -> Codes:
@@ -101,7 +101,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Locked:
-    """The fixed orbit of k forcing periods exists and attracts, whether or not a launch meets it.
+    """The fixed orbit of k forcing periods exists and attracts, even if no launch leads to it.
 
     It is found as a fixed point of the map, see `vibrosweep.kernels.fixed`: near the edge of its
     window convergence is too slow for a simulation.
@@ -116,18 +116,18 @@ class Locked:
 
     @property
     def sentence(self) -> str:
-        """What it means, in one sentence."""
+        """Meaning of the condition, in one sentence."""
         return f"The locked orbit with one impact every {self.k} periods exists and attracts."
 
 
 def _of_particles(holds: NDArray[np.bool_], decided: NDArray[np.bool_]) -> Codes:
-    """Whether something holds for all particles; both arrays have shape (realization, particle)."""
+    """Code of a condition on all particles; both arrays have shape (realization, particle)."""
     fails = (decided & ~holds).any(axis=1)
     return np.where(fails, FAILS, np.where(decided.all(axis=1), HOLDS, UNDETERMINED))
 
 
 def _settled(dataset: xr.Dataset) -> NDArray[np.bool_]:
-    """Which particles are known to follow an orbit of their regime; (realization, particle)."""
+    """Mark particles known to follow an orbit of their regime; (realization, particle)."""
     return np.asarray(known("regime", dataset) & (dataset["regime"].values != Regime.UNSETTLED))
 
 
@@ -144,7 +144,7 @@ def _regular(dataset: xr.Dataset) -> object:
 
 
 def _separated(dataset: xr.Dataset) -> object:
-    """A single particle is separated, and so are particles of which no two have landed."""
+    """Codes of separation: it holds for one particle, and if no two particles have landed."""
     gap, followed = dataset["dt_min"].values, known("base_shared", dataset)
     holds = np.isnan(gap) | (gap > dataset["contact_time"].values)
     decided = ~np.isnan(gap) | followed | (dataset.attrs["particles"] == 1)

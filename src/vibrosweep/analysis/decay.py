@@ -1,4 +1,4 @@
-"""How fast two particles in one slot approach each other."""
+"""Decay of the separation of two particles in one slot."""
 
 from __future__ import annotations
 
@@ -40,9 +40,10 @@ def slot_decay(
     Near an orbit of p impacts the separations d_m seen at every p-th impact obey
     d_(m+2) = c_1 d_(m+1) + c_0 d_m, where the roots of z^2 - c_1 z - c_0 are the multipliers of
     the orbit, real or complex.  Both coefficients are fitted by least squares, each equation
-    weighted by the size of its separations (Prony's method).  Beside them stand the multipliers of
-    the product of the Jacobians along the last p impacts: [[1, 1], [2 pi a c, e + 2 pi a c]],
-    c = cos(2 pi x), over a base that stays; see `_moving_jacobian` for one that moves.
+    weighted by the size of its separations (Prony's method).  They are compared with the
+    multipliers of the product of the Jacobians along the last p impacts:
+    [[1, 1], [2 pi a c, e + 2 pi a c]], c = cos(2 pi x), over a base that stays; see
+    `_moving_jacobian` for one that moves.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def slot_decay(
     return xr.Dataset(data)
 
 
-# What `_one` finds, with long name and unit
+# Results of `_one`, with long name and unit
 _NUMBERS: Final = {
     "modulus_fitted": ("modulus of the leading multiplier, fitted", "1"),
     "modulus_predicted": ("modulus of the leading multiplier, from the Jacobians", "1"),
@@ -117,7 +118,7 @@ _NUMBERS: Final = {
 def _one(
     record: xr.Dataset, realization: int, pair: tuple[int, int], p: int
 ) -> tuple[tuple[float, ...], Array]:
-    """The numbers of `_NUMBERS` of one realization, and the separations in s."""
+    """Return the numbers of `_NUMBERS` of one realization, and its separations in s."""
     e, amplitude, frequency, phase, gravity, contact = (
         float(per_realization(record, name)[realization]) for name in NEEDS[2:]
     )
@@ -174,13 +175,13 @@ def _fit(d: Array) -> tuple[float, float, int]:
 
 
 def _jacobian(x: float, e: float, a: float) -> Array:
-    """Of phase and speed after an impact at phase x by those before its flight."""
+    """Derivative of phase and speed after an impact at phase x by those before its flight."""
     slope = 2.0 * np.pi * a * np.cos(2.0 * np.pi * x)
     return np.array([[1.0, 1.0], [slope, e + slope]])
 
 
 def _moving_jacobian(begin: float, end: float, u: float, e: float, a: float) -> Array:
-    """The same for a flight between two phases of a moving base, which begins with the speed u.
+    """The same over a moving base, for a flight of initial speed u between two phases.
 
     With s = end - begin and the relative speed of arrival z = 2 s - u + alpha sin(2 pi end), the
     duration s changes by alpha (sin(2 pi begin) - sin(2 pi end)) / z with the phase of the

@@ -36,15 +36,15 @@ def energy_balance(
 
     Each landing with speed v and kick U = A sin(2 pi f t + phi) is followed by v' = e v + U where
     the particle bounces.  Over n landings the mean kick therefore exceeds the mean loss
-    (1 - e) v by exactly (v_last - v_first) / n: nothing over a cycle of a periodic orbit without
-    rest.  A rest breaks the balance: the base takes up what v' = e v + U would have been.  The
-    balance of energy is <v'^2 - v^2> = 0 over such a cycle.
+    (1 - e) v by exactly (v_last - v_first) / n, which vanishes over a cycle of a periodic orbit
+    without rests.  A rest breaks the balance, since v' is then not e v + U.  The balance of energy
+    over such a cycle is <v'^2 - v^2> = 0.
 
-    Over a moving base a flight ends at another height and with another speed than it began, so that
-    speeds change in flight too.  Energy does not: what an impact or a rest adds to it, the height
-    of the base counted in, is zero over any cycle.  It is the work of the base less what is
-    dissipated, (1 - e^2) z^2 / 2 at an impact with the relative speed z, and z^2 / 2 where the
-    particle comes to rest.
+    Over a moving base a flight ends at another height and with another speed than it began, so
+    that speeds change in flight too.  Energy does not: the sum of its changes at impacts and rests,
+    with the height of the base counted, is zero over any cycle.  Such a change is the work of the
+    base less the dissipated energy, (1 - e^2) z^2 / 2 at an impact with the relative speed z, and
+    z^2 / 2 where the particle comes to rest.
 
     Parameters
     ----------
@@ -53,15 +53,15 @@ def energy_balance(
     since
         Landings from this time on, in s, are taken.
     impacts
-        The last so many landings of each particle only, for example those of a cycle.
+        Number of last landings of each particle to take, for example those of a cycle.
 
     Returns
     -------
     xarray.Dataset
-        Dims (realization, particle), m s-1 unless said: ``mean_kick``, ``mean_loss``, their
-        difference ``balance``, its part ``end_effect`` = (v_last - v_first) / n, its part
-        ``flight_effect``, what speeds lose in flights, and its part ``rest_effect``, the mean of
-        v' - e v - U where the particle rested, with opposite sign; ``energy_balance``, the mean
+        Dims (realization, particle), in m s-1 unless stated: ``mean_kick``, ``mean_loss``, their
+        difference ``balance`` and its parts: ``end_effect`` = (v_last - v_first) / n,
+        ``flight_effect``, the speed lost in flights, and ``rest_effect``, minus the mean of
+        v' - e v - U over rests; ``energy_balance``, the mean
         gain of energy per mass and impact (m2 s-2), <v'^2 - v^2> / 2 where the base stays;
         ``balanced_impacts`` and ``rests``.  Where the base moves also ``dissipated_energy`` and
         ``base_work``, their difference being the gain.
@@ -112,7 +112,7 @@ _MEANS: Final = {
 
 
 def _balances(record: xr.Dataset, realization: int, since: float, impacts: int | None) -> Array:
-    """The means of `_MEANS`, and numbers of landings and rests; shape (quantity, particle)."""
+    """Return the means of `_MEANS`, numbers of landings and rests; shape (quantity, particle)."""
     one = record.isel(realization=realization)
     e, amplitude, frequency, phase, gravity = (
         float(one[name]) for name in ("restitution", "amplitude", "frequency", "phase", "gravity")

@@ -52,7 +52,7 @@ FIXED_PER_TASK: Final = 256
 
 
 def _dataset(scene: Scene, parameters: dict[str, Array], measured: dict[str, Any]) -> xr.Dataset:
-    """What a condition reads: variables, parameters as coordinates, the number of particles."""
+    """Dataset for a condition: variables, parameters as coordinates, the number of particles."""
     return xr.Dataset(
         {name: (VARIABLES[name].dims, v) for name, v in measured.items() if name in VARIABLES},
         coords={name: ("realization", values) for name, values in parameters.items()},
@@ -61,12 +61,12 @@ def _dataset(scene: Scene, parameters: dict[str, Array], measured: dict[str, Any
 
 
 def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) -> Codes:
-    """Tell whether the fixed orbits are absent, attract or repel at each point; shape (point,).
+    """Code at each point for the fixed orbits: absent, attracting or repelling; shape (point,).
 
-    The `reflect` law may have two, one of which is turned back at every impact.  The code is that
-    of the pair of their states.  Along the forcing each of them is absent, attracts and repels in
-    this order, so that no code occurs twice: where two points have the same one, nothing hides
-    between them.
+    The `reflect` law may have two orbits, one of which is turned back at every impact.  The code is
+    that of the pair of their states.  Along the forcing each orbit is first absent, then
+    attracting, then repelling, so that no code occurs in two intervals: between two points of the
+    same code nothing changes.
     """
     problem = dimensionless(scene.parameters(**points), scene.end)
     k = np.full(problem.kick.size, condition.k)
@@ -127,13 +127,13 @@ def launch_states(scene: Scene, parameters: dict[str, Array]) -> States:
 def batch_from(
     scene: Scene, parameters: dict[str, Array], states: States
 ) -> tuple[Dimensionless, Launches]:
-    """Problem and launches of particles that go on from given states, each a realization.
+    """Problem and launches of particles that continue from given states, each a realization.
 
     Parameters and states are those of `launch_states`.
     """
     phase, speed = np.ascontiguousarray(states.reshape(-1, 2).T)
     repeated = {name: np.repeat(values, states.shape[1]) for name, values in parameters.items()}
-    repeated["phase"] = np.zeros_like(phase)  # the states' phases are the forcing's
+    repeated["phase"] = np.zeros_like(phase)  # phases of the states are those of the forcing
     problem = dimensionless(repeated, scene.end, scene.begin)
     problem = problem._replace(launch_flight=lift_off_speeds(scene.base, problem, phase, speed))
     return problem, Launches(np.zeros((phase.size, 1)), phase[:, np.newaxis])
@@ -165,7 +165,7 @@ def continued(
 ) -> tuple[Codes, States]:
     """Code of a condition for orbits continued from given states, and their final states.
 
-    Raises a ParameterError where it is about launches, which a continued orbit has left behind.
+    Raises a ParameterError for a condition on launches, which a continued orbit does not have.
     """
     parameters = scene.parameters(**points)
     orbits = settle_from(scene, parameters, states, workers)

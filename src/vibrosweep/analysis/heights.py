@@ -27,7 +27,7 @@ def heights_against_restitution(
     """Rebound heights against restitution, and how many lie on a plateau g k^2 / (8 f^2).
 
     Over a moving base the highest point of a locked orbit depends on restitution and amplitude
-    (`vibrosweep.theory.locked_apex`): a plateau is then that of the realization's own.
+    (`vibrosweep.theory.locked_apex`), and so does the plateau of each realization.
 
     Parameters
     ----------
@@ -44,11 +44,11 @@ def heights_against_restitution(
     xarray.Dataset
         Dim ``part``: ``restitution_low``, ``restitution_high``, medians of the maximum and the mean
         rebound height (m), ``plateau_fraction`` of the heights.  Dim ``realization``: ``mode``, the
-        k of the plateau, 0 on none, -1 without a height.  A realization that did not complete has
-        none, for its measures cover only a part.  Scalars: ``relative_change``, the change of the
+        k of the plateau, 0 on none, -1 without a height.  An incomplete realization has no height,
+        since its measures cover only a part.  Scalars: ``relative_change``, the change of the
         median maximum height from the lowest to the highest bin, relative to the lowest;
         ``rank_correlation`` (Spearman) of maximum height and restitution, and its ``p_value``;
-        ``plateau_deviation``, the largest relative distance of those on a plateau from it.
+        ``plateau_deviation``, the largest relative distance of a height on a plateau from it.
 
     Raises
     ------

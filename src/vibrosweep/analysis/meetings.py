@@ -1,4 +1,4 @@
-"""When two particles are on the base together for the first time."""
+"""First time at which two particles are on the base together."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _first(landing: Array, liftoff: Array, contact_time: float) -> tuple[float, 
 
 
 def _another(who: NDArray[np.int64], end: Array) -> NDArray[np.bool_]:
-    """Whether the latest end before each stay but the first is that of another particle.
+    """Tell whether the latest end before each stay but the first is that of another particle.
 
     A flight of one contact time ends when the stay before it does, up to rounding.
     """

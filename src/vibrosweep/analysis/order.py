@@ -1,4 +1,4 @@
-"""The order in which particles land: how often it changes."""
+"""Changes of the order in which particles land."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["order_of_landings"]
 
 
 def order_of_landings(record: xr.Dataset, *, since: float = 0.0) -> xr.Dataset:
-    """How often the sequence of landings changes, and how often particles overtake each other.
+    """Count changes of the sequence of landings, and overtakings of particles.
 
     The sequence s_1, s_2, ... names the particle of each landing in the order of time (particles
     that land together stand in the order of their numbers).  N particles keep their order where
@@ -33,7 +33,7 @@ def order_of_landings(record: xr.Dataset, *, since: float = 0.0) -> xr.Dataset:
     -------
     xarray.Dataset
         Dim ``realization``: ``sequence_changes`` of ``sequence_pairs`` compared, and
-        ``overtakings`` of ``impact_pairs`` compared; the fractions are NaN where none are.
+        ``overtakings`` of ``impact_pairs`` compared; the fractions are NaN without any.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Whether the separation of two particles is the same at the next impact (Eqs. 23, 24)."""
+"""Preservation of separations from one impact to the next (Eqs. 23, 24)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["separation_changes"]
 def separation_changes(
     record: xr.Dataset, *, since: float = 0.0, landed_before: int = 0
 ) -> xr.Dataset:
-    """How much the separation of two particles changes from an impact to the next.
+    """Changes of the separation of two particles from one impact to the next.
 
     The separation of particles i and j at impact n is t_j(n) - t_i(n); its change from n to n + 1
-    is compared with the contact time, the resolution that the model itself has.
+    is compared with the contact time, which is the resolution of the model.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def separation_changes(
     since
         Landings from this time on, in s, are taken.
     landed_before
-        The first impacts that are left out besides.
+        Number of first impacts that are left out as well.
 
     Returns
     -------

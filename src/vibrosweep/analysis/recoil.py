@@ -1,4 +1,4 @@
-"""How a base of finite mass moves under the particles of a record."""
+"""Motion of a base of finite mass under the particles of a record."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vibrosweep.model.status import Status
 from vibrosweep.model.times import Periods
 
 NEEDS: Final = (*PARAMETERS, *MOUNT, "launch_time", "impact_count", "status", "duration")
-# In a forcing period, and altogether
+# Samples in a forcing period, and altogether
 SAMPLES: Final = 64
 MOST_SAMPLES: Final = 100_000
 
@@ -32,7 +32,7 @@ MOST_SAMPLES: Final = 100_000
 class Recoiling(BaseMotion):
     """Motion of a base of finite mass; without particles it would be that of a `BaseMotion`."""
 
-    track: BaseTrack  # what its particles make of it
+    track: BaseTrack  # motion disturbed by the particles
     # begin, end: first launch, and end of the observation, s
     begin: float
     end: float
@@ -47,7 +47,7 @@ class Recoiling(BaseMotion):
 
     @cached_property
     def reach(self) -> float:
-        """Largest distance from height 0, of what is sampled, m."""
+        """Largest sampled distance from height 0, m."""
         count = int(min(SAMPLES * self.frequency * (self.end - self.begin), MOST_SAMPLES)) + 2
         return float(np.max(np.abs(self.height(np.linspace(self.begin, self.end, count)))))
 
@@ -56,7 +56,7 @@ class Recoiling(BaseMotion):
         instants, places = np.unique(times[np.isfinite(times)], return_inverse=True)
         found = super().velocity(times) if which else super().height(times)
         followed = self.track.at(instants)[which][places]
-        # before the first launch nothing has disturbed it
+        # before the first launch the base is undisturbed
         found[np.isfinite(times)] = np.where(
             np.isnan(followed), found[np.isfinite(times)], followed
         )

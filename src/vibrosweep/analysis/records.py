@@ -1,4 +1,4 @@
-"""What analyses of single landings share: parameters per realization, flights, CF variables."""
+"""Tools of analyses of single landings: parameters per realization, flights, CF variables."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FLIGHTS = (
 class Flights(NamedTuple):
     """Flights of all particles of one realization, in the order of their beginnings."""
 
-    particle: NDArray[np.int64]  # whose flight it is
+    particle: NDArray[np.int64]  # number of the particle
     # start, end: s; a flight in progress at the end of the observation ends there
     start: Array
     end: Array
@@ -37,9 +37,9 @@ class Flights(NamedTuple):
 
 
 def per_realization(dataset: xr.Dataset, name: str) -> Array:
-    """Values of a variable or parameter, one per realization, whether or not they differ.
+    """Return the values of a variable or parameter, one per realization, even if all are equal.
 
-    Raises a DataError where it has several for each, or is no number.
+    Raises a DataError unless it is one number per realization.
     """
     one = dataset[name]
     if one.dims not in ((), ("realization",)) or one.dtype.kind not in "iufb":
@@ -58,7 +58,7 @@ def variable(
     units: str = "1",
     **attributes: object,
 ) -> xr.Variable:
-    """One variable with its CF attributes."""
+    """Return a variable with its CF attributes."""
     return xr.Variable(tuple(dims), values, {"long_name": long_name, "units": units, **attributes})
 
 

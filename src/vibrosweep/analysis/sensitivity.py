@@ -1,4 +1,4 @@
-"""What heights, flight times and separations depend on: Sobol' indices of all parameters."""
+"""Sobol' indices of heights, flight times and separations with respect to all parameters."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def sobol_indices(
 
     Each parameter is uniform in its range, independent of the others; the forcing may vary as any
     one of `vibrosweep.model.forcing.FORCINGS`.  The scheme is that of Saltelli (2010) as
-    `scipy.stats.sobol_indices` has it; it takes (parameters + 2) base realizations, `base` a power
+    `scipy.stats.sobol_indices`; it takes (parameters + 2) base realizations, `base` a power
     of 2.  Intervals are percentiles of a bootstrap over the base sample.  The observation must
     measure the outputs, variables with one number per realization.  Other parameters are `fixed`,
     by default at Table 1; a base of finite mass needs those of its mount.
@@ -200,7 +200,7 @@ def _measured(
 
 
 def _every_parameter(given: dict[str, Array], base: str) -> dict[str, Array]:
-    """What the engine takes of realizations, of which the parameters that differ are given."""
+    """Complete the given parameters, those that vary, to all that the engine needs."""
     size = len(next(iter(given.values())))
     return only_parameters(
         completed(

@@ -58,7 +58,7 @@ def code_of_ends(window: Window) -> int:
 
 
 def summary(windows: xr.Dataset) -> Iterator[str]:
-    """Say in a line for each condition and direction where there are windows, if anywhere."""
+    """Describe the windows in a line for each condition and direction."""
     first, last = windows["scan"].values[[0, -1]]
     units = FORCINGS[windows.attrs["forcing"]].units
     unit = "" if units == "1" else f" {units}"
@@ -80,7 +80,7 @@ def summary(windows: xr.Dataset) -> Iterator[str]:
 
 
 def _undetermined(one: xr.Dataset) -> Iterator[str]:
-    """Say of one condition and direction where it could not be told whether it holds."""
+    """Describe where one condition in one direction is undetermined."""
     bits, ends = UNDETERMINED_BELOW | UNDETERMINED_ABOVE, one[ENDS.name].values
     if number := np.count_nonzero((ends > 0) & (ends & bits > 0)):
         yield f"; {number} of {one['window_count'].values.sum()} end where it is undetermined"

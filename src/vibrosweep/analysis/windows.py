@@ -83,13 +83,13 @@ def find_windows(
     scan
         Points of the coarse scan, ascending, at least two.
     conditions
-        Names as in `conditions.NAMES`, or conditions of one's own.
+        Names as in `conditions.NAMES`, or objects of `Condition`.
     forcing
-        What is scanned: ``"amplitude"`` (m s-1), ``"base_velocity"`` (m s-1),
+        The scanned quantity: ``"amplitude"`` (m s-1), ``"base_velocity"`` (m s-1),
         ``"base_displacement"`` (m) or ``"base_acceleration"`` (in units of gravity).
     continuation
-        Whether orbits go on along the scan from the last one, upwards and downwards, instead
-        of being launched anew at every point: coexisting and hysteretic windows then show as
+        Whether orbits are continued along the scan, upwards and downwards, instead of being
+        launched anew at every point: coexisting and hysteretic windows then show as
         differences between the directions.
     tolerance
         Largest width of a bracket around an edge, relative to the edge.  That of a locked orbit
@@ -100,16 +100,7 @@ def find_windows(
     Returns
     -------
     xarray.Dataset
-        Dims (condition, direction, restitution, window): ``A_min`` and ``A_max``, the middles of
-        brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window reaches the
-        end of the scan, which is no edge of it, and past the last window; their names begin with
-        the symbol of what is scanned: ``A``, ``V0``, ``B`` or ``Gamma``;
-        ``window_ends``, which of its ends are so open, and beyond which it is undetermined whether
-        the condition holds, -1 past the last window.  Dims (condition, direction, restitution):
-        ``window_count`` and ``widest``, the index of the window that covers most of the scan, -1
-        without any.  Dims (condition, direction, restitution, scan): ``holds``, at each point of
-        the scan, -1 where that is undetermined.  Attribute ``notes``: whether orbits are observed
-        for long enough.
+        As of `vibrosweep.windows`.
 
     Raises
     ------
@@ -192,14 +183,14 @@ def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
 
 
 class Row(NamedTuple):
-    """What a condition does at one restitution."""
+    """Results for a condition at one restitution."""
 
     codes: Codes  # at the points of the scan: `FAILS`, `HOLDS` or `UNDETERMINED`
     windows: list[Window]
 
 
 class Scan(NamedTuple):
-    """What is scanned."""
+    """Points of a scan."""
 
     forcing: str  # name, one of `FORCINGS`
     restitution: Array  # for each of which it is scanned; shape (restitution,)
@@ -241,7 +232,7 @@ def _windows(
 
 
 def _table(found: list[list[Row]], shape: tuple[int, int, int]) -> Array:
-    """Ends, bracket widths and codes of ends, shape (5, *shape, window).
+    """Ends, bracket widths and codes of ends; shape (5, *shape, window).
 
     Past the last window they are NaN, and the code is `NO_WINDOW`.
     """

@@ -1,1 +1,1 @@
-"""What is simulated: parameters and their dimensionless form, closed forms, variables, status."""
+"""The model: parameters and their dimensionless form, closed forms, variables, status."""

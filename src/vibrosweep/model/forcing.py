@@ -36,15 +36,15 @@ FORCINGS: Final[Mapping[str, Parameter]] = {
     )
 }
 
-# What a realization may be given by, in the order of files: the parameters, with the forcings
-# together, of which exactly one is given, and what is of a mount (`inputs_of`).
+# All inputs of a realization, in the order of files: the parameters, with the forcings in place of
+# the amplitude, exactly one of which is given, and the parameters of a mount (`inputs_of`).
 INPUTS: Final[Mapping[str, Parameter]] = {
     name: parameter
-    for own, one in PARAMETERS.items()
-    for name, parameter in (FORCINGS if own == AMPLITUDE else {own: one}).items()
+    for key, one in PARAMETERS.items()
+    for name, parameter in (FORCINGS if key == AMPLITUDE else {key: one}).items()
 } | {**OF_MOUNT}
 
-# What V0 and each of them follow from, apart from each other
+# Parameters that relate each forcing to V0
 _SOURCES: Final[Mapping[str, frozenset[str]]] = {
     AMPLITUDE: frozenset({"restitution"}),
     "base_velocity": frozenset(),

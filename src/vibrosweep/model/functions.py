@@ -1,4 +1,4 @@
-"""What a user's function computes: its code, and all that it takes from outside."""
+"""Fingerprint of a user's function: its code, and all values that it takes from outside."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def outside(function: FunctionType) -> dict[str, Any]:
 
 
 def is_own(value: object) -> bool:
-    """Whether this is a Python function, compiled by numba or not."""
+    """Tell whether this is a Python function, compiled by numba or not."""
     return isinstance(plain(value), FunctionType)
 
 
 def changes_its_arguments(function: FunctionType) -> bool:
-    """Whether a function could change an array that it is given."""
+    """Tell whether a function could change an array that it is given."""
     return any(
         one.opname.startswith(("STORE_SUBSCR", "STORE_SLICE", "CALL"))
         or (one.opname == "BINARY_OP" and one.argrepr.endswith("="))
@@ -99,7 +99,7 @@ def _is_constant(value: object) -> bool:
 
 
 def _code(code: CodeType) -> Iterator[str]:
-    """What is compiled, without names of files and numbers of lines."""
+    """Yield the compiled code, without names of files and numbers of lines."""
     yield code.co_code.hex()
     yield repr((code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars))
     for constant in code.co_consts:

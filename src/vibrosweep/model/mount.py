@@ -1,4 +1,4 @@
-"""What tells a base of finite mass from another: masses, and the mount that it stands on."""
+"""Parameters of a base of finite mass: masses, and the mount that carries it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vibrosweep.model.parameters import LARGEST, MOUNT, SMALLEST, SPRUNG, Parame
 
 MASS_RATIO: Final = "mass_ratio"
 
-# The two together may take the place of their ratio.
+# Both masses together may replace their ratio.
 MASSES: Final[Mapping[str, Parameter]] = {
     p.name: p
     for p in (
@@ -20,19 +20,19 @@ MASSES: Final[Mapping[str, Parameter]] = {
     )
 }
 
-# All that a mount may be given by, in the order of files
+# All parameters by which a mount may be given, in the order of files
 OF_MOUNT: Final[Mapping[str, Parameter]] = {
     name: parameter
-    for own, one in MOUNT.items()
-    for name, parameter in ({own: one, **MASSES} if own == MASS_RATIO else {own: one}).items()
+    for key, one in MOUNT.items()
+    for name, parameter in ({key: one, **MASSES} if key == MASS_RATIO else {key: one}).items()
 }
 
 
 def mount_mistakes(base: str, given: Collection[str]) -> dict[str, str]:
-    """Find what is wrong with the names that are given for the mount of a base.
+    """Find mistakes in the names that are given for the mount of a base.
 
-    What must be changed, in words, by the name of the parameter that it is about; empty if the
-    names suffice and fit together.
+    Returns a description of each necessary change, by the name of the parameter; empty if the
+    names are complete and consistent.
     """
     found = [name for name in OF_MOUNT if name in given]
     if base != SPRUNG:
@@ -58,7 +58,7 @@ def mount_mistakes(base: str, given: Collection[str]) -> dict[str, str]:
 
 
 def require_mount(base: str, given: Collection[str]) -> None:
-    """Refuse names that `mount_mistakes` finds fault with; the ParameterError names all of them."""
+    """Raise a ParameterError that lists all mistakes of `mount_mistakes`, if there are any."""
     mistakes = mount_mistakes(base, given)
     if mistakes:
         raise ParameterError("; ".join(f"{name}: {text}" for name, text in mistakes.items()))

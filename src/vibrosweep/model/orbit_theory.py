@@ -15,7 +15,7 @@ HALVINGS = 60  # of a bracket of the size of what is sought, to a rounding
 
 
 def moves(base: str) -> bool:
-    """Whether a base of `FIXED` moves; a ParameterError for any other base."""
+    """Tell whether a base of `FIXED` moves; a ParameterError for any other base."""
     if base not in FIXED:
         raise ParameterError(f"base = {base!r}: must be one of {', '.join(FIXED)}")
     return base == MOVING

@@ -111,14 +111,14 @@ MOUNT: Final[Mapping[str, Parameter]] = {
 
 
 def refuse_masked(name: str, values: object) -> None:
-    """Refuse, with a ParameterError, masked values, whose numbers numpy would take for data."""
+    """Raise a ParameterError for masked values, whose numbers numpy would take for data."""
     listed = values if isinstance(values, list | tuple) else ()
     if np.ma.is_masked(values) or any(value is np.ma.masked for value in listed):
         raise ParameterError(f"{name}: holds masked values, which are no data; leave them out")
 
 
 class Dimensionless(NamedTuple):
-    """What the kernels iterate, one entry per realization; every array has shape (realization,)."""
+    """Dimensionless form of realizations, for the kernels; every array has shape (realization,)."""
 
     restitution: Array  # e
     kick: Array  # a = 2 f A / g, forcing periods
@@ -207,8 +207,8 @@ def _instant(what: str, frequency: Array, time: Time, turns: Array) -> tuple[Arr
 def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) -> Launches:
     """Launch instants in forcing periods, from frequencies of shape (realization,) in Hz.
 
-    Of all particles at given times in s, or ``"staggered"`` evenly over one forcing period,
-    particle j at j / (particles frequency).
+    Launch times are given in s, or are ``"staggered"`` evenly over one forcing period: particle j
+    at j / (particles frequency).
     """
     if isinstance(launch, str):
         instants = np.arange(particles, dtype=np.float64) / particles
@@ -222,7 +222,7 @@ def launches(launch: str | tuple[float, ...], particles: int, frequency: Array) 
 
 
 def representable(parameters: Mapping[str, Array], times: Iterable[Time]) -> NDArray[np.bool_]:
-    """Tell which realizations `dimensionless` and `launches` take; shape (realization,).
+    """Mark realizations that `dimensionless` and `launches` accept; shape (realization,).
 
     Parameters, and those of `MOUNT` where the base is sprung, are within their ranges; only an
     amplitude that follows from another forcing, and a mass ratio that follows from masses, may be

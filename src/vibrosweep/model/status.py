@@ -10,7 +10,7 @@ from typing import Final
 
 
 class Status(IntEnum):
-    """How the computation of one particle (or the worst of a realization) ended.
+    """End of the computation of one particle, or the worst end in a realization.
 
     Examples
     --------
@@ -27,7 +27,7 @@ class Status(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """What happened and what to do, in one sentence."""
+        """Description and advice, in one sentence."""
         return _SENTENCES[self]
 
     @property
@@ -36,12 +36,12 @@ class Status(IntEnum):
         return self.name.lower()
 
 
-# Fewer landings in the window tell nothing of how neighbouring orbits separate.
+# Fewer landings in the window are too few to measure how neighbouring orbits separate.
 LANDINGS_OF_AN_EXPONENT: Final = 64
 
 
 class Regime(IntEnum):
-    """What a particle's orbit has become by the end of the observation.
+    """Regime of a particle's orbit at the end of the observation.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class Regime(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """What the regime means, in one sentence."""
+        """Meaning of the regime, in one sentence."""
         return _REGIMES[self]
 
     @property

@@ -12,7 +12,7 @@ from vibrosweep.errors import ParameterError
 
 @dataclass(frozen=True)
 class Periods:
-    """A time in forcing periods: where frequencies differ, realizations last differently long."""
+    """A time in forcing periods; in s it depends on the frequency of the realization."""
 
     number: float
 
@@ -22,12 +22,12 @@ Time = float | Periods
 
 
 def amount(time: Time) -> float:
-    """Number of seconds or of periods, whichever the time is in."""
+    """Number of seconds or periods."""
     return time.number if isinstance(time, Periods) else time
 
 
 def fraction_of(time: Time, share: float) -> Time:
-    """Return a share of a time, in its own unit."""
+    """Return a share of a time, in the same unit."""
     return Periods(time.number * share) if isinstance(time, Periods) else time * share
 
 
@@ -46,7 +46,7 @@ def in_periods(time: Time, frequency: Array) -> Array:
 
 
 def precedes(first: Time, second: Time, frequency: Array) -> bool:
-    """Whether one time is before another at every frequency (Hz)."""
+    """Tell whether one time is before another at every frequency (Hz)."""
     if isinstance(first, Periods) == isinstance(second, Periods):
         return amount(first) < amount(second)
     return bool(np.all(in_seconds(first, frequency) < in_seconds(second, frequency)))
@@ -58,9 +58,9 @@ def unit_of(time: Time) -> str:
 
 
 def one_time(name: str, seconds: float | None, periods: float | None, default: float) -> Time:
-    """Time that is given in s or in forcing periods, `default` in s where in neither.
+    """Return a time given in s or in forcing periods; `default` in s if neither is given.
 
-    Raises a ParameterError where it is given in both.
+    Raises a ParameterError if both are given.
     """
     if seconds is not None and periods is not None:
         raise ParameterError(

@@ -1,4 +1,4 @@
-"""Where the window of a locked orbit begins, on a base at height zero and on one that moves.
+"""Lower end of the window of a locked orbit, on a base at height zero and on one that moves.
 
 The notation is that of `locked_theory`.  The orbit begins with s = 0, where it leaves the phase
 1/4.  A base that moves with the velocity alpha = Gamma / pi is below the particle by
@@ -11,7 +11,7 @@ which has to be positive for 0 < t < 2 pi k.  With alpha = k (1 - e) / (1 + e) t
 
 about 0.019 / k^2: in later half turns t (k - t / 2 pi) is more than k.  With less restitution the
 particle meets the base on the way: the orbit begins with s > 0, at the amplitude at which its
-flight just grazes the base, for which there is no closed form.  Without any, a particle that the
+flight just grazes the base, for which there is no closed form.  With e = 0, a particle that the
 base presses rests: the orbit begins with s = 1, where Gamma^2 = 1 + (pi k)^2.
 """
 
