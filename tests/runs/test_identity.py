@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import vibrosweep
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.observables import Observable
 from vibrosweep.runs.identity import EXEMPT, differences, identity, sources
