@@ -19,7 +19,7 @@ from accuracy import provenance, table, write_section
 
 sys.path.append(str(Path(__file__).parents[1]))  # where the study stands
 
-from study.claims_page import BASES, plain
+from study.claims_page import BASES, brief_reason, plain
 from study.collect import judge_all
 from study.samples import Plan
 from study.verdict import ANY_BASE, Verdict
@@ -32,8 +32,9 @@ ONE_NAME = "two particles in slots of their own", "each particle in a slot of it
 SHORT = {
     Verdict.HOLDS: "holds",
     Verdict.CONDITIONAL: "conditional",
+    Verdict.OUTSIDE: "outside",
     Verdict.FAILS: "fails",
-    Verdict.UNDECIDED: "undecided",
+    Verdict.UNDECIDED: "undecided:",
 }
 
 
@@ -55,7 +56,10 @@ def turned(first, second):
 def rows(claims):
     """Cells of the table in the docs, where the heights of flights stand below it."""
     for claim in claims:
-        found = {one.base: SHORT[one.verdict] for one in claim.outcome.evidence}
+        found = {
+            one.base: f"{SHORT[one.verdict]} {brief_reason(one)}".rstrip()
+            for one in claim.outcome.evidence
+        }
         cells = [found.get(base, found.get(ANY_BASE, "-")) for base in BASES]
         brief = (re.sub(r" \(at 1 Hz, flights .*?\)", "", one) for one in claim.conditions)
         conditions = dict.fromkeys(one.replace(*ONE_NAME) for one in brief)

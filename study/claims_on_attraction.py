@@ -9,7 +9,8 @@ import numpy as np
 import xarray as xr
 
 from study.bases import BASES, HIGH_BOUNCE, SPRUNG
-from study.claims_on_order import SETTLED, slots_name
+from study.claims_on_order import SETTLED, in_own_slots
+from study.claims_on_windows import STRONG
 from study.estimates import share
 from study.figures.pairs import fates
 from study.samples import (
@@ -17,16 +18,26 @@ from study.samples import (
     FEW,
     FIRST,
     MOUNT,
+    REFLECT,
     SMALLER,
     TAU_C,
+    WIDE_RANGE,
     Plan,
     Setting,
     irregular,
     measured,
     settings_of,
 )
-from study.slots import LIGHT, SCATTER, landing_phase, own_slots, populations
+from study.slots import (
+    LIGHT,
+    SCATTER,
+    landing_phase,
+    own_slots,
+    own_slots_setting,
+    populations,
+)
 from study.verdict import (
+    SOME,
     Check,
     Evidence,
     Number,
@@ -85,7 +96,7 @@ def _late(
     return measured(
         plan,
         base,
-        setting.drawn(plan, scale=part * SMALLER[base], phase=ANY_PHASE),
+        setting.over(phase=ANY_PHASE).drawn(plan, scale=part * SMALLER[base]),
         duration=LONG[base],
         transient=LONG[base] - window,
         separation=True,
@@ -98,10 +109,33 @@ def _synchronous(plan: Plan, base: str) -> Evidence:
     checks = []
     for one in settings_of(base):
         dt = _late(plan, base, one, PAIR)["dt_min"].values
-        checks.append(nearly_all(what, dt[np.isfinite(dt)] > NEAR, one.name))
+        there = one.over(phase=ANY_PHASE)
+        checks.append(nearly_all(what, dt[np.isfinite(dt)] > NEAR, there))
     numbers = _bunch() if base == SPRUNG else _contraction(plan, base)
     drawn = Reading("pairs drawn at random", checks)
-    return Evidence(base, (drawn,), [_in_one_slot(plan)] if base == SPRUNG else (), numbers)
+    condition = _in_one_slot(plan) if base == SPRUNG else _in_irregular_motion(plan, base)
+    return Evidence(base, (drawn,), (condition,), numbers)
+
+
+def _in_irregular_motion(plan: Plan, base: str) -> Reading:
+    """Pairs under strong excitation that move irregularly, where such pairs are found."""
+    what = "share of pairs launched 1 µs apart, both with positive exponents, that drew apart"
+    checks = []
+    for one in settings_of(base):
+        there = one.over(amplitude=STRONG, phase=ANY_PHASE)
+        irregular_pair = _pairs_with_exponents(plan, base, there)["aperiodic_count"].values == 2
+        if np.mean(irregular_pair) < SOME:
+            irregular_pair[:] = False
+        apart = _late(plan, base, there, PAIR, 1.0 / there.part)["dt_min"].values > NEAR
+        checks.append(nearly_all(what, apart[irregular_pair], there))
+    return Reading(
+        "in irregular motion, A 4 to 12 m/s, where that is 1 % of the pairs at least", checks
+    )
+
+
+def _pairs_with_exponents(plan: Plan, base: str, setting: Setting) -> xr.Dataset:
+    scene = {**PAIR, "regimes": True, "lyapunov": True, "per_particle": True}
+    return _late(plan, base, setting, scene, 1.0 / setting.part, WINDOW_OF_EXPONENTS)
 
 
 def _in_one_slot(plan: Plan) -> Reading:
@@ -126,16 +160,18 @@ def _in_one_slot(plan: Plan) -> Reading:
 
 def _contraction(plan: Plan, base: str) -> tuple[Number, ...]:
     modulus = np.abs(theory.multipliers(1, 0.9, 1.2, base=base)).max()
-    late = _late(
-        plan,
-        base,
-        FIRST,
-        {**PAIR, "regimes": True, "lyapunov": True, "per_particle": True},
-        window=WINDOW_OF_EXPONENTS,
-    )
     what = "pairs in irregular motion (a positive Lyapunov exponent in the last 500 s), share"
+    several = [FIRST, WIDE_RANGE, *([REFLECT] if base == HIGH_BOUNCE else [])]
+    shares = [
+        number(
+            f"{what}; {one.name}",
+            share(*irregular(_pairs_with_exponents(plan, base, one))),
+            setting=one.over(phase=ANY_PHASE),
+        )
+        for one in several
+    ]
     return (
-        number(what, share(*irregular(late))),
+        *shares,
         number("factor by which a small separation changes per impact at Table 1", modulus),
     )
 
@@ -161,16 +197,18 @@ def _staggered(plan: Plan, base: str) -> Evidence:
         for particles, checks in ((2, two), (many, population)):
             late = _late(plan, base, setting, {"particles": particles}, 0.125)["dt_min"].values
             what = f"share of {particles} staggered particles that bounce on more than τ_c apart"
-            checks.append(nearly_all(what, late > contact, setting.name))
+            checks.append(nearly_all(what, late > contact, setting.over(phase=ANY_PHASE)))
         dt = _late(plan, base, setting, PAIR)["dt_min"].values
         what = "share of pairs launched 1 µs apart that end a quarter of even spacing apart or more"
-        together.append(nearly_all(what, dt[np.isfinite(dt)] >= APART, setting.name))
+        there = setting.over(phase=ANY_PHASE)
+        together.append(nearly_all(what, dt[np.isfinite(dt)] >= APART, there))
     returned = [_return(plan, base, n) for n in populations(base, 20)]
     near = check(
         "deviation from even spacing after 1400 impacts over that at launch, largest",
         np.max(returned),
         "at most",
         1e-3,
+        setting=own_slots_setting(base),
     )
     return Evidence(
         base,
@@ -179,7 +217,7 @@ def _staggered(plan: Plan, base: str) -> Evidence:
             Reading(f"{many} staggered particles stay apart", population),
             Reading("pairs launched together become staggered", together),
         ),
-        conditions=(Reading("only near by; " + slots_name(base), (near,)),),
+        conditions=(in_own_slots(base, (near,), 20, "only near by; "),),
     )
 
 

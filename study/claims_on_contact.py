@@ -11,23 +11,29 @@ import xarray as xr
 
 from study.arrays import Flags
 from study.bases import BASES, HIGH_BOUNCE, SPRUNG
-from study.claims_on_order import slots_name
+from study.claims_on_order import in_own_slots
 from study.estimates import Estimate, share
 from study.figures.crossings import heights_and_crossings
 from study.samples import (
     FEW,
     FIRST,
-    FOLLOWED,
     SMALLER,
     TAU_C,
     WINDOWS,
     Plan,
     Setting,
+    laws,
     measured,
     mount,
     settings_of,
 )
-from study.slots import POPULATIONS, own_slots, populations, smallest_separation
+from study.slots import (
+    POPULATIONS,
+    own_slots,
+    own_slots_setting,
+    populations,
+    smallest_separation,
+)
 from study.verdict import (
     ANY_BASE,
     Check,
@@ -37,8 +43,8 @@ from study.verdict import (
     Picture,
     Reading,
     check,
-    nearly_all,
     number,
+    without_exception,
 )
 from vibrosweep import simulate, theory
 from vibrosweep.analysis import crossings, separation_distribution, slot_decay
@@ -53,6 +59,8 @@ MEASURES: Final = {
 GROOVES: Final = 24
 PLATFORM_RADIUS: Final = 90.0
 DIAMETERS: Final = (8.0, 10.0)
+GROOVE_DEPTH: Final = 2.0
+FREQUENCIES: Final = (8.0, 35.0)  # of the laboratory, Hz
 
 
 def separation_stays_positive(plan: Plan) -> Outcome:
@@ -94,11 +102,12 @@ def _positive(plan: Plan, base: str) -> Evidence:
         for name, one in _of_setting(plan, base, setting):
             checks.setdefault(name, []).append(one)
     own = np.min([smallest_separation(own_slots(n, base, plan)) for n in populations(base)])
-    kept = check("smallest separation of landings", own, "at least", TAU_C, "s")
+    there = own_slots_setting(base)
+    kept = check("smallest separation of landings", own, "at least", TAU_C, "s", there)
     return Evidence(
         base,
         readings=[Reading(name, each) for name, each in checks.items()],
-        conditions=(Reading(slots_name(base), (kept,)),),
+        conditions=(in_own_slots(base, (kept,), 100),),
         numbers=() if base == SPRUNG else _closing(plan, base),
     )
 
@@ -115,8 +124,8 @@ def _of_setting(plan: Plan, base: str, setting: Setting) -> Iterator[tuple[str, 
             for kind, chosen in stable.items():
                 dt = found[measure].values[chosen]
                 for words, bound in (("0", 0.0), ("τ_c", contact)):
-                    what = f"share of stable realizations with dt_min > {words}"
-                    one = nearly_all(what, dt > bound, setting.name)
+                    what = f"stable realizations with dt_min not above {words}"
+                    one = without_exception(what, dt > bound, setting)
                     yield f"{landings}; {window}; stable: {kind}", one
 
 
@@ -155,27 +164,30 @@ def _closing(plan: Plan, base: str) -> tuple[Number, ...]:
         float(decay["closing_time"]),
         "s",
     )
-    drawn = FIRST.drawn(plan, scale=FOLLOWED)
-    free = (
-        measured(plan, base, drawn, particles=n, duration=12.0, separation=True)
+    free = [
+        number(
+            f"collision-free realizations of N = {n} in 12 s, share; {one.name}",
+            share(_apart(plan, base, one, n)["collision_free"].values == 1),
+            setting=one,
+        )
+        for one in laws(base, FIRST)
         for n in (2, *POPULATIONS)
-    )
+    ]
     return (
         number("decay per impact in a slot at Table 1, fitted", float(decay["modulus_fitted"])),
         number("the same from the multipliers", float(decay["modulus_predicted"])),
         closing,
-        *(
-            number(
-                f"collision-free realizations of N = {n} in 12 s, share",
-                share(one["collision_free"].values == 1),
-            )
-            for n, one in zip((2, *POPULATIONS), free, strict=True)
-        ),
+        *free,
     )
 
 
+def _apart(plan: Plan, base: str, setting: Setting, particles: int) -> xr.Dataset:
+    drawn = setting.drawn(plan)
+    return measured(plan, base, drawn, particles=particles, duration=12.0, separation=True)
+
+
 def heights_differ(plan: Plan) -> Outcome:
-    """y_i(t) != y_j(t) at all times, Eq. 18."""
+    """No two particles are at one height, y_i(t) != y_j(t) at all times, Eq. 18."""
     few = simulate(launch_time=[0.1, 0.55], duration=4.0, threads=plan.threads)
     return Outcome(
         [_heights_differ(plan, base) for base in BASES],
@@ -214,7 +226,6 @@ def _heights_differ(plan: Plan, base: str) -> Evidence:
                 (check("share of pairs that touch, at least", touching, "at most", 0.0),),
             ),
         ),
-        conditions=(_own_groove(20),),
         numbers=(
             number("crossings of 20 particles in 12 s", found.sizes["crossing"]),
             number("pairs of flights in the air together", found["flight_overlaps"]),
@@ -222,41 +233,43 @@ def _heights_differ(plan: Plan, base: str) -> Evidence:
     )
 
 
-def _own_groove(balls: int) -> Reading:
-    """Spheres in different grooves: apart sideways, whatever their heights."""
-    rim = PLATFORM_RADIUS - 0.5 * DIAMETERS[1]
-    return Reading(
-        f"spheres, each in a groove of its own (N at most {GROOVES}): apart sideways, not in time",
-        (
-            check(
-                f"balls of {balls} in one groove, at the least",
-                math.ceil(balls / GROOVES),
-                "at most",
-                1.0,
-            ),
-            check(
-                "distance of neighbouring grooves at the rim",
-                2.0 * rim * math.sin(math.pi / GROOVES),
-                "at least",
-                DIAMETERS[1],
-                "mm",
-            ),
-        ),
-    )
-
-
 def grooves(plan: Plan) -> Outcome:
     """The grooves of Table 2 guide every ball on a path of its own, for fifty balls too."""
     least = DIAMETERS[1] / (2.0 * math.sin(math.pi / GROOVES))
-    fifty = check(
-        "balls of 50 in one groove, at the least", math.ceil(50 / GROOVES), "at most", 1.0
+    slow, fast = (1e3 * float(theory.locked_height(1, f)) for f in FREQUENCIES)
+    shallow = float(np.sqrt(9.81e3 / (8.0 * GROOVE_DEPTH)))
+    rim = PLATFORM_RADIUS - 0.5 * DIAMETERS[1]
+    guided = "height of mode 1, above which a ball has left its groove"
+    fifty, twenty = (
+        check(f"balls of {n} in one groove, at the least", math.ceil(n / GROOVES), "at most", 1.0)
+        for n in (50, 20)
+    )
+    apart = check(
+        "distance of neighbouring grooves at the rim",
+        2.0 * rim * math.sin(math.pi / GROOVES),
+        "at least",
+        DIAMETERS[1],
+        "mm",
+    )
+    in_flight, low = (
+        check(f"{guided}, at {f:g} Hz", height, "at most", GROOVE_DEPTH, "mm")
+        for f, height in zip(FREQUENCIES, (slow, fast), strict=True)
     )
     return Outcome(
         [
             Evidence(
                 ANY_BASE,
-                readings=(Reading("50 balls in 24 grooves", (fifty,)),),
-                conditions=(_own_groove(20),),
+                readings=(
+                    Reading("50 balls in 24 grooves", (fifty,)),
+                    Reading("grooves of 2 mm guide in flight too, at 8 to 35 Hz", (in_flight,)),
+                ),
+                conditions=(
+                    Reading(
+                        f"N at most {GROOVES}, and flights below 2 mm (mode 1 above "
+                        f"{shallow:.0f} Hz)",
+                        (twenty, apart, low),
+                    ),
+                ),
                 numbers=(
                     number("radius at which 24 balls of 10 mm fit side by side", least, "mm"),
                     number("radius of the platform", PLATFORM_RADIUS, "mm"),

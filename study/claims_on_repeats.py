@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from vibrosweep import theory
 # Of the laboratory, Hz: amplitude and launch of Table 1 are scaled so that flights in forcing
 # periods are the same
 LABORATORY: Final = (8.0, 35.0)
+UNSCALED: Final[dict[str, Any]] = {"frequency": LABORATORY, "amplitude": (1.2, 1.2)}
 BEGIN: Final = 20.0  # of a film, s
 FILM: Final = 40.0  # s
 LATER: Final = 1000.0  # s
@@ -38,12 +40,18 @@ def steady(plan: Plan) -> Outcome:
 
 
 def _steady(plan: Plan, base: str) -> Evidence:
-    frequencies = {"the model's 1 Hz": (1.0, 1.0), "the laboratory's 8 to 35 Hz": LABORATORY}
+    forcings = {
+        "the model's 1 Hz": {"frequency": (1.0, 1.0)},
+        "the laboratory's 8 to 35 Hz, A and launch speed scaled by 1/f": {"frequency": LABORATORY},
+        "the laboratory's 8 to 35 Hz, A and launch speed of Table 1": UNSCALED,
+    }
     readings = []
-    for name, ends in frequencies.items():
+    for name, ranges in forcings.items():
         checks = []
         for setting in settings_of(base):
-            drawn = _scaled(setting.drawn(plan, frequency=ends, phase=ANY_PHASE))
+            there = setting.over(**ranges, phase=ANY_PHASE)
+            drawn = there.drawn(plan)
+            drawn = drawn if ranges is UNSCALED else _scaled(drawn)
             first, later = (
                 _film(plan, base, drawn, begin)["rebound_height_mean"].values
                 for begin in (BEGIN, LATER)
@@ -55,7 +63,7 @@ def _steady(plan: Plan, base: str) -> Evidence:
                 "share of particles whose mean height from 20 s to 60 s is that from 1000 s to "
                 "1040 s, to 5 %"
             )
-            checks.append(nearly_all(what, same, setting.name))
+            checks.append(nearly_all(what, same, there))
         readings.append(Reading(name, checks))
     return Evidence(base, readings)
 
@@ -72,17 +80,23 @@ def repeatable(plan: Plan) -> Outcome:
 def _repeatable(plan: Plan, base: str) -> Evidence:
     exact: list[Check] = []
     adjusted: list[Check] = []
+    unscaled: list[Check] = []
     near: list[Check] = []
     for setting in settings_of(base):
-        drawn = _scaled(setting.drawn(plan, frequency=LABORATORY))
+        there = setting.over(frequency=LABORATORY)
+        drawn = _scaled(there.drawn(plan))
         for checks, adjustment in ((exact, 0.0), (adjusted, ADJUSTMENT)):
-            checks.append(_agreeing(_repeats(plan, base, drawn, adjustment), setting))
-        near.append(_agreeing(_near_mode_1(plan, base, setting), setting))
+            checks.append(_agreeing(_repeats(plan, base, drawn, adjustment), there))
+        table_1 = setting.over(**UNSCALED)
+        films = _repeats(plan, base, table_1.drawn(plan), 0.0)
+        unscaled.append(_agreeing(films, table_1))
+        near.append(_agreeing(*_near_mode_1(plan, base, setting)))
     return Evidence(
         base,
         readings=(
             Reading("the same setting, released at any phase", exact),
             Reading("settings of e and A repeated to 1 %, released at any phase", adjusted),
+            Reading("the same setting, A and launch speed of Table 1 at 8 to 35 Hz", unscaled),
         ),
         conditions=(Reading("all four released close to the orbit of mode 1", near),),
     )
@@ -104,20 +118,22 @@ def _repeats(plan: Plan, base: str, drawn: dict[str, Any], adjustment: float) ->
     return films
 
 
-def _near_mode_1(plan: Plan, base: str, setting: Setting) -> list[xr.Dataset]:
+def _near_mode_1(plan: Plan, base: str, setting: Setting) -> tuple[list[xr.Dataset], Setting]:
     """Four films of amplitudes in the middle of the window, from releases near the orbit."""
-    drawn = setting.drawn(plan, frequency=LABORATORY, amplitude=(0.25, 0.75))
+    there = setting.over(frequency=LABORATORY, amplitude=(0.25, 0.75))
+    drawn = there.drawn(plan)
     e, f = drawn["restitution"], drawn["frequency"]
     low, high = (end(1, e, f, base=base) for end in (theory.amplitude_min, theory.amplitude_max))
     amplitude = low + drawn["amplitude"] * (high - low)
     phase = theory.locked_phase(1, e, amplitude, f)
-    there = {"amplitude": amplitude, "launch_velocity": theory.locked_velocity(1, f)}
+    orbit = {"amplitude": amplitude, "launch_velocity": theory.locked_velocity(1, f)}
     random = _hand(plan)
     films = []
     for _ in range(REPEATS):
         released = phase + random.uniform(-CLOSE, CLOSE, e.size)
-        films.append(_film(plan, base, drawn | there | {"phase": 2.0 * np.pi * released}, BEGIN))
-    return films
+        films.append(_film(plan, base, drawn | orbit | {"phase": 2.0 * np.pi * released}, BEGIN))
+    name = "amplitude from 1/4 to 3/4 of the window of mode 1"
+    return films, replace(there.with_constants(amplitude=name), name=setting.name)
 
 
 def _hand(plan: Plan) -> np.random.Generator:
@@ -134,4 +150,4 @@ def _agreeing(films: list[xr.Dataset], setting: Setting) -> Check:
     bounce = np.isfinite(each[0]).all(axis=0)
     within = [one.std(axis=0, ddof=1) < VARIATION * one.mean(axis=0) for one in each]
     what = "share of settings whose four heights and flight times vary by less than 8 %"
-    return nearly_all(what, (within[0] & within[1])[bounce], setting.name)
+    return nearly_all(what, (within[0] & within[1])[bounce], setting)

@@ -37,6 +37,7 @@ BASES: Final = {
 CLASSES: Final = {
     Verdict.HOLDS: "holds",
     Verdict.CONDITIONAL: "condition",
+    Verdict.OUTSIDE: "outside",
     Verdict.FAILS: "fails",
     Verdict.UNDECIDED: "open",
 }
@@ -86,16 +87,23 @@ def _badge(verdict: Verdict) -> str:
     return f'<span class="badge {CLASSES[verdict]}">{verdict.value}</span>'
 
 
+def brief_reason(evidence: Evidence) -> str:
+    """Which of two things "cannot be judged" is."""
+    if evidence.verdict is not Verdict.UNDECIDED:
+        return ""
+    return "settings differ" if "differs between" in evidence.reason else "too few data"
+
+
 def _summary_row(claim: Claim) -> str:
-    found = {one.base: one.verdict for one in claim.outcome.evidence}
+    found = {
+        one.base: f"{_badge(one.verdict)} <small>{brief_reason(one)}</small>"
+        for one in claim.outcome.evidence
+    }
     if ANY_BASE in found:
-        cells = (
-            f'<td colspan="{len(BASES)}" data-base="no base enters">{_badge(found[ANY_BASE])}</td>'
-        )
+        cells = f'<td colspan="{len(BASES)}" data-base="no base enters">{found[ANY_BASE]}</td>'
     else:
         cells = "".join(
-            f'<td data-base="{html.escape(name)}">'
-            f"{_badge(found[base]) if base in found else NO_VERDICT}</td>"
+            f'<td data-base="{html.escape(name)}">{found.get(base, NO_VERDICT)}</td>'
             for base, name in BASES.items()
         )
     names = marked_up("; or ".join(claim.conditions))
@@ -122,6 +130,8 @@ def _section(claim: Claim) -> str:
 def _evidence(evidence: Evidence) -> str:
     name = BASES.get(evidence.base, "any base").capitalize()
     parts = [f"<h3>{html.escape(name)} {_badge(evidence.verdict)}</h3>"]
+    if evidence.reason:
+        parts.append(f'<p class="reason">{marked_up(evidence.reason)}</p>')
     for title, readings in (("read as", evidence.readings), ("condition", evidence.conditions)):
         parts += [_reading(title, one) for one in readings]
     if evidence.numbers:
@@ -144,19 +154,21 @@ def _reading(title: str, reading: Reading) -> str:
 
 def _test(checks: Sequence[Check]) -> str:
     """One test in a line: in the first setting, with its range over the others."""
-    first, others = checks[0], [one.value.value for one in checks[1:]]
+    first = checks[0]
     text = (
-        f"{marked_up(first.what)}: <b>{_estimate(first.value, first.units)}</b>, "
+        f"{marked_up(first.what)}: <b>{_estimate(first.value, first.units)}</b>{_of(first.value)}, "
         f"bound {first.relation} {quantity(first.bound, first.units)}"
     )
-    if not others:
-        return text
-    known = [value for value in others if not math.isnan(value)]
-    undefined = "" if len(known) == len(others) else f", not defined in {len(others) - len(known)}"
-    ends = (
-        f"{quantity(min(known), '1')} to {quantity(max(known), first.units)}" if known else "none"
-    )
-    return f"{text}; other settings: {ends}{undefined}"
+    others = [
+        f"{marked_up(one.setting.name if one.setting else '')}: "
+        f"{quantity(one.value.value, one.units, 3) if one.value.cases != 0 else 'no case'}"
+        for one in checks[1:]
+    ]
+    return f"{text}<br><small>{'; '.join(others)}</small>" if others else text
+
+
+def _of(value: Estimate) -> str:
+    return f" of {value.cases}" if value.cases else ""
 
 
 def _number(one: Number) -> str:
@@ -167,6 +179,8 @@ def _estimate(estimate: Estimate, units: str) -> str:
     if estimate.low == estimate.high or math.isnan(estimate.low):
         return quantity(estimate.value, units)
     low, high = (quantity(end, "1", 3) for end in (estimate.low, estimate.high))
+    if math.isinf(estimate.high):
+        return quantity(estimate.value, units)
     if math.isnan(estimate.value):
         return f"between {low} and {quantity(estimate.high, units, 3)}"
     return f"{quantity(estimate.value, units, 3)} ({low} to {high})"

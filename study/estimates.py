@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 CONFIDENCE: Final = 0.95
+# A statement on all without an exception is granted where so large a share must be true
+ENOUGH: Final = 0.95
 
 
 @dataclass(frozen=True)
@@ -18,6 +20,8 @@ class Estimate:
     value: float
     low: float
     high: float
+    # What it is an estimate over: realizations or seeds; None where chance has no part in it
+    cases: int | None = None
 
 
 def exact(value: Estimate | SupportsFloat) -> Estimate:
@@ -38,30 +42,48 @@ def share(flags: ArrayLike, known: ArrayLike = True) -> Estimate:
     each = np.asarray(flags, np.bool_)
     unknown = ~np.broadcast_to(np.asarray(known, np.bool_), each.shape)
     if not each.size:
-        return Estimate(np.nan, np.nan, np.nan)
+        return Estimate(np.nan, np.nan, np.nan, 0)
     least, most = (int(np.count_nonzero(some)) for some in (each & ~unknown, each | unknown))
     low, high = (
         binomtest(count, each.size).proportion_ci(CONFIDENCE, method="wilson")
         for count in (least, most)
     )
     value = least / each.size if least == most else np.nan
-    return Estimate(value, float(low.low), float(high.high))
+    return Estimate(value, float(low.low), float(high.high), each.size)
 
 
-def mean(values: ArrayLike) -> Estimate:
-    """Mean over seeds, with Student's interval; NaN if a value is, or if there are not two."""
+def exceptions(flags: ArrayLike) -> Estimate:
+    """Number of realizations in which a statement on all is false: one refutes it.
+
+    Where none is, as many as there may be in as many further realizations: 0 only if Wilson's
+    interval of the share that is true begins above `ENOUGH`.
+    """
+    each = np.asarray(flags, np.bool_)
+    found = float(np.count_nonzero(~each))
+    open_end = found == 0.0 and not share(each).low >= ENOUGH
+    return Estimate(found, found, np.inf if open_end else found, each.size)
+
+
+def mean(values: ArrayLike, least: float = -np.inf) -> Estimate:
+    """Mean over the seeds whose value is known, with Student's interval above `least`.
+
+    A number that cannot be below `least`, such as a magnitude, has no interval there.  NaN where
+    fewer than two values, or fewer than half of them, are known.
+    """
     from scipy.stats import t
 
     each = np.asarray(values, np.float64)
-    if each.size < 2:
-        return Estimate(np.nan, np.nan, np.nan)
-    middle = float(each.mean())
-    half = float(t.ppf(0.5 + 0.5 * CONFIDENCE, each.size - 1) * each.std(ddof=1)) / each.size**0.5
-    return Estimate(middle, middle - half, middle + half)
+    known = each[np.isfinite(each)]
+    if known.size < max(2, 0.5 * each.size):
+        return Estimate(np.nan, np.nan, np.nan, known.size or None)
+    middle = float(known.mean())
+    half = float(t.ppf(0.5 + 0.5 * CONFIDENCE, known.size - 1) * known.std(ddof=1))
+    half /= known.size**0.5
+    return Estimate(middle, max(middle - half, least), middle + half, known.size)
 
 
 def magnitude(signed: Estimate) -> Estimate:
     """Magnitude of a number of either sign; it may be 0 where the interval holds 0."""
     ends = sorted((abs(signed.low), abs(signed.high)))
     low = 0.0 if signed.low < 0.0 < signed.high else ends[0]
-    return Estimate(abs(signed.value), low, ends[1])
+    return Estimate(abs(signed.value), low, ends[1], signed.cases)

@@ -13,10 +13,10 @@ from typing import Any, Final
 
 import matplotlib as mpl
 
+from study.bases import HIGH_BOUNCE
 from study.claims_page import as_html, plain
 from study.collect import texts
-from study.estimates import Estimate
-from study.verdict import Check, Claim, Evidence, Picture, Reading
+from study.verdict import ANY_BASE, Check, Claim, Evidence, Number, Picture, Reading
 from vibrosweep import sweep
 from vibrosweep.errors import OutputError
 from vibrosweep.figures import style
@@ -114,35 +114,43 @@ def _evidence_data(evidence: Evidence) -> dict[str, Any]:
     return {
         "base": evidence.base,
         "verdict": evidence.verdict.value,
-        "readings": [_reading_data(one) for one in evidence.readings],
-        "conditions": [_reading_data(one) for one in evidence.conditions],
-        "numbers": [
-            {"what": n.what, **_estimate_data(n.value), "units": n.units} for n in evidence.numbers
+        "reason": evidence.reason,
+        "readings": [_reading_data(evidence, one) for one in evidence.readings],
+        "conditions": [_reading_data(evidence, one) for one in evidence.conditions],
+        "numbers": [_number_data(evidence, one) for one in evidence.numbers],
+    }
+
+
+def _reading_data(evidence: Evidence, reading: Reading) -> dict[str, Any]:
+    return {
+        "name": reading.name,
+        "passed": reading.passed,
+        "reason": reading.reason,
+        "tests": [
+            {
+                **_number_data(evidence, one),
+                "relation": one.relation,
+                "bound": one.bound,
+                "passed": one.passed,
+            }
+            for one in reading.checks
         ],
     }
 
 
-def _reading_data(reading: Reading) -> dict[str, Any]:
+def _number_data(evidence: Evidence, one: Check | Number) -> dict[str, Any]:
+    """A number with base, law, ranges and null model; JSON knows no NaN and no infinity."""
+    setting, value = one.setting or evidence.setting, one.value
+    ends = {"value": value.value, "low": value.low, "high": value.high}
+    given = {} if evidence.base == ANY_BASE else {**setting.ranges, **setting.constants}
     return {
-        "name": reading.name,
-        "passed": reading.passed,
-        "tests": [_check_data(one) for one in reading.checks],
+        "what": plain(one.what),
+        **{name: float(end) if math.isfinite(end) else None for name, end in ends.items()},
+        "units": one.units,
+        "cases": value.cases,
+        "base": evidence.base,
+        "law": setting.law if evidence.base == HIGH_BOUNCE else None,
+        "setting": setting.name,
+        "range": {name: given[name] for name in given if name != "rebound"},
+        "null_model": setting.null_model or None,
     }
-
-
-def _check_data(check: Check) -> dict[str, Any]:
-    return {
-        "what": plain(check.what),
-        "setting": check.setting,
-        **_estimate_data(check.value),
-        "relation": check.relation,
-        "bound": check.bound,
-        "units": check.units,
-        "passed": check.passed,
-    }
-
-
-def _estimate_data(estimate: Estimate) -> dict[str, float | None]:
-    """JSON knows no NaN and no infinity."""
-    ends = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
-    return {name: float(end) if math.isfinite(end) else None for name, end in ends.items()}

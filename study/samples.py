@@ -1,20 +1,20 @@
 """What is drawn at random for the claims: ranges, contact times, masses, seeds.
 
-The study states none of them.  Ranges, contact times and the base of finite mass are choices of
-this package, so that a verdict must be the same for all of them.
+The study states none of them.  Ranges, contact times, the law of rebound and the base of finite
+mass are choices of this package, so that a verdict must be the same for all of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from study.bases import BASES, SPRUNG
+from study.bases import BASES, HIGH_BOUNCE, SPRUNG
 from vibrosweep import LANDINGS_OF_AN_EXPONENT, PARAMETERS, Regime, Status, simulate, sweep
 from vibrosweep.errors import DataError
 
@@ -31,6 +31,7 @@ RANGES: Final = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5)}
 NEAR_TABLE_1: Final = {"restitution": (0.85, 0.95), "amplitude": (0.9, 1.5)}
 WIDE: Final = {"restitution": (0.5, 0.99), "amplitude": (0.1, 6.0)}
 ANY_PHASE: Final = (0.0, 2.0 * np.pi)  # rad: a launch at any phase of the forcing
+LAWS: Final = ("rest", "reflect")
 # From when to when landings count, s
 WINDOWS: Final = {
     "from the launch on": (0.0, 12.0),
@@ -59,37 +60,54 @@ class Plan:
 
 @dataclass(frozen=True)
 class Setting:
-    """Ranges and constants under which samples are drawn."""
+    """What a number was computed under: ranges from which samples are drawn, and constants."""
 
     name: str  # on the page
-    ranges: Mapping[str, tuple[float, float]]  # ends of restitution and amplitude (m s-1)
-    # Contact time (s), and of a base of finite mass its mass ratio and mount
-    constants: Mapping[str, float] = field(default_factory=dict)
+    # Ends of restitution, amplitude (m s-1) and what else is drawn
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # Law of rebound, contact time (s), parameters that are not drawn
+    constants: Mapping[str, Any] = field(default_factory=dict)
     part: float = 0.25  # of the realizations of a plan
+    null_model: str = ""  # what chance is, where a number is compared with it
 
-    def drawn(
-        self, plan: Plan, *, scale: float = 1.0, **more: tuple[float, float]
-    ) -> dict[str, Any]:
+    def over(self, **ranges: tuple[float, float]) -> Setting:
+        """The same with further or other ranges."""
+        return replace(self, ranges={**self.ranges, **ranges})
+
+    def with_constants(self, **constants: Any) -> Setting:
+        """The same with further or other constants, which are not drawn."""
+        ranges = {name: ends for name, ends in self.ranges.items() if name not in constants}
+        return replace(self, ranges=ranges, constants={**self.constants, **constants})
+
+    @property
+    def law(self) -> str:
+        """Law of rebound, which says what the map does with a negative speed."""
+        return str(self.constants.get("rebound", LAWS[0]))
+
+    def drawn(self, plan: Plan, *, scale: float = 1.0) -> dict[str, Any]:
         """Realizations of all seeds, one seed after the other, and the constants.
 
-        `scale` is that of their number, for what takes long; `more` holds the ends of further
-        parameters, or other ends for restitution and amplitude.
+        `scale` is that of their number, for what takes long.
         """
         size = max(2, round(plan.realizations * self.part * scale))
-        ranges = {**self.ranges, **more}
         rows = [
-            [random.uniform(*ends, size) for ends in ranges.values()] for random in plan.random()
+            [random.uniform(*ends, size) for ends in self.ranges.values()]
+            for random in plan.random()
         ]
-        return dict(zip(ranges, np.concatenate(rows, axis=1), strict=True)) | {**self.constants}
+        columns = np.concatenate(rows, axis=1)
+        return dict(zip(self.ranges, columns, strict=True)) | {**self.constants}
 
 
 FIRST: Final = Setting("e 0.80 to 0.98, A 0.2 to 3.5 m/s", RANGES, part=1.0)
+WIDE_RANGE: Final = Setting("e 0.50 to 0.99, A 0.1 to 6 m/s", WIDE)
 _OTHERS: Final = (
     Setting("e 0.85 to 0.95, A 0.9 to 1.5 m/s", NEAR_TABLE_1),
-    Setting("e 0.50 to 0.99, A 0.1 to 6 m/s", WIDE),
+    WIDE_RANGE,
     Setting("contact time 0.03 ms", RANGES, {"contact_time": 3e-5}),
     Setting("contact time 0.3 ms", RANGES, {"contact_time": 3e-4}),
 )
+REFLECT: Final = Setting("law reflect", RANGES, {"rebound": "reflect"})
+TABLE_1: Final = Setting("Table 1", constants={"restitution": 0.9, "amplitude": 1.2})
 _MASSES: Final = tuple(
     Setting(f"particle of {mass:g} of the mass of the base", RANGES, {"mass_ratio": mass})
     for mass in (0.001, 0.01)
@@ -97,8 +115,22 @@ _MASSES: Final = tuple(
 
 
 def settings_of(base: str) -> tuple[Setting, ...]:
-    """The settings under which a claim is tested; this package's ranges first."""
-    return (FIRST, *_OTHERS, *(_MASSES if base == SPRUNG else ()))
+    """The settings under which a claim is tested; this package's ranges first.
+
+    The law of rebound is one of them where the base stays: over a base that moves there is none.
+    """
+    more = {HIGH_BOUNCE: (REFLECT,), SPRUNG: _MASSES}
+    return (FIRST, *_OTHERS, *more.get(base, ()))
+
+
+def laws(base: str, setting: Setting = TABLE_1) -> tuple[Setting, ...]:
+    """A setting under each law of rebound that there is over a base."""
+    if base != HIGH_BOUNCE:
+        return (setting,)
+    return tuple(
+        replace(setting.with_constants(rebound=law), name=f"{setting.name}, law {law}")
+        for law in LAWS
+    )
 
 
 def measured(plan: Plan, base: str, parameters: Mapping[str, Any], **keys: Any) -> xr.Dataset:

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from study.bases import SPRUNG
-from study.samples import MOUNT, Plan
+from study.samples import MOUNT, Plan, Setting
 from vibrosweep import simulate, theory
 
 POPULATIONS: Final = (5, 10, 20, 50, 100)
@@ -22,6 +22,14 @@ SCATTER: Final = 1e-3
 def populations(base: str, largest: int = POPULATIONS[-1]) -> tuple[int, ...]:
     """Numbers of particles for which there is an orbit with a slot for each, up to the largest."""
     return (2,) if base == SPRUNG else tuple(n for n in POPULATIONS if n <= largest)
+
+
+def own_slots_setting(base: str) -> Setting:
+    """What `own_slots` is computed under."""
+    if base == SPRUNG:
+        return Setting("slots of their own", constants=LIGHT)
+    given = {"restitution": RESTITUTION, "amplitude": "middle of the window of mode N"}
+    return Setting("slots of their own", constants=given)
 
 
 def own_slots(particles: int, base: str, plan: Plan, impacts: int = 20) -> xr.Dataset:

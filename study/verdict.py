@@ -9,13 +9,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import groupby
 from typing import Final, Literal, SupportsFloat
 
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from study.estimates import Estimate, exact, share
+from study.estimates import Estimate, exact, exceptions, share
+from study.samples import TABLE_1, Setting
 
 Relation = Literal["at most", "at least"]
 # Of evidence that no base enters: geometry, weights, the film
@@ -24,6 +24,8 @@ ANY_BASE: Final = "any"
 NEARLY_ALL: Final = 0.95
 # A statement on some, where it is true of so large a share
 SOME: Final = 0.01
+# Flights higher than a room belong to no laboratory, m
+ROOM: Final = 3.0
 
 
 class Verdict(Enum):
@@ -31,6 +33,7 @@ class Verdict(Enum):
 
     HOLDS = "holds"
     CONDITIONAL = "holds under a condition"
+    OUTSIDE = "holds only outside the laboratory"
     FAILS = "fails"
     UNDECIDED = "cannot be judged"
 
@@ -42,6 +45,7 @@ class Number:
     what: str
     value: Estimate
     units: str = "1"
+    setting: Setting | None = None  # as of a check
 
 
 @dataclass(frozen=True)
@@ -53,8 +57,7 @@ class Check:
     relation: Relation  # ``"at most"`` or ``"at least"``
     bound: float  # in the same unit
     units: str = "1"  # as in CF; ``"1"`` for a pure number
-    # Ranges or contact time under which it was computed; empty where none are drawn
-    setting: str = ""
+    setting: Setting | None = None  # what it was computed under; None: as the evidence
 
     @property
     def passed(self) -> bool | None:
@@ -75,17 +78,44 @@ class Reading:
 
     name: str
     checks: Sequence[Check]
+    height: float = 0.0  # to which particles must fly at 1 Hz, where that is what it takes, m
+
+    @property
+    def usable(self) -> bool:
+        """Whether flights stay in a room."""
+        return self.height <= ROOM
+
+    @property
+    def by_setting(self) -> dict[str, bool | None]:
+        """Whether it passes under each setting; one without a case to test says nothing."""
+        settings: dict[str, list[bool | None]] = {}
+        for one in self.checks:
+            if one.value.cases != 0:
+                name = one.setting.name if one.setting else ""
+                settings.setdefault(name, []).append(one.passed)
+        return {name: _all_passed(each) for name, each in settings.items()}
 
     @property
     def passed(self) -> bool | None:
         """Whether it passes under every setting (True), under none (False), or neither (None)."""
-        settings = groupby(sorted(self.checks, key=_setting), key=_setting)
-        found = {_all_passed([c.passed for c in checks]) for _, checks in settings}
+        found = set(self.by_setting.values())
         return found.pop() if len(found) == 1 else None
 
-
-def _setting(one: Check) -> str:
-    return one.setting
+    @property
+    def reason(self) -> str:
+        """Why it is open; empty where it is not."""
+        if self.passed is not None:
+            return ""
+        by_setting = self.by_setting
+        if not by_setting:
+            return "no case to test under any setting"
+        passes, misses, few = (
+            " / ".join(name for name, passed in by_setting.items() if passed is one)
+            for one in (True, False, None)
+        )
+        if passes and misses:
+            return f"it differs between settings: passes under {passes}; missed under {misses}"
+        return f"too few data{f' under {few}' if few else ''}"
 
 
 def _all_passed(each: Sequence[bool | None]) -> bool | None:
@@ -100,6 +130,7 @@ class Evidence:
     readings: Sequence[Reading]  # ways to read the claim as stated, at least one
     conditions: Sequence[Reading] = ()  # conditions that may save it; the name says the condition
     numbers: Sequence[Number] = ()  # what else was computed
+    setting: Setting = TABLE_1  # what was computed without a setting of its own
 
     @property
     def verdict(self) -> Verdict:
@@ -108,7 +139,8 @@ class Evidence:
         if all(as_stated):
             return Verdict.HOLDS
         if self.holding:
-            return Verdict.CONDITIONAL
+            usable = any(one.usable for one in self.holding)
+            return Verdict.CONDITIONAL if usable else Verdict.OUTSIDE
         missed = [one.passed is False for one in (*self.readings, *self.conditions)]
         return Verdict.FAILS if all(missed) else Verdict.UNDECIDED
 
@@ -116,6 +148,14 @@ class Evidence:
     def holding(self) -> tuple[Reading, ...]:
         """Readings and conditions under which the claim holds."""
         return tuple(one for one in (*self.readings, *self.conditions) if one.passed)
+
+    @property
+    def reason(self) -> str:
+        """Why it cannot be judged, for every reading and condition that is open."""
+        if self.verdict is not Verdict.UNDECIDED:
+            return ""
+        every = (*self.readings, *self.conditions)
+        return "; ".join(f"{one.name}: {one.reason}" for one in every if one.passed is None)
 
 
 @dataclass(frozen=True)
@@ -153,7 +193,7 @@ class Claim:
         names = (
             reading.name
             for one in self.outcome.evidence
-            if one.verdict is Verdict.CONDITIONAL
+            if one.verdict in (Verdict.CONDITIONAL, Verdict.OUTSIDE)
             for reading in one.holding
         )
         return tuple(dict.fromkeys(names))
@@ -165,17 +205,27 @@ def check(
     relation: Relation,
     bound: float,
     units: str = "1",
-    setting: str = "",
+    setting: Setting | None = None,
 ) -> Check:
     """Hold an estimate, or a number that is known without doubt, against a bound."""
     return Check(what, exact(value), relation, bound, units, setting)
 
 
-def nearly_all(what: str, flags: ArrayLike, setting: str = "") -> Check:
+def nearly_all(what: str, flags: ArrayLike, setting: Setting | None = None) -> Check:
     """Hold the share of what is true against what is granted as all."""
     return check(what, share(flags), "at least", NEARLY_ALL, setting=setting)
 
 
-def number(what: str, value: Estimate | SupportsFloat, units: str = "1") -> Number:
+def without_exception(what: str, flags: ArrayLike, setting: Setting | None = None) -> Check:
+    """Hold the number of exceptions, which `what` names, against none."""
+    return check(what, exceptions(flags), "at most", 0.0, setting=setting)
+
+
+def number(
+    what: str,
+    value: Estimate | SupportsFloat,
+    units: str = "1",
+    setting: Setting | None = None,
+) -> Number:
     """State an estimate, or a number that is known without doubt."""
-    return Number(what, exact(value), units)
+    return Number(what, exact(value), units, setting)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from study import claims_page
 from study.collect import texts
 from study.estimates import Estimate
-from study.samples import FIRST, RANGES
+from study.samples import FIRST, RANGES, Setting
 from study.verdict import (
     ANY_BASE,
     Check,
@@ -91,17 +91,20 @@ def test_texts_are_escaped():
     assert "<dd>&lt;b&gt;</dd>" in made
 
 
-def test_a_test_is_one_line_with_its_range_over_other_settings():
+def test_a_test_names_every_setting():
     values = {"first": (0.5, 0.4, 0.6), "second": (0.2,) * 3, "third": (0.3,) * 3}
-    nothing = Estimate(float("nan"), float("nan"), float("nan"))
+    nothing = Estimate(float("nan"), float("nan"), float("nan"), 0)
     checks = [
-        *(Check("share", Estimate(*v), "at least", 0.9, setting=s) for s, v in values.items()),
-        Check("share", nothing, "at least", 0.9, setting="fourth"),
+        *(
+            Check("share", Estimate(*v), "at least", 0.9, setting=Setting(s))
+            for s, v in values.items()
+        ),
+        Check("share", nothing, "at least", 0.9, setting=Setting("fourth")),
     ]
     made = claims_page.as_html([made_up(checks)], {})
     assert (
-        "share: <b>0.5 (0.4 to 0.6)</b>, bound at least 0.9; other settings: 0.2 to 0.3, "
-        "not defined in 1" in made
+        "share: <b>0.5 (0.4 to 0.6)</b>, bound at least 0.9<br>"
+        "<small>second: 0.2; third: 0.3; fourth: no case</small>" in made
     )
 
 

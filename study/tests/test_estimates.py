@@ -34,7 +34,7 @@ def test_what_is_not_known_counts_neither_as_false_nor_as_true(rows):
 
 
 def test_nothing_has_no_share_and_one_seed_no_interval():
-    for found in (share([]), mean([1.0]), mean([1.0, math.nan])):
+    for found in (share([]), mean([1.0]), mean([1.0, math.nan]), mean([1.0, 2.0] + [math.nan] * 3)):
         assert math.isnan(found.low)
         assert math.isnan(found.high)
 
@@ -46,6 +46,16 @@ def test_the_interval_of_a_mean_is_students():
     assert found.value == 2.0
     assert found.high - 2.0 == pytest.approx(two_sided / math.sqrt(3.0), rel=1e-9)
     assert 2.0 - found.low == pytest.approx(found.high - 2.0, rel=1e-12)
+
+
+def test_a_mean_leaves_out_what_is_not_known_and_says_of_how_many_it_is():
+    assert mean([1.0, math.nan, 2.0, 3.0]) == mean([1.0, 2.0, 3.0])
+    assert mean([1.0, math.nan, 2.0]).cases == 2
+
+
+def test_a_number_that_cannot_be_negative_has_no_interval_there():
+    found = mean([0.0, 0.0, 1.0], least=0.0)
+    assert (found.low, found.high) == (0.0, mean([0.0, 0.0, 1.0]).high)
 
 
 @given(ENDS, ENDS, st.floats(0.0, 1.0))

@@ -64,7 +64,7 @@ def test_claims_on_one_particle_are_judged_where_the_base_recoils(monkeypatch):
     setting = Setting("one", {"restitution": (0.8, 0.9), "amplitude": (1.0, 1.4)}, part=1.0)
     for module in (claims_on_heights, claims_on_windows):
         monkeypatch.setattr(module, "settings_of", lambda base: (setting,))
-    monkeypatch.setattr(claims_on_heights, "LAUNCHES", {"one": {"particles": 1}})
+    monkeypatch.setattr(claims_on_heights, "LAUNCHES", {claims_on_heights.ANYWHERE: 1})
     heights = claims_on_heights._plateau(plan, SPRUNG)
     assert heights.conditions[0].passed  # among its tests: followed heights are those of `apex`
     windows = claims_on_windows._windows(plan, SPRUNG)

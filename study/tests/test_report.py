@@ -6,16 +6,19 @@ import pytest
 from matplotlib.figure import Figure
 
 from study import report
-from study.verdict import Claim, Evidence, Outcome, Picture, Reading, check, number
+from study.bases import HIGH_BOUNCE
+from study.samples import LAWS, Setting
+from study.verdict import ANY_BASE, Claim, Evidence, Outcome, Picture, Reading, check, number
 from vibrosweep.errors import OutputError
 
+SETTING = Setting("setting", {"amplitude": (1.0, 2.0)}, null_model="uniform phases")
 ORIGIN = {"source": "vibrosweep"}
 
 
 @pytest.fixture
 def awkward():
     """A claim with numbers that JSON cannot hold, and a picture."""
-    tests = [check("a < b", float("nan"), "at most", 1e-8, "s", "setting")]
+    tests = [check("a < b", float("nan"), "at most", 1e-8, "s", SETTING)]
     evidence = Evidence(
         "moving", [Reading("x_{min}", tests)], numbers=[number("speed", float("inf"), "m s-1")]
     )
@@ -37,6 +40,19 @@ def test_json_holds_every_claim_and_no_nan(claims, awkward):
     assert last["claim"] == "x_min < y^2"
     test = last["evidence"][0]["readings"][0]["tests"][0]
     assert (test["value"], test["passed"], test["setting"]) == (None, None, "setting")
+    assert test["range"] == {"amplitude": [1.0, 2.0]}
+    assert test["null_model"] == "uniform phases"
+
+
+def test_json_names_base_law_and_range_of_every_number(claims):
+    document = json.loads(report.as_json(claims, {}))
+    for claim in document["claims"]:
+        for one in claim["evidence"]:
+            tests = [t for r in one["readings"] + one["conditions"] for t in r["tests"]]
+            for each in tests + one["numbers"]:
+                assert each["base"] == one["base"]
+                assert (each["law"] in LAWS) == (one["base"] == HIGH_BOUNCE)
+                assert each["range"] or one["base"] == ANY_BASE or claim["number"] == "13"
 
 
 def test_files_are_replaced_as_a_whole(awkward, tmp_path):

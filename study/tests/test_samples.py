@@ -4,14 +4,17 @@ import numpy as np
 import pytest
 
 from study import samples
-from study.bases import FIXED, MOVING, SPRUNG
+from study.bases import FIXED, HIGH_BOUNCE, MOVING, SPRUNG
 from study.estimates import share
 from study.samples import (
     ANY_PHASE,
     FIRST,
+    LAWS,
+    TABLE_1,
     Plan,
     by_seed,
     irregular,
+    laws,
     measured,
     records,
     settings_of,
@@ -28,11 +31,23 @@ def test_settings_are_three_ranges_and_contact_times_over_a_factor_of_ten(base):
     assert max(contact) / min(contact) == pytest.approx(10.0)
     masses = [one.constants["mass_ratio"] for one in settings if "mass_ratio" in one.constants]
     assert bool(masses) == (base == SPRUNG)
+    assert {one.law for one in settings} == ({*LAWS} if base == HIGH_BOUNCE else {"rest"})
+
+
+def test_a_setting_says_what_is_drawn_and_what_is_not():
+    """Under each law, with other ranges and constants, and never both of one parameter."""
+    rest, reflect = laws(HIGH_BOUNCE, FIRST)
+    assert (rest.law, reflect.law) == LAWS
+    assert reflect.drawn(Plan(seeds=1, realizations=2))["rebound"] == "reflect"
+    assert laws(MOVING) == (TABLE_1,)
+    fixed = FIRST.over(phase=ANY_PHASE).with_constants(amplitude=1.0)
+    assert {*fixed.ranges} == {"restitution", "phase"}
+    assert fixed.constants == {"amplitude": 1.0}
 
 
 def test_a_seed_draws_the_same_whatever_the_other_seeds():
     both, second = (
-        FIRST.drawn(Plan(first_seed=first, seeds=seeds, realizations=10), phase=ANY_PHASE)
+        FIRST.over(phase=ANY_PHASE).drawn(Plan(first_seed=first, seeds=seeds, realizations=10))
         for first, seeds in ((4, 2), (5, 1))
     )
     for name, values in both.items():

@@ -7,7 +7,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from study.estimates import Estimate
-from study.verdict import Check, Evidence, Reading, Verdict, check
+from study.samples import Setting
+from study.verdict import (
+    ROOM,
+    Check,
+    Evidence,
+    Reading,
+    Verdict,
+    check,
+    nearly_all,
+    without_exception,
+)
 
 PASSED = check("a number", 0.5, "at most", 1.0)
 MISSED = check("a number", 1.5, "at most", 1.0)
@@ -16,7 +26,7 @@ NUMBERS = st.floats(-1e6, 1e6)
 
 
 def under(setting, one):
-    return Check(one.what, one.value, one.relation, one.bound, setting=setting)
+    return Check(one.what, one.value, one.relation, one.bound, setting=Setting(setting))
 
 
 @pytest.mark.parametrize(
@@ -83,6 +93,40 @@ def test_a_reading_must_come_out_alike_under_every_setting(checks, passed):
 def test_the_rule(readings, conditions, verdict):
     each = [[Reading("", [one]) for one in group] for group in (readings, conditions)]
     assert Evidence("moving", *each).verdict is verdict
+
+
+def test_a_setting_without_a_case_says_nothing():
+    nothing = nearly_all("share", [], Setting("empty"))
+    assert Reading("", [under("a", PASSED), nothing]).passed is True
+    assert Reading("", [under("a", MISSED), nothing]).passed is False
+    alone = Reading("", [nothing])
+    assert (alone.passed, alone.reason) == (None, "no case to test under any setting")
+
+
+@pytest.mark.parametrize(
+    ("flags", "passed"),
+    [([True] * 73, True), ([True] * 72, None), ([True] * 5000 + [False], False)],
+)
+def test_one_exception_refutes_what_is_said_to_be_so_throughout(flags, passed):
+    """Without one it takes so many that Wilson's interval begins above 95 %: 73."""
+    assert without_exception("exceptions", flags).passed is passed
+
+
+def test_a_verdict_that_is_open_says_why():
+    few = Evidence("moving", [Reading("one", [under("a", PASSED), under("b", OPEN)])])
+    assert few.reason == "one: too few data under b"
+    differs = Evidence("moving", [Reading("one", [under("a", PASSED), under("b", MISSED)])])
+    assert differs.reason == ("one: it differs between settings: passes under a; missed under b")
+    assert Evidence("moving", [Reading("one", [PASSED])]).reason == ""
+
+
+def test_flights_higher_than_a_room_are_no_usable_condition():
+    """Unless the claim holds under another one, or as stated."""
+    high, low = Reading("high", [PASSED], 2.0 * ROOM), Reading("low", [PASSED], 0.5 * ROOM)
+    missed = [Reading("", [MISSED])]
+    assert Evidence("moving", missed, [high]).verdict is Verdict.OUTSIDE
+    assert Evidence("moving", missed, [high, low]).verdict is Verdict.CONDITIONAL
+    assert Evidence("moving", [Reading("", [PASSED])], [high]).verdict is Verdict.HOLDS
 
 
 def test_what_the_claim_holds_under_is_named():

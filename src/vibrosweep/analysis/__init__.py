@@ -11,6 +11,7 @@ from vibrosweep.lazy import lazily
 
 if TYPE_CHECKING:
     from vibrosweep.analysis.attractor_slots import capacity
+    from vibrosweep.analysis.chance import order_against_chance, separations_against_chance
     from vibrosweep.analysis.conditions import Condition
     from vibrosweep.analysis.decay import slot_decay
     from vibrosweep.analysis.energy import energy_balance
@@ -44,17 +45,22 @@ __all__ = [
     "heights_against_restitution",
     "landing_phases",
     "landing_separations",
+    "order_against_chance",
     "order_of_landings",
     "require",
     "return_map",
     "separation_against",
     "separation_changes",
     "separation_distribution",
+    "separations_against_chance",
     "slot_decay",
 ]
 
 _HOMES: Final = {
     "capacity": "vibrosweep.analysis.attractor_slots",
+    **dict.fromkeys(
+        ("order_against_chance", "separations_against_chance"), "vibrosweep.analysis.chance"
+    ),
     "Condition": "vibrosweep.analysis.conditions",
     "slot_decay": "vibrosweep.analysis.decay",
     "energy_balance": "vibrosweep.analysis.energy",

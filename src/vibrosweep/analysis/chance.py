@@ -1,0 +1,281 @@
+"""Separations, order and gaps against what landings that know nothing of each other give.
+
+Such landings come close too.  Particle i lands n_i times in a window T, at phases of the density
+rho_i (in turns); if it lands at most about once per forcing period, coincidences of particles are a
+Poisson process: with
+
+    Lambda = sum over pairs i < j of (2 n_i n_j / T) int rho_i rho_j
+
+z = Lambda dt_min is distributed as Exp(1), and chance gives a separation at least as small with
+the probability 1 - exp(-z).  Uniform phases make the integral 1.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.analysis.records import per_realization, variable
+from vibrosweep.analysis.requirements import require
+from vibrosweep.arrays import Array
+from vibrosweep.errors import ParameterError
+from vibrosweep.store.rows import flat
+
+__all__ = ["order_against_chance", "separations_against_chance"]
+
+# Harmonics of a density of phases: peaks down to 1/32 of a turn are resolved
+HARMONICS: Final = 16
+# Mean square of the upper half of them from which on phases are taken for points, as of a cycle
+# of up to ten impacts: a density has next to nothing there
+POINTS: Final = 0.1
+# Landings per forcing period; more come in clumps (chatter), which are not independent
+OFTEN: Final = 1.2
+# Relative to the window: rounding of times that are shifted
+ROUNDING: Final = 1e-13
+
+_NAMES: Final = {
+    "coincidence_rate": ("rate of coincidences of independent landings, Lambda", "s-1"),
+    "dt_min": ("smallest separation in the window", "s"),
+    "dt_min_over_chance": ("smallest separation times the rate, z: Exp(1) for chance", "1"),
+    "dt_min_chance": ("probability that chance gives a dt_min at least as small", "1"),
+    "phase_factor": ("rate of coincidences over that of uniform phases", "1"),
+    "dt_min_surrogate_share": ("share of surrogates with a dt_min at least as small", "1"),
+    "order_over_chance": ("N R^2 of the last landings: Exp(1) for many uniform phases", "1"),
+    "order_chance": ("probability that chance gives an order parameter at least as large", "1"),
+    "gap_chance": ("probability that chance gives a smallest gap at least as small", "1"),
+}
+
+
+class _Window(NamedTuple):
+    """Landings of one realization; each array of shape (landing,)."""
+
+    who: NDArray[np.int64]
+    time: Array  # since the beginning of the window, forcing periods
+    phase: Array  # of the forcing, turns
+    periods: int  # in the window
+    particles: int
+
+
+def order_against_chance(
+    record: xr.Dataset, *, since: float = 0.0, surrogates: int = 199, seed: int = 0
+) -> xr.Dataset:
+    """Compare separations, order parameter and gaps of a record with chance.
+
+    The rate Lambda takes the phases that were found: its integrals are sums over 16 harmonics,
+    without bias because no landing is paired with itself.  A surrogate keeps the phases of each
+    particle and shifts its landings by a random whole number of periods, circularly in a window of
+    whole periods: what differs from surrogates is order beyond that of phases.  The order
+    parameter R and the smallest gap are those of the phases of the last landing of each particle,
+    against N independent uniform phases: N R^2 is Exp(1) for large N (the probability has
+    Rayleigh's correction of order 1/N), and the smallest gap on the circle exceeds x with the
+    probability (1 - N x)^(N - 1).
+
+    Parameters
+    ----------
+    record
+        Record of every landing, as `simulate` returns it.
+    since
+        Beginning of the window, in s; it ends after the last whole period.
+    surrogates
+        How many.
+    seed
+        Of the shifts.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim ``realization``: ``dt_min`` (s), ``coincidence_rate`` (s-1) and its ratio to that of
+        uniform phases ``phase_factor``, ``dt_min_over_chance``, ``dt_min_chance``,
+        ``dt_min_surrogate_share``, ``order_over_chance``, ``order_chance`` and ``gap_chance``.
+        What needs independent landings is NaN where a particle rests, lands more than 1.2 times
+        per period, or keeps to few phases, as a locked one does.
+
+    Raises
+    ------
+    DataError
+        The record lacks a variable.
+    ParameterError
+        The window is shorter than a forcing period, or there is not one surrogate.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis import order_against_chance
+    >>> record = vs.simulate(amplitude=9.0, rebound="reflect", launch_time=[0.0, 0.5],
+    ...                      duration=300.0)
+    >>> found = order_against_chance(record, since=50.0)
+    >>> bool(0.0 < found.dt_min_chance < 1.0)
+    True
+    """
+    needed = ("landing_time", "rested", "frequency", "phase", "duration")
+    require(record, "order_against_chance", *needed)
+    if surrogates < 1:
+        raise ParameterError(f"surrogates = {surrogates}: must be at least 1")
+    random = np.random.default_rng(seed)
+    found = [
+        _against_chance(record, i, since, random.integers(2**63, size=2), surrogates)
+        for i in range(record.sizes["realization"])
+    ]
+    return _dataset({name: np.array([one[name] for one in found]) for name in _NAMES})
+
+
+def separations_against_chance(sweep: xr.Dataset) -> xr.Dataset:
+    """Compare the smallest separations of a sweep with chance, for uniform phases.
+
+    A sweep keeps no phases.  Where landings prefer some phases, coincidences are more frequent
+    than this says; `order_against_chance` takes that into account.
+
+    Parameters
+    ----------
+    sweep
+        Result of a sweep with separations and results of each particle.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dim ``realization``: ``dt_min`` (s), ``coincidence_rate`` (s-1), ``dt_min_over_chance`` and
+        ``dt_min_chance``; NaN where a particle rests in the window, lands more than 1.2 times per
+        period, or is locked (as far as the sweep has regimes).
+
+    Raises
+    ------
+    DataError
+        The sweep lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis import separations_against_chance
+    >>> sweep = vs.sweep(amplitude=(4.0, 9.0), rebound="reflect", realizations=50, particles=5,
+    ...                  separation=True, per_particle=True)
+    >>> separations_against_chance(sweep).dt_min_chance.dims
+    ('realization',)
+    """
+    sweep = flat(sweep)
+    needed = ("dt_min", "particle_impact_count", "rest_count", "frequency", "duration", "transient")
+    require(sweep, "separations_against_chance", *needed)
+    dt = sweep["dt_min"].values
+    count = sweep["particle_impact_count"].values.astype(np.float64)
+    window, frequency = (
+        per_realization(sweep, "duration") - per_realization(sweep, "transient"),
+        per_realization(sweep, "frequency"),
+    )
+    rate = (count.sum(axis=1) ** 2 - (count**2).sum(axis=1)) / window
+    known = (sweep["rest_count"].values == 0) & (sweep["at_rest_count"].values == 0)
+    known &= (count <= OFTEN * (frequency * window)[:, np.newaxis]).all(axis=1)
+    if "locked_count" in sweep:
+        known &= sweep["locked_count"].values == 0
+    z = np.where(known, rate * dt, np.nan)
+    found = {"coincidence_rate": rate, "dt_min": dt, "dt_min_over_chance": z}
+    return _dataset({**found, "dt_min_chance": -np.expm1(-z)})
+
+
+def _dataset(values: dict[str, Array]) -> xr.Dataset:
+    dims = ("realization",)
+    return xr.Dataset({name: variable(dims, one, *_NAMES[name]) for name, one in values.items()})
+
+
+def _against_chance(
+    record: xr.Dataset, realization: int, since: float, seeds: NDArray[Any], surrogates: int
+) -> dict[str, float]:
+    """Values of the variables of one realization."""
+    frequency, turns, duration = (
+        float(per_realization(record, name)[realization])
+        for name in ("frequency", "phase", "duration")
+    )
+    periods = int((duration - since) * frequency * (1.0 + ROUNDING))
+    if periods < 1:
+        raise ParameterError(
+            f"since = {since:g} s leaves less than a forcing period until {duration:g} s: begin "
+            f"the window earlier, or record for longer"
+        )
+    landing = record["landing_time"].values[realization]
+    with np.errstate(invalid="ignore"):
+        inside = (landing >= since) & (landing < since + periods / frequency)
+    who = np.nonzero(inside)[0]
+    time = (landing[inside] - since) * frequency
+    phase = frequency * landing[inside] + turns / (2.0 * np.pi)
+    window = _Window(who, time, phase, periods, landing.shape[0])
+    smallest = _smallest(window.time, window.who)
+    shares = _surrogates(window, smallest, seeds, surrogates)
+    rests = bool((record["rested"].values[realization][inside] == 1).any())
+    rate, uniform = _rates(window)
+    z = np.nan if rests or not rate > 0.0 else rate * smallest
+    return {
+        "coincidence_rate": rate * frequency,
+        "dt_min": smallest / frequency,
+        "dt_min_over_chance": z,
+        "dt_min_chance": -np.expm1(-z),
+        "phase_factor": rate / uniform if uniform else np.nan,
+        "dt_min_surrogate_share": shares,
+        **_phases(window),
+    }
+
+
+def _smallest(time: Array, who: NDArray[np.int64]) -> float:
+    """Smallest separation of landings of different particles; NaN without two of them."""
+    order = np.argsort(time, kind="stable")
+    gaps, other = np.diff(time[order]), np.diff(who[order]) != 0
+    return float(gaps[other].min()) if other.any() else np.nan
+
+
+def _rates(window: _Window) -> tuple[float, float]:
+    """Rate of coincidences per period, and that of uniform phases.
+
+    The former is NaN where landings are no independent points of a density.
+    """
+    count = np.bincount(window.who, minlength=window.particles).astype(np.float64)
+    uniform = float(count.sum() ** 2 - (count**2).sum()) / window.periods
+    order = np.arange(1, HARMONICS + 1)[:, np.newaxis]
+    wave = np.exp(2j * np.pi * order * window.phase)
+    each = np.array(
+        [
+            np.bincount(window.who, part, window.particles)
+            for one in wave
+            for part in (one.real, one.imag)
+        ]
+    ).reshape(HARMONICS, 2, window.particles)
+    square = (each**2).sum(axis=1)  # of the sums over the landings of a particle
+    pairs = (each.sum(axis=2) ** 2).sum(axis=1) - square.sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        upper = ((square - count) / (count * (count - 1.0)))[HARMONICS // 2 :].mean(axis=0)
+        noise = 3.0 / (count * np.sqrt(HARMONICS / 2))
+    if np.any(count > OFTEN * window.periods) or np.any(upper > POINTS + noise):
+        return np.nan, uniform
+    return uniform + 2.0 * float(pairs.sum()) / window.periods, uniform
+
+
+def _surrogates(window: _Window, smallest: float, seeds: NDArray[Any], number: int) -> float:
+    """Share of the surrogates, the record among them, with a dt_min at least as small."""
+    if np.isnan(smallest):
+        return np.nan
+    random = np.random.default_rng(seeds)
+    reach = smallest + ROUNDING * window.periods
+    found = 1
+    for _ in range(number):
+        shift = random.integers(window.periods, size=window.particles)
+        shifted = (window.time + shift[window.who]) % window.periods
+        found += _smallest(shifted, window.who) <= reach
+    return found / (number + 1)
+
+
+def _phases(window: _Window) -> dict[str, float]:
+    """Order parameter and smallest gap of the last landings against uniform phases."""
+    order = np.argsort(window.time, kind="stable")
+    last = dict(zip(window.who[order], window.phase[order], strict=True))
+    phases = np.array(list(last.values())) % 1.0
+    n = phases.size
+    if n < 2:
+        return dict.fromkeys(("order_over_chance", "order_chance", "gap_chance"), np.nan)
+    z = n * float(abs(np.exp(2j * np.pi * phases).mean())) ** 2
+    gap = float(np.diff(np.sort(phases), append=phases.min() + 1.0).min())
+    return {
+        "order_over_chance": z,
+        "order_chance": float(
+            np.clip(np.exp(-z) * (1.0 + (2.0 * z - z * z) / (4.0 * n)), 0.0, 1.0)
+        ),
+        "gap_chance": 1.0 - max(0.0, 1.0 - n * gap) ** (n - 1),
+    }
