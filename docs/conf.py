@@ -49,6 +49,7 @@ nb_execution_timeout = 180
 nb_merge_streams = True
 
 autosummary_generate = True
+templates_path = ["_templates"]
 numpydoc_show_class_members = False
 
 SENTENCE = 45  # characters of a table's cell
@@ -65,7 +66,8 @@ html_show_sourcelink = False
 html_sidebars = {page: [] for page in ("index", "start", "gallery")}  # nothing is below them
 html_theme_options = {
     "navbar_align": "left",
-    "header_links_before_dropdown": 6,
+    "header_links_before_dropdown": 8,
+    "navbar_persistent": ["search-button"],  # a field would not leave the header on one line
     "icon_links": [
         {"name": "Repository", "url": url, "icon": "fa-solid fa-code-branch"}
         for url in (GIVEN["addresses"]["source"],)
