@@ -16,7 +16,7 @@ from vibrosweep.kernels._cache import variants
 from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.vectors import VARIABLE, vector_bits
 
-# Modules of numba that hold a threading layer, and files of OpenMP libraries.
+# Threading layers of numba by their modules, and names of OpenMP libraries.
 LAYERS: Final = {"tbbpool": "TBB", "omppool": "OpenMP", "workqueue": "workqueue"}
 # Features of processors, as LLVM calls them: bits of a vector, and a multiply-add of vectors.
 WIDTHS: Final = {"avx": 256, "avx2": 256, "avx512f": 512, "neon": 128}
@@ -25,12 +25,12 @@ OPENMP: Final = re.compile(r"lib(?:gomp|iomp5|omp)\b[^/\s]*")
 
 
 def threads() -> Finding:
-    """Check what runs the kernels in parallel in this process."""
+    """Check that threads run the kernels in parallel in this process."""
     if numba.config.DISABLE_JIT:
         return Finding("threads", "kernels run as plain Python", _unset("NUMBA_DISABLE_JIT"))
-    own = "Python threads around kernels that release the interpreter"
+    threading = "Python threads around kernels that release the interpreter"
     layers = [name for module, name in LAYERS.items() if f"numba.np.ufunc.{module}" in sys.modules]
-    state = f"{own}; {_loaded('threading layer of numba', layers)}; "
+    state = f"{threading}; {_loaded('threading layer of numba', layers)}; "
     state += _loaded("OpenMP library", _openmp())
     if advance.targetoptions["nogil"]:  # type: ignore[attr-defined]
         return Finding("threads", state)
@@ -42,7 +42,7 @@ def _loaded(kind: str, found: list[str]) -> str:
 
 
 def _openmp() -> list[str]:
-    """OpenMP libraries in the memory of this process, where the system shows it."""
+    """OpenMP libraries loaded in this process, where the system lists them."""
     try:
         return sorted(set(OPENMP.findall(Path("/proc/self/maps").read_text(encoding="utf-8"))))
     except OSError:
@@ -50,14 +50,14 @@ def _openmp() -> list[str]:
 
 
 def vector_registers() -> Finding:
-    """Look at what numba compiles for: this processor, or what the environment says."""
+    """Check the instruction set that numba compiles for, which the environment can change."""
     subject = "vector registers"
     if numba.config.DISABLE_JIT:
         return Finding(subject, "none: nothing is compiled", _unset("NUMBA_DISABLE_JIT"))
     _, processor, stated = cpu_target.target_context.codegen().magic_tuple()
     features = re.findall(r"\+([\w.-]+)", stated)
     fused = any(name in features for name in FUSED)
-    # products and sums that are fused by a call of a function come one by one
+    # without the instruction each fused multiply-add is a function call, which is never vectorised
     bits = max((WIDTHS[name] for name in features if name in WIDTHS), default=64) if fused else 64
     words = "fused multiply-add by instruction" if fused else "no fused multiply-add"
     asked = vector_bits()
@@ -72,7 +72,7 @@ def vector_registers() -> Finding:
 
 
 def _slow() -> str:
-    """Return the reason why machine code is scalar."""
+    """Return the reason why the machine code is scalar."""
     if numba.config.OPT != 3:
         return _unset("NUMBA_OPT")
     if numba.config.CPU_NAME or numba.config.CPU_FEATURES:
@@ -85,7 +85,7 @@ def _unset(variable: str) -> str:
 
 
 def kernel_cache() -> Finding:
-    """Check the machine code cached on disk for exactly these sources."""
+    """Check the machine code of exactly these sources that is cached on disk."""
     subject, directory = "kernel cache", _jit.cache_directory
     if numba.config.DISABLE_JIT:
         return Finding(subject, "not used: nothing is compiled")

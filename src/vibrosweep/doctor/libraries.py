@@ -18,11 +18,11 @@ from vibrosweep._version import __version__
 from vibrosweep.doctor.finding import Finding
 
 LIBRARIES: Final = ("numpy", "numba", "llvmlite", "scipy", "xarray", "h5py", "h5netcdf")
-# what the extras of the package add, and what it is needed for
+# libraries that the extras add, and the extra of each
 OPTIONAL: Final = {"python-flint": "verify", "distributed": "cluster", "netCDF4": "test"}
 PATIENCE: Final = 60.0  # s
 
-# In a separate process, because incompatible libraries crash it.
+# Runs in a separate process, which incompatible libraries may crash.
 TRIAL: Final = """
 import sys
 import h5netcdf, h5py
@@ -65,7 +65,7 @@ def _version(name: str) -> str | None:
 
 
 def _required() -> list[Requirement]:
-    """Return the requirements of the package here; none if it is not installed."""
+    """Return the requirements of the package on this system; none if it is not installed."""
     try:
         stated = requires("vibrosweep") or []
     except PackageNotFoundError:
@@ -82,7 +82,7 @@ def _satisfied(needed: Requirement) -> bool:
 def hdf5_libraries(directory: Path | None) -> Finding:
     """Write a file and read it with every installed HDF5 library, in one process.
 
-    Into the system's temporary directory where None is given.
+    The file is in `directory`, or in the system's temporary directory where that is None.
     """
     other = find_spec("netCDF4") is not None
     with tempfile.TemporaryDirectory(dir=directory, prefix=".vibrosweep-doctor-") as place:

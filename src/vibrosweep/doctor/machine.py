@@ -15,9 +15,9 @@ from vibrosweep.runs.plan import BYTES_PER_TRAJECTORY
 from vibrosweep.system import available_memory, physical_memory
 
 GROUP: Final = Path("/sys/fs/cgroup")
-# About the size of the results of a sweep of a million realizations.
+# Bytes: about the result of a sweep of a million realizations.
 LITTLE_DISK: Final = 1 << 28
-# The libraries alone take a third of this.
+# Bytes: the libraries alone take a third of this.
 LITTLE_MEMORY: Final = (1 << 29) + BYTES_PER_TRAJECTORY * TRAJECTORIES_PER_BATCH
 
 
@@ -32,7 +32,7 @@ def processors() -> Finding:
 
 
 def _processor_quota() -> float | None:
-    """CPU limit of this control group in processors; None without a limit."""
+    """Limit of this control group on CPU time, in processors; None without a limit."""
     words = _group_limit("cpu.max")
     return int(words[0]) / int(words[1]) if len(words) == 2 and words[0] != "max" else None
 

@@ -1,4 +1,4 @@
-"""One realization that is looked at: its parameters, launches and base."""
+"""The realization that a page shows: its parameters, launches and base."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vibrosweep.model.times import Periods, Time, amount
 if TYPE_CHECKING:
     import xarray as xr
 
-# Forcing periods that are drawn of a longer observation, and that tell regimes and exponents
+# Forcing periods that are drawn at first, and from which regimes and exponents are computed
 MOST_PERIODS: Final = 100.0
 OBSERVED_PERIODS: Final = 2000.0
 
@@ -31,18 +31,18 @@ class Spread:
 
 @dataclass(frozen=True)
 class Choice:
-    """What is simulated."""
+    """A realization to simulate."""
 
-    # Name of `vibrosweep.model.forcing.INPUTS` -> value, exactly one forcing among them; what is of
-    # a mount only counts over a sprung base
+    # Name of `vibrosweep.model.forcing.INPUTS` -> value, exactly one forcing among them; parameters
+    # of a mount are used over a sprung base only
     inputs: Mapping[str, float]
-    # base, rebound: as of `vibrosweep.simulate`
+    # base, rebound: as in `vibrosweep.simulate`
     base: str = HIGH_BOUNCE
     rebound: str = LAWS[0]
-    particles: int = 1  # their number
+    particles: int = 1  # number of particles
     # A `Spread`, or the launch time of each particle in s
     launch: Spread | tuple[float, ...] = Spread()
-    end: Time = 12.0  # end of what is drawn, in s or in forcing periods
+    end: Time = 12.0  # end of the drawn motion, in s or in forcing periods
 
     @property
     def launch_time(self) -> tuple[float, ...]:
@@ -56,28 +56,28 @@ class Choice:
 
     @property
     def periods(self) -> float:
-        """End of what is drawn, in forcing periods."""
+        """End of the drawn motion, in forcing periods."""
         number = amount(self.end)
         return number if isinstance(self.end, Periods) else number * self.inputs["frequency"]
 
     def shortened(self, most: float = MOST_PERIODS) -> Choice:
-        """Return the same with at most so many forcing periods."""
+        """Return the same choice, drawn for at most that many forcing periods."""
         return self.lasting(most) if self.periods > most else self
 
     def lasting(self, periods: float) -> Choice:
-        """Return the same with another end of what is drawn, in forcing periods."""
+        """Return the same choice, drawn for another number of forcing periods."""
         return replace(self, end=Periods(periods))
 
     def with_inputs(self, **values: float) -> Choice:
-        """Return the same with other values of parameters."""
+        """Return the same choice with other values of parameters."""
         return replace(self, inputs={**self.inputs, **values})
 
     def over(self, base: str) -> Choice:
-        """Return the same over another base, with the one law of rebound that holds over all."""
+        """Return the choice over another base, with the law of rebound that every base has."""
         return self if base == self.base else replace(self, base=base, rebound=LAWS[0])
 
     def with_particles(self, particles: int) -> Choice:
-        """Return the same with more or fewer particles; listed launches become staggered."""
+        """Return the choice with another number of particles; listed launches become staggered."""
         if particles == self.particles:
             return self
         launch = self.launch if isinstance(self.launch, Spread) else Spread()
@@ -109,8 +109,8 @@ class Choice:
     def observe(self) -> xr.Dataset:
         """Regimes, exponents and separations, as `vibrosweep.sweep` returns them.
 
-        Particles are observed for `OBSERVED_PERIODS`; those that a base of finite mass couples as
-        long as they are drawn, for each landing of theirs takes much longer.
+        The observation lasts `OBSERVED_PERIODS`; over a base of finite mass, which couples the
+        particles and takes far longer for each landing, only as long as the drawn motion.
         """
         coupled = self.base == SPRUNG
         longer = self if coupled else self.lasting(max(OBSERVED_PERIODS, self.periods))

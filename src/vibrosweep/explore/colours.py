@@ -1,4 +1,4 @@
-"""How numbers, codes and particles are coloured."""
+"""Colours of numbers, codes and particles."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ UNKNOWN: Final = "rgba(0, 0, 0, 0)"
 class Colouring:
     """Colours of a column."""
 
-    # What is coloured, shape (point,): the numbers, or for codes their position in `names`
+    # Values to be coloured, shape (point,): numbers, or for codes their position in `names`
     values: Array
-    mapper: ColorMapper  # from those to colours
-    title: str  # label of the column, and what a colour beside the scale means
-    # Meanings of the codes that occur, the last of them that of all further ones
+    mapper: ColorMapper  # from values to colours
+    title: str  # label of the column, and the meaning of the colour beside the scale
+    # Meanings of the codes that occur; the last one stands for all codes without a colour
     names: Sequence[str] = ()
 
     @property
     def scale(self) -> dict[str, Any]:
-        """What a colour bar of it has."""
+        """Properties of the colour bar."""
         names = self.names
         return {
             "color_mapper": self.mapper,
@@ -56,7 +56,7 @@ def colouring(column: Column) -> Colouring:
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     positive = known[known > 0.0]
     if column.zero_apart and positive.size:
-        # a few almost coincident landings would spread the scale over all of double precision
+        # a few almost coincident landings would stretch the scale to the limits of precision
         least = max(float(np.quantile(positive, 0.01)), 1e-6 * high)
         title = f"{column.label}, grey: 0" if low == 0.0 else column.label
         return Colouring(values, _scale(LogColorMapper, least, max(high, 1.01 * least)), title)

@@ -16,11 +16,11 @@ from vibrosweep.explore.points import Points
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.parameters import BASES, MOUNT, SPRUNG
 
-# Of a mount where the result has none: values at which bunching shows
+# Parameters of a mount where the result has none: particles bunch at these values
 MOUNT_VALUES: Final = {"mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
 STEPS: Final = 400
-WIDTH: Final = 190  # pixels at least
-# Ranges that do not follow from the value alone
+WIDTH: Final = 190  # least width of a slider, pixels
+# Ranges of sliders that are fixed; others follow from the values of the result
 RANGES: Final = {
     "restitution": (0.0, 1.0),
     "phase": (-math.pi, math.pi),
@@ -35,23 +35,23 @@ OF_LAUNCH: Final = {
 
 
 class Controls:
-    """Widgets that hold a choice and change it.
+    """Widgets that show a choice and change it.
 
     Parameters
     ----------
     points
-        Whose parameters set the ranges of the sliders.
+        Points of the result; their parameters set the ranges of the sliders.
     choice
-        What is shown at first.
+        The realization that is shown at first.
     changed
-        Called with nothing when a widget was moved; the choice is `choice` then.
+        Function called, without arguments, after the user moved a widget and `choice` changed.
     """
 
     def __init__(self, points: Points, choice: Choice, changed: Callable[[], None]) -> None:
         self.choice = choice
         self._changed = changed
         self._setting = False
-        # Of each slider, kept here: a browser can change those that the slider itself has
+        # Range of each slider, kept here because a browser can change that of the widget itself
         self._ranges: dict[str, tuple[float, float]] = {}
         inputs = {**MOUNT_VALUES, **choice.inputs}
         names = [name for name in INPUTS if name in inputs_of(inputs, SPRUNG)]
@@ -86,12 +86,12 @@ class Controls:
         self.set(self.choice)
 
     def held(self, name: str, value: float) -> float:
-        """Value that the slider of a quantity may have, the next one to a value."""
+        """The value within the range of a slider that is nearest to a given one."""
         low, high = self._ranges[name]
         return min(max(value, low), high)
 
     def set(self, choice: Choice) -> None:
-        """Take over a choice; what is of a mount stays where the choice says nothing of it."""
+        """Show a choice; parameters of the mount keep their values where the choice has none."""
         self.choice = replace(choice, inputs={**self.choice.inputs, **choice.inputs})
         self._setting = True
         try:
@@ -138,13 +138,13 @@ class Controls:
             if self._setting:
                 return
             self.choice = self._after(name, new)
-            self.set(self.choice)  # a browser may have sent what no widget allows
+            self.set(self.choice)  # a browser may have sent a value that no widget allows
             self._changed()
 
         return moved
 
     def _after(self, name: str, value: Any) -> Choice:
-        """Return the choice after a widget was moved, as far as it can be."""
+        """Return the choice after a widget was moved; an impossible value changes nothing."""
         choice = self.choice
         if name == "base":
             return choice.over(BASES[value]) if value in range(len(BASES)) else choice
@@ -152,7 +152,7 @@ class Controls:
             return choice
         value = float(self.held(name, value))
         if name in self.sliders:
-            # a duration in seconds is more periods at a higher frequency
+            # a duration in seconds has more periods at a higher frequency
             return choice.with_inputs(**{name: value}).shortened(self._ranges["periods"][1])
         if name == "particles":
             return choice.with_particles(int(value))

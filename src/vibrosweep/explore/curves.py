@@ -17,7 +17,7 @@ from vibrosweep.theory import FIXED
 
 MODES: Final = (1, 2, 3)
 SAMPLES: Final = 201
-# What the ends of a window follow from, apart from the forcing
+# Parameters, apart from the forcing, on which the ends of a window depend
 SOURCES: Final = ("restitution", "frequency", "gravity")
 
 
@@ -31,9 +31,9 @@ class WindowEnd(NamedTuple):
 
 
 def window_ends(points: Points, axes: tuple[str, str]) -> tuple[list[WindowEnd], str]:
-    """A_min and A_max of the modes over a plane, in the form of the forcing that it shows.
+    """Curves A_min and A_max of the modes over a plane, in the form of forcing that it shows.
 
-    What lies within the range of the points, and why there is none, empty if there is.
+    Returns the curves that cross the range of the points, and the reason if there are none.
     """
     forcing = next((name for name in axes if name in FORCINGS), None)
     base = points.base_choice.base

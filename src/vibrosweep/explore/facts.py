@@ -1,4 +1,4 @@
-"""What is said in words of a realization: its regimes, exponents and separations."""
+"""Regimes, exponents and separations of a realization, in words."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def named(choice: Choice) -> str:
 
 
 def facts(choice: Choice, observed: xr.Dataset) -> Iterator[tuple[str, str]]:
-    """Name and value of what is known of a realization, from its choice and its observation."""
+    """Names and values of the properties of a realization, from its choice and its observation."""
     one = observed.isel(realization=0)
     yield "base", choice.base
     yield "observed", _period_text(float(one["duration"]) * choice.inputs["frequency"])
@@ -46,7 +46,7 @@ def facts(choice: Choice, observed: xr.Dataset) -> Iterator[tuple[str, str]]:
 
 
 def facts_html(choice: Choice) -> str:
-    """`facts` of a realization as a table, or why they cannot be had."""
+    """`facts` of a realization as a table, or the reason why they cannot be computed."""
     try:
         found = list(facts(choice, choice.observe()))
     except VibrosweepError as error:
@@ -64,7 +64,7 @@ def _joint(one: xr.Dataset) -> Iterator[tuple[str, str]]:
 
 
 def _regimes(one: xr.Dataset) -> Iterator[str]:
-    """Number of particles of each regime, with the cycle that they follow."""
+    """Number of particles in each regime, with the cycle that they follow."""
     attributes = one["regime"].attrs
     codes = np.atleast_1d(attributes["flag_values"]).tolist()
     meanings = dict(zip(codes, str(attributes["flag_meanings"]).split(), strict=True))

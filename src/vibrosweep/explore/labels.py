@@ -36,7 +36,7 @@ def units_text(units: str) -> str:
 
 
 def legible(text: object) -> str:
-    """Text of a file, or a path, with escapes for what was no text: no page can hold that."""
+    """Text with escapes for bytes that are no text, which a page cannot hold."""
     return str(text).encode(errors="backslashreplace").decode()
 
 

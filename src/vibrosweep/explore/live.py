@@ -41,11 +41,11 @@ from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, SPRUNG
 
 PLANE: Final = "plane"
 SHOWN_ROWS: Final = 6
-# ms after the last movement of a slider until regimes and exponents are computed
+# ms from the last movement of a slider until the computation of regimes and exponents starts
 PATIENCE: Final = 250
-# ms between two looks at whether the view of a raster has changed
+# ms until a changed view of a raster is painted
 LOOK: Final = 120
-# s for which a computation is waited for, so that its pictures are in the same message
+# s for which the page waits for a computation, so that its pictures are in the same message
 AT_ONCE: Final = 0.1
 PREPARING: Final = (
     "<b>The motion is being computed.</b> At the first use of an installation the kernels of a "
@@ -70,16 +70,16 @@ COPY: Final = "navigator.clipboard.writeText(code.text)"
 
 
 class Page:
-    """What one visitor sees, and what happens when something is clicked or moved.
+    """The page of one visitor, and its reactions to clicks and moves.
 
     Parameters
     ----------
     points
-        Of the result.
+        Points of the result.
     document
-        Of the visitor.
+        Bokeh document of the visitor.
     background
-        Computes what would keep the visitor waiting.
+        Thread for computations that would keep the visitor waiting.
     """
 
     def __init__(self, points: Points, document: Document, background: Background) -> None:
@@ -96,7 +96,7 @@ class Page:
         self.rows: NDArray[np.int64] = np.empty(0, np.int64)
         self._waiting: Any = None
         self._shown: list[Choice] = []
-        self._asked = self._painting = False
+        self._scheduled = self._painting = False
         self._build()
         self._listen()
         self.select_point(self.index)
@@ -110,7 +110,7 @@ class Page:
         )
         self.save = save_button()
         self.holder = ColumnDataSource({"text": [""]})
-        self.save.tags = [self.holder]  # a browser is told only of what belongs to a widget
+        self.save.tags = [self.holder]  # a browser receives only models that belong to a widget
         self.picture = code_picker([PLANE, *lines.PICTURES, "table of the selection"])
         self.code = code_block()
         copy = Button(label="Copy")
@@ -159,7 +159,7 @@ class Page:
             self.click(event.x, event.y)
 
     def click(self, x: float, y: float) -> None:
-        """Take the realization at a place: that of a point there, or, between points, the place."""
+        """Show the realization at a place: that of a point, or one between points."""
         index, near = self.plane.hit((x, y))
         axes = (self.plane.x, self.plane.y)
         free = all(name in INPUTS and name in self.points.varied for name in axes)
@@ -183,13 +183,13 @@ class Page:
         self._show(f"point {index} of {self.points.count}")
 
     def _moved(self) -> None:
-        """Show what the controls say, once all that has arrived is taken in."""
-        if not self._asked:
-            self._asked = True
+        """Show the choice of the controls, after all messages that have arrived are processed."""
+        if not self._scheduled:
+            self._scheduled = True
             self.document.add_next_tick_callback(self._follow)
 
     def _follow(self) -> None:
-        self._asked = False
+        self._scheduled = False
         self._show("moved by the controls")
 
     def _show(self, what: str) -> None:
@@ -224,13 +224,13 @@ class Page:
             self._after(future, lambda: self._show_late(future, shown, what))
 
     def _show_late(self, future: Future[Any], shown: list[Choice], what: str) -> None:
-        """Show what took long, unless something else is to be shown by now."""
+        """Show a simulation that took long, unless the visitor has chosen another one since."""
         if self._shown is shown:
             with self._one_message():
                 self._draw(future, shown, what)
 
     def _draw(self, future: Future[Any], shown: list[Choice], what: str) -> None:
-        """Show what was simulated, or why it could not be."""
+        """Draw the simulated motions, or say why they could not be computed."""
         error = future.exception()
         if error is not None:
             self.status.text = f"<b>not computed:</b> {html.escape(str(error))}"
@@ -243,13 +243,13 @@ class Page:
         self._later(shown)
 
     def _after(self, future: Future[Any], then: Callable[[], object]) -> None:
-        """Do something in the thread of the page once the background has done its work."""
+        """Call a function in the thread of the page once the background has finished."""
 
-        def tell(done: Future[Any]) -> None:
+        def schedule(done: Future[Any]) -> None:
             if not done.cancelled():
                 self.document.add_next_tick_callback(then)
 
-        future.add_done_callback(tell)
+        future.add_done_callback(schedule)
 
     def _stop_waiting(self) -> None:
         if self._waiting is not None:
@@ -257,20 +257,20 @@ class Page:
             self._waiting = None
 
     def _later(self, shown: list[Choice]) -> None:
-        """Compute regimes and exponents once nothing moves any more."""
-        self.facts.text = COMPUTING  # not those of another motion
+        """Compute regimes and exponents once the visitor moves nothing any more."""
+        self.facts.text = COMPUTING  # instead of those of the motion before
 
-        def ask() -> None:
+        def compute() -> None:
             self._waiting = None
             future = self.background.call(lambda: "".join(map(facts_html, shown)))
 
-            def tell() -> None:
+            def show() -> None:
                 if self._shown is shown:
                     self.facts.text = future.result()
 
-            self._after(future, tell)
+            self._after(future, show)
 
-        self._waiting = self.document.add_timeout_callback(ask, PATIENCE)
+        self._waiting = self.document.add_timeout_callback(compute, PATIENCE)
 
     def _show_code(self) -> None:
         picture = self.picture.value

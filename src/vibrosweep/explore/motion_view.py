@@ -24,7 +24,7 @@ from vibrosweep.explore.pictures import DOTS, HEIGHT, Columns, heights
 from vibrosweep.explore.sources import empty_source, inner_pixels, is_window
 from vibrosweep.explore.visible import Axis, visible_rows
 
-View = tuple[float, float, float, float]  # x and y, each from where to where
+View = tuple[float, float, float, float]  # both ends of x, then of y
 
 SCRIPT: Final = (Path(__file__).parent / "motion.js").read_text("utf-8")
 
@@ -41,7 +41,7 @@ LABELS: Final = {
 FLIGHT: Final = ("start", "y_start", "end", "y_end", "cx", "cy")
 STAY: Final = FLIGHT[:4]
 ENDS: Final = ("start", "end")
-# Pixels of a picture until the browser has told them, more than most have
+# Pixels of a picture, more than most have, until the browser has sent the true number
 GUESS: Final = (1000, 500)
 
 
@@ -51,16 +51,16 @@ class MotionView:
     Parameters
     ----------
     key
-        Distinguishes the pictures of one view from those of another on the same page.
+        Name of the view, which distinguishes it from others on the same page.
     whole
-        Whether all is in the browser, also what is not seen in the present window.  Otherwise that
-        is sent when the window changes.
+        Whether the browser holds every element.  Otherwise it is sent those that are visible in
+        the present window, and again when the window changes.
 
     Attributes
     ----------
     holder
-        What was sent last to be shown, as its one entry ``content``.  All of it is one message,
-        and the browser draws each picture once: of every change of a model Bokeh makes a message.
+        Source whose entry ``content`` holds the data that were sent last.  They are one message,
+        so that the browser draws each picture once; Bokeh would send a message for each model.
     """
 
     def __init__(self, key: str, *, whole: bool = False) -> None:
@@ -81,7 +81,7 @@ class MotionView:
             self._draw_dots(name)
         self.heading = Div(text="", sizing_mode="stretch_width", name=f"heading {key}")
         self.holder = ColumnDataSource({"content": [{}]}, name=f"shown {key}")
-        self.heading.tags = [self.holder]  # a browser is told only of what belongs to a widget
+        self.heading.tags = [self.holder]  # a browser receives only models that belong to a widget
         shown = {"holder": self.holder, "sources": self.sources, "figures": self.figures}
         self.script = CustomJS(
             args={**shown, "particles": self.mapper, "heading": self.heading}, code=SCRIPT
@@ -145,16 +145,16 @@ class MotionView:
 
     @property
     def roots(self) -> list[Any]:
-        """What the page places, in this order."""
+        """Heading and figures, in the order of the page."""
         return [self.heading, *self.figures.values()]
 
     @property
     def content(self) -> dict[str, Any]:
-        """What was sent last: columns of `sources` by their names, and ``views`` and words."""
+        """The data that were sent last: columns of `sources` by name, ``views``, heading."""
         return dict(self.holder.data["content"][0])
 
     def show(self, record: xr.Dataset, words: str) -> None:
-        """Show a record; `words` say of what."""
+        """Show a record under a heading."""
         found = heights(record)
         self._columns = {
             "flights": found.flights,
@@ -162,7 +162,7 @@ class MotionView:
             **{name: dots.columns(record) for name, dots in DOTS.items()},
         }
         span, (bottom, top) = found.span
-        room = 0.06 * (top - bottom)
+        margin = 0.06 * (top - bottom)
         arrivals = self._columns["return map"]
         speeds = np.concatenate([arrivals["arrival_speed"], arrivals["next_arrival_speed"]])
         fastest, slowest = float(speeds.max(initial=0.1)), float(speeds.min(initial=0.0))
@@ -171,14 +171,14 @@ class MotionView:
         known = gaps[gaps > 0.0]
         low, high = (float(known.min()), float(known.max())) if known.size else (1e-3, 1.0)
         self._views = {
-            "height": (*span, bottom - room, top + room),
+            "height": (*span, bottom - margin, top + margin),
             "return map": (*view, *view),
             "phases": (*span, -0.02, 1.02),
             "separations": (*span, low / 2.0, high * 2.0),
         }
         together = int(np.count_nonzero(gaps == 0.0))
         note = f"; {together} landings coincide with another one, and have no separation"
-        floor = np.full(found.base["time"].shape, bottom - room)
+        floor = np.full(found.base["time"].shape, bottom - margin)
         content = {
             "base": {**found.base, "floor": floor},
             "views": {name: list(view) for name, view in self._views.items()},
@@ -193,7 +193,7 @@ class MotionView:
         self.holder.data = {"content": [content]}
 
     def _moved(self, name: str, event: RangesUpdate) -> None:
-        """Send what is seen now that the window of a picture was moved."""
+        """Send the elements that are visible after the window of a picture was moved."""
         ends = event.x0, event.x1, event.y0, event.y1
         if is_window(*ends):
             self._views[name] = ends

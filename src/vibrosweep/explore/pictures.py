@@ -15,7 +15,7 @@ from vibrosweep.analysis.record_flights import base_motion, course
 
 Columns = dict[str, NDArray[Any]]
 
-# Points of the base in a forcing period, and altogether; points of a stay on one that moves
+# Points of the base in a forcing period, and in all; points of a stay on a moving base
 SAMPLES: Final = 48
 MOST_SAMPLES: Final = 20_000
 OF_STAY: Final = 24
@@ -27,7 +27,7 @@ class Dots(NamedTuple):
     """A picture that shows a dot for each landing, coloured by the particle."""
 
     analysis: Callable[[xr.Dataset], xr.Dataset]  # from a record to its columns
-    # x, y: names of two columns; x_label, y_label: what stands at the axes
+    # x, y: names of two columns; x_label, y_label: labels of the axes
     x: str
     y: str
     x_label: str
@@ -68,11 +68,11 @@ class Heights(NamedTuple):
     # ``y_end`` (m), of each flight; ``cx``, ``cy``, the control point with which the flight, a
     # parabola, is a quadratic Bezier curve
     flights: Columns
-    # ``particle``, and ``start``, ``end`` (s), ``y_start`` and ``y_end`` (m), of the straight
-    # pieces that stays on the base are drawn with
+    # ``particle``, ``start``, ``end`` (s), ``y_start`` and ``y_end`` (m) of the straight pieces
+    # with which stays on the base are drawn
     stays: Columns
     base: Columns  # ``time`` (s) and ``height`` (m) of the base
-    # Time (s) from beginning to end, as two numbers, and so the height (m)
+    # Smallest and largest time (s); smallest and largest height (m)
     span: tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -129,7 +129,7 @@ def _base(one: xr.Dataset, base: BaseMotion, begin: float, end: float) -> Column
     else:
         count = int(min(SAMPLES * base.frequency * (end - begin), MOST_SAMPLES)) + 2
         time = np.linspace(begin, end, count)
-        if recoils(one):  # it has a kink at each impact
+        if recoils(one):  # the motion has a kink at each impact
             landing = one["landing_time"].values
             time = np.union1d(time, landing[np.isfinite(landing)])
     return {"time": time, "height": base.height(time)}

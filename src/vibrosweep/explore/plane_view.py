@@ -22,26 +22,26 @@ from vibrosweep.explore.points import Points
 from vibrosweep.explore.raster import View, nearest, raster
 from vibrosweep.explore.sources import LARGEST, empty_source, inner_pixels, is_window
 
-# More points than this are gathered in pixels
+# Above this number of points, they are gathered in pixels
 MANY: Final = 20_000
 NO_MARKER: Final = "(none)"
 MARKERS: Final = ("circle", "square", "triangle", "diamond", "inverted_triangle", "plus", "x")
 MARGIN: Final = 0.03
-# Pixels within which a click means a point
+# Distance in pixels up to which a click selects a point
 REACH: Final = 12.0
 HEIGHT: Final = 430
-GUESS: Final = (HEIGHT, HEIGHT)  # pixels until the browser has told them
+GUESS: Final = (HEIGHT, HEIGHT)  # pixels until the browser has sent the true number
 SMALL: Final = {"text_font_size": "11px", "text_baseline": "middle"}
 SUBSCRIPTS: Final = {False: "min", True: "max"}
 
 
 class PlaneView:
-    """The plane of a result, and what its axes and colours show.
+    """The plane of a result, with the columns of its axes and colours.
 
     Parameters
     ----------
     points
-        What is shown.
+        Points of the result.
     """
 
     def __init__(self, points: Points) -> None:
@@ -94,7 +94,7 @@ class PlaneView:
         return self.points.columns[name].values
 
     def show(self) -> None:
-        """Show what is asked for, in a view of all points."""
+        """Show the chosen columns, in a view of all points."""
         plot = self.figure
         for name, axis, view in (
             (self.x, plot.xaxis, plot.x_range),
@@ -107,7 +107,7 @@ class PlaneView:
         self.recolour()
 
     def recolour(self) -> None:
-        """Show the colours and markers that are asked for, in the present view."""
+        """Show the chosen colours and markers, in the present view."""
         column = self.points.columns[self.colour]
         self._coloured = colouring(column)
         mapper = self._coloured.mapper
@@ -143,7 +143,7 @@ class PlaneView:
         }
 
     def hit(self, place: tuple[float, float]) -> tuple[int, bool]:
-        """Number of the point nearest to a place, and whether it is within `REACH` of it."""
+        """Index of the point nearest to a place, and whether it is within `REACH`."""
         columns, rows = inner_pixels(self.figure, GUESS)
         left, right, bottom, top = self._window()
         unit = abs(right - left) / columns, abs(top - bottom) / rows
@@ -154,7 +154,7 @@ class PlaneView:
         return index, bool(far <= REACH)
 
     def _window(self) -> tuple[float, float, float, float]:
-        """Present view, x and y each from where to where."""
+        """Ends of the present view: left, right, bottom, top."""
         ranges = self.figure.x_range, self.figure.y_range
         ends = tuple(end for one in ranges for end in (one.start, one.end))
         if is_window(*ends):
@@ -162,7 +162,7 @@ class PlaneView:
         return (*limits(self.values(self.x)), *limits(self.values(self.y)))
 
     def mark(self, x: float, y: float) -> None:
-        """Put a ring around what is chosen."""
+        """Put the ring of the chosen realization at a place."""
         self.chosen.data = {"x": [x], "y": [y]}
 
     def mark_point(self, index: int) -> None:
@@ -205,7 +205,7 @@ class PlaneView:
 
 
 def limits(values: Array) -> tuple[float, float]:
-    """From where to where an axis goes that shows all values with a margin."""
+    """Ends of an axis that shows all values, with a margin."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     margin = MARGIN * high - MARGIN * low or 0.5
@@ -215,9 +215,9 @@ def limits(values: Array) -> tuple[float, float]:
 def _place(
     end: WindowEnd, across: tuple[float, float], up: tuple[float, float], number: int
 ) -> tuple[float, float]:
-    """Where the name of a curve stands: along its seen part, each at another share of it."""
-    seen = np.flatnonzero(
+    """Place of the name of a curve, on its visible part; names alternate along their curves."""
+    visible = np.flatnonzero(
         (end.x > across[0]) & (end.x < across[1]) & (end.y > up[0]) & (end.y < up[1])
     )
-    at = seen[int((0.2 + 0.6 * (number % 3) / 2.0) * (seen.size - 1))]
+    at = visible[int((0.2 + 0.6 * (number % 3) / 2.0) * (visible.size - 1))]
     return float(end.x[at]), float(end.y[at])

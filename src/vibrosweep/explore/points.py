@@ -1,4 +1,4 @@
-"""What a result shows in a plane: a table of points, and the realization behind each."""
+"""A result as points of a plane, with the realization behind each point."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-# What colours the plane at first, if it was measured
+# Variables that colour the plane at first, where they were measured
 COLOURS: Final = ("dt_min", "rebound_height_max")
 SEPARATIONS: Final = ("dt_min", "dt_min_same_index", "gap_min")
 WINDOW_ENDS: Final = ("lower", "upper", "lower, undetermined beyond", "upper, undetermined beyond")
 LAUNCHED: Final = "launched_at"
-LONGEST_LABEL: Final = 45  # letters that fit beside a plane
+LONGEST_LABEL: Final = 45  # characters that fit beside a plane
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Column:
     values: Array  # shape (point,)
     # Value -> meaning where the values are codes; empty for numbers
     codes: Mapping[int, str] = field(default_factory=dict)
-    # Whether a zero is no small number but another case, as for separations
+    # Whether zero is a case of its own instead of a small number, as for separations
     zero_apart: bool = False
 
 
@@ -51,18 +51,18 @@ class Column:
 class Points:
     """Points of a plane."""
 
-    path: Path  # the result
-    # kind, title: name of its kind, and what it shows
+    path: Path  # file of the result
+    # kind, title: name of the kind of result, and its title
     kind: str
     title: str
-    columns: Mapping[str, Column]  # name -> what can be an axis or a colour; all of one length
+    columns: Mapping[str, Column]  # name -> possible axis or colour; all of one length
     # Names of the columns that are physical parameters of the realization of a point
     varied: tuple[str, ...]
-    base_choice: Choice  # the realization of every point, but for what is varied
-    # axes, colour: columns that are shown at first
+    base_choice: Choice  # the realization of every point, apart from the varied parameters
+    # axes, colour: names of the columns that are shown at first
     axes: tuple[str, str]
     colour: str
-    # What has to be known of a realization that is followed again; empty if nothing
+    # Warning about realizations that are simulated again; empty if none is needed
     remark: str = ""
 
     @property
@@ -94,18 +94,18 @@ class Points:
 
 
 def open_points(path: Path) -> Points:
-    """Read a result; a DataError where it cannot be read, or nothing of it lies in a plane."""
+    """Read a result; a DataError where it cannot be read or has no points of a plane."""
     kind = read_kind(path)
     if kind is SWEEP:
         with vs.open_sweep(path) as dataset:
-            # single particles are many, and computed again where a point is clicked
+            # variables of single particles are large, and are computed again after a click
             several = [name for name, v in dataset.data_vars.items() if "particle" in v.dims]
             return of_result(dataset.drop_vars(several).load(), path, kind.name)
     return of_result(load_dataset(path), path, kind.name)
 
 
 def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
-    """Points of a dataset of some kind; a DataError where none lies in a plane."""
+    """Points of a dataset of some kind; a DataError where it has none."""
     makers = {
         SWEEP.name: _of_sweep,
         "windows": _of_windows,
@@ -127,7 +127,7 @@ def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
 
 
 def _require_sound(points: Points) -> None:
-    """Raise for realizations that no command can have written, and none can be simulated of."""
+    """Raise a DataError for realizations that no command writes and that cannot be simulated."""
     chosen = points.base_choice
     values: dict[str, Any] = {name: points.columns[name].values for name in points.varied}
     values |= chosen.inputs
@@ -147,7 +147,7 @@ def _require_sound(points: Points) -> None:
 
 
 def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
-    """Every realization is a point."""
+    """Make a point of every realization."""
     sweep = vs.analysis.flat(dataset)
     along = {str(n): v for n, v in sweep.variables.items() if v.dims == ("realization",)}
     numbers = {n: v for n, v in along.items() if v.dtype.kind in "iufb" and n != "realization"}
@@ -172,7 +172,7 @@ def _of_sweep(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
-    """Every end of a window is a point; an end of the scan is none."""
+    """Make a point of every end of a window that is not an end of the scan."""
     from vibrosweep.analysis.window_codes import ENDS, UNDETERMINED_ABOVE, UNDETERMINED_BELOW
 
     forcing = str(windows.attrs["forcing"])
@@ -201,11 +201,11 @@ def _of_windows(windows: xr.Dataset) -> dict[str, Any]:
 
 
 def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
-    """Every impact is a point."""
+    """Make a point of every impact."""
     name = str(diagram.attrs["observable"])
     values = diagram[name].transpose("direction", "amplitude", "particle", "sample")
     direction, row, particle, sample = np.nonzero(np.isfinite(values.values))
-    of_orbit = (direction, row, particle)
+    orbit = (direction, row, particle)
     columns = {
         "amplitude": _column("amplitude", diagram["amplitude"], row),
         "base_acceleration": _column("base_acceleration", diagram["base_acceleration"], row),
@@ -214,7 +214,7 @@ def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
     }
     for measured in ("regime", "lyapunov_largest", "cycle_impacts", "cycle_periods"):
         one = _numbers(measured, diagram).transpose("direction", "amplitude", "particle")
-        columns[measured] = _column(measured, one, of_orbit)
+        columns[measured] = _column(measured, one, orbit)
     columns["particle"] = Column("number of the particle", particle.astype(np.float64))
     along = str(diagram.attrs.get("forcing", "amplitude"))
     return {
@@ -229,7 +229,7 @@ def _of_bifurcation(diagram: xr.Dataset) -> dict[str, Any]:
 
 
 def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
-    """Every launch is a point."""
+    """Make a point of every launch."""
     from vibrosweep.analysis.basins import name_of
 
     found = basins["basin"].transpose("launch_velocity", "launch_time")
@@ -253,7 +253,7 @@ def _of_basins(basins: xr.Dataset) -> dict[str, Any]:
 
 
 def _numbers(name: str, dataset: xr.Dataset) -> xr.DataArray:
-    """Take a variable, NaN where it holds nothing; codes say that themselves."""
+    """Take a variable, NaN where it is undefined; codes have a code for that."""
     found = dataset[name]
     return found if "flag_values" in found.attrs else found.where(known(name, dataset))
 
@@ -281,14 +281,14 @@ def _named(words: str, names: Iterable[Any], index: NDArray[Any]) -> Column:
 
 
 def _given_names(dataset: xr.Dataset, forcing: str) -> tuple[str, ...]:
-    """Names of the parameters that a realization was given by; what follows from them is none."""
+    """Names of the parameters that define a realization, without those that follow from them."""
     masses = [name for name in MASSES if name in dataset.variables]
     base = str(dataset.attrs["base"])
     return tuple(n for n in inputs_of({forcing, *masses}, base) if n in dataset.variables)
 
 
 def _shared(dataset: xr.Dataset, forcing: str) -> Choice:
-    """Return what all points share; what they do not is left out of the parameters."""
+    """Return the choice that all points share, without the parameters in which they differ."""
     given = _given_names(dataset, forcing)
     inputs = {name: float(dataset[name]) for name in given if not dataset[name].ndim}
     listed = dataset.attrs.get("launch", STAGGERED)

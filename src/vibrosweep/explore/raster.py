@@ -1,4 +1,4 @@
-"""A plane of very many points, gathered in the pixels of a view, and the point next to a place."""
+"""Very many points gathered in the pixels of a view, and the point nearest to a place."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.figures.cells import Cells, commonest, grid_cells
 
-FIRST: Final = 1000  # points that tell whether there may be a grid
+FIRST: Final = 1000  # points from which a grid is recognized
 
 
 @dataclass(frozen=True)
 class View:
-    """A part of a plane, and how many pixels it has."""
+    """A part of a plane, and its numbers of pixels."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -27,20 +27,20 @@ class View:
 class Raster:
     """Values of the pixels of a view."""
 
-    # x, y: from edge to edge
+    # x, y: outer edges
     x: tuple[float, float]
     y: tuple[float, float]
-    # Shape (row, column), the lowest y first: of numbers the mean of those that are finite, -inf
-    # where none is; of codes the commonest; NaN without a point
+    # Shape (row, column), the lowest y first.  Numbers: the mean of the finite ones, -inf where no
+    # number is finite.  Codes: the commonest.  NaN in pixels without a point
     values: Array
 
 
 def raster(x: Array, y: Array, values: Array, view: View, codes: Array | None = None) -> Raster:
-    """Gather points in pixels of a view, or those of an evenly spaced grid in its own cells.
+    """Gather points in the pixels of a view; points of an even grid, in the cells of the grid.
 
     `codes` are the values that occur, if they are codes.
     """
-    # along an axis of a grid the other one stays; to sort a million values takes a second
+    # a grid repeats the values along an axis; sorting a million values would take a second
     repeats = any(np.unique(v[:FIRST]).size < v[:FIRST].size for v in (x, y))
     cells = grid_cells(x, y) if repeats else None
     if cells is None or not (_even(cells.x_edges) and _even(cells.y_edges)):
@@ -77,10 +77,10 @@ def _even(edges: Array) -> bool:
 
 
 def nearest(x: Array, y: Array, place: tuple[float, float], unit: tuple[float, float]) -> int:
-    """Number of the point that is nearest to a place in the plane, of those that are finite.
+    """Index of the finite point that is nearest to a place in the plane.
 
-    `unit` is what counts as one along x and along y, such as the size of a pixel.
+    `unit` holds the unit of distance along x and along y, such as the size of a pixel.
     """
-    with np.errstate(over="ignore"):  # what is so far away is not the nearest
+    with np.errstate(over="ignore"):  # a distance that overflows is not the smallest
         distance = np.square((x - place[0]) / unit[0]) + np.square((y - place[1]) / unit[1])
     return int(np.argmin(np.where(np.isfinite(distance), distance, np.inf)))

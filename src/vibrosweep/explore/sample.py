@@ -1,4 +1,4 @@
-"""Which points of a plane stand for all of them."""
+"""Choose points of a plane that represent all of them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ FINEST = 32
 
 
 def evenly(count: int, most: int) -> NDArray[np.int64]:
-    """Numbers of at most so many of the points, evenly spaced in their order."""
+    """Indices of at most `most` of the points, evenly spaced in their order."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
 
 
 def spread_out(x: Array, y: Array) -> Iterator[int]:
-    """Numbers of points, from far apart to close together.
+    """Indices of points, first far apart, then ever closer together.
 
-    The plane is cut into 1, 4, 16, ... equal cells; of each the point nearest to its middle.
+    The plane is cut into 1, 4, 16, ... equal cells; each gives the point nearest to its middle.
     """
     known = np.isfinite(x) & np.isfinite(y)
     low = float(x[known].min()), float(y[known].min())

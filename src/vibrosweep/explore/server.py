@@ -1,4 +1,4 @@
-"""The server of the page, for browsers of this machine alone."""
+"""The server of the page, which answers only browsers on this machine."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from vibrosweep.explore.live import Page
 from vibrosweep.explore.points import Points
 
 HOST: Final = "localhost"
-NAMES: Final = (HOST, "127.0.0.1", "[::1]")  # of this machine for itself
+NAMES: Final = (HOST, "127.0.0.1", "[::1]")  # names of this machine on itself
 ENDINGS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
-# What a page asks for.  Bokeh has more, for pages of other servers that show what is here
+# Paths that a page requests; Bokeh serves more, for documents embedded in other sites
 SERVED: Final = re.compile(r"/|/ws|/favicon\.ico|/static/.*")
-HTTP_PORT: Final = 80  # which browsers leave out of an address
+HTTP_PORT: Final = 80  # the port that browsers leave out of an address
 
 
 def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
     """Serve the page until a signal ends it; port 0 is any free one.
 
     `started` is called with the address once the page can be opened.  Raises a RunError where the
-    port cannot be had.
+    port is not free.
     """
     backgrounds = WeakSet[Background]()
     first = Background()
@@ -59,7 +59,7 @@ def serve(points: Points, port: int, started: Callable[[str], None]) -> None:
     loop.start()
     server.stop()
     if any(one.busy for one in backgrounds):
-        # Python would wait for a compilation, and it ends with a traceback
+        # Python would wait for the compilation, then print a traceback
         sys.stdout.flush()
         os._exit(0)
 
@@ -69,8 +69,8 @@ def opened(
 ) -> tuple[BaseServer, str]:
     """Return a server of the page in the present loop, and its address.
 
-    `watch` is called with what computes for each visitor.  Raises a RunError where the port cannot
-    be had.
+    `watch` is called with the `Background` of each visitor.  Raises a RunError where the port is
+    not free.
     """
 
     def show(document: Document) -> None:
@@ -81,7 +81,7 @@ def opened(
 
     try:
         with socket.create_server((HOST, port)):
-            pass  # tornado would leave a socket open where it cannot have the port
+            pass  # where the port is taken, tornado would leave a socket open
         sockets, port = bind_sockets(HOST, port)
     except OSError as error:
         raise RunError(
@@ -93,16 +93,17 @@ def opened(
         {"/": Application(FunctionHandler(show))}, extra_websocket_origins=hosts
     )
     address = f"http://{HOST}:{port}/"
-    http = HTTPServer(_Door(application, hosts, address))
+    http = HTTPServer(_LocalRouter(application, hosts, address))
     http.add_sockets(sockets)
     return BaseServer(IOLoop.current(), application, http), address
 
 
-class _Door(Router):
-    """Lets in what browsers of this machine ask of this page.
+class _LocalRouter(Router):
+    """Passes on requests that browsers on this machine make for this page, and refuses others.
 
-    The name server of another site may say that its name is this machine, and a browser then takes
-    this page for one of that site, which may read all of it: but it tells the name that it asked.
+    The name server of another site may resolve its name to this machine (DNS rebinding).  A browser
+    then takes this page for one of that site, whose scripts may read it; but the request still
+    carries the other name in its header ``Host``.
     """
 
     def __init__(self, application: BokehTornado, hosts: list[str], address: str) -> None:
@@ -112,7 +113,7 @@ class _Door(Router):
         self.address = address
 
     def find_handler(self, request: HTTPServerRequest, **kwargs: Any) -> HTTPMessageDelegate | None:
-        """Return what answers a request; what there is not has no answer but that."""
+        """Return the handler of a request; None, which is a 404, for an unknown path."""
         known = request.host.lower() in self.hosts
         if not known or request.headers.get("Origin") not in self.origins:
             answer = self.application.get_handler_delegate(
@@ -126,10 +127,10 @@ class _Door(Router):
 
 
 class _Refusal(RequestHandler):
-    """Says at which address the page is."""
+    """Refuses a request, with the address of the page."""
 
     def initialize(self, address: str) -> None:
-        """Take what tornado was given for it."""
+        """Take the address from the arguments of the handler."""
         self.address = address
 
     def prepare(self) -> None:

@@ -1,4 +1,4 @@
-"""Data of figures, and what a browser says of them, which may be anything."""
+"""Data sources of figures, and checks of values that a browser sends, which may be anything."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any, Final
 from bokeh.core.property.descriptors import UnsetValueError
 from bokeh.models import ColumnDataSource
 
-# Pixels along an axis, more than screens have: an array of them must fit in memory
+# Most pixels along an axis, more than screens have: an array of them must fit in memory
 MOST_PIXELS: Final = 8192
-LARGEST: Final = sys.float_info.max  # whole numbers may be larger
+LARGEST: Final = sys.float_info.max  # integers may be larger
 
 
 def empty_source(*names: str) -> ColumnDataSource:
@@ -20,7 +20,7 @@ def empty_source(*names: str) -> ColumnDataSource:
 
 
 def inner_pixels(plot: Any, guess: tuple[int, int]) -> tuple[int, int]:
-    """Columns and rows of pixels within the axes; a guess until the browser has told them."""
+    """Columns and rows of pixels within the axes; a guess until the browser has sent them."""
     try:
         width, height = plot.inner_width, plot.inner_height
     except UnsetValueError:
@@ -31,10 +31,10 @@ def inner_pixels(plot: Any, guess: tuple[int, int]) -> tuple[int, int]:
 
 
 def are_numbers(*values: object) -> bool:
-    """Whether all are finite numbers."""
+    """Return whether all values are finite numbers."""
     return all(isinstance(value, int | float) and abs(value) <= LARGEST for value in values)
 
 
 def is_window(x0: Any, x1: Any, y0: Any, y1: Any) -> bool:
-    """Whether these are the ends of a window, x and y each from where to where."""
+    """Return whether these are the ends of a window: two of x and two of y."""
     return are_numbers(x0, x1, y0, y1) and 0 < abs(x1 - x0) < math.inf > abs(y1 - y0) > 0

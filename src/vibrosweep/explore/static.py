@@ -1,4 +1,4 @@
-"""The page as one file, which works without a server: a sample of motions is computed before."""
+"""The page as one file that works without a server, with a sample of motions in it."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from vibrosweep.explore.table import TABLE, table_columns
 from vibrosweep.store.disk import check_output, replacing
 
 SCRIPT: Final = (Path(__file__).parent / "page.js").read_text("utf-8")
-LARGEST: Final = 10_000_000  # bytes of a page
+LARGEST: Final = 10_000_000  # most bytes of a page
 MOST_POINTS: Final = 5000
-# Bytes of the motions before they are written as text, which takes a third more
+# Most bytes of the motions in memory; as text they take a third more
 OF_MOTIONS: Final = 6_500_000
 MOST_MOTIONS: Final = 150
 PERIODS: Final = 20.0
@@ -45,7 +45,7 @@ PLANE: Final = "plane as at first"
 
 
 def write_page(points: Points, output: Path, *, force: bool) -> str:
-    """Write a page as one file; return in words what it holds.
+    """Write a page as one file; return a sentence about its contents.
 
     Raises an OutputError where the file cannot be written, exists and is not to be replaced by
     `force`, or would be larger than `LARGEST`.
@@ -67,7 +67,7 @@ def write_page(points: Points, output: Path, *, force: bool) -> str:
 
 
 class _Page:
-    """Widgets and figures of the page, whose callbacks are in its script."""
+    """Widgets and figures of the page; their callbacks are in its script."""
 
     def __init__(self, points: Points, most: int) -> None:
         self.points = points.taken(evenly(points.count, MOST_POINTS))
@@ -83,14 +83,14 @@ class _Page:
         )
 
     def _compute(self, most: int) -> None:
-        """Compute motions until there are enough, or their memory is used up."""
-        room = OF_MOTIONS
+        """Compute motions until there are `most` of them or their memory is used up."""
+        left = OF_MOTIONS
         for index in spread_out(*(self.plane.values(name) for name in self.points.axes)):
             choice = self.points.choice(index).shortened(PERIODS)
             self.motion.show(choice.simulate(), named(choice))
             found = self.motion.content
-            room -= _bytes(found)
-            if self.motions and (room < 0 or len(self.motions) == most):
+            left -= _bytes(found)
+            if self.motions and (left < 0 or len(self.motions) == most):
                 break
             self.kept.append(index)
             said = {"facts": facts_html(choice), "call": lines.simulation(choice)}
@@ -169,7 +169,7 @@ class _Page:
         }
 
     def _listen(self, arguments: dict[str, Any], pickers: list[Select]) -> None:
-        # one callback for all: each would hold the motions once more
+        # a single callback, because each one would hold its own copy of the motions
         script = CustomJS(args=arguments, code=SCRIPT)
         self.plane.figure.js_on_event(Tap, script)
         for one in (*pickers, self.picture):
@@ -179,7 +179,7 @@ class _Page:
 
 
 def _bytes(columns: dict[str, Any]) -> int:
-    """Size of all arrays."""
+    """Total size of all arrays."""
     sizes = 0
     for value in columns.values():
         if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""Chosen points as a table of realizations, which a sweep takes as its design."""
+"""Chosen points as a table of realizations, which a sweep reads as its design."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from vibrosweep.explore.points import LAUNCHED, Points
 from vibrosweep.explore.sources import are_numbers, is_window
 
 Rows = NDArray[np.int64]
-TABLE: Final = "selection.csv"  # name of the file that a browser saves
+TABLE: Final = "selection.csv"  # file name that a browser saves it under
 
 
 def table(points: Points, rows: Rows) -> str:
-    """CSV with the varied parameters of points; every number is read back as it is.
+    """CSV with the varied parameters of points; numbers keep every bit.
 
-    Points of one realization, such as the impacts of a bifurcation diagram, make one row.
+    Points of the same realization, such as the impacts of a bifurcation diagram, share one row.
     """
     names = table_columns(points)
     values = [points.columns[name].values[rows].tolist() for name in names]
-    if not names:  # one realization, whose parameters are all fixed
+    if not names:  # a single realization: every parameter is fixed
         names = [*points.base_choice.inputs]
         values = [[value] for value in points.base_choice.inputs.values()]
     written = io.StringIO()
@@ -41,7 +41,7 @@ def table_columns(points: Points) -> list[str]:
 
 
 def enclosed(outline: Any, x: Array, y: Array) -> Rows | None:
-    """Numbers of the points within an outline as a browser sends it; None where it is none."""
+    """Indices of the points within an outline from a browser; None where it is not an outline."""
     if outline.get("type") == "rect":
         x0, x1, y0, y1 = (outline.get(name) for name in ("x0", "x1", "y0", "y1"))
         return in_rectangle(x, y, (x0, x1, y0, y1)) if is_window(x0, x1, y0, y1) else None
@@ -54,13 +54,13 @@ def enclosed(outline: Any, x: Array, y: Array) -> Rows | None:
 
 
 def in_rectangle(x: Array, y: Array, corners: tuple[float, float, float, float]) -> Rows:
-    """Numbers of the points within x0, x1, y0, y1."""
+    """Indices of the points within x0, x1, y0, y1."""
     x0, x1, y0, y1 = corners
     return np.flatnonzero((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1))
 
 
 def in_polygon(x: Array, y: Array, corners_x: Array, corners_y: Array) -> Rows:
-    """Numbers of the points within a polygon, by the rule of even and odd crossings."""
+    """Indices of the points within a polygon, by the even-odd rule."""
     box = (corners_x.min(), corners_x.max(), corners_y.min(), corners_y.max())
     near = in_rectangle(x, y, box)
     polygon = Outline(np.column_stack([corners_x, corners_y]))

@@ -1,7 +1,7 @@
 """Figures of a result or of a record of landings: Dataset in, matplotlib Figure out.
 
-Nothing is computed here but geometry: parabolas between recorded events, and closed forms.
-Nothing is shown and no global state of matplotlib is changed.
+The figures compute only geometry: parabolas between recorded events, and closed forms.
+They open no window and leave the global state of matplotlib unchanged.
 """
 
 from __future__ import annotations

@@ -17,22 +17,22 @@ if TYPE_CHECKING:
 __all__ = ["NEEDS", "basins_of_attraction"]
 
 NEEDS: Final = data.Needs(("basin", "fraction", "regime", "cycle_impacts", "cycle_periods"))
-NAMED: Final = len(style.OKABE_ITO) + 1  # attractors with a line of their own in the legend
+NAMED: Final = len(style.OKABE_ITO) + 1  # attractors that the legend names one by one
 
 
 @style.styled
 def basins_of_attraction(basins: xr.Dataset) -> Figure:
-    """Draw which attractor each launch leads to, with the fraction of launches in each basin.
+    """Draw the attractor that each launch leads to, with the fraction of launches in each basin.
 
     Parameters
     ----------
     basins
-        Result of `vibrosweep.analysis.basins.basins` with at least two times and two speeds.
+        Result of `vibrosweep.basins` with at least two launch times and two launch speeds.
 
     Returns
     -------
     matplotlib.figure.Figure
-        The figure, which is neither shown nor written.
+        The figure; it is neither displayed nor written.
 
     Raises
     ------

@@ -26,19 +26,19 @@ ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.
 def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     """Draw the impacts of all particles along the amplitude, up and down, over their exponents.
 
-    The axis is the acceleration of the base in g where the forcing was given as that.
-    An orbit that rests has an exponent of minus infinity: it stands on the lower edge.  The head
-    says what share of the orbits is unsettled: their impacts may be of no attractor.
+    The axis is the acceleration of the base in g where the forcing was given in that form.
+    An orbit with rests has the exponent minus infinity, drawn on the lower edge.  The head of the
+    figure states the share of unsettled orbits, whose impacts may belong to no attractor.
 
     Parameters
     ----------
     diagram
-        Result of `vibrosweep.analysis.bifurcation.bifurcation`.
+        Result of `vibrosweep.bifurcation`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        The figure, which is neither shown nor written.
+        The figure; it is neither displayed nor written.
 
     Raises
     ------

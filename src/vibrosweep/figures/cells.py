@@ -1,4 +1,4 @@
-"""Realizations gathered into the cells of a plane: a design's own grid, or equal cells."""
+"""Realizations gathered in cells of a plane: those of a grid design, or equal cells."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOST_CELLS: Final = 200
 
 @dataclass(frozen=True)
 class Cells:
-    """A partition of the plane; ``index`` is the flat (row-major, y first) cell of each point."""
+    """Cells of a plane; ``index`` is the cell of each point in row-major order, y first."""
 
     x_edges: Array
     y_edges: Array
@@ -53,8 +53,8 @@ def equal_cells(x: Array, y: Array) -> Cells:
 def median(cells: Cells, values: Array) -> Array:
     """Lower median of the values in each cell, NaN where there are none.
 
-    The lower median is always one of the values: zeros, which have a meaning of their own, are not
-    averaged with others.
+    The lower median is always one of the values: zeros, which have a special meaning, are not
+    averaged with other values.
     """
     known = np.isfinite(values)
     index, kept = cells.index[known], values[known]
@@ -67,7 +67,7 @@ def median(cells: Cells, values: Array) -> Array:
 
 
 def commonest(cells: Cells, values: Array, codes: Array) -> Array:
-    """Position in ``codes`` of the commonest code of each cell, NaN where there are none."""
+    """Position in ``codes`` of the commonest code in each cell, NaN in empty cells."""
     of_code = [
         np.bincount(cells.index[values == code], minlength=int(np.prod(cells.shape)))
         for code in codes
@@ -78,7 +78,7 @@ def commonest(cells: Cells, values: Array, codes: Array) -> Array:
 
 
 def _between(values: Array) -> Array:
-    """Edges half-way between sorted values; the outer cells reach as far out as in."""
+    """Edges half-way between sorted values; the outer cells are symmetric about their values."""
     middle = (values[1:] + values[:-1]) / 2.0
     first, last = values[0] - (middle[0] - values[0]), values[-1] + (values[-1] - middle[-1])
     return np.concatenate([[first], middle, [last]])

@@ -53,15 +53,15 @@ SYMBOLS: Final = {
 class Needs:
     """Requirements of a figure."""
 
-    variables: tuple[str, ...]  # variables or coordinates that must all be there
-    one_of: tuple[str, ...] = ()  # of these at least one must be there
-    # Parameters that must differ between realizations; ``"kick"`` stands for the amplitude in its
-    # dimensionless form, which also varies with frequency or gravity
+    variables: tuple[str, ...]  # variables or coordinates that are all needed
+    one_of: tuple[str, ...] = ()  # variables of which at least one is needed
+    # Parameters that must differ between realizations; ``"kick"`` is the dimensionless amplitude,
+    # which also varies with frequency and gravity
     varied: tuple[str, ...] = ()
     known: tuple[str, ...] = ()  # variables that must be defined in some realization
 
     def lacking(self, dataset: xr.Dataset) -> str | None:
-        """Say what is missing and what would supply it; None if the figure can be drawn."""
+        """Return a sentence on what is missing and what supplies it; None if nothing is missing."""
         absent = [name for name in self.variables if name not in dataset.variables]
         if absent:
             noun = "variable" if len(absent) == 1 else "variables"
@@ -81,14 +81,14 @@ class Needs:
         return None
 
     def check(self, figure: str, dataset: xr.Dataset) -> None:
-        """Raise a DataError that says what is missing, if anything is."""
+        """Raise a DataError if anything is missing."""
         reason = self.lacking(dataset)
         if reason is not None:
             raise DataError(f"figure {figure} needs {reason}")
 
 
 def varies(dataset: xr.Dataset, name: str) -> bool:
-    """Whether a parameter differs between realizations."""
+    """Return whether a parameter differs between realizations."""
     return fixed(dataset, name) is None
 
 
@@ -102,7 +102,7 @@ def fixed(dataset: xr.Dataset, name: str) -> float | None:
 def quantity(dataset: xr.Dataset, name: str) -> Array:
     """Values of a variable or parameter, one per realization, as float64.
 
-    NaN where there is none, unless the values are codes, of which one says that.
+    NaN where the value is undefined; codes have a code for that.
     """
     values = per_realization(dataset, name)
     if "flag_values" in dataset[name].attrs:
@@ -119,9 +119,9 @@ def kick(dataset: xr.Dataset) -> Array:
 
 
 def drawn_forcing(dataset: xr.Dataset) -> str | None:
-    """Name of the forcing that figures show: what was given as acceleration in g, the amplitude.
+    """Name of the forcing on the axis: the acceleration where it was given, else the amplitude.
 
-    None where frequency or gravity differ, so that amplitudes are not comparable.
+    None where frequency or gravity differ between realizations: amplitudes are not comparable then.
     """
     if dataset.attrs.get("forcing") == ACCELERATION:
         return ACCELERATION
@@ -130,7 +130,7 @@ def drawn_forcing(dataset: xr.Dataset) -> str | None:
 
 
 def one_realization(record: xr.Dataset, realization: int) -> xr.Dataset:
-    """Select one realization of a record, by position; a ParameterError where there is none."""
+    """Select a realization of a record by position; a ParameterError if it does not exist."""
     count = record.sizes["realization"]
     if not -count <= realization < count:
         raise ParameterError(
@@ -156,12 +156,12 @@ def _raised(units: str) -> str:
 
 
 def symbol(name: str) -> str:
-    """Symbol of a variable or parameter in mathtext, with a leading blank; empty if it has none."""
+    """Symbol of a quantity in mathtext, with a leading blank; empty if it has none."""
     return f" ${SYMBOLS[name]}$" if name in SYMBOLS else ""
 
 
 def label(dataset: xr.Dataset, name: str) -> str:
-    """Axis label: words, symbol, units, from the dataset's own attributes where it has them."""
+    """Axis label of words, symbol and units, from the attributes of the dataset if it has them."""
     words, units = name.replace("_", " "), str(dataset[name].attrs.get("units", ""))
     if name in PARAMETERS or name in OF_MOUNT:
         units = INPUTS[name].units
@@ -171,9 +171,9 @@ def label(dataset: xr.Dataset, name: str) -> str:
 
 
 def conditions(dataset: xr.Dataset) -> str:
-    """Restitution, forcing and frequency where realizations share them, base and law, in a line.
+    """Base, law, and the restitution, forcing and frequency that all realizations share, in a line.
 
-    The forcing is shown as it was given, if the dataset holds that.
+    The forcing has the form in which it was given, if the dataset holds that.
     """
     parts = []
     given = str(dataset.attrs.get("forcing", "amplitude"))

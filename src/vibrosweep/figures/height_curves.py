@@ -40,14 +40,14 @@ NEEDS: Final = data.Needs(
     )
 )
 
-# A path of more flights is cut: the Agg renderer holds the outline of a whole path in memory.
+# Longer paths are cut: the Agg renderer holds the outline of a whole path in memory.
 FLIGHTS_PER_PATH: Final = 200
-# Vector files with more flights are larger than the same picture in pixels.
+# With more flights a vector file is larger than the same picture in pixels.
 VECTOR_FLIGHTS: Final = 20_000
 REST: Final = "black"
-# Forcing periods that can be distinguished across a page.
+# Forcing periods that a reader can distinguish across a page.
 READABLE_PERIODS: Final = 40.0
-# Points of a moving base in a forcing period, and altogether.
+# Points of a moving base in a forcing period, and in all.
 SAMPLES: Final = 48
 MOST_SAMPLES: Final = 50_000
 
@@ -63,23 +63,23 @@ def height_time(
 ) -> Figure:
     """Draw height against time: one true parabola per flight, and every rest on the base.
 
-    A base that moves is drawn under the parabolas, and rests ride on it.
+    A moving base is drawn under the parabolas, with the rests on it.
 
-    A parabola is a quadratic Bezier curve, so the drawn curves are the trajectory itself at every
-    magnification, not a polygon through samples of it.
+    A parabola is a quadratic Bezier curve, so the figure shows the trajectory itself at every
+    magnification, instead of a polygon through samples of it.
 
     Parameters
     ----------
     record
         Record of every landing, as `simulate` returns it.
     particles
-        Which particles to draw; all of them by default.
+        Positions of the particles to draw; by default all.
     until
         End of the drawing in s; the end of the observation by default, which is also the latest.
     realization
-        Which realization of the record.
+        Position of the realization in the record.
     mark_landings
-        Put a dot on every landing; by default only where a single particle is drawn.
+        Whether every landing has a dot; by default only if a single particle is drawn.
 
     Returns
     -------
@@ -105,7 +105,7 @@ def height_time(
     one = one.isel(particle=shown)
     begin, stop = _window(one, until)
     drawn = motions(one, base, stop)
-    # A single particle needs less height: it is one curve
+    # A single particle, which is one curve, needs less height
     figure, axes = style.new_figure(style.PAGE, 2.3 if len(shown) == 1 else 2.8)
     colours = _colours(figure, axes, shown)
     _draw_flights(axes, drawn, colours, data.pick(one, "gravity"))
@@ -126,7 +126,7 @@ def height_time(
 
 
 def readable_until(record: xr.Dataset) -> float:
-    """End of the time that can be read on one page, in s: at most 40 forcing periods."""
+    """End of the interval, in s, that is readable on a page: at most 40 forcing periods."""
     one = data.one_realization(record, 0)
     begin = float(one["launch_time"].values.min())
     return min(begin + READABLE_PERIODS / data.pick(one, "frequency"), data.pick(one, "duration"))
@@ -156,10 +156,10 @@ def _window(one: xr.Dataset, until: float | None) -> tuple[float, float]:
 
 
 def _colours(figure: Figure, axes: Axes, shown: list[int]) -> list[ColorType]:
-    """One colour per particle; a colour bar where there are too many for a legend."""
+    """One colour per particle, with a colour bar if there are too many for a legend."""
     if len(shown) <= len(style.OKABE_ITO):
         return list(style.OKABE_ITO[: len(shown)])
-    # The palest tenth of the map is left out: its thin lines would vanish on white paper
+    # without the palest tenth of the map, whose thin lines would vanish on white paper
     cmap = ListedColormap(colormaps[style.SEQUENTIAL_MAP](np.linspace(0.0, 0.9, 256)))
     norm = Normalize(shown[0], shown[-1])
     figure.colorbar(
@@ -200,14 +200,14 @@ def _draw_flights(
 
 
 def _draw_base(axes: Axes, base: BaseMotion, begin: float, stop: float) -> None:
-    """Draw the height of the base, and shade what lies under it."""
+    """Draw the height of the base, and shade the area under it."""
     t = _sampled(base, begin, stop)
     floor = axes.get_ylim()[0]
     axes.fill_between(t, base.height(t), floor, facecolor="0.9", edgecolor="0.55", linewidth=0.6)
 
 
 def _sampled(base: BaseMotion, begin: float, stop: float) -> Array:
-    """Instants between which the height of the base is drawn as straight."""
+    """Instants at which the curve of the base is sampled."""
     count = int(min(SAMPLES * base.frequency * (stop - begin), MOST_SAMPLES)) + 2
     return np.linspace(begin, stop, count)
 
@@ -215,8 +215,8 @@ def _sampled(base: BaseMotion, begin: float, stop: float) -> Array:
 def _draw_rests(
     axes: Axes, drawn: list[Motion], colours: list[ColorType], base: BaseMotion
 ) -> None:
-    """Draw a thick bar on the base for every rest, so that it is not taken for the axis."""
-    # Bars of many particles hide each other, and a single one's would hide its landings
+    """Draw a thick bar on the base for every rest, so that nobody takes it for the axis."""
+    # bars of many particles hide each other; the bar of a single one would hide its landings
     plain = not 1 < len(drawn) <= len(style.OKABE_ITO)
     stays = [(i, rest) for i, motion in enumerate(drawn) for rest in motion.rests]
     times = [_sampled(base, *rest) if base.reach else rest for _, rest in stays]
@@ -231,7 +231,7 @@ def _draw_rests(
         ),
         autolim=False,
     )
-    if of:  # in the legend not the colour of one particle
+    if of:  # the legend shows no particle's colour
         axes.plot([], [], color=REST, linewidth=3.0, label="at rest on the base")
 
 

@@ -20,9 +20,9 @@ CURVE_POINTS: Final = 60
 
 @style.styled
 def fitted_track(flights: xr.Dataset) -> Figure:
-    """Draw the track that flies longest with its fitted flights, and the residuals of all flights.
+    """Draw the track with the longest flights and its fit, and the residuals of all flights.
 
-    From the result of `vibrosweep.lab.lines.flights_of`.
+    Takes the result of `vibrosweep.lab.lines.flights_of`.
     """
     names, index = np.unique(flights["owner"].values, return_inverse=True)
     flying = np.bincount(index, flights["end"].values - flights["start"].values)
@@ -35,15 +35,15 @@ def fitted_track(flights: xr.Dataset) -> Figure:
 
 
 def _draw_track(axes: Axes, flights: xr.Dataset, particle: object) -> None:
-    own = flights["owner"].values == particle
-    start, end = flights["start"].values[own], flights["end"].values[own]
+    flown = flights["owner"].values == particle
+    start, end = flights["start"].values[flown], flights["end"].values[flown]
     shown = min(SHOWN_FLIGHTS, start.size)
     low, high = start[0], end[shown - 1]
     for k in range(shown):
         since = np.linspace(0.0, end[k] - start[k], CURVE_POINTS)
-        speed = flights["speed"].values[own][k]
+        speed = flights["speed"].values[flown][k]
         rise = since * (speed - 0.5 * flights.attrs["curvature"] * since)
-        rise += flights["rise"].values[own][k]
+        rise += flights["rise"].values[flown][k]
         axes.plot(
             start[k] + since,
             1e3 * rise,
@@ -82,7 +82,7 @@ def _draw_track(axes: Axes, flights: xr.Dataset, particle: object) -> None:
 
 
 def _draw_residuals(axes: Axes, flights: xr.Dataset) -> None:
-    """Residuals against the place in the flight: blur and rests would show at its ends."""
+    """Draw residuals over the place in the flight: blur and rests would appear at its ends."""
     used = np.isfinite(flights["residual"].values)
     place = flights["within"].values[used]
     residual = flights["residual"].values[used]
@@ -128,10 +128,10 @@ def _draw_distribution(axes: Axes, flights: xr.Dataset) -> None:
 
 @style.styled
 def errors_by_case(table: xr.Dataset) -> Figure:
-    """Draw the errors of Table 4 case by case beside the range of the study's.
+    """Draw the errors of Table 4 case by case, beside the range of the study.
 
-    From the result of `vibrosweep.lab.compare.compare`; its attributes ``study_height`` and
-    ``study_period``, where its cases are the study's, are the ranges.
+    Takes the result of `vibrosweep.lab.compare_tracks`; its attributes ``study_height`` and
+    ``study_period``, present if its cases are those of the study, hold the ranges.
     """
     figure = Figure(figsize=(style.PAGE, 3.0), layout="constrained")
     panels = figure.subplots(1, 2)

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Motion:
-    """One particle's motion up to some instant, as plain arrays: flights, rests, landings."""
+    """Flights, rests and landings of one particle up to an instant, as plain arrays."""
 
-    # start, end, velocity: beginning and end of every flight in s (a flight in progress ends at the
-    # instant asked for), and the speed it starts with in m/s
+    # start, end, velocity: beginning and end of every flight in s (the last one ends at the
+    # instant), and its initial speed in m/s
     start: Array
     end: Array
     velocity: Array
@@ -32,19 +32,19 @@ class Motion:
 def motions(one: xr.Dataset, base: BaseMotion, until: float) -> list[Motion]:
     """Flights, rests and landings of every particle of one realization, up to ``until`` s."""
     landing, liftoff = one["landing_time"].values, one["liftoff_time"].values
-    each = course(one, base, until)
+    flights = course(one, base, until)
     rests = (one["rested"].values == 1) & (landing < until)
-    leaves = np.fmin(liftoff, until)  # fmin: a particle at rest for good has NaN and stays
+    leaves = np.fmin(liftoff, until)  # NaN is the lift-off of a particle at rest for good
     return [
         Motion(
-            each.start[i, flies],
-            each.end[i, flies],
-            each.velocity[i, flies],
-            each.height[i, flies],
+            flights.start[i, flies],
+            flights.end[i, flies],
+            flights.velocity[i, flies],
+            flights.height[i, flies],
             np.stack([landing[i, rests[i]], leaves[i, rests[i]]], axis=1),
             landing[i, landing[i] <= until],
         )
-        for i, flies in enumerate(each.flies)
+        for i, flies in enumerate(flights.flies)
     ]
 
 
@@ -52,14 +52,14 @@ def parabolas(motion: Motion, gravity: float) -> Array:
     """Return each flight as two quadratic Bezier curves: shape (flight, 5 points, 2).
 
     Points 0, 2 and 4 lie on the parabola: the launch, the apex (or the end, if the flight is cut
-    before it) and the end.  Points 1 and 3 are where the tangents at their neighbours meet.  One
-    curve would be exact too, but renderers flatten it: where many flights share a pixel they would
-    draw it lower than the apex, which as the end of a curve is always reached.
+    before it) and the end.  At points 1 and 3 the tangents at the neighbouring points intersect.  A
+    single curve would be exact too, but renderers approximate curves by polygons and would cut the
+    apex off; they always draw the end point of a curve.
     """
     rise = _rise(motion, gravity)
     top = rise * (motion.velocity - gravity * rise / 2.0)
     fall = motion.end - motion.start - rise
-    # at point 2: zero at the apex, downwards where a flight begins so
+    # at point 2: zero at the apex, negative if the flight begins downwards
     slope = motion.velocity - gravity * rise
     times = [0.0 * rise, rise / 2.0, rise, rise + fall / 2.0, rise + fall]
     values = [0.0 * rise, motion.velocity * rise / 2.0, top, top + slope * fall / 2.0]
@@ -74,7 +74,7 @@ def parabolas(motion: Motion, gravity: float) -> Array:
 
 
 def highest(motion: Motion, gravity: float) -> float:
-    """Greatest height in m, at least 0; a flight that is cut before its apex does not reach it."""
+    """Greatest height in m that is drawn, at least 0."""
     rise = _rise(motion, gravity)
     top = motion.height + rise * (motion.velocity - gravity * rise / 2.0)
     return float(np.max(top, initial=0.0))

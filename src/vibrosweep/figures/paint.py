@@ -1,4 +1,4 @@
-"""Values or codes of realizations painted into a plane, as dots or as cells."""
+"""Paint values or codes of realizations into a plane, as dots or as cells."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ZERO_COLOUR: Final = "0.72"
 
 @dataclass(frozen=True)
 class Points:
-    """Realizations in the plane; ``cells`` is None where each is drawn by itself."""
+    """Realizations in the plane; ``cells`` is None if each one is drawn as a dot."""
 
     x: Array
     y: Array
@@ -32,12 +32,12 @@ class Points:
 
     @property
     def repeated(self) -> bool:
-        """Whether a cell stands for more than one realization."""
+        """Whether a cell holds more than one realization."""
         return self.cells is not None and self.x.size > int(np.prod(self.cells.shape))
 
 
 def scatter_points(x: Array, y: Array) -> Points:
-    """Decide how realizations are drawn: a grid by its cells, many by equal cells, else as dots."""
+    """Choose how to draw realizations: a grid by its cells, many by equal cells, few as dots."""
     cells = gathering.grid_cells(x, y)
     if cells is None and x.size > style.MANY:
         cells = gathering.equal_cells(x, y)
@@ -49,7 +49,7 @@ def paint_numbers(
 ) -> None:
     """Paint numbers, one per realization, with a labelled colour bar; NaN is left blank.
 
-    With a name for `zero` the scale is logarithmic, and zeros get a colour of their own.
+    With a name for `zero` the scale is logarithmic, and zeros have a separate colour.
     """
     drawn = values if points.cells is None else gathering.median(points.cells, values)
     if zero is not None:
@@ -67,7 +67,7 @@ def paint_numbers(
 def paint_codes(
     axes: Axes, points: Points, values: Array, codes: Array, meanings: Sequence[str]
 ) -> None:
-    """Paint codes in colours of their own, with a legend entry for each that occurs."""
+    """Paint every code in its colour, with a legend entry for each code that occurs."""
     colours = style.colours(len(codes))
     if points.cells is None:
         position = np.full(values.shape, np.nan)
@@ -82,7 +82,7 @@ def paint_codes(
 def _norm(known: Array, *, logarithmic: bool) -> Normalize:
     low, high = float(known.min()), float(known.max())
     if logarithmic:
-        # A few almost coincident landings would spread the scale over all of double precision
+        # a few almost coincident landings would stretch the scale to the limits of precision
         low = max(low, float(np.quantile(known, 0.01, method="lower")), 1e-6 * high)
         return LogNorm(low, high) if low < high else LogNorm(low / 2.0, low * 2.0)
     return Normalize(low, high) if low < high else Normalize(low - 0.5, low + 0.5)
@@ -104,7 +104,7 @@ def _paint(
     return axes.scatter(
         points.x[known],
         points.y[known],
-        # Dots of a random design then touch but seldom overlap
+        # at this size dots of a random design touch but seldom overlap
         s=float(np.clip(6000.0 / points.x.size, 2.0, 22.0)),
         c=drawn[known],
         cmap=cmap,
@@ -127,7 +127,7 @@ def _paint_one_colour(
         return
     shown = np.where(chosen, 0.0, np.nan)
     _paint(axes, points, shown, ListedColormap([to_rgba(colour)]), Normalize(-1, 1), marker)
-    # The legend's own marker: a cell's or a large sweep's would be too small to tell its colour
+    # a separate marker: the colour of a cell, or of a dot of a large sweep, is too small to see
     axes.plot(
         [],
         [],

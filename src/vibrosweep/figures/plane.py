@@ -1,4 +1,4 @@
-"""A measured variable over the plane of restitution and amplitude, with the closed-form windows."""
+"""A measured variable over restitution and amplitude, with the closed-form windows."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ NEEDS: Final = data.Needs(AXES, one_of=CHOICES, varied=("restitution", "kick"))
 def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
     """Draw a measured variable over restitution and amplitude.
 
-    Solid curves show from which amplitude the locked orbit of mode k exists, dashed curves up to
-    which it is stable, both in closed form.  If frequency or gravity differ between realizations,
-    the vertical axis is the dimensionless kick 2 f A / g, in which the curves are the same for all;
-    where the forcing was given as the acceleration of the base in g, it is that.
-    A grid is drawn as its cells, a random design as dots, and one of very many realizations as the
-    median (for codes: the commonest) of small cells.
+    The closed forms of locked orbits are drawn over it: the orbit of mode k exists above the solid
+    curve and is stable up to the dashed one.  The vertical axis is the acceleration of the base in
+    g where the forcing was given in that form; otherwise the amplitude, or, if frequency or gravity
+    differ between realizations, the dimensionless kick 2 f A / g, on which the curves do not depend
+    on them.  A grid is drawn as its cells, a random design as dots; of very many realizations,
+    small cells show the median (for codes: the commonest).
 
     Parameters
     ----------
     sweep
         Result of a sweep in which restitution and amplitude vary.
     variable
-        What gives the colour: any numeric variable, or one of codes with the attributes
-        ``flag_values`` and ``flag_meanings``.  By default ``dt_min`` if it was measured, else
-        ``rebound_height_max``.  Separations have a logarithmic scale; realizations in which two
-        particles land at once or share the base have a marker of their own.
+        Variable that sets the colour: a numeric one, or one of codes with the attributes
+        ``flag_values`` and ``flag_meanings``.  By default ``dt_min`` if it was measured, otherwise
+        ``rebound_height_max``.  Separations have a logarithmic scale, and a separate marker for
+        realizations in which two particles land at once or share the base.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
     if not recoils(sweep):
         draw_windows(axes, forcing, over=points.cells is not None)
     _paint_variable(figure, axes, points, sweep, variable)
-    # A colour bar names its variable, a legend does not
+    # a colour bar names its variable, but a legend does not
     coded = "flag_values" in sweep[variable].attrs
     named = data.label(sweep, variable).replace("\n", " ") if coded else ""
     style.head(axes, ", ".join(part for part in (named, data.conditions(sweep)) if part))
@@ -82,7 +82,7 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
 
 
 def _vertical(sweep: xr.Dataset) -> tuple[Forcing, Array, str]:
-    """What the vertical axis is, its values, and its label."""
+    """Name, values and label of the vertical axis."""
     base = base_name(sweep)
     name = data.drawn_forcing(sweep)
     if name is None:
@@ -95,7 +95,7 @@ def _vertical(sweep: xr.Dataset) -> tuple[Forcing, Array, str]:
 
 
 def _set_view(axes: Axes, points: Points) -> None:
-    """Fit the view to the design, which is also as far as the closed forms are drawn."""
+    """Fit the view to the design; the closed forms end there too."""
     if points.cells is not None:
         axes.set_xlim(points.cells.x_edges[0], points.cells.x_edges[-1])
         axes.set_ylim(points.cells.y_edges[0], points.cells.y_edges[-1])

@@ -1,4 +1,4 @@
-"""Every figure by name: what it needs, what it draws, and the file it is written to."""
+"""The set of figures: name, needed variables, drawing function and file of each."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vibrosweep.store.rows import flat
 if TYPE_CHECKING:
     import xarray as xr
 
-# Dates and versions would make two drawings of the same data differ.
+# Without dates and versions two drawings of the same data are the same bytes.
 FORMATS: Final[Mapping[str, Mapping[str, None]]] = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
@@ -38,13 +38,13 @@ class FigureEntry:
 
     name: str  # name in messages
     file_stem: str  # file name without its ending
-    title: str  # what it shows
-    source: Literal["record", "sweep"]  # which dataset it is drawn from
-    needs: Needs  # what that dataset must hold
+    title: str  # description
+    source: Literal["record", "sweep"]  # dataset that it is drawn from
+    needs: Needs  # requirements on that dataset
     draw: Callable[[xr.Dataset], Figure]  # function from the dataset to the figure
 
     def lacking(self, dataset: xr.Dataset | None) -> str | None:
-        """Say in a sentence why the figure cannot be drawn; None if it can."""
+        """Return a sentence on why the figure cannot be drawn; None if it can."""
         reason = _SOURCES[self.source] if dataset is None else self.needs.lacking(flat(dataset))
         return None if reason is None else f"figure {self.name} needs {reason}"
 
@@ -148,7 +148,7 @@ def available(sweep: xr.Dataset | None, record: xr.Dataset | None) -> list[str]:
 
 
 def missing(sweep: xr.Dataset | None, record: xr.Dataset | None) -> dict[str, str]:
-    """Return the figures that cannot be drawn, each with a sentence that says what it needs."""
+    """Return the figures that cannot be drawn, each with a sentence on what it needs."""
     sources = {"sweep": sweep, "record": record}
     reasons = {name: entry.lacking(sources[entry.source]) for name, entry in FIGURES.items()}
     return {name: reason for name, reason in reasons.items() if reason is not None}
@@ -166,7 +166,7 @@ def save_all(
     record
         Record of every landing, if there is one.
     directory
-        Where to; made if it does not exist.  Files of the same name are replaced.
+        Directory for the files; made if it does not exist.  Existing files are replaced.
 
     Returns
     -------
@@ -215,8 +215,8 @@ def save_formats(figure: Figure, directory: str | Path, stem: str) -> list[Path]
 def save(figure: Figure, path: Path, *, force: bool = True) -> Path:
     """Write a figure in the format of the path's ending, one of `FORMATS`; return the path.
 
-    The file appears when it is complete.  Raises an OutputError where it cannot be written, or
-    exists and is not to be replaced by `force`.
+    The file appears when it is complete.  Raises an OutputError if it cannot be written, or exists
+    and `force` is false.
     """
     kind = path.suffix[1:]
     with replacing(path, force=force) as disk, mpl.rc_context(style.RC):

@@ -34,7 +34,7 @@ NEEDS: Final = data.Needs(
 
 CELLS: Final = 160
 LARGEST_DOT: Final = 14.0
-# Two plateaus closer than this fraction of the axis cannot both be labelled.
+# Plateaus closer than this fraction of the axis are too close to label both.
 LABEL_GAP: Final = 0.06
 
 
@@ -42,12 +42,12 @@ LABEL_GAP: Final = 0.06
 def height_against_restitution(sweep: xr.Dataset) -> Figure:
     """Draw the maximum rebound height against restitution, with the closed-form plateaus.
 
-    Filled dots count rebounds only.  Where the launch itself was higher than every rebound, an open
-    circle shows the maximum with the launch counted in.  The plateaus H_k = g k^2 / (8 f^2) are the
-    heights of the locked orbits of mode k; over a moving base their highest points are in the band
-    from H_k to H_k + (2 s_m / pi^2) H_1 while they are stable (`vibrosweep.theory`), which is
-    shaded; over a base of finite mass neither is drawn.  If frequency or gravity differ between
-    realizations, heights are drawn in units of H_1, where the plateaus stand at k^2.
+    Filled dots are the maximum over rebounds.  Where the launch was higher than every rebound, an
+    open circle shows the maximum that includes the launch.  The plateaus H_k = g k^2 / (8 f^2) are
+    the heights of the locked orbits of mode k.  Over a moving base the apexes of stable locked
+    orbits lie in the shaded band from H_k to H_k + (2 s_m / pi^2) H_1 (`vibrosweep.theory`); over a
+    base of finite mass neither is drawn.  If frequency or gravity differ between realizations,
+    heights have the unit H_1, and the plateaus lie at k^2.
 
     Parameters
     ----------
@@ -79,10 +79,10 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     rebound = data.quantity(sweep, "rebound_height_max") / unit
     flight = data.quantity(sweep, "flight_height_max") / unit
     figure, axes = style.new_figure(style.MEDIUM, 3.3)
-    seen = np.concatenate([rebound, flight])
-    top = 1.06 * float(np.max(seen, where=np.isfinite(seen), initial=0.0)) or one_height
-    # over a moving base a particle may rise to below its mean level only
-    lowest = 1.06 * float(np.min(seen, where=np.isfinite(seen), initial=0.0))
+    heights = np.concatenate([rebound, flight])
+    top = 1.06 * float(np.max(heights, where=np.isfinite(heights), initial=0.0)) or one_height
+    # over a moving base a particle may stay below the mean level of the base
+    lowest = 1.06 * float(np.min(heights, where=np.isfinite(heights), initial=0.0))
     axes.set(xlim=_span(restitution), ylim=(lowest - 0.02 * top, top))
     if restitution.size > style.MANY:
         _draw_density(figure, axes, restitution, rebound)
@@ -102,13 +102,13 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     style.head(axes, _remark(sweep, rebound))
     legend = axes.get_legend()
     for handle in legend.legend_handles if legend else ():
-        if isinstance(handle, PathCollection):  # dots of many realizations cannot be seen in it
+        if isinstance(handle, PathCollection):  # dots of many realizations are too small to see
             handle.set_sizes([LARGEST_DOT])
     return figure
 
 
 def plateaus(one_height: float, top: float) -> tuple[Array, Array]:
-    """Return modes k and heights of the plateaus below ``top`` that can be distinguished."""
+    """Return modes k and heights of the distinguishable plateaus below ``top``."""
     modes = np.arange(1, min(int(np.sqrt(top / one_height)), 1000) + 1, dtype=np.float64)
     heights = one_height * modes**2
     kept: list[int] = []
@@ -119,7 +119,7 @@ def plateaus(one_height: float, top: float) -> tuple[Array, Array]:
 
 
 def _height_unit(sweep: xr.Dataset) -> tuple[Array, float]:
-    """Return the unit of height per realization, and the height of mode 1 in that unit."""
+    """Return the unit of height of each realization, and the height of mode 1 in that unit."""
     frequency, gravity = data.fixed(sweep, "frequency"), data.fixed(sweep, "gravity")
     if frequency is not None and gravity is not None:
         return np.ones(()), float(theory.locked_height(1, frequency, gravity))
@@ -136,9 +136,9 @@ def _span(values: Array) -> tuple[float, float]:
 def _draw_dots(
     figure: Figure, axes: Axes, sweep: xr.Dataset, restitution: Array, height: Array
 ) -> None:
-    """Draw a dot per realization, coloured by how strong the forcing is if that varies."""
+    """Draw a dot per realization, coloured by the forcing if that varies."""
     name = data.drawn_forcing(sweep)
-    known = np.isfinite(height)  # the first of the dots is that of the legend
+    known = np.isfinite(height)  # the first collection of dots is the one in the legend
     forcing = (data.quantity(sweep, name) if name else data.kick(sweep))[known]
     coloured = np.ptp(forcing) > 0.0 if forcing.size else False
     dots = axes.scatter(
@@ -177,7 +177,7 @@ def _draw_density(figure: Figure, axes: Axes, restitution: Array, height: Array)
 
 
 def _draw_launches(axes: Axes, restitution: Array, rebound: Array, flight: Array) -> None:
-    """Draw the maximum with the launch counted in, where that makes a difference."""
+    """Draw the maximum that includes the launch, where it differs from that of the rebounds."""
     differs = np.isfinite(flight) & ~(flight <= rebound)
     if np.any(differs):
         axes.scatter(
@@ -207,7 +207,7 @@ def _draw_launch_height(axes: Axes, sweep: xr.Dataset, unit: Array) -> None:
 
 
 def _draw_plateaus(axes: Axes, one_height: float, top: float) -> None:
-    """Draw the locked heights as lines, named on the right-hand side."""
+    """Draw the heights of locked orbits as lines, named on the right-hand side."""
     modes, heights = plateaus(one_height, top)
     for height in heights:
         axes.axhline(float(height), color="black", alpha=0.45, linewidth=0.6, zorder=1.5)
@@ -219,7 +219,7 @@ def _draw_plateaus(axes: Axes, one_height: float, top: float) -> None:
 
 
 def _draw_bands(axes: Axes, one_height: float, top: float) -> None:
-    """Shade the highest points that stable locked orbits may have over a moving base."""
+    """Shade the range of the apexes of stable locked orbits over a moving base."""
     e = np.linspace(max(axes.get_xlim()[0], 0.0), min(axes.get_xlim()[1], 1.0), 101)
     highest = theory.amplitude_max(1, e, 1.0, 2.0, base="moving")
     above = theory.locked_apex(1, e, highest, 1.0, 2.0) / theory.locked_height(1, 1.0, 2.0) - 1.0

@@ -40,18 +40,18 @@ MOST_MODES: Final = 12
 def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     """Draw the arrival speed at each landing against that at the landing before.
 
-    All points lie in the strip of slope e and half-width A; over a moving base, whose height at
-    the next landing is another, in that of half-width A + 2 V0, V0 = A / (1 + e).  Those of the
-    second half of the observation are drawn darker and on top.  Diamonds on the identity line are
-    the stable closed-form locked orbits of mode k, crosses the unstable ones.  Over a base of
-    finite mass neither strip nor orbits are known, and only the points are drawn.
+    All points lie in the strip of slope e and half-width A; over a moving base, whose height
+    changes between landings, the half-width is A + 2 V0 with V0 = A / (1 + e).  Points of the
+    second half of the observation are darker and on top.  Diamonds on the identity line mark the
+    stable closed-form locked orbits of mode k, crosses the unstable ones.  Over a base of finite
+    mass neither strip nor orbits have a closed form, and the figure shows the points alone.
 
     Parameters
     ----------
     record
         Record of every landing, as `simulate` returns it.
     realization
-        Which realization of the record; all its particles are drawn.
+        Position of the realization in the record; all its particles are drawn.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     figure, axes = style.new_figure(style.COLUMN, 4.1)
     floor = data.pick(one, "amplitude") or data.pick(one, "launch_velocity") or 1.0
     top = 1.06 * max(float(np.max(before, initial=floor)), float(np.max(after, initial=floor)))
-    # over a moving base a particle may land while it rises
+    # over a moving base a particle may still be rising when it lands
     lowest = min(float(np.min(before, initial=0.0)), float(np.min(after, initial=0.0)))
     if not recoils(one):
         _draw_strip(axes, one, lowest, top)
@@ -141,7 +141,7 @@ def _draw_points(
             rasterized=before.size > style.MANY,
             zorder=2.5,
         )
-        # The legend's own marker, as those of a long record are too small to tell the colour
+        # a separate marker: the colour of the dots of a long record is too small to see
         if np.any(chosen):
             axes.plot(
                 [], [], linestyle="none", marker="o", markersize=3.5, color=colour, label=name
@@ -149,7 +149,7 @@ def _draw_points(
 
 
 def _draw_locked(axes: Axes, one: xr.Dataset, top: float) -> None:
-    """Mark the closed-form locked orbits, for which every speed is g k / (2 f)."""
+    """Mark the closed-form locked orbits, all of whose arrival speeds are g k / (2 f)."""
     e, amplitude, frequency, gravity = (
         data.pick(one, name) for name in ("restitution", "amplitude", "frequency", "gravity")
     )

@@ -25,17 +25,17 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
     Parameters
     ----------
     indices
-        What `vibrosweep.analysis.sensitivity.sobol_indices` found.
+        Result of `vibrosweep.sobol`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        The figure, which is neither shown nor written.
+        The figure; it is neither displayed nor written.
 
     Raises
     ------
     DataError
-        The dataset is no result of `sobol_indices`.
+        The dataset is no result of `vibrosweep.sobol`.
 
     Examples
     --------
@@ -46,7 +46,7 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
     True
     """
     parts = ("first_order", "total_order")
-    require(indices, "sobol_bars", "output", "parameter", *parts, source="sobol_indices")
+    require(indices, "sobol_bars", "output", "parameter", *parts, source="sobol")
     outputs = [str(name) for name in indices["output"].values]
     names = [str(name) for name in indices["parameter"].values]
     figure = Figure(figsize=(style.PAGE, 1.6 + 0.24 * len(names)), layout="constrained")

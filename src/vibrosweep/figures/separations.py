@@ -20,7 +20,7 @@ NEEDS: Final = data.Needs(
     ("dt_min", "collision_free", "contact_time", "duration"), known=("dt_min",)
 )
 
-# Separations below this are drawn at the left edge, s
+# s; smaller separations are drawn at the left edge
 EDGE: Final = 1e-9
 
 
@@ -33,16 +33,16 @@ def separation_distributions(
     Parameters
     ----------
     found
-        What `vibrosweep.analysis.separations.separation_distribution` found, for each curve.
+        Result of `vibrosweep.analysis.separation_distribution` for each curve.
     names
-        Of the curves.
+        Names of the curves.
     contact_time
-        Marked by a line, s.
+        Contact time in s, marked by a line.
 
     Returns
     -------
     matplotlib.figure.Figure
-        The figure, which is neither shown nor written.
+        The figure; it is neither displayed nor written.
 
     Raises
     ------
@@ -90,19 +90,19 @@ def separation_distributions(
 
 @style.styled
 def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
-    """Draw the separation of two particles in one slot, and the decay of their multipliers.
+    """Draw the separation of two particles in one slot, and its decay by the multipliers.
 
     Parameters
     ----------
     found
-        What `vibrosweep.analysis.decay.slot_decay` found.
+        Result of `vibrosweep.analysis.slot_decay`.
     realization
-        Which, by position.
+        Position of the realization in it.
 
     Returns
     -------
     matplotlib.figure.Figure
-        The figure, which is neither shown nor written.
+        The figure; it is neither displayed nor written.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How every figure looks: sizes, fonts, colours, in one place and without touching global state."""
+"""Sizes, fonts and colours of every figure, set without touching global state."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ COLUMN: Final = 3.5
 MEDIUM: Final = 5.0
 PAGE: Final = 7.0
 
-# More points than this are counted in cells instead of drawn one by one.
+# Above this number, points are gathered in cells instead of drawn one by one.
 MANY: Final = 20_000
 
-# Of a remark above the axes; what beside them is not text, in inches
+# Of a remark above the axes, and the inches of a figure's width that it cannot use
 LETTERS_PER_INCH: Final = 14
 BESIDE: Final = 0.5
 
@@ -44,7 +44,7 @@ SEQUENTIAL_MAP: Final = "viridis"
 DENSITY_MAP: Final = "cividis_r"
 GREY: Final = "0.45"
 
-# Okabe and Ito's palette, distinct with every common colour blindness.  Its yellow is left out:
+# The palette of Okabe and Ito, distinct under every common colour blindness, without its yellow:
 # thin yellow lines vanish on white paper.
 OKABE_ITO: Final = (
     "#0072B2",  # blue
@@ -90,17 +90,17 @@ RC: Final[dict[Any, Any]] = {
     "lines.linewidth": 0.9,
     "text.usetex": False,
     "pdf.fonttype": 42,  # journals want embedded TrueType, not Type 3
-    "savefig.bbox": None,  # sizes stay as designed
+    "savefig.bbox": None,  # keeps the designed sizes
 }
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Make a drawing function run under the house style; the caller's rcParams stay as they are.
+    """Make a drawing function run under the style of this package; rcParams stay unchanged.
 
     Parameters
     ----------
     draw
-        Any function that returns a figure.
+        Function that returns a figure.
 
     Returns
     -------
@@ -126,7 +126,7 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
-    """Return an empty figure with one pair of axes; no window, no pyplot registry.
+    """Return an empty figure with one pair of axes, unknown to pyplot.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
 
 
 def colours(count: int) -> list[ColorType]:
-    """As many colours that differ: of the palette, or of the sequential map where it runs out.
+    """Return different colours: of the palette, or of the sequential map if that has too few.
 
     Parameters
     ----------
@@ -176,21 +176,21 @@ def colours(count: int) -> list[ColorType]:
 
 
 def halo() -> list[patheffects.AbstractPathEffect]:
-    """White outline that keeps lines and words readable on top of colour."""
+    """Return a white outline that keeps lines and words readable on top of colour."""
     return [patheffects.withStroke(linewidth=2.2, foreground="white")]
 
 
 def head(axes: Axes, remark: str, columns: int = 4) -> None:
-    """Put a remark and the legend, if there is one, above the axes, where they cover no data.
+    """Put a remark, and the legend if there is one, above the axes, where they hide no data.
 
     Parameters
     ----------
     axes
-        Those of a figure, with what the legend names drawn already.
+        Axes of a figure in which everything that the legend names is drawn.
     remark
-        Text, broken into lines after commas; may be empty.
+        Text, broken into lines after commas; it may be empty.
     columns
-        Columns of the legend.
+        Number of columns of the legend.
 
     Returns
     -------
@@ -224,11 +224,11 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
 
 
 def _in_lines(remark: str, width: float) -> str:
-    """Break a remark after commas: one wider than its figure is cut off, and narrows the axes."""
+    """Break a remark after commas: one that is wider than the figure would narrow the axes."""
     lines: list[str] = []
     for part in remark.split(", "):
         longer = f"{lines[-1]}, {part}" if lines else part
-        drawn = re.sub(r"\\[a-z]+|[$^{}]", "", longer)  # roughly, without the marks of mathtext
+        drawn = re.sub(r"\\[a-z]+|[$^{}]", "", longer)  # roughly, without markup of mathtext
         if lines and len(drawn) > LETTERS_PER_INCH * (width - BESIDE):
             lines[-1] += ","
             lines.append(part)

@@ -1,4 +1,4 @@
-"""Stability windows as they were computed, with the closed forms of locked orbits over them."""
+"""Computed stability windows, with the closed forms of locked orbits over them."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ BAND: Final[Mapping[str, Any]] = {"linewidth": 0.0, "alpha": 0.45, "zorder": 1.0
 def stability_windows(windows: xr.Dataset) -> Figure:
     """Draw the intervals of the forcing in which conditions hold against restitution.
 
-    All locked orbits share the first panel, every other condition has its own.  Where orbits were
-    continued along the forcing, both directions are drawn over each other: where only one of
-    them is seen, the window is hysteretic.  A bar that reaches the end of the scan may go on beyond
-    it, and so may one that ends where points of the scan are grey: there it is undetermined whether
-    the condition holds.  Curves are the closed forms of locked orbits without reflection: solid
-    from where they exist, dashed up to where they are stable.
+    All locked orbits share the first panel; every other condition has a panel.  Where orbits were
+    continued along the forcing, both directions are drawn over each other, and a window that
+    appears in only one of them is hysteretic.  A window may continue beyond a bar that reaches the
+    end of the scan, or that ends at grey points, where the condition is undetermined.  Curves are
+    the closed forms of locked orbits without reflection: the orbit exists above the solid curve and
+    is stable up to the dashed one.
 
     Parameters
     ----------
     windows
-        Result of `vibrosweep.analysis.windows.find_windows`.
+        Result of `vibrosweep.windows` or `vibrosweep.analysis.find_windows`.
 
     Returns
     -------
     matplotlib.figure.Figure
-        The figure, which is neither shown nor written.
+        The figure; it is neither displayed nor written.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     e = windows["restitution"].values
     scan = windows["scan"].values
     axes.set_xlim(*_edges(e)[[0, -1]])
-    # whether a locked orbit exists and attracts does not depend on the direction
+    # existence and stability of a locked orbit do not depend on the direction
     directions = windows["direction"].values[: 1 if is_locked else None]
     shown = [(name, direction) for name in names for direction in directions]
     top = 0.0
@@ -109,7 +109,7 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
         name,
     )
     draw_windows(axes, forcing, over=True, modes=modes)
-    # with their remark only two entries fit beside each other
+    # beside their remark only two entries fit in a row
     lack = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
     turned = is_locked and windows.attrs.get("rebound") == "reflect"
     remark = "; curves: orbits without reflection" if turned else ""
@@ -117,9 +117,9 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
 
 
 def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label: str) -> float:
-    """Bars from end to end of each window, as wide as the restitutions are apart.
+    """Draw a bar for each window, as wide as the distance between restitutions.
 
-    A window that reaches an end of the scan is drawn up to it.  Returns the highest end, 0 without.
+    A window that reaches an end of the scan is drawn up to it.  Returns the highest end, or 0.
     """
     edges = _edges(chosen["restitution"].values)
     there = chosen["window_ends"].values >= 0
@@ -144,9 +144,9 @@ def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label
 
 
 def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
-    """Grey cells around the points of the scan where it is undetermined whether a condition holds.
+    """Draw grey cells around points of the scan at which a condition is undetermined.
 
-    Earlier versions did not tell.
+    Results of earlier versions do not hold these points.
     """
     held = chosen["holds"].values if "holds" in chosen else np.zeros(0)
     if not np.any(held == UNDETERMINED):
@@ -166,7 +166,7 @@ def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
 
 
 def _scanned(windows: xr.Dataset) -> str:
-    """Name of the forcing that was scanned."""
+    """Name of the scanned forcing."""
     return str(windows.attrs.get("forcing", "amplitude"))
 
 

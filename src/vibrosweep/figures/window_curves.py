@@ -20,19 +20,19 @@ SAMPLES: Final = 201
 
 @dataclass(frozen=True)
 class Forcing:
-    """In what form the forcing is drawn."""
+    """The form in which the forcing is drawn."""
 
     symbol: str  # in mathtext, without dollar signs
     base: str  # one of `vibrosweep.model.parameters.BASES`
-    # frequency, gravity: in Hz and m s-2; by default an amplitude is the dimensionless kick
+    # frequency, gravity: Hz and m s-2; with the defaults an amplitude is the dimensionless kick
     frequency: float = 1.0
     gravity: float = 2.0
-    name: str = "amplitude"  # what is drawn, one of `vibrosweep.model.forcing.FORCINGS`
+    name: str = "amplitude"  # name of the forcing, one of `vibrosweep.model.forcing.FORCINGS`
 
 
 @dataclass(frozen=True)
 class Curve:
-    """An end of the window of mode k: where the orbit begins to exist, or ceases to be stable."""
+    """An end of the window of mode k: the onset of existence, or of instability, of the orbit."""
 
     mode: int
     is_upper: bool
@@ -46,9 +46,9 @@ def window_curves(
     forcing: Forcing,
     modes: Sequence[int] = MODES,
 ) -> list[Curve]:
-    """Return both ends of the windows of the modes, as far as they cross the view.
+    """Return both ends of the windows of the modes, where they cross the view.
 
-    The view is a range of restitution and one of the forcing.
+    The view is a range of the restitution and one of the forcing.
     """
     e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
     scale = per_amplitude(forcing.name, e, forcing.frequency, forcing.gravity)
@@ -63,7 +63,7 @@ def window_curves(
 
 
 def per_amplitude(name: str, e: Array, frequency: float | Array, gravity: float | Array) -> Array:
-    """Return a forcing over the amplitude A = (1 + e) V0 that it makes."""
+    """Return the ratio of a forcing to its amplitude A = (1 + e) V0."""
     if name == "amplitude":
         return np.ones_like(e)
     omega = 2.0 * np.pi * frequency
@@ -78,7 +78,7 @@ def per_amplitude(name: str, e: Array, frequency: float | Array, gravity: float 
 def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[int] = MODES) -> None:
     """Draw the ends of the windows into the present view and name each on its curve.
 
-    With `over` they are drawn over cells, with a halo; else under dots, so that they hide none.
+    With `over` they are drawn over cells, with a halo; otherwise under the dots.
     """
     curves = window_curves(axes.get_xlim(), axes.get_ylim(), forcing, modes)
     for curve in curves:
@@ -112,15 +112,15 @@ def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[in
 
 
 def _slope(curve: Curve, at: int) -> float:
-    """Angle in degrees in data space; the text turns with the axes' own scaling."""
+    """Angle of a curve in degrees of data space; the text turns with the scale of the axes."""
     run = curve.restitution[at + 1] - curve.restitution[at - 1]
     return float(np.degrees(np.arctan2(curve.forcing[at + 1] - curve.forcing[at - 1], run)))
 
 
 def _label_places(axes: Axes, curves: list[Curve]) -> list[int | None]:
-    """Place each label, one after the other, where it is farthest from curves and labels.
+    """Place labels one after the other, each as far as possible from curves and other labels.
 
-    None for a curve that has no room in the view: one of a high mode crosses it steeply at its rim.
+    None for a curve without enough space, such as one of a high mode at the edge of the view.
     """
     to_view = axes.transAxes.inverted()
     points = [
@@ -130,18 +130,18 @@ def _label_places(axes: Axes, curves: list[Curve]) -> list[int | None]:
     candidates = np.linspace(0.1, 0.9, 33) * (SAMPLES - 1)
     placed: list[Array] = []
     places: list[int | None] = []
-    for i, own in enumerate(points):
+    for i, curve in enumerate(points):
         others = [p for j, p in enumerate(points) if j != i] + placed
-        room = {int(c): _room(own[int(c)], others, len(placed)) for c in candidates}
-        best = max(room, key=lambda c: room[c])
-        inside = room[best] > 0.0
-        placed += [own[best][np.newaxis]] if inside else []
+        space = {int(c): _free_space(curve[int(c)], others, len(placed)) for c in candidates}
+        best = max(space, key=lambda c: space[c])
+        inside = space[best] > 0.0
+        placed += [curve[best][np.newaxis]] if inside else []
         places.append(best if inside else None)
     return places
 
 
-def _room(at: Array, others: list[Array], labels: int) -> float:
-    """Room around a point, in fractions of the view; labels need more than curves do."""
+def _free_space(at: Array, others: list[Array], labels: int) -> float:
+    """Free space around a point, in fractions of the view; labels need more than curves do."""
     edge = float(min(at.min(), (1.0 - at).min()))
     distances = [float(np.hypot(*(other - at).T).min()) for other in others]
     curves, names = distances[: len(distances) - labels], distances[len(distances) - labels :]

@@ -1,6 +1,6 @@
 """Closed forms of the bouncing ball: locked orbits, and orbits of any kind.
 
-Those of `sprung` hold over a base of finite mass, the others over one that particles do not act on.
+The forms in `sprung` hold over a base of finite mass, the others over a base of infinite mass.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Closed forms of particles on a base of finite mass, which recoils; derived in `docs/ordering.md`.
+"""Closed forms of particles on a sprung base of finite mass, derived in `docs/ordering.md`.
 
-Everything is dimensionless: times in forcing periods, phases in turns, speeds in g / (2 f).
-Arguments that several functions share are the acceleration Gamma of the base without particles, in
-g; the mode k, the forcing periods between two impacts of a particle; the mass mu of one particle
-over that of the base; the natural frequency of the mount over that of the forcing; and its damping
-ratio.
+Every quantity is dimensionless: times in forcing periods, phases in turns, speeds in g / (2 f).
+Arguments that several functions share: the acceleration Gamma of the base without particles, in g;
+the mode k, the number of forcing periods between two impacts of a particle; the ratio mu of the
+mass of one particle to that of the base; the ratio of the natural frequency of the mount to that of
+the forcing; the damping ratio of the mount.
 """
 
 from __future__ import annotations
