@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import platform
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,6 +15,7 @@ from numba import njit
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_speed
 from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, launches
+from vibrosweep.store.provenance import provenance as environment
 
 REPORT = Path(__file__).parents[1] / "docs" / "accuracy.md"
 ULP = 2.0**-53  # spacing of doubles in [1/2, 1): one ulp of a turn
@@ -62,7 +64,7 @@ def batch_of(scenes: Sequence[Mapping[str, float]], law: str, base: str = "high-
 
 
 def bare_problem(e: np.ndarray, a: np.ndarray) -> Dimensionless:
-    """Realizations of these restitutions and kicks; all else is of no interest."""
+    """Realizations of these restitutions and kicks; all else is irrelevant."""
     given = {name: np.full(e.shape, p.default) for name, p in PARAMETERS.items()}
     # gravity 2 and frequency 1: an amplitude is its kick
     given |= {"restitution": e, "amplitude": a, "gravity": np.full(e.shape, 2.0)}
@@ -77,21 +79,33 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor()
-    return next((n.partition(":")[2].strip() for n in lines if n.startswith("model name")), "")
+    return str(environment(threads=1)["cpu"])
 
 
 def provenance(seconds: float, seed: int | None) -> str:
-    """What computed a table: versions, processor, seed and time."""
+    """Origin of a table: versions, processor, seed and time."""
     libraries = ", ".join(f"{n} {version(n)}" for n in ("numpy", "numba", "python-flint"))
     seeded = "" if seed is None else f"; seed {seed}"
     return (
         f"*Python {platform.python_version()}, {libraries}; {processor()}{seeded}; "
         f"{seconds:.0f} s.*"
     )
+
+
+def options_of(text: str, *, write: bool = True, **arguments: object) -> argparse.Namespace:
+    """Read the options of a script, given by their defaults, some with a text for --help."""
+    parser = argparse.ArgumentParser(description=text.partition("\n")[0])
+    for name, given in arguments.items():
+        default, words = given if isinstance(given, tuple) else (given, None)
+        parser.add_argument(f"--{name}", type=type(default), default=default, help=words)
+    if write:
+        parser.add_argument("--write", action="store_true", help="write the tables into the page")
+    return parser.parse_args()
+
+
+def show(options: argparse.Namespace, name: str, text: str, path: Path = REPORT) -> None:
+    """Print a table, or write it into its page."""
+    write_section(name, text, path) if options.write else print(text, "\n", flush=True)
 
 
 def write_section(name: str, text: str, path: Path = REPORT) -> None:

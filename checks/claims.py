@@ -9,13 +9,12 @@ docs/separations-and-claims.md by that of the first seeds.
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 import time
 from pathlib import Path
 
-from accuracy import provenance, table, write_section
+from accuracy import options_of, provenance, table, write_section
 
 sys.path.append(str(Path(__file__).parents[1]))  # where the study stands
 
@@ -68,11 +67,7 @@ def rows(claims):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--realizations", type=int, default=Plan.realizations)
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--write", action="store_true", help="replace the table in the docs")
-    options = parser.parse_args()
+    options = options_of(__doc__, realizations=Plan.realizations, threads=2)
     judged, seconds = [], []
     for first in FIRST_SEEDS:
         began = time.process_time()

@@ -8,14 +8,13 @@ with changed parameters and launches (`vibrosweep.proof.coupled`), which gives t
 
 from __future__ import annotations
 
-import argparse
 import time
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
-from accuracy import provenance, table, write_section
+from accuracy import options_of, provenance, show, table
 from vibrosweep import simulate
 from vibrosweep.proof.coupled import prove
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx
@@ -99,13 +98,7 @@ def compare(parameters, launches, duration, most=MOST):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--realizations", type=int, default=40, help="of each number of particles")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--write", action="store_true", help="write the table into the page")
-    options = parser.parse_args()
+    options = options_of(__doc__, realizations=(40, "of each number of particles"), seed=1)
     began, rng, rows = time.perf_counter(), np.random.default_rng(options.seed), []
     for particles in PARTICLES:
         launches = [j / particles for j in range(particles)]
@@ -124,7 +117,7 @@ def main() -> None:
     )
     text = table(head, rows)
     text += f"\n\n{provenance(time.perf_counter() - began, options.seed)}"
-    write_section("coupled", text, PAGE) if options.write else print(text)
+    show(options, "coupled", text, PAGE)
 
 
 if __name__ == "__main__":

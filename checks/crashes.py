@@ -14,7 +14,6 @@ complete file have the name of the result.
 
 from __future__ import annotations
 
-import argparse
 import io
 import os
 import platform
@@ -32,7 +31,7 @@ from unittest import mock
 
 import numpy as np
 
-from accuracy import processor, table, write_section
+from accuracy import options_of, processor, show, table
 from vibrosweep.cli import main as command
 from vibrosweep.store.disk import Disk
 from vibrosweep.store.parts import MANIFEST, Parts
@@ -417,18 +416,14 @@ def report(found: Mapping[str, Findings], seconds: float, seed: int) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--states", type=int, default=400, help="of each kind of run, at most")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--write", action="store_true", help="write the table into the report")
-    options = parser.parse_args()
+    options = options_of(__doc__, states=(400, "of each kind of run, at most"), seed=1)
     began, found = time.perf_counter(), {}
     for name, scenario in SCENARIOS.items():
         with tempfile.TemporaryDirectory() as directory:
             root = Path(directory) / "disk"
             found[name] = campaign(root, scenario, options.states, options.seed)
     text = report(found, time.perf_counter() - began, options.seed)
-    print(text) if not options.write else write_section("crashes", text, REPORT)
+    show(options, "crashes", text, REPORT)
     raise SystemExit(1 if any(findings.failures for findings in found.values()) else 0)
 
 

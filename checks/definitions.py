@@ -13,7 +13,6 @@ must give the same bits.  Exit code 1 if anything differs.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import sys
 from collections.abc import Iterator, Mapping
@@ -22,6 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from accuracy import options_of
 from vibrosweep.engine import coupled
 from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.coupled import base_track
@@ -377,12 +377,7 @@ def campaign(scenes: int, seed: int) -> tuple[dict[str, int], list[str]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--scenes", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
+    options = options_of(__doc__, scenes=200, seed=1, write=False)
     counts, wrong = campaign(options.scenes, options.seed)
     for line in wrong:
         print(line)

@@ -6,7 +6,6 @@ painted and the frame is finished.  Needs the extra ``browser`` and a Chromium.
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import shutil
@@ -21,6 +20,7 @@ from pathlib import Path
 from playwright.sync_api import Page, sync_playwright
 
 import vibrosweep as vs
+from accuracy import options_of
 
 FLAGS = ("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
 IMPORTS = "import vibrosweep.commands.explore, vibrosweep.explore.server"
@@ -194,15 +194,8 @@ def timed(server: subprocess.Popen[str], began: float, found: str, count: int) -
 
 def main() -> None:
     """Start the page of a sweep and print what was measured."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=50, help="of each; default: 50")
-    parser.add_argument(
-        "--realizations",
-        type=int,
-        default=200,
-        help=f"of the sweep that is opened; default: 200. Of more than {MANY} the plane is timed",
-    )
-    options = parser.parse_args()
+    timed_too = f"of the sweep that is opened; of more than {MANY} the plane is timed"
+    options = options_of(__doc__, count=(50, "of each"), realizations=(200, timed_too), write=False)
     found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))))
     spec = {"restitution": (0.80, 0.98), "amplitude": (0.2, 3.5), "particles": 20, "seed": 1}
     if options.realizations > MANY:

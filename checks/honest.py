@@ -7,7 +7,6 @@ Every specification that fails is printed with its complaints.  It ends with 1 i
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import time
@@ -16,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from accuracy import options_of
 from vibrosweep.proof.verification import State
 from vibrosweep.proof.verify import verify
 from vibrosweep.runs.driver import run_sweep
@@ -123,11 +123,7 @@ def random_sample(rng: np.random.Generator, base: str, frequency: float) -> tupl
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--specs", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=3600.0)
-    options = parser.parse_args()
+    options = options_of(__doc__, specs=300, seed=1, seconds=3600.0, write=False)
     begun, done, failed = time.perf_counter(), 0, 0
     states: Counter[str] = Counter()
     undecided: Counter[str] = Counter()

@@ -10,7 +10,6 @@ of a run that nothing disturbed, byte for byte apart from the time of its creati
 
 from __future__ import annotations
 
-import argparse
 import platform
 import subprocess
 import sys
@@ -24,7 +23,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from accuracy import processor, table, write_section
+from accuracy import options_of, processor, show, table
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import LENGTH
@@ -175,17 +174,13 @@ def report(found: dict[str, Findings], seconds: float, seed: int) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--kills", type=int, default=200, help="on each base")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--write", action="store_true", help="write the table into the report")
-    options = parser.parse_args()
+    options = options_of(__doc__, kills=(200, "on each base"), seed=1)
     began, found = time.perf_counter(), {}
     for base, sweep in SWEEPS.items():
         with tempfile.TemporaryDirectory() as directory:
             found[base] = campaign(Path(directory), sweep, options.kills, options.seed)
     text = report(found, time.perf_counter() - began, options.seed)
-    print(text) if not options.write else write_section("kills", text, REPORT)
+    show(options, "kills", text, REPORT)
     raise SystemExit(1 if any(findings.failures for findings in found.values()) else 0)
 
 

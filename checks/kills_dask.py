@@ -10,7 +10,6 @@ that of an undisturbed run without Dask, byte for byte apart from the time of it
 
 from __future__ import annotations
 
-import argparse
 import platform
 import subprocess
 import tempfile
@@ -22,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from accuracy import processor, table, write_section
+from accuracy import options_of, processor, show, table
 from kills import CHUNK, CHUNKS, SWEEPS, contents, finished, killed, run_words
 from vibrosweep.store.rundir import run_directory
 
@@ -159,13 +158,13 @@ def report(found: dict[str, Findings], workers: int, seconds: float, seed: int) 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--kills", type=int, default=100, help="on each base")
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--minutes", type=float, default=60.0, help="begin no more kills after")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--write", action="store_true", help="write the table into the report")
-    options = parser.parse_args()
+    options = options_of(
+        __doc__,
+        kills=100,
+        workers=2,
+        minutes=60.0,
+        seed=1,
+    )
     began, found = time.perf_counter(), {}
     seconds = 60.0 * options.minutes / len(LONGER)
     for base, sweep in LONGER.items():
@@ -174,7 +173,7 @@ def main() -> None:
                 Path(directory), sweep, options.kills, options.workers, options.seed, seconds
             )
     text = report(found, options.workers, time.perf_counter() - began, options.seed)
-    print(text) if not options.write else write_section("kills", text, REPORT)
+    show(options, "kills", text, REPORT)
     raise SystemExit(1 if any(findings.failures for findings in found.values()) else 0)
 
 

@@ -14,7 +14,6 @@ doubles e and a.  The same map with a running time and a library sine is iterate
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
 from typing import NamedTuple
@@ -23,7 +22,7 @@ import numpy as np
 from flint import arb, ctx
 from numba import njit
 
-from accuracy import bare_problem, provenance, table, write_section
+from accuracy import bare_problem, options_of, provenance, table, write_section
 from vibrosweep.kernels.bases import constants, fly, rebound
 from vibrosweep.kernels.impact import base_of, land
 
@@ -243,12 +242,7 @@ SHORT = (0, 1, 2, 4, 5, 6, 7, 9)  # columns of the report
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--states", type=int, default=1_000_000, help="of each kind")
-    parser.add_argument("--impacts", type=int, default=1_000_000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--write", action="store_true", help="write the tables into the report")
-    options = parser.parse_args()
+    options = options_of(__doc__, states=(1_000_000, "of each kind"), impacts=1_000_000, seed=1)
     show = write_section if options.write else (lambda name, text: print(text, "\n"))
     began, rng = time.perf_counter(), np.random.default_rng(options.seed)
     largest = {}

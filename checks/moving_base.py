@@ -9,12 +9,12 @@ determine one.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 
 import numpy as np
 
+from accuracy import options_of
 from laboratory import differences
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.estimation import estimate
@@ -129,10 +129,7 @@ def over_a_level_base(seeds):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--recordings", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    options = parser.parse_args()
+    options = options_of(__doc__, recordings=200, first=(0, "first seed"), write=False)
     seeds = range(options.first, options.first + options.recordings)
     print(
         "| Gamma | e | moving / level / undetermined | e: error, cover | B: error, cover "

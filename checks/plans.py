@@ -8,7 +8,6 @@ estimated, and the table gives the spread over all sweeps.
 
 from __future__ import annotations
 
-import argparse
 import json
 import platform
 import subprocess
@@ -20,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from accuracy import processor, table, write_section
+from accuracy import options_of, processor, show, table
 from kills import REPORT
 from vibrosweep.engine.workers import Workers
 from vibrosweep.runs.driver import run_sweep
@@ -144,10 +143,7 @@ def ratios(spec: Path, directory: Path) -> list[float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--only", default="", help="sweeps whose name contains this")
-    parser.add_argument("--write", action="store_true", help="write the table into the report")
-    options = parser.parse_args()
+    options = options_of(__doc__, only=("", "sweeps whose name contains this"))
     each = []
     with tempfile.TemporaryDirectory() as directory:
         specs = {path.stem: path for path in sorted(SWEEPS.glob("*.toml"))}
@@ -166,7 +162,7 @@ def main() -> None:
     made = f"{len(each)} sweeps, {THREADS} threads; Python {platform.python_version()}"
     head = ("measured over estimated", "least", "median", "largest")
     text = f"{table(head, rows)}\n\n*{made}; {processor()}.*"
-    print(text) if not options.write else write_section("plans", text, REPORT)
+    show(options, "plans", text, REPORT)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ budget is spent are then computed again with a larger one, and must be those of 
 
 from __future__ import annotations
 
-import argparse
 import platform
 import tempfile
 import time
@@ -26,7 +25,7 @@ from unittest import mock
 import h5py
 import numpy as np
 
-from accuracy import processor, table, write_section
+from accuracy import options_of, processor, show, table
 from vibrosweep.errors import RunError
 from vibrosweep.runs import result
 from vibrosweep.runs.driver import run_sweep
@@ -329,16 +328,12 @@ def report(findings: Findings, seconds: float, seed: int) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--specs", type=int, default=500)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--write", action="store_true", help="write the table into the report")
-    options = parser.parse_args()
+    options = options_of(__doc__, specs=500, seed=1)
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as directory:
         findings = campaign(Path(directory), options.specs, options.seed)
     text = report(findings, time.perf_counter() - began, options.seed)
-    print(text) if not options.write else write_section("resumes", text, REPORT)
+    show(options, "resumes", text, REPORT)
     raise SystemExit(1 if findings.failures else 0)
 
 

@@ -9,7 +9,6 @@ from the same rounding is counted with its sign, which a bound by absolute value
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
 import time
@@ -22,7 +21,7 @@ import numpy as np
 from flint import arb, arb_poly, arb_series, ctx
 from numba import njit
 
-from accuracy import provenance, table, write_section
+from accuracy import options_of, provenance, show, table
 from vibrosweep.kernels import sine
 from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.sine import sin_turns
@@ -238,14 +237,7 @@ HEAD = ("phases", "number", "largest error", "at", "largest, ulp", "at", "root m
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--phases", type=int, default=10_000_000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument(
-        "--write", action="store_true", help="write bound and largest error into the report"
-    )
-    options = parser.parse_args()
+    options = options_of(__doc__, phases=10_000_000, seed=1, processes=2)
     began = time.perf_counter()
     check_scheme()
     proved = prove()
@@ -264,7 +256,7 @@ def main() -> None:
         f"Largest of {total.size:,} phases: {total.absolute:.3e}, and {total.ulp:.3f} ulp.\n\n"
         f"{provenance(time.perf_counter() - began, options.seed)}"
     )
-    print(text) if not options.write else write_section("sine", text)
+    show(options, "sine", text)
     within = total.absolute <= proved.absolute and total.ulp <= proved.ulp
     raise SystemExit(0 if within else 1)
 

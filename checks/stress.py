@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from accuracy import provenance, table, write_section
+from accuracy import options_of, provenance, show, table
 from stress_checks import Case, Findings, examine
 from stress_exact import EXACT
 from trust_check import KINDS
@@ -341,12 +341,12 @@ def exact(options: argparse.Namespace, workers: Workers) -> tuple[int, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--cases", type=int, default=200, help="of each family and law")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="bases and families whose name contains this")
-    parser.add_argument("--write", action="store_true", help="write the sums into the report")
-    options = parser.parse_args()
+    options = options_of(
+        __doc__,
+        cases=(200, "of each family and law"),
+        seed=1,
+        only=("", "bases and families whose name contains this"),
+    )
     began = time.perf_counter()
     with Workers(1) as workers:
         sums = bounded(options, workers)
@@ -356,7 +356,7 @@ def main() -> None:
         f"Of {checks:,} checks of exact identities {failures} failed.\n\n"
         f"{provenance(time.perf_counter() - began, options.seed)}"
     )
-    print(text) if not options.write else write_section("stress", text)
+    show(options, "stress", text)
     raise SystemExit(1 if failures or any(found.failures for found in sums.values()) else 0)
 
 

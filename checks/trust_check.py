@@ -8,7 +8,6 @@ coarse late in a run.  What each landing is bounded by is read off by asking for
 
 from __future__ import annotations
 
-import argparse
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from accuracy import batch_of, orbit, provenance, table, write_section
+from accuracy import batch_of, options_of, orbit, provenance, show, table
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
@@ -276,12 +275,7 @@ HEAD = (
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--trajectories", type=int, default=10_000, help="in all")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--write", action="store_true", help="write the table into the report")
-    options = parser.parse_args()
+    options = options_of(__doc__, trajectories=(10_000, "in all"), seed=1, processes=2)
     began = time.perf_counter()
     rows, faults = [], []
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
@@ -296,7 +290,7 @@ def main() -> None:
     for job, found in faults[:20]:
         print(job.base, job.law, job.scene, found)
     text = table(HEAD, rows) + "\n\n" + provenance(time.perf_counter() - began, options.seed)
-    print(text) if not options.write else write_section("trust", text)
+    show(options, "trust", text)
     raise SystemExit(1 if faults else 0)
 
 

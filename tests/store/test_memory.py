@@ -38,8 +38,8 @@ def test_every_variable_begins_with_what_stands_for_nothing(name, monkeypatch):
     found.dimensions({"realization": 2, "particle": 3})
     found.coordinate("amplitude", ("realization",), {})
     found.variable(variable)
-    _, values, _ = found._variables[name]
-    assert np.isnan(found._coordinates["amplitude"][1]).all()
+    values, amplitude = (found._arrays[one][1] for one in (name, "amplitude"))
+    assert np.isnan(amplitude).all()
     if variable.dtype == "float64":
         assert np.isnan(values).all()
     else:

@@ -29,10 +29,10 @@ from vibrosweep.spec.rules import Axis, RecordSpec
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.dataset import Group, creating
 from vibrosweep.store.kinds import KIND, SWEEP
-from vibrosweep.store.memory import InMemory
 from vibrosweep.store.parts import kinds
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.rows import REALIZATION
+from vibrosweep.store.writer import Writer
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -78,7 +78,7 @@ class Stream:
 
 
 def write_rows(
-    file: Group | InMemory, declared: Mapping[str, str], block: int, pieces: Iterable[Columns]
+    file: Writer, declared: Mapping[str, str], block: int, pieces: Iterable[Columns]
 ) -> None:
     """Write rows that come in pieces of any length, in blocks of one length.
 
@@ -143,7 +143,7 @@ def write_result(
     return summary
 
 
-def declare(file: Group | InMemory, spec: SweepSpec, design: Design, threads: int) -> None:
+def declare(file: Writer, spec: SweepSpec, design: Design, threads: int) -> None:
     """Declare dimensions, variables and attributes; the axes of a grid are its dimensions."""
     axes = {n: np.array(s.values) for n, s in spec.sampled.items() if isinstance(s, Axis)}
     sizes = {name: values.size for name, values in axes.items()}
@@ -231,7 +231,7 @@ def _along(
 
 
 def _declare_launches(
-    file: Group | InMemory, launch: str | tuple[float, ...], particles: int, frequency: float | None
+    file: Writer, launch: str | tuple[float, ...], particles: int, frequency: float | None
 ) -> None:
     """Launch times; staggered launches follow the frequency, fixed or not."""
     if frequency is not None or not isinstance(launch, str):

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 import h5py
@@ -16,8 +14,9 @@ from numpy.typing import NDArray
 
 from vibrosweep.model.measures import Variable
 from vibrosweep.store.disk import Disk, replacing, undisturbed
-from vibrosweep.store.rows import REALIZATION, UNSTORABLE, along, boxes, require_written
+from vibrosweep.store.rows import UNSTORABLE
 from vibrosweep.store.seal import append_seal
+from vibrosweep.store.writer import Attributes, Writer
 
 # Measured on 10^6 realizations: level 1 compresses counts and flags to a tenth and doubles the time
 # to write them; level 9 gains nothing more.  The digits of measured doubles are random: deflate
@@ -31,116 +30,50 @@ CHUNK_VALUES: Final = 1 << 13
 NO_VARIABLE: Final = "This is a netCDF dimension but not a netCDF variable.%10d"
 
 
-@dataclass
-class Group:
-    """A group of a file being written; data are appended along its rows, the realizations.
+class Group(Writer):
+    """A group of a file being written.
 
     A netCDF-4 file is an HDF5 file whose axes have dimension scales.  h5py writes it in half the
     time of h5netcdf, which looks up every object whenever it is used.
     """
 
-    _disk: Disk
-    _group: h5py.Group
-    _prefix: str = ""
-    _outer: Iterable[str] = ()
-    _sizes: dict[str, int] = field(default_factory=dict)
-    _axes: tuple[str, ...] = (REALIZATION,)
-    _variables: dict[str, tuple[h5py.Dataset, tuple[str, ...]]] = field(default_factory=dict)
-    _auxiliary: list[str] = field(default_factory=list)
-    _missing: dict[str, int] = field(default_factory=dict)
-    _groups: list[Group] = field(default_factory=list)
-
-    def dimensions(self, sizes: Mapping[str, int], axes: tuple[str, ...] = (REALIZATION,)) -> None:
-        """Declare dimensions by name and length; realizations lie along `axes`."""
-        self._axes = axes
-        self._sizes.update(sizes)
+    def __init__(self, disk: Disk, group: h5py.Group, parent: Group | None = None) -> None:
+        super().__init__()
+        self._disk, self._group, self._parent = disk, group, parent
+        self._groups: list[Group] = []
 
     def has_outer(self, name: str) -> bool:
         """Tell whether the file that holds this group has a dimension of that name."""
-        return name in self._outer
+        return self._parent is not None and name in self._parent._sizes
 
-    @undisturbed()
-    def coordinate(
-        self,
-        name: str,
-        dims: tuple[str, ...],
-        attributes: Mapping[str, Any],
-        values: NDArray[Any] | None = None,
-    ) -> None:
-        """Declare a coordinate of all variables declared after it.
-
-        Given values, numbers or strings as objects, are written at once; without them, `write`
-        adds them piece by piece.
-        """
-        texts = values is not None and values.dtype == object
-        dataset = self._create(name, dims, h5py.string_dtype() if texts else "float64", attributes)
-        if values is not None:
-            dataset[...] = values
-        else:
-            self._missing[name] = math.prod(dataset.shape)
-        if dims != (name,):  # that of its own dimension belongs to all variables anyway
-            self._auxiliary.append(name)
-
-    @undisturbed()
-    def fixed(self, name: str, attributes: Mapping[str, Any], value: float) -> None:
-        """Write a value that all realizations share as a variable without dimensions.
-
-        It is no coordinate: xarray writes all coordinates of one value above a plot.
-        """
-        self._create(name, (), "float64", attributes)[...] = value
-
-    @undisturbed()
-    def variable(self, variable: Variable) -> None:
-        """Declare a variable of the registry."""
-        dims = along(variable.dims, self._axes)
-        shape = tuple(self._sizes[d] for d in dims)
-        options: dict[str, Any] = {}
-        if np.issubdtype(np.dtype(variable.dtype), np.integer) and all(shape):
-            options = dict(COMPRESSION, chunks=_chunks(shape))
-        attributes = dict(variable.attributes)
-        if self._auxiliary:
-            attributes["coordinates"] = " ".join(self._auxiliary)
-        self._create(variable.name, dims, variable.dtype, attributes, options)
-        self._missing[variable.name] = math.prod(shape[: len(self._axes)])
+    def _described(self, variable: Variable) -> Attributes:
+        # a coordinate of its own dimension belongs to all variables anyway
+        listed = [name for name in self._coordinates if self._arrays[name][0] != (name,)]
+        pointers = {"coordinates": " ".join(listed)} if listed else {}
+        return {**variable.attributes, **pointers}
 
     def _create(
-        self,
-        name: str,
-        dims: tuple[str, ...],
-        kind: Any,
-        attributes: Mapping[str, Any],
-        options: Mapping[str, Any] = MappingProxyType({}),
+        self, name: str, shape: tuple[int, ...], dtype: Any, attributes: Attributes, blank: float
     ) -> h5py.Dataset:
-        shape = tuple(self._sizes[d] for d in dims)
+        kind = h5py.string_dtype() if dtype is object else np.dtype(dtype)
+        options: dict[str, Any] = {}
+        if np.issubdtype(kind, np.integer) and all(shape):
+            options = dict(COMPRESSION, chunks=_chunks(shape))
         most = tuple(size or None for size in shape)  # netCDF has no fixed length of 0
         dataset = self._group.create_dataset(
             name, shape, kind, maxshape=None if all(shape) else most, track_order=True, **options
         )
         for key, value in attributes.items():
             dataset.attrs[key] = _storable(value)
-        self._variables[name] = (dataset, dims)
         return dataset
 
-    @undisturbed()
     def write(self, name: str, start: int, values: NDArray[Any]) -> None:
         """Write a piece that begins at realization `start`."""
-        (variable, _), done = self._variables[name], 0
-        sizes = [self._sizes[d] for d in self._axes]
-        for box in boxes(sizes, start, start + values.shape[0]):
-            shape = [side.stop - side.start for side in box]
-            size = math.prod(shape)
-            piece = values[done : done + size]
-            variable[box] = piece.reshape(*shape, *values.shape[1:])
-            done += size
-        self._missing[name] -= values.shape[0]
+        super().write(name, start, values)
         self._disk.check()
 
-    def awaits(self, name: str) -> bool:
-        """Tell whether values of a variable are still to be written."""
-        return self._missing.get(name, 0) > 0
-
     @undisturbed()
-    def attributes(self, values: Mapping[str, Any]) -> None:
+    def attributes(self, values: Attributes) -> None:
         """Set attributes of the group; a character that no file can hold is marked."""
         for name, value in values.items():
             self._group.attrs[name] = _storable(value)
@@ -153,28 +86,28 @@ class Group:
         groups.
         """
         inner = self._group.create_group(name, track_order=True)
-        self._groups.append(Group(self._disk, inner, f"{name}_", self._sizes))
+        self._groups.append(Group(self._disk, inner, self))
         return self._groups[-1]
 
     @undisturbed()
-    def complete(self) -> None:
+    def complete(self, prefix: str = "") -> None:
         """Name the axes of all variables.
 
         Raises a RunError if values were never written: HDF5 would fill them with zeros.
         """
-        require_written(str(self._disk.path), self._missing)
+        self._require_written(str(self._disk.path))
         for name, size in self._sizes.items():
-            scale, _ = self._variables.get(name, (None, ()))
+            _, scale, _ = self._arrays.get(name, (None, None, None))
             if scale is None:
                 scale = self._group.create_dataset(
-                    f"{self._prefix}{name}", (size,), ">f4", maxshape=(size or None,)
+                    f"{prefix}{name}", (size,), ">f4", maxshape=(size or None,)
                 )
-            scale.make_scale(name if name in self._variables else NO_VARIABLE % size)
-            for dataset, dims in self._variables.values():
+            scale.make_scale(name if name in self._arrays else NO_VARIABLE % size)
+            for dims, dataset, _ in self._arrays.values():
                 if name in dims and dataset is not scale:
                     dataset.dims[dims.index(name)].attach_scale(scale)
         for group in self._groups:
-            group.complete()
+            group.complete(f"{group._group.name.rpartition('/')[2]}_")
 
 
 def _storable(value: Any) -> Any:

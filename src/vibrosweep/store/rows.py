@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.errors import RunError
 from vibrosweep.model.forcing import INPUTS
 
 if TYPE_CHECKING:
@@ -33,16 +32,6 @@ Box = tuple[slice, ...]
 def along(dims: tuple[str, ...], axes: tuple[str, ...]) -> tuple[str, ...]:
     """Replace the dimension of realizations by the axes along which a result has them."""
     return tuple(d for dim in dims for d in (axes if dim == REALIZATION else (dim,)))
-
-
-def require_written(what: str, missing: Mapping[str, int]) -> None:
-    """Raise a RunError if rows of a variable are missing; `missing` counts them by name."""
-    names = [name for name, rows in missing.items() if rows]
-    if names:
-        raise RunError(
-            f"{what}: {', '.join(names)}: not written to the end; this is a fault of vibrosweep: "
-            f"please report it"
-        )
 
 
 def flat(sweep: xr.Dataset) -> xr.Dataset:
