@@ -31,7 +31,6 @@ from vibrosweep.runs import result
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.retry import retry_failed
 from vibrosweep.spec.sweep import SweepSpec, parse_spec
-from vibrosweep.store.dataset import Group
 from vibrosweep.store.parts import Parts
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import LENGTH
@@ -39,7 +38,7 @@ from vibrosweep.store.seal import LENGTH
 REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
 Tables = dict[str, dict[str, Any]]
 # where a run may be interrupted: what is called, and where it stands
-PLACES = ((Parts, "write"), (Parts, "read"), (Group, "write"), (result, "write_record"))
+PLACES = ((Parts, "write"), (Parts, "read"), (result.Stream, "take"), (result, "write_record"))
 MODELS = (
     {"rebound": "rest"},
     {"rebound": "reflect"},
