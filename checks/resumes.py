@@ -38,7 +38,7 @@ from vibrosweep.store.seal import LENGTH
 REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
 Tables = dict[str, dict[str, Any]]
 # where a run may be interrupted: what is called, and where it stands
-PLACES = ((Parts, "write"), (Parts, "read"), (result.Stream, "take"), (result, "write_record"))
+PLACES = ((Parts, "write"), (Parts, "read"), (result, "kinds"), (result, "write_record"))
 MODELS = (
     {"rebound": "rest"},
     {"rebound": "reflect"},
