@@ -223,7 +223,7 @@ def bases(films, first):
                 except TrackError:
                     said["refused"] += 1
                     continue
-                said[fitted.speaks_for] += 1
+                said[fitted.favoured_base] += 1
                 rescaled += fitted.flights.curvature != G
                 try:
                     found = estimate(impacts_of(tracks, fitted, G, "fit"), frequency=rate)
@@ -231,7 +231,7 @@ def bases(films, first):
                     continue
                 reached &= not int(found["determined"]) or 0.0 <= float(found["estimate"][0]) <= 1.0
                 # what is said is right only on the right base
-                if not int(found["determined"]) or fitted.speaks_for == "undetermined":
+                if not int(found["determined"]) or fitted.favoured_base == "undetermined":
                     continue
                 number += 1
                 beyond = np.abs(deviations(found, scene)).max() > 4.0

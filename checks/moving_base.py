@@ -77,7 +77,7 @@ def over_a_moving_base(case, seeds):
         except TrackError:  # all particles soon ride on the base
             said.append("nothing flies")
             continue
-        said.append(fitted.speaks_for)
+        said.append(fitted.favoured_base)
         if fitted.flights.shaken is None:
             continue
         found = impacts_of(trial.tracks, fitted, G, "fit")
@@ -116,7 +116,7 @@ def over_a_level_base(seeds):
         for seed in seeds:
             trial, _ = filmed("high-bounce", case, seed)
             try:
-                said.append(fit_tracks(trial.tracks, G, View(frequency=FREQUENCY)).speaks_for)
+                said.append(fit_tracks(trial.tracks, G, View(frequency=FREQUENCY)).favoured_base)
             except TrackError:
                 refused += 1
     moving, level = said.count("moving"), said.count("level")

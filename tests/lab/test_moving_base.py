@@ -58,14 +58,14 @@ def found(chattering):
 )
 def test_the_landings_tell_which_base_they_happened_on(gamma, restitution, base):
     fitted = fit_tracks(film(gamma, restitution, base).tracks, G, View(frequency=FREQUENCY))
-    assert fitted.speaks_for == {"moving": "moving", "high-bounce": "level"}[base]
+    assert fitted.favoured_base == {"moving": "moving", "high-bounce": "level"}[base]
     assert (fitted.flights.shaken is None) == (base == "high-bounce")
 
 
 def test_a_locked_orbit_tells_neither():
     tracks = film(0.4, 0.9, transient=20.0).tracks
     fitted = fit_tracks(tracks, G, View(frequency=FREQUENCY))
-    assert fitted.speaks_for == "undetermined"
+    assert fitted.favoured_base == "undetermined"
     with pytest.raises(TrackError, match="do not determine how the base moves"):
         fit_tracks(tracks, G, View(frequency=FREQUENCY, motion="moving"))
 
@@ -202,7 +202,7 @@ def test_a_recording_is_compared_with_the_base_it_was_made_on():
     tracks = film(0.4, 0.9, duration=4.0).tracks
     table = compare_tracks(tracks, frequency=FREQUENCY, contact_time=2.5e-5, draws=4, threads=1)
     assert table.attrs["base_motion"] == "moving"
-    assert table.attrs["speaks_for"] == "moving"
+    assert table.attrs["favoured_base"] == "moving"
     assert float(table["base_acceleration"][0]) == pytest.approx(0.4, rel=0.02)
     assert 0.0 < float(table["base_acceleration_error"][0]) < 0.01
     assert (table["error"].sel(reading="ensemble") < 1.0).all()

@@ -83,7 +83,7 @@ def fitted_base(distance, restitution=0.8, error=0.01):
 def test_bounces_too_low_to_be_seen_do_not_make_another_base_nor_another_scale(name):
     base, values, rest = HARD[name]
     fitted = fit_tracks(film(base, values, rest), G, View(frequency=values[2]))
-    assert fitted.speaks_for in ("undetermined", "moving" if base == "moving" else "level")
+    assert fitted.favoured_base in ("undetermined", "moving" if base == "moving" else "level")
     assert fitted.flights.curvature == G
     found = estimate(impacts_of(film(base, values, rest), fitted, G, "fit"), frequency=values[2])
     off = np.abs(found["estimate"].values[0] - values[0]) / found["error"].values[0]

@@ -21,7 +21,7 @@ class Background:
 
     @property
     def busy(self) -> bool:
-        """Whether a task runs or waits."""
+        """True while a task runs or waits."""
         return not all(task.done() for task in self._tasks)
 
     def call(self, work: Callable[[], T]) -> Future[T]:

@@ -32,7 +32,7 @@ class Points:
 
     @property
     def repeated(self) -> bool:
-        """Whether a cell holds more than one realization."""
+        """True if a cell holds more than one realization."""
         return self.cells is not None and self.x.size > int(np.prod(self.cells.shape))
 
 

@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 from vibrosweep.arrays import Array
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
 
-# Half bandwidth of the covariance of the equations: a bounce shares an instant with the second next
+# Half bandwidth of the covariance of the equations: a bounce shares an instant with the next but
 # one, and the errors of neighbouring instants are correlated.
 BAND = 3
 
@@ -35,19 +35,18 @@ class Bounces:
     # variance, covariance: of the instants, s^2, and of each with the next, shape (instant - 1,)
     variance: Array
     covariance: Array
-    # The instant of each bounce, shape (bounce,); the ones before and after it are its neighbours
-    # in `instant`
+    # Index in `instant` of each bounce, shape (bounce,); its neighbours there are those in time
     middle: NDArray[np.intp]
     gravity: float  # m s-2
 
     def speeds(self, instant: Array | None = None) -> tuple[Array, Array, Array]:
-        """Speed of arrival and of departure in m s-1, and time of each bounce in s."""
+        """Speeds of arrival and departure (m s-1) and time (s) of each bounce."""
         t = self.instant if instant is None else instant
         half, i = self.gravity / 2.0, self.middle
         return half * (t[i] - t[i - 1]), half * (t[i + 1] - t[i]), t[i]
 
     def errors_of(self, slopes: tuple[Array, Array, Array]) -> csr_array:
-        """Matrix that takes errors of the instants to those of the equations, (bounce, instant)."""
+        """Matrix from errors of instants to errors of the equations, shape (bounce, instant)."""
         rows = np.repeat(np.arange(self.middle.size), 3)
         columns = (self.middle[:, np.newaxis] + np.array([-1, 0, 1])).ravel()
         shape = (self.middle.size, self.instant.size)
@@ -65,7 +64,7 @@ class Bounces:
 
 
 def bounces_of(impacts: xr.Dataset) -> Bounces:
-    """Gather every bounce with a whole flight on either side, from the result of `find_impacts`."""
+    """Gather the bounces with a whole flight on either side, from a result of `find_impacts`."""
     instant: list[Array] = []
     variance: list[Array] = []
     covariance: list[Array] = []
@@ -78,7 +77,7 @@ def bounces_of(impacts: xr.Dataset) -> Bounces:
             continue
         column = {name: one[name].values[: quality.size] for name in one if one[name].ndim}
         bounced = quality == BOUNCED
-        # at a bounce landing and lift-off are one instant, after a stay on the base they are two
+        # landing and lift-off are one instant at a bounce, two at a stay on the base
         single = np.stack([np.ones_like(bounced), ~bounced], axis=1)
         both = np.stack([column["landing_time"], column["liftoff_time"]], axis=1)
         error = np.stack([column["landing_time_error"], column["liftoff_time_error"]], axis=1)
@@ -109,12 +108,12 @@ def bounces_of(impacts: xr.Dataset) -> Bounces:
 
 
 def solve(matrix: csr_array, right: Array) -> Array:
-    """Solve a symmetric positive system whose entries lie in the band of neighbouring bounces."""
+    """Solve a symmetric positive definite system with the band of neighbouring bounces."""
     return np.asarray(solveh_banded(_band(matrix), right, lower=True))
 
 
 def whiten(matrix: csr_array, right: Array) -> Array:
-    """Columns of such a covariance, in linear combinations that are independent, of variance 1."""
+    """Whiten columns by such a covariance: independent linear combinations of variance 1."""
     factor = cholesky_banded(_band(matrix), lower=True)
     return np.asarray(solve_banded((len(factor) - 1, 0), factor, right))
 

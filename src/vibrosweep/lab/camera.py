@@ -1,4 +1,4 @@
-"""What a camera sees of recorded flights: frames, exposure, pixels, noise."""
+"""A camera that films flights: frames, exposure, pixels and noise."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class Camera:
     exposure
         Time for which the shutter is open, s; a position is the mean over it.
     dropped
-        Share of the frames that are lost.
+        Fraction of the frames that are lost.
     scale_error
-        Relative error of the size of a pixel: heights come out larger by this.
+        Relative error of the size of a pixel, by which measured heights are too large.
 
     Examples
     --------
@@ -51,7 +51,7 @@ class Camera:
 
 
 class Launch(NamedTuple):
-    """When (s) and how fast (m s-1) a particle first leaves the base."""
+    """Time (s) and speed (m s-1) at which a particle first leaves the base."""
 
     time: float
     velocity: float
@@ -59,9 +59,9 @@ class Launch(NamedTuple):
 
 @dataclass(frozen=True)
 class Motion:
-    """Flights of one particle, in their order; between them it is on the base."""
+    """Flights of one particle in the order of time; between flights it is on the base."""
 
-    # start, end: lift-off and landing in s; infinite where a flight ends after the record
+    # start, end: lift-off and landing in s; infinite if a flight ends after the record
     start: Array
     end: Array
     # velocity, rise: velocity (m s-1) and height (m) at lift-off
@@ -89,14 +89,14 @@ class Motion:
         return self.rise + self.velocity**2 / (2.0 * self.gravity)
 
     def means(self, begin: float, end: float) -> tuple[float, float]:
-        """Mean height (m) and duration (s) of the whole flights in an interval; NaN without any."""
+        """Mean height (m) and duration (s) of the whole flights in an interval; NaN if none."""
         whole = (self.start >= begin) & (self.end <= end)
         if not whole.any():
             return np.nan, np.nan
         return float(np.mean(self.apex[whole])), float(np.mean((self.end - self.start)[whole]))
 
     def _flight(self, time: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
-        """Last flight begun by then (the first before any), time since, and whether it is over."""
+        """Last flight begun at each instant, or the first; time since; whether it is over."""
         flight = np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)
         since = time - self.start[flight]
         return flight, since, (since < 0.0) | (time > self.end[flight])
@@ -108,7 +108,7 @@ class Motion:
         return np.where(down, self.surface.height(time), flying)
 
     def mean_height(self, time: Array, exposure: float) -> Array:
-        """Mean height in m over exposures of that length in s, centred at the instants."""
+        """Mean height in m over an exposure (s) centred at each instant."""
 
         def risen(flight: NDArray[np.intp], since: Array) -> Array:
             speed = self.velocity[flight] / 2.0 - self.gravity * since / 6.0
@@ -117,7 +117,7 @@ class Motion:
         begun = self.surface.area(self.start)
         end = np.where(np.isfinite(self.end), self.end, self.start)
         flown = risen(np.arange(end.size), end - self.start)
-        # how much each flight adds to the area below the base
+        # area that each flight adds to that below the base
         over = np.append(0.0, np.cumsum(flown - (self.surface.area(end) - begun)))
 
         def area(instant: Array) -> Array:
@@ -137,7 +137,7 @@ def heights(motions: list[Motion], time: Array, exposure: float) -> Array:
 
 
 def film(true: Array, camera: Camera, rng: np.random.Generator) -> Array:
-    """Heights as tracked of true ones, both of shape (frame, particle) in m; NaN in lost frames."""
+    """Track true heights, of shape (frame, particle) in m; NaN in lost frames."""
     pixels = true * (1.0 + camera.scale_error) / camera.pixel
     pixels = pixels + camera.noise * rng.standard_normal(pixels.shape)
     if camera.whole_pixels:

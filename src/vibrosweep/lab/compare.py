@@ -1,4 +1,4 @@
-"""Recordings compared with prediction, as in the study's Table 4, and what errors consist of."""
+"""Comparison of recordings with prediction, as in Table 4 of the study, with shares of errors."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ USED: Final = ("restitution", "amplitude", "frequency")
 SHARES: Final = ("frames", "pixels", "parameters")
 
 
-class _One(NamedTuple):
-    """One recording: measured means, predictions, errors and shares by quantity."""
+class _Compared(NamedTuple):
+    """Measured means, predictions, errors and shares of one recording, by quantity."""
 
     compared: float
     measured: dict[str, float]
@@ -46,7 +46,7 @@ class _One(NamedTuple):
     share: dict[str, dict[str, dict[str, float]]]
     parameters: dict[str, float]
     deviation: dict[str, float]
-    says: str
+    favoured: str
     motion: str
     warning: str
 
@@ -80,7 +80,7 @@ def compare_tracks(
     seed
         Of the random numbers.
     threads
-        Number of threads, by default all processors; the result does not depend on it.
+        Number of threads, by default one per processor; the result does not depend on it.
     **known
         Parameters that are known: restitution (1), amplitude (m s-1), frequency (Hz), phase (rad),
         gravity (m s-2), contact_time (s).  The first four are estimated where they are not given.
@@ -129,7 +129,7 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
     Recordings are tracks as of `read_tracks`; result and errors are those of `compare_tracks`.
     """
     _check(recordings, how)
-    groups: dict[int, list[_One]] = {}
+    groups: dict[int, list[_Compared]] = {}
     for tracks in recordings:
         groups.setdefault(tracks.sizes["particle"], []).append(_one(tracks, how, workers))
     counts = sorted(groups)
@@ -150,15 +150,15 @@ def compare(recordings: Sequence[xr.Dataset], how: Comparison, workers: Workers)
             "method": how.method,
             "warning": "; ".join(sorted(warnings)),
             "base_motion": ", ".join(sorted({one.motion for row in rows for one in row})),
-            "speaks_for": ", ".join(sorted({one.says for row in rows for one in row})),
-            # the study's ranges are of its own cases
+            "favoured_base": ", ".join(sorted({one.favoured for row in rows for one in row})),
+            # the ranges of the study hold for its own cases
             **({f"study_{q}": STUDY[q] for q in QUANTITIES} if studied else {}),
         },
     )
 
 
 def _check(recordings: Sequence[xr.Dataset], how: Comparison) -> None:
-    """Refuse what would be found out only after recordings have been measured."""
+    """Refuse wrong arguments before recordings are measured."""
     check_method(how.method)
     if not recordings:
         raise TrackError("there is no recording to compare: give at least one")
@@ -168,7 +168,7 @@ def _check(recordings: Sequence[xr.Dataset], how: Comparison) -> None:
         raise ParameterError(f"draws = {how.draws}: must be at least 2, as one has no spread")
 
 
-def _errors(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
+def _errors(rows: Sequence[Sequence[_Compared]]) -> dict[str, Any]:
     """Variables of dims (case, quantity, reading): the errors and their contributions."""
     found = np.empty((1 + len(SHARES), len(rows), len(QUANTITIES), len(READINGS)))
     for i, row in enumerate(rows):
@@ -176,7 +176,7 @@ def _errors(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
             for k, reading in enumerate(READINGS):
                 found[0, i, j, k] = np.mean([one.error[q][reading] for one in row])
                 for m, name in enumerate(SHARES, start=1):
-                    # squares add, so they are averaged
+                    # contributions add as squares, so their squares are averaged
                     parts = [one.share[name][q][reading] ** 2 for one in row]
                     found[m, i, j, k] = np.sqrt(np.mean(parts))
     words = ["|measured - predicted| / measured", *(f"error due to {name}" for name in SHARES)]
@@ -186,8 +186,8 @@ def _errors(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
     }
 
 
-def _means(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
-    """Variables of dims (case, quantity) and (case): what was measured, predicted and used."""
+def _means(rows: Sequence[Sequence[_Compared]]) -> dict[str, Any]:
+    """Variables of dims (case, quantity) and (case): measured and predicted means, parameters."""
     measured, spread, predicted = np.empty((3, len(rows), len(QUANTITIES)))
     for i, row in enumerate(rows):
         for j, q in enumerate(QUANTITIES):
@@ -232,20 +232,20 @@ def _means(rows: Sequence[Sequence[_One]]) -> dict[str, Any]:
     }
 
 
-def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:
+def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
     """Measure and predict one recording, and split its errors into contributions."""
     fitted = fit_tracks(tracks, how.gravity, how.view)
-    seen = impacts_of(tracks, fitted, how.gravity, "fit")
+    by_fit = impacts_of(tracks, fitted, how.gravity, "fit")
     impacts = impacts_of(tracks, fitted, how.gravity, how.method)
-    among = comparable(seen)
+    among = comparable(by_fit)
     if not among.any():
         raise TrackError(
             f"{tracks.attrs['source']}: no particle's flights are nearly all seen, so nothing can "
             f"be compared; film faster or closer"
         )
-    scene, estimated = _parameters(seen, how)
+    scene, estimated = _parameters(by_fit, how)
     sets, refused = draw(scene, estimated, how.draws, how.seed)
-    found = predict(seen, sets, workers, how.rebound)
+    found = predict(by_fit, sets, workers, how.rebound)
     best = {"height": found.height[0], "period": found.period[0]}
     error = prediction_errors(impacts, best, among)
     means = measured_means(impacts, among)
@@ -256,13 +256,13 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:
         else np.zeros(int(among.sum()))
         for q, values in (("height", found.height), ("period", found.period))
     }
-    share = camera_shares(tracks, seen, one, how)
+    share = camera_shares(tracks, by_fit, one, how)
     share["parameters"] = {
         q: dict.fromkeys(READINGS, float(values.mean())) | {"worst": float(values.max())}
         for q, values in spread.items()
     }
     warning = f"{refused} drawn sets were not physical and were drawn anew" if refused else ""
-    return _One(
+    return _Compared(
         float(among.mean()),
         {q: float(np.nanmean(means[q])) for q in QUANTITIES},
         {q: float(np.nanmean(best[q][among])) for q in QUANTITIES},
@@ -270,7 +270,7 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _One:
         share,
         one,
         _deviations(estimated, one),
-        fitted.speaks_for,
+        fitted.favoured_base,
         impacts.attrs["base_motion"],
         warning,
     )
@@ -294,7 +294,7 @@ def _deviations(estimated: xr.Dataset | None, used: dict[str, float]) -> dict[st
 
 
 def _parameters(impacts: xr.Dataset, how: Comparison) -> tuple[dict[str, float], xr.Dataset | None]:
-    """The scene, and the estimate that overrides it where parameters are not known."""
+    """Known parameters of the scene, and the estimate of the others."""
     scene = {name: how.known.get(name, p.default) for name, p in PARAMETERS.items()}
     given = {"restitution", "amplitude"} & how.known.keys()
     if len(given) == 1:

@@ -1,8 +1,8 @@
-"""Measured against predicted heights and periods, in the form of the study's Table 4.
+"""Measured and predicted heights and periods, in the form of Table 4 of the study.
 
-The error of a quantity is |measured - predicted| / measured.  The study does not say which values
-it compares, so each interpretation is given: the means of all particles, each particle's mean, and
-each flight.
+The error of a quantity is |measured - predicted| / measured.  The study does not state which values
+it compares, so every reading is computed: the mean over all particles, the mean of each particle,
+and each flight.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ CASES: Final = {"A": 1, "B": 5, "C": 20, "D": 50}
 STUDY: Final = {"height": (3.8, 7.1), "period": (2.9, 6.0)}
 QUANTITIES: Final = ("height", "period")
 READINGS: Final = ("ensemble", "particle", "worst", "flight")
-# A particle is compared if at least this share of the time and of its landings was measured well.
-SEEN: Final = 0.9
+# Particles are compared if at least this share of their time and of their landings was measured.
+MEASURED: Final = 0.9
 
 
 def _columns(impacts: xr.Dataset) -> dict[str, Array]:
@@ -30,9 +30,9 @@ def _columns(impacts: xr.Dataset) -> dict[str, Array]:
 
 
 def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
-    """Particles nearly all of whose flights are seen.
+    """Select the particles nearly all of whose flights were measured.
 
-    Those that rest, or bounce too low for the camera, are not: a mean over a selection of its
+    Particles that rest, or bounce too low for the camera, are left out: a mean over some of their
     flights would be biased.
 
     Parameters
@@ -58,8 +58,8 @@ def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
     flying = np.nansum(impacts["flight_time"].values, axis=1)
     length = impacts.attrs["end"] - impacts.attrs["begin"]
     return np.asarray(
-        (bounced > SEEN * np.maximum((quality >= BOUNCED).sum(axis=1), 1))
-        & (flying > SEEN * length)
+        (bounced > MEASURED * np.maximum((quality >= BOUNCED).sum(axis=1), 1))
+        & (flying > MEASURED * length)
     )
 
 
@@ -86,7 +86,7 @@ def prediction_errors(
     predicted
         Mean ``height`` (m) and ``period`` (s) of each particle, shape (particle,).
     among
-        Which particles to compare, as `comparable` tells; shape (particle,).
+        Whether each particle is compared, as `comparable` returns it; shape (particle,).
 
     Returns
     -------
@@ -108,20 +108,20 @@ def prediction_errors(
     means, columns = measured_means(impacts, among), _columns(impacts)
     found: dict[str, dict[str, float]] = {}
     for name in QUANTITIES:
-        own, foretold = means[name], predicted[name]
-        both = np.isfinite(own) & np.isfinite(foretold)
+        measured, foretold = means[name], predicted[name]
+        both = np.isfinite(measured) & np.isfinite(foretold)
         if not both.any():
             found[name] = dict.fromkeys(READINGS, float("nan"))
             continue
-        own, foretold = own[both], foretold[both]
-        single = 100.0 * np.abs(own - foretold) / own
+        measured, foretold = measured[both], foretold[both]
+        single = 100.0 * np.abs(measured - foretold) / measured
         flights = columns[name][both]
-        whole = 100.0 * abs(own.mean() - foretold.mean()) / own.mean()
-        each = 100.0 * np.abs(flights - foretold[:, np.newaxis]) / flights
+        whole = 100.0 * abs(measured.mean() - foretold.mean()) / measured.mean()
+        of_flights = 100.0 * np.abs(flights - foretold[:, np.newaxis]) / flights
         found[name] = {
             "ensemble": float(whole),
             "particle": float(single.mean()),
             "worst": float(single.max()),
-            "flight": float(np.nanmean(each)),
+            "flight": float(np.nanmean(of_flights)),
         }
     return found

@@ -1,4 +1,4 @@
-"""Where neighbouring flights meet: contacts with the base, whatever its height is then."""
+"""Contacts with the base: intersections of neighbouring flights, at any height of the base."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from vibrosweep.lab.stretches import clear_flights, stretches
 
 
 class Contacts(NamedTuple):
-    """Bounces between two flights that are clearly seen; arrays of shape (contact,)."""
+    """Bounces between two clearly resolved flights; arrays of shape (contact,)."""
 
-    # before, after: the flights
+    # before, after: the two flights
     before: Fits
     after: Fits
-    particle: Indices  # the particle of each
-    linked: Flags  # whether the next contact ends the flight that this one begins
+    particle: Indices  # its number
+    linked: Flags  # whether the next contact ends the flight that begins here
     # time, height: where the parabolas meet, s and m
     time: Array
     height: Array
@@ -30,11 +30,11 @@ class Contacts(NamedTuple):
     gravity: float  # curvature of the parabolas, m s-2
 
     def first(self, number: int) -> Contacts:
-        """The earliest contacts of all particles, at most so many."""
+        """Return the earliest contacts of all particles, `number` of them if there are more."""
         if self.time.size <= number:
             return self
         chosen = self.time <= np.partition(self.time, number - 1)[number - 1]
-        # the next contact of the same particle is chosen too, or ends the chain
+        # a link ends where the next contact of the particle is left out
         linked = self.linked[chosen] & np.append(chosen[1:], False)[chosen]
         return self._replace(
             before=self.before.take(chosen),
@@ -53,34 +53,34 @@ class Cut(NamedTuple):
 
     contacts: Contacts
     member: Indices  # number of the stretch of each sample
-    # seen, error: acceleration with which high stretches fall, and its standard error, m s-2
-    seen: float
+    # fall, error: acceleration with which high stretches fall, and its standard error, m s-2
+    fall: float
     error: float
 
 
 def find_contacts(samples: Samples, gravity: float) -> Cut:
-    """Find contacts with the base, between flights that fall with an acceleration of m s-2."""
+    """Find contacts with the base between flights that fall with an acceleration (m s-2)."""
     member, noise = stretches(samples, gravity)
     start = np.flatnonzero(np.diff(member, prepend=-1))
     extent = np.maximum.reduceat(samples.height, start)
     extent -= np.minimum.reduceat(samples.height, start)
-    seen = well_seen_gravity(samples, member, extent, noise)  # high stretches are no stays
+    found = well_seen_gravity(samples, member, extent, noise)  # high stretches are no stays
     fits = fit(samples, member, start.size, gravity)
     every = np.flatnonzero(np.diff(samples.piece[start]) == 0)
-    return Cut(contacts_between(samples, member, fits, every, (noise, gravity)), member, *seen)
+    return Cut(contacts_between(samples, member, fits, every, (noise, gravity)), member, *found)
 
 
 def contacts_between(
     samples: Samples, member: Indices, fits: Fits, place: Indices, scale: tuple[float, float]
 ) -> Contacts:
-    """Contacts between flights `place` and the next ones, where both are clearly seen.
+    """Contacts between flights `place` and the next ones, where both are clearly resolved.
 
-    `member` is the number of the flight of each sample, -1 for none; `scale` the standard deviation
-    of a sample (m), and the curvature of flights (m s-2).
+    `member` is the number of the flight of each sample, -1 for none; `scale` holds the standard
+    deviation of a sample (m) and the curvature of flights (m s-2).
     """
     noise, fall = scale
     clear = clear_flights(samples, member, fits, noise, fall)
-    # pooled over flights alone, which a stay does not enlarge
+    # pooled over flights alone: residuals of a stay would enlarge it
     free = fits.number[clear] - 2.0
     noise = float(np.sqrt(fits.residue[clear].sum() / free.sum())) if free.size else noise
     place = place[clear[place] & clear[place + 1]]
@@ -88,7 +88,7 @@ def contacts_between(
     met = meet(before, after, (before.centre + after.centre) / 2.0, fall)
     arrival = before.slope - fall * (met.time - before.centre)
     departure = arrival + met.closing
-    # above rounding: between the halves of one flight there is no contact
+    # between the halves of one flight there is no contact: the difference is rounding
     opening = departure > arrival
     place, before, after = place[opening], before.take(opening), after.take(opening)
     owner = np.zeros(fits.number.size, np.intp)

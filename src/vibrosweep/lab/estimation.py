@@ -1,10 +1,10 @@
 """Restitution, amplitude, phase and frequency from landings, with standard errors.
 
-All instants carry errors, and each is part of a speed of arrival, a speed of departure and a
-phase: ordinary least squares, which assumes errors in the departure alone, is biased.  The instants
-are therefore adjusted together with the parameters (the condition adjustment of Gauss and Helmert,
-which is total least squares for errors of any covariance): the smallest weighted change of the
-instants that makes every bounce obey the map.
+Every instant carries an error and enters a speed of arrival, a speed of departure and a phase.
+Ordinary least squares, which assumes errors in the departure alone, is therefore biased.  The
+instants are adjusted together with the parameters instead (the Gauss-Helmert model, which is total
+least squares for errors of any covariance): by the smallest weighted change of the instants for
+which every bounce obeys the map.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 
+from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.bounces import Bounces, bounces_of, solve, whiten
@@ -27,7 +28,6 @@ from vibrosweep.lab.regression import (
     with_subharmonics,
 )
 from vibrosweep.lab.remarks import SIGNAL, bad_fit, undetermined
-from vibrosweep.lab.repeats import require
 from vibrosweep.model.parameters import PARAMETERS
 
 __all__ = ["PARAMETER_UNITS", "estimate", "fit_phase"]
@@ -39,11 +39,11 @@ PARAMETER_UNITS: Final = {
     "phase": "rad",
     "frequency": "Hz",
 }
-# Phases that are tried, a third of a degree apart.  A second minimum counts as equally good if its
-# sum of squares is above the smallest one by at most this share of the kicks' sum of squares.
+# Number of phases that are tried, a third of a degree apart.  A second minimum is equally good if
+# its sum of squares exceeds the smallest by at most this share of the sum of squares of the kicks.
 PHASES: Final = 1080
 TIE: Final = 0.01
-# Rounds of the adjustment, which has converged where a step is this small in standard errors.
+# Most rounds of the adjustment, and the step in standard errors at which it has converged.
 ROUNDS: Final = 50
 CLOSE: Final = 1e-6
 
@@ -54,7 +54,7 @@ class _Adjusted(NamedTuple):
     values: Array
     covariance: Array
     chi_square: float
-    influences: Array  # covariance as the residuals show it, to be added where they are too large
+    influences: Array  # covariance from the scatter of the residuals, added if they are too large
 
 
 def estimate(
@@ -63,38 +63,39 @@ def estimate(
     frequency: float | None = None,
     frequency_range: tuple[float, float] = (1.0, 100.0),
 ) -> xr.Dataset:
-    """Estimate the parameters that the landings obey.
+    """Estimate restitution, forcing and phase from landings.
 
     Parameters
     ----------
     impacts
         Result of `find_impacts`.
     frequency
-        Forcing frequency in Hz where it is known; estimated otherwise.
+        Forcing frequency in Hz; estimated if it is not given.
     frequency_range
-        Where an unknown frequency is sought, Hz.
+        Interval in which an unknown frequency is sought, Hz.
 
     Returns
     -------
     xarray.Dataset
         Dims (parameter, other): ``estimate``, ``error`` and ``covariance`` of restitution,
         amplitude (m s-1), phase (rad, at t = 0 of the tracks' clock) and, if it was not known,
-        frequency (Hz).  ``determined`` is 0 where the orbit does not determine them, or hardly; the
-        attribute ``warning`` then says why, and without any signal all are NaN.  What lies outside
-        the physical range is not determined.  ``misfit`` is the chi-square per degree of freedom;
-        where it exceeds 1, the errors are enlarged by its root, and where noise hardly explains it,
-        by the scatter of the residuals besides, and the warning says so.
+        frequency (Hz).  ``determined`` is 0 if the orbit determines them poorly or not at all, or
+        if one lies outside its physical range; the attribute ``warning`` gives the reason.  Without
+        any signal all are NaN.  ``misfit`` is the chi-square per degree of freedom.  If it exceeds
+        1, the errors are scaled by its square root; if noise is an improbable explanation, the
+        scatter of the residuals is added and the warning says so.
 
-        Over a base that moves, the parameters come from its fit to the landings, with the frequency
-        that `find_impacts` was given or found: an amplitude A = (1 + e) V0.  ``base_displacement``
-        (m) and ``base_acceleration`` (in units of gravity) are there with their errors.
+        Over a moving base the parameters come from its fit to the landings, with the frequency
+        that was given to `find_impacts` or found by it; the amplitude is A = (1 + e) V0.  The
+        result then holds ``base_displacement`` (m) and ``base_acceleration`` (in units of gravity)
+        with their errors.
 
     Raises
     ------
     TrackError
         There are too few bounces, or no parameters describe them.
     ParameterError
-        The frequency is outside its range, or where it is sought.
+        The frequency, or the interval in which it is sought, is outside its range.
     DataError
         The dataset is no result of `find_impacts`.
 
@@ -107,7 +108,7 @@ def estimate(
     >>> found.parameter.values.tolist()
     ['restitution', 'amplitude', 'phase']
     """
-    require(impacts, "estimate", ("landing_time", "quality"), "find_impacts")
+    require(impacts, "estimate", "landing_time", "quality", source="find_impacts")
     low, high = frequency_range
     for name, value in (("frequency", frequency), ("frequency_range", low)):
         if value is not None and not PARAMETERS["frequency"].accepts(value):
@@ -152,7 +153,7 @@ def estimate(
 
 
 def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
-    """Parameters from the fit of a base that moves."""
+    """Parameters from the fit of a moving base."""
     values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
     rate, gravity = float(impacts["shaken_frequency"]), impacts.attrs["gravity"]
     plain, spread = _polar(values, covariance)  # e, V0, phi and perhaps f
@@ -190,7 +191,7 @@ def _of_moving_base(impacts: xr.Dataset) -> xr.Dataset:
 def _estimated(
     values: Array, covariance: Array, about: dict[str, Any], warnings: tuple[str, str]
 ) -> xr.Dataset:
-    """The result of `estimate`; the first warning is of parameters that are not determined."""
+    """Dataset of `estimate`; the first warning concerns parameters that are not determined."""
     names = list(PARAMETER_UNITS)[: values.size]
     error = np.sqrt(np.diag(covariance))
     return xr.Dataset(
@@ -217,10 +218,10 @@ def _estimated(
 def fit_phase(
     impacts: xr.Dataset, *, restitution: float, amplitude: float, frequency: float
 ) -> float:
-    """Phase of the forcing at t = 0 of a recording, rad, where all else is known.
+    """Phase of the forcing at t = 0 of a recording, rad, if all other parameters are known.
 
-    On a locked orbit two phases explain the bounces equally well; that of the stable branch is
-    taken, on which the kick falls at the moment of impact.  Raises a TrackError without bounces.
+    On a locked orbit two phases explain the bounces equally well; the function returns that of the
+    stable branch, on which the kick decreases at impact.  Raises a TrackError without bounces.
     """
     arrive, leave, time = bounces_of(impacts).speeds()
     if not time.size:
@@ -237,14 +238,14 @@ def fit_phase(
 
 
 def _at(bounces: Bounces, rate: float, free: bool) -> tuple[_Adjusted, float]:
-    """Parameters with a frequency, or one near by, and their signal.
+    """Parameters at a frequency, or near it if that is free, and their signal.
 
-    NaN where noise alone would determine them, with a chi-square of infinity where nothing does.
+    They are NaN if the signal is below the noise, with an infinite chi-square if no fit converges.
     """
     first = _regression(bounces, rate)
     signal = _signal(bounces, first, rate)
-    nothing = np.full(3 + free, np.nan)
-    none = _Adjusted(nothing, np.outer(nothing, nothing), np.nan, np.outer(nothing, nothing))
+    unknown = np.full(3 + free, np.nan)
+    none = _Adjusted(unknown, np.outer(unknown, unknown), np.nan, np.outer(unknown, unknown))
     if signal < SIGNAL:
         return none, signal
     try:
@@ -254,7 +255,7 @@ def _at(bounces: Bounces, rate: float, free: bool) -> tuple[_Adjusted, float]:
 
 
 def _regression(bounces: Bounces, rate: float) -> Array:
-    """e, S and C by ordinary least squares."""
+    """Restitution, S and C by ordinary least squares."""
     arrive, leave, time = bounces.speeds()
     wave = np.stack([arrive, np.sin(TURN * rate * time), np.cos(TURN * rate * time)], axis=1)
     return np.asarray(np.linalg.lstsq(wave, leave, rcond=1e-9)[0])
@@ -296,7 +297,7 @@ def _adjust(bounces: Bounces, first: Array, rate: float, free: bool) -> _Adjuste
 
 
 def _polar(values: Array, covariance: Array) -> tuple[Array, Array]:
-    """(e, S, C, ...) to (e, A, phi, ...)."""
+    """Transform (e, S, C, ...) to (e, A, phi, ...)."""
     s, c = values[1:3]
     amplitude = float(np.hypot(s, c))
     change = np.eye(values.size)
@@ -308,7 +309,7 @@ def _polar(values: Array, covariance: Array) -> tuple[Array, Array]:
 
 
 def _signal(bounces: Bounces, values: Array, rate: float) -> float:
-    """`weakest_signal` of bounces whose speeds follow from the times between them."""
+    """Return `weakest_signal` of bounces whose speeds follow from times of flight."""
     arrive, _, time = bounces.speeds()
     here = bounces.variance[bounces.middle]
     speed = bounces.gravity**2 / 4.0 * (here + bounces.variance[bounces.middle - 1])
@@ -319,7 +320,7 @@ def _signal(bounces: Bounces, values: Array, rate: float) -> float:
 
 
 def _rank(tried: tuple[_Adjusted, float]) -> tuple[bool, float]:
-    """Key by which the best adjustment is the least: a physical one before any other."""
+    """Sort key whose minimum is the best adjustment: physical ones come first."""
     found, _ = tried
     chi_square = float(np.nan_to_num(found.chi_square, nan=np.inf))
     unphysical = not np.isfinite(chi_square) or _outside(found.values, found.covariance)

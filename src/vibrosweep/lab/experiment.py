@@ -1,6 +1,6 @@
-"""A virtual experiment: particles, a base and a camera, all with their imperfections.
+"""Virtual experiments: particles, a base and a camera, all with imperfections.
 
-It is the ground truth for everything else in the laboratory: its landings are known.
+Their landings are known, so that everything else in the laboratory can be tested on them.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 
-# Table 1 at 20 Hz: the same dimensionless kick, 2 f A / g = 0.2446, and first flight.
+# Table 1 at 20 Hz, with the same dimensionless kick, 2 f A / g = 0.2446, and first flight.
 LABORATORY: Final[Mapping[str, float]] = {
     "restitution": 0.9,
     "amplitude": 0.06,
@@ -70,16 +70,16 @@ class Variation:
     frequency_setting
         Standard deviation of the mean frequency from repeat to repeat, relative.
     amplitude_setting
-        The same of the amplitude.
+        The same for the amplitude.
     restitution_spread
         Standard deviation of the restitution among the particles; they stay the same in all
         repeats.
     restitution_exponent
-        p, where the restitution falls with the speed v of impact as (2 f v / g)^-p; 1/4 where
-        spheres yield (Johnson 1985, Contact Mechanics, section 11.5).
+        Exponent p of the decrease of the restitution with the speed v of impact, as
+        (2 f v / g)^-p; 1/4 for spheres that yield (Johnson 1985, Contact Mechanics, section 11.5).
     level_spread
-        Standard deviation in m of the height, among the particles, of the base below them: a
-        base or a view that is tilted.
+        Standard deviation in m, among the particles, of the height of the base below them, as of
+        a tilted base or view.
 
     Examples
     --------
@@ -98,7 +98,7 @@ class Variation:
 
 @dataclass(frozen=True)
 class Experiment:
-    """Repeats of one case.
+    """A case that is recorded several times.
 
     Attributes
     ----------
@@ -112,11 +112,11 @@ class Experiment:
     repeats
         Number of recordings.
     transient, duration
-        Time in s after which recording begins, and for which it lasts.
+        Time in s at which the recording begins, and its length in s.
     camera, variation
-        The imperfections.
+        Their imperfections.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
     rebound
         ``"rest"`` or ``"reflect"``.
     base
@@ -163,13 +163,13 @@ class Trial(NamedTuple):
     Attributes
     ----------
     tracks
-        As a camera and its tracking give them.
+        Tracks as the camera and its tracking measure them.
     record
         The true landings, arrays of shape (particle, impact).
     restitution, level
-        Of each particle; the height in m of the base below it.
+        Restitution of each particle, and height in m of the base below it.
     frequency, amplitude
-        Hz and m s-1, as they were in this repeat.
+        Values in this repeat, Hz and m s-1.
     """
 
     tracks: xr.Dataset
@@ -188,7 +188,7 @@ class _Beads(NamedTuple):
 
 
 def perform_trials(experiment: Experiment) -> list[Trial]:
-    """Record every repeat; the same experiment gives the same bits.
+    """Film every repeat of an experiment; the same experiment gives the same bits.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
     Returns
     -------
     list of Trial
-        For each repeat the tracks that the camera saw, and the landings and parameters behind them.
+        Tracks of each repeat, with the true landings and parameters.
 
     Examples
     --------
@@ -216,9 +216,9 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
 
 
 def predicted_means(experiment: Experiment) -> dict[str, Array]:
-    """Mean height and period of each particle's flights that a recording holds whole.
+    """Mean height and period of the flights of each particle that lie within a recording.
 
-    They are those of the experiment without any imperfection, and not over a base that recoils.
+    They are predicted without any imperfection; a base that recoils is not supported.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def predicted_means(experiment: Experiment) -> dict[str, Array]:
 
 
 def _landings(experiment: Experiment, restitution: Array, walk: Array) -> tuple[Record, Surface]:
-    """Landings of particles of these restitutions, and the base that they land on."""
+    """Landings of particles of given restitutions, and the base that they land on."""
     scene, base = experiment.scene, experiment.base
     end = experiment.transient + experiment.duration
     launch = experiment.launch
@@ -262,7 +262,7 @@ def _landings(experiment: Experiment, restitution: Array, walk: Array) -> tuple[
         return record, recoiling(track, scene["frequency"], end)
     given = {name: np.full(restitution.size, scene[name]) for name in PARAMETERS}
     given["restitution"] = restitution
-    if base != HIGH_BOUNCE:  # one base for all: its velocity is A / (1 + e) whatever they are
+    if base != HIGH_BOUNCE:  # all share one base, whose velocity A / (1 + e) is that of the scene
         given["amplitude"] *= (1.0 + restitution) / (1.0 + scene["restitution"])
     parameters = all_parameters(given)
     begin = launches(launch, experiment.particles, parameters["frequency"][:1])
@@ -296,9 +296,9 @@ def _trial(experiment: Experiment, beads: _Beads, seed: np.random.SeedSequence, 
     frames = np.arange(round(experiment.duration * camera.frame_rate))
     time = experiment.transient + frames / camera.frame_rate
     motions = _motions(experiment, record, surface)
-    seen = film(heights(motions, time, camera.exposure) + beads.level, camera, filming)
-    kept = np.isfinite(seen).any(axis=1)
-    tracks = make_tracks(time[kept], seen[kept], source=name)
+    filmed = film(heights(motions, time, camera.exposure) + beads.level, camera, filming)
+    kept = np.isfinite(filmed).any(axis=1)
+    tracks = make_tracks(time[kept], filmed[kept], source=name)
     return Trial(
         tracks, record, beads.restitution, beads.level, scene["frequency"], scene["amplitude"]
     )

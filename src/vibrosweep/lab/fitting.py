@@ -1,4 +1,4 @@
-"""Flights of tracks, over a base that moves or stays at its level."""
+"""Fit the flights of tracks, over a moving base or one at a constant level."""
 
 from __future__ import annotations
 
@@ -20,38 +20,38 @@ from vibrosweep.lab.which_base import moves, which_base
 from vibrosweep.model.parameters import PARAMETERS
 
 MOTIONS: Final = ("detect", "level", "moving")
-# Share of junctions above a base that moves at which it is another one; the right one has 2 % of
-# them at most in irregular films, a wrong one 9 % and more.
+# Share of junctions above a moving base from which on its fit is rejected: a right one has at most
+# 2 % of them in irregular films, a wrong one 9 % and more.
 TURNED_ABOVE: Final = 0.05
 
 
 class View(NamedTuple):
-    """What is known beside the tracks, and what is to be found."""
+    """Knowledge beside the tracks, and quantities to be found."""
 
-    # Height in m at which particles land; found from the flights where None
+    # Height in m at which particles land; None if it is to be found from the flights
     base: float | None = None
     exposure: float = 0.0  # time for which the shutter is open, s
-    # One of `MOTIONS`: the base moves, stays at its level, or this is decided from the contacts
+    # One of `MOTIONS`: the base moves, has a constant level, or the contacts decide
     motion: str = "detect"
-    frequency: float | None = None  # of the forcing in Hz; sought where None and needed
-    trace: Trace | None = None  # a measured motion of the base, which then moves
+    frequency: float | None = None  # of the forcing in Hz; None if it is to be found
+    trace: Trace | None = None  # measured motion of a moving base
 
 
 class Fitted(NamedTuple):
     """Tracks with the flights found in them."""
 
-    # samples, flights: what was seen, and the parabolas through it
+    # samples, flights: measured positions, and the parabolas through them
     samples: Samples
     flights: Flights
-    # Swapped identities: the first frame with them, and the two particles
+    # Swapped identities: the first frame after the swap, and the two particles
     swaps: list[tuple[int, int, int]]
-    # The base that the contacts favour: ``"moving"``, ``"level"`` or ``"undetermined"``; the one
-    # that was given where it was
-    speaks_for: str
+    # Base that the contacts favour: ``"moving"``, ``"level"`` or ``"undetermined"``; that of the
+    # view if it states one
+    favoured_base: str
 
 
 def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitted:  # noqa: B008
-    """Find and fit the flights of tracks; errors as of `find_impacts`."""
+    """Find and fit the flights of tracks; raises the errors of `find_impacts`."""
     _check_view(gravity, view)
     _check_base(tracks, view.base)
     time, height = tracks["time"].values, tracks["height"].values
@@ -59,7 +59,7 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitte
     try:
         samples = samples_of(time, height, cuts)
         check_gravity(samples, gravity, view.base)
-        flights, says = _flights(samples, gravity, view)
+        flights, favoured = _flights(samples, gravity, view)
         highest = float(flights.levels.max())
         if flights.shaken is not None:
             base = flights.shaken.oscillation
@@ -69,60 +69,60 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, view: View = View()) -> Fitte
             for frame, one, other in swaps:
                 cuts[frame, [one, other]] = True
             samples = samples_of(time, height, cuts)
-            flights, says = _flights(samples, gravity, view)
+            flights, favoured = _flights(samples, gravity, view)
     except TrackError as error:
         raise TrackError(f"{tracks.attrs['source']}: {error}") from error
-    return Fitted(samples, flights, swaps, says)
+    return Fitted(samples, flights, swaps, favoured)
 
 
 def _flights(samples: Samples, gravity: float, view: View) -> tuple[Flights, str]:
-    """Flights over the base that is given or that the contacts favour, and which that is."""
+    """Flights over the base that is given or that contacts favour, and its name."""
     level = view.motion == "level" or (view.motion == "detect" and view.base is not None)
     level = level and view.trace is None
     if level and view.base is not None:
         return find_flights(samples, gravity, view.base, view.exposure), "level"
-    fall, says, problem = gravity, "level", TrackError(UNDETERMINED)
+    fall, favoured, problem = gravity, "level", TrackError(UNDETERMINED)
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
-        seen, error, over = cut.seen, cut.error, None
+        found, error, over = cut.fall, cut.error, None
         if not level:
             try:
-                says, over = _over_moving(samples, cut, view)
+                favoured, over = _over_moving(samples, cut, view)
             except TrackError as reason:
-                says, problem = "undetermined", reason
+                favoured, problem = "undetermined", reason
         if over is not None:
-            seen, error = over.gravity, over.gravity_error
-        if not contradicts(seen, error, fall):
+            found, error = over.gravity, over.gravity_error
+        if not contradicts(found, error, fall):
             if over is not None:
-                return over, says
+                return over, favoured
             break
-        # gravity judges the scale, whatever it was taken for before
-        if not correctable(seen, gravity):
+        # the scale is judged by gravity, not by the acceleration of the round before
+        if not correctable(found, gravity):
             break
-        fall = seen
-    if over is not None:  # its own flights contradict it
-        says = "undetermined"
+        fall = found
+    if over is not None:  # its flights contradict it
+        favoured = "undetermined"
         problem = TrackError(
-            f"over a base that moves, flights fall with {seen:.4g} ± {error:.2g} m s-2 where "
+            f"over a base that moves, flights fall with {found:.4g} ± {error:.2g} m s-2 where "
             f"{fall:.4g} m s-2 was taken: check the scale, the frame rate and the frequency"
         )
     if not level and (view.motion == "moving" or view.trace is not None):
         raise problem
-    return flights_on_levels(samples, cut.contacts, gravity, view.exposure), says
+    return flights_on_levels(samples, cut.contacts, gravity, view.exposure), favoured
 
 
 def _over_moving(samples: Samples, cut: Cut, view: View) -> tuple[str, Flights | None]:
-    """What contacts say of the base, and the flights over one that moves, or None if none does."""
+    """Base that contacts favour, and the flights over a moving one; None if it does not move."""
     rate, free = view.frequency, view.frequency is None
-    says, shaken = "moving", None
+    favoured, shaken = "moving", None
     if view.trace is None:
-        says, shaken = which_base(cut.contacts, rate)
+        favoured, shaken = which_base(cut.contacts, rate)
     else:
         rate = float(view.trace.values[2])
         shaken = fit_shaken(cut.contacts, rate, free=True, moves=True, trace=view.trace)
     detected = view.motion == "detect" and view.trace is None
-    if shaken is None or (detected and says != "moving"):
-        return says, None
+    if shaken is None or (detected and favoured != "moving"):
+        return favoured, None
     over, contacts = flights_over(
         samples,
         cut.member,
@@ -139,10 +139,10 @@ def _over_moving(samples: Samples, cut: Cut, view: View) -> tuple[str, Flights |
             f"where nothing can turn them: the landings do not determine how the base moves; film "
             f"faster or closer, or give the frequency or a trace of the base"
         )
-    # the first contacts are rough: those of its own flights must say the same
+    # the first contacts are rough: those of the fitted flights must favour it too
     if detected and over.shaken is not None and not moves(contacts, over.shaken, free=free):
         return "undetermined", None
-    return says, over
+    return favoured, over
 
 
 def _check_view(gravity: float, view: View) -> None:

@@ -1,4 +1,4 @@
-"""From samples to landings: flights are found, fitted, cut again where they meet, and judged."""
+"""Find flights in samples: fit them, intersect neighbours, assign the samples anew, repeat."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from vibrosweep.lab.junctions import Junctions, base_level, join
 from vibrosweep.lab.oscillation import Shaken
 from vibrosweep.lab.segments import Samples, first_noise, low_points
 
-# Samples above this share of a flight's height belong to it, wherever its ends turn out to be.
+# Samples above this share of the height of a flight belong to it, wherever its ends are.
 UPPER: Final = 0.25
-# A flight needs one sample more than it has unknowns, and this height in units of the noise.
+# Fewest samples of a flight, one more than its unknowns, and least height in units of the noise.
 LEAST_SAMPLES: Final = 3
 LEAST_HEIGHT: Final = 4.0
 FIRST_SHARE: Final = 0.6
-# Significance level: one good flight in a million is called poor.
+# Significance level of the test for poor flights: one good flight in a million fails it.
 POOR: Final = 1e-6
-# Share of the flights that are poor above which they were not found
+# Share of poor flights from which on the search has failed
 MOSTLY: Final = 0.5
-# Standard deviations of the noise beyond which a sample is not on the base
+# Standard deviations of the noise within which a sample is on the base
 OFF_BASE: Final = 3.0
-SCALES: Final = 3  # that are tried, each as the flights over the one before show it
-# Iterations; after three, samples of most tracks no longer change their flight.
+SCALES: Final = 3  # most accelerations that are tried, each shown by the flights of the one before
+# Iterations: in most tracks no sample changes its flight after three.
 ROUNDS: Final = 4
 
 
@@ -51,10 +51,10 @@ class Flights(NamedTuple):
     piece: Indices
     particle: Indices
     member: Indices  # number of the flight of each sample, -1 for none
-    poor: NDArray[np.bool_]  # flights whose residuals are larger than the noise allows
-    ends: Ends  # on the base
-    junctions: Junctions  # between neighbours
-    levels: Array  # height of the base below each particle, m; of one that moves, its mean
+    poor: NDArray[np.bool_]  # whether the residuals of a flight are larger than noise explains
+    ends: Ends  # ends of the flights on the base
+    junctions: Junctions  # between neighbouring flights
+    levels: Array  # (mean) height of the base below each particle, m
     # base, base_error: mean of the levels, and the standard error of a level, m
     base: float
     base_error: float
@@ -62,9 +62,9 @@ class Flights(NamedTuple):
     # gravity, gravity_error: acceleration that the tracks show and its standard error, m s-2
     gravity: float
     gravity_error: float
-    # Acceleration of the parabolas: the true one, or that of the tracks where they contradict it
+    # Acceleration of the parabolas: gravity, or that of the tracks if they contradict it
     curvature: float
-    # Motion of the base, fitted to the contacts; None where it stays at its level
+    # Motion of the base, fitted to the contacts; None if its level is constant
     shaken: Shaken | None
 
 
@@ -73,39 +73,39 @@ def find_flights(
 ) -> Flights:
     """Find and fit every flight.
 
-    `base` is the height of the base in m, estimated where None.  Frames during which a particle
-    lands belong to no flight where the shutter is open for an `exposure`, s.  Raises a TrackError
-    where nothing flies, or what flies does not fall with gravity.
+    `base` is the height of the base in m; None if it is to be estimated.  Frames whose `exposure`
+    (s) contains a landing belong to no flight.  Raises a TrackError if nothing flies, or if flights
+    do not fall with gravity.
     """
     fall = gravity
     for _ in range(SCALES):
         flights = _searched(samples, fall, base, exposure)
-        seen, error = flights.gravity, flights.gravity_error
-        if not contradicts(seen, error, fall):
+        found, error = flights.gravity, flights.gravity_error
+        if not contradicts(found, error, fall):
             return flights
-        refuse_gravity(seen, error, gravity)
-        fall = seen  # parabolas of the wrong curvature would miss the landings
+        refuse_gravity(found, error, gravity)
+        fall = found  # parabolas of the wrong curvature would miss the landings
     raise TrackError(
-        f"flights fall with {seen:.4g} ± {error:.2g} m s-2 where {flights.curvature:.4g} m s-2 was "
-        f"taken, and gravity is {gravity:g} m s-2: no scale describes all of them; check the "
+        f"flights fall with {found:.4g} ± {error:.2g} m s-2 where {flights.curvature:.4g} m s-2 "
+        f"was taken, and gravity is {gravity:g} m s-2: no scale describes all of them; check the "
         f"heights, or film faster or closer"
     )
 
 
 def _searched(samples: Samples, gravity: float, base: float | None, exposure: float) -> Flights:
     noise = first_noise(samples)
-    # the first guess may be too large, and would hide low flights
+    # the first guess of the noise may be too large, which would hide low flights
     rough = _settle(samples, FIRST_SHARE * noise, gravity, base, exposure)
     noise = min(noise, rough.noise)
     flights = _settle(samples, noise, gravity, base, exposure)
     if base is not None or flights.poor.mean() < MOSTLY:
         return flights
-    # after every flight a stay: the parabolas meet below the base, on which the lowest samples lie
+    # with a stay after every flight the parabolas meet below the base, where the lowest samples lie
     parted = _settle(samples, noise, gravity, low_points(samples, noise, None)[1], exposure)
     rests = samples.height[parted.member < 0]
     if not rests.size or parted.poor.mean() >= MOSTLY:
         return flights
-    # those of bounces too low to be seen are left out
+    # without samples of bounces too low to be resolved
     rests = rests[np.abs(rests - np.median(rests)) <= OFF_BASE * parted.noise]
     found = _settle(samples, noise, gravity, float(rests.mean()), exposure)
     return found._replace(base_error=parted.noise / float(np.sqrt(rests.size)))
@@ -114,12 +114,12 @@ def _searched(samples: Samples, gravity: float, base: float | None, exposure: fl
 def _settle(
     samples: Samples, noise: float, gravity: float, given: float | None, exposure: float
 ) -> Flights:
-    """Fit flights, join them, and assign samples to flights between the landings found; repeat."""
+    """Fit flights, join them, and assign samples to flights by the landings found; repeat."""
     member, piece, base, _ = _first_members(samples, noise, given)
     error, noise = 0.0, np.inf
     for turn in range(ROUNDS):
         fits, piece, member, found = _resolved(samples, member, piece, base, gravity)
-        # stays that were taken for parts of flights would enlarge it, and so hide themselves
+        # a stay taken for part of a flight would raise the noise, and so hide itself
         noise = min(noise, found)
         ends = crossings(fits, base, gravity)
         junctions = join(fits, piece, ends, noise, gravity)
@@ -128,8 +128,10 @@ def _settle(
             ends = crossings(fits, base, gravity)
             junctions = join(fits, piece, ends, noise, gravity)
         if turn < ROUNDS - 1:
-            member = share_out(samples, piece, junctions, ends, exposure)
-    seen, seen_error = seen_gravity(samples, member, fits.top(gravity) - base, noise, gravity)
+            member = assign_samples(samples, piece, junctions, ends, exposure)
+    apparent, apparent_error = seen_gravity(
+        samples, member, fits.top(gravity) - base, noise, gravity
+    )
     return Flights(
         fits,
         piece,
@@ -142,8 +144,8 @@ def _settle(
         base,
         error,
         noise,
-        seen,
-        seen_error,
+        apparent,
+        apparent_error,
         gravity,
         None,
     )
@@ -152,14 +154,14 @@ def _settle(
 def _first_members(
     samples: Samples, noise: float, given: float | None
 ) -> tuple[Indices, Indices, float, Array]:
-    """Samples of the upper part of each flight, piece of each flight, the base, and the tops."""
+    """Samples in the upper part of each flight, pieces of the flights, base, and tops."""
     low, base = low_points(samples, noise, given)
     edges = np.unique(np.concatenate([samples.bounds[:-1], low]))
     tops = np.maximum.reduceat(samples.height, edges)
     flight = np.searchsorted(edges, np.arange(samples.time.size), side="right") - 1
     upper = samples.height - base > UPPER * (tops[flight] - base)
     upper[low] = False
-    # only the stretch around the highest sample: what stays on the base may be as high elsewhere
+    # only the stretch around the highest sample: a stay on the base elsewhere may be as high
     stretch = np.cumsum(np.diff(np.where(upper, flight, -1), prepend=-2) != 0)
     at_top = samples.height == tops[flight]
     kept = np.zeros(int(stretch[-1]) + 1, bool)
@@ -168,22 +170,23 @@ def _first_members(
 
 
 def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
-    """Raise a TrackError where the highest flights fall with an acceleration far from gravity."""
+    """Raise a TrackError if the highest flights fall with an acceleration far from gravity."""
     noise = first_noise(samples)
     member, _, base, tops = _first_members(samples, FIRST_SHARE * noise, base)
     high = well_seen(tops - base, noise)
-    seen = apparent_gravity(samples, np.where(high[member], member, -1), tops.size)
-    refuse_gravity(*seen, gravity)
+    refuse_gravity(
+        *apparent_gravity(samples, np.where(high[member], member, -1), tops.size), gravity
+    )
 
 
-def refuse_gravity(seen: float, error: float, gravity: float) -> None:
-    """Raise a TrackError where flights fall with an acceleration far from gravity."""
-    # where flights span four frames or fewer nothing is seen of their curvature: both are NaN
-    if not abs(seen - gravity) > max(WRONG_SCALE * gravity, SCALE_OFF * error):
+def refuse_gravity(found: float, error: float, gravity: float) -> None:
+    """Raise a TrackError if flights fall with an acceleration (m s-2) far from gravity."""
+    # flights of at most four frames do not show their curvature: both are NaN then
+    if not abs(found - gravity) > max(WRONG_SCALE * gravity, SCALE_OFF * error):
         return
-    units = f"multiply the scale by about {gravity / seen:.2g}, or " if seen > 0.0 else ""
+    units = f"multiply the scale by about {gravity / found:.2g}, or " if found > 0.0 else ""
     raise TrackError(
-        f"what is tracked falls with {seen:.3g} m s-2 instead of {gravity:g} m s-2: {units}turn "
+        f"what is tracked falls with {found:.3g} m s-2 instead of {gravity:g} m s-2: {units}turn "
         f"the axis, or correct the frame rate, or film faster where flights last fewer than five "
         f"frames; what hardly leaves its base does not show gravity"
     )
@@ -192,7 +195,7 @@ def refuse_gravity(seen: float, error: float, gravity: float) -> None:
 def _resolved(
     samples: Samples, member: Indices, piece: Indices, base: float, gravity: float
 ) -> tuple[Fits, Indices, Indices, float]:
-    """Fit, and keep the flights that the frames and the noise let one see."""
+    """Fit the flights, and keep those that frames and noise resolve."""
     fits = fit(samples, member, piece.size, gravity)
     noise = flight_noise(fits, float(np.ptp(samples.height)))
     with np.errstate(invalid="ignore"):
@@ -202,7 +205,7 @@ def _resolved(
 
 
 def keep(fits: Fits, high: NDArray[np.bool_], member: Indices) -> tuple[Indices, Fits, Indices]:
-    """Keep the flights that are high and long enough, and number those of the samples anew."""
+    """Keep the flights that are high and long enough, and renumber those of the samples."""
     kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
     if not kept.size:
         raise TrackError(
@@ -215,7 +218,7 @@ def keep(fits: Fits, high: NDArray[np.bool_], member: Indices) -> tuple[Indices,
 
 
 def flight_noise(fits: Fits, extent: float) -> float:
-    """Standard deviation of a sample from all flights but the poor ones, m."""
+    """Standard deviation of a sample in m, from all flights that are not poor."""
     freedom = fits.number - 2.0
     judged = freedom > 0.0
     if not judged.any():
@@ -226,30 +229,30 @@ def flight_noise(fits: Fits, extent: float) -> float:
     for _ in range(2):
         good = residue <= variance * largest
         variance = float(residue[good].sum() / freedom[good].sum()) if good.any() else variance
-    # positions without noise still are rounded
+    # positions without noise are still rounded
     return max(float(np.sqrt(variance)), 1e-9 * extent)
 
 
 def poor_flights(fits: Fits, noise: float) -> NDArray[np.bool_]:
-    """Whether residuals of each flight are larger than the noise (m) allows."""
+    """Return whether the residuals of each flight are larger than the noise (m) explains."""
     largest = _chi_square(POOR, np.maximum(fits.number - 2.0, 1.0))
     return np.asarray(fits.residue > noise**2 * largest)
 
 
 def _chi_square(share: float, freedom: Array) -> Array:
-    """Chi-square that a share of all exceeds, for whole degrees of freedom."""
+    """Chi-square with a given upper tail probability, for integer degrees of freedom."""
     values = chdtri(np.arange(freedom.max(initial=1.0) + 1.0), share)
     return np.asarray(values[freedom.astype(np.intp)])
 
 
-def share_out(
+def assign_samples(
     samples: Samples, piece: Indices, junctions: Junctions, ends: Ends, exposure: float
 ) -> Indices:
-    """Give each sample to the flight that it was taken in; -1 on the base and while landing."""
+    """Assign each sample to the flight around its time; -1 on the base and during a landing."""
     start, end = ends.up.copy(), ends.down.copy()
     end[junctions.before] = junctions.landing
     start[junctions.before + 1] = junctions.liftoff
-    # one axis for all: pieces do not overlap, as each gets an interval longer than the track
+    # a common axis on which pieces do not overlap: each has an interval longer than the track
     origin, length = samples.time.min(), 2.0 * np.ptp(samples.time) + 1.0
     place = length * samples.piece + (samples.time - origin)
     margin = exposure / 2.0

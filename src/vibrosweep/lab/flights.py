@@ -1,8 +1,8 @@
-"""Parabolas through the samples of every flight at once, and where neighbouring ones meet.
+"""Parabolas through the samples of all flights, and their intersections.
 
-Gravity is known, so a flight has two unknowns, and y + g t^2 / 2 is a straight line in t.  Two
-flights differ by a straight line, which vanishes at the landing between them: no height of the base
-is needed for it.
+Gravity is known, so that a flight has two unknowns and y + g t^2 / 2 is a straight line in t.  Two
+flights differ by a straight line, which vanishes at the landing between them: the landing follows
+without the height of the base.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from scipy.stats import trim_mean
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.lab.segments import Samples
 
-# Standard errors by which the acceleration that tracks show must differ from gravity to be another,
-# and the share of gravity up to which that is an error of the scale.
+# Standard errors by which the acceleration of tracks must differ from gravity to contradict it, and
+# the share of gravity up to which the difference is an error of the scale.
 SCALE_OFF: Final = 5.0
 WRONG_SCALE: Final = 0.2
-# Flights by which a scale can be judged
+# Fewest flights from which a scale is judged
 FEWEST: Final = 5
-# Height in units of the noise, many times that of a wave of noise between two low points, above
-# which the curvature of a flight shows the gravity.
+# Least height, in units of the noise, of a flight whose curvature shows gravity: many times that of
+# a wave of noise between two low points.
 WELL_SEEN: Final = 7.0
 # Well-seen flights are at least half as high as this quantile.
 HIGH: Final = 0.95
-TRIMMED: Final = 0.25  # share of the curvatures that is left out on either side
+TRIMMED: Final = 0.25  # share of the curvatures trimmed on either side
 
 
 class Fits(NamedTuple):
@@ -42,7 +42,7 @@ class Fits(NamedTuple):
     residue: Array  # sum of squared residuals, m^2
 
     def top(self, gravity: float) -> Array:
-        """Height of the apex, m."""
+        """Height of each apex, m."""
         return self.level + self.slope**2 / (2.0 * gravity)
 
     def height(self, time: Array, gravity: float) -> Array:
@@ -51,7 +51,7 @@ class Fits(NamedTuple):
         return self.level + since * (self.slope - 0.5 * gravity * since)
 
     def take(self, chosen: Indices | NDArray[np.bool_]) -> Fits:
-        """Some of the flights."""
+        """Return some of the flights."""
         return Fits._make(values[chosen] for values in self)
 
 
@@ -79,9 +79,9 @@ def fit(samples: Samples, flight: Indices, flights: int, gravity: float) -> Fits
 
 
 def curvatures(samples: Samples, flight: Indices, flights: int) -> tuple[Array, Array]:
-    """Acceleration in m s-2 with which each flight falls, fitted with its own height and slope.
+    """Acceleration (m s-2) of each flight, fitted with its height and slope, and its weight.
 
-    And its weight: the reciprocal of its variance, in units of that of a sample; 0 below four
+    The weight is the reciprocal of the variance, in units of that of a sample; 0 below four
     samples.
     """
     used = flight >= 0
@@ -105,9 +105,9 @@ def curvatures(samples: Samples, flight: Indices, flights: int) -> tuple[Array, 
 def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[float, float]:
     """Acceleration with which the flights fall, and its standard error, m s-2.
 
-    The mean of the middle half of the curvatures of all flights of at least four samples: stretches
-    that are no flights at all do not disturb it, nor do positions in whole pixels, as they do a
-    median.  NaN if there are none.
+    The mean of the middle half of the curvatures of all flights of at least four samples; NaN if
+    there are none.  Stretches that are no flights do not disturb it, nor do positions in whole
+    pixels, which would disturb a median.
     """
     seen, weight = curvatures(samples, flight, flights)
     seen = seen[weight > 0.0]
@@ -120,15 +120,15 @@ def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[f
 
 
 def contradicts(seen: float, error: float, gravity: float) -> bool:
-    """Whether flights seen to fall with one acceleration, m s-2, contradict another.
+    """Return whether the acceleration of flights contradicts an assumed one, both in m s-2.
 
-    They do not where nothing is seen of their curvature, and all is NaN.
+    It does not if flights do not show their curvature and it is NaN.
     """
     return abs(seen - gravity) > SCALE_OFF * error
 
 
 def correctable(seen: float, gravity: float) -> bool:
-    """Whether the acceleration that flights show may be gravity in tracks of a wrong scale."""
+    """Return whether the acceleration of flights may be gravity in tracks of a wrong scale."""
     return abs(seen - gravity) < WRONG_SCALE * gravity
 
 
@@ -137,21 +137,22 @@ def seen_gravity(
 ) -> tuple[float, float]:
     """Acceleration with which flights fall, and its standard error, m s-2.
 
-    Of all flights; where it contradicts gravity, of the well-seen ones, as low flights are cut and
-    chosen by the acceleration that was assumed.  `rise` is the height of each flight, m.
+    It is that of all flights or, if that contradicts gravity, of the well-resolved ones, because
+    low flights are cut and selected by the assumed acceleration.  `rise` is the height of each
+    flight, m.
     """
     seen = apparent_gravity(samples, member, rise.size)
     if not contradicts(*seen, gravity):
         return seen
     high = well_seen_gravity(samples, member, rise, noise)
-    # too few: no scale is taken from low flights, but what hardly falls is still refused
+    # too few: low flights give no scale, but tracks that hardly fall are refused
     return seen if np.isnan(high[0]) and not correctable(seen[0], gravity) else high
 
 
 def well_seen_gravity(
     samples: Samples, member: Indices, rise: Array, noise: float
 ) -> tuple[float, float]:
-    """The same, of the flights high enough to show it; NaN where they are too few."""
+    """The same, of the flights that are high enough to show it; NaN if they are too few."""
     high = well_seen(rise, noise)
     if high.sum() < FEWEST:
         return float("nan"), float("nan")
@@ -159,18 +160,18 @@ def well_seen_gravity(
 
 
 def well_seen(rise: Array, noise: float) -> Flags:
-    """Flights that stand out of the noise, among the highest; all in m."""
+    """Return which flights are among the highest and stand out of the noise; all in m."""
     return np.asarray(rise > np.fmax(WELL_SEEN * noise, np.quantile(rise, HIGH) / 2.0))
 
 
 def line_variance(fits: Fits, one: Array, other: Array | None = None) -> Array:
-    """Covariance of a flight's height at two instants, in units of the variance of a sample."""
+    """Covariance of the heights of a flight at two instants, over the variance of a sample."""
     other = one if other is None else other
     return 1.0 / fits.number + (one - fits.centre) * (other - fits.centre) / fits.spread
 
 
 class Ends(NamedTuple):
-    """Where flights begin and end on the base; arrays of shape (flight,)."""
+    """Ends of flights on the base; arrays of shape (flight,)."""
 
     # up, down: instants of lift-off and landing, s
     up: Array
@@ -181,7 +182,7 @@ class Ends(NamedTuple):
 
 
 def crossings(fits: Fits, base: float, gravity: float) -> Ends:
-    """Ends of flights at a base that stays at a height."""
+    """Ends of flights on a base at a constant height."""
     with np.errstate(invalid="ignore"):
         speed = np.sqrt(fits.slope**2 + 2.0 * gravity * (fits.level - base))
     rise = fits.centre + (fits.slope - speed) / gravity
@@ -189,7 +190,7 @@ def crossings(fits: Fits, base: float, gravity: float) -> Ends:
 
 
 class Meetings(NamedTuple):
-    """Where flights meet; arrays of shape (meeting,)."""
+    """Intersections of flights; arrays of shape (meeting,)."""
 
     # time, height: s and m
     time: Array
@@ -201,7 +202,7 @@ class Meetings(NamedTuple):
 
 
 def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
-    """Intersect neighbouring flights; instants `near` by, s, keep the differences small."""
+    """Intersect neighbouring flights; instants `near` them (s) keep the differences small."""
 
     def at(fits: Fits, time: Array) -> tuple[Array, Array]:
         return fits.height(time, gravity), fits.slope - gravity * (time - fits.centre)

@@ -14,7 +14,7 @@ from vibrosweep.lab.fitting import Fitted, View, fit_tracks
 from vibrosweep.lab.flight_search import Flights
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.oscillation import Shaken, Trace
-from vibrosweep.lab.quality import seen
+from vibrosweep.lab.quality import coverage
 from vibrosweep.lab.segments import Samples, low_points
 
 __all__ = ["BOUNCED", "DOUBTFUL", "METHODS", "STAYED", "find_impacts", "impacts_of"]
@@ -49,14 +49,14 @@ def find_impacts(
     frequency: float | None = None,
     trace: Trace | None = None,
 ) -> xr.Dataset:
-    """Landings of every particle, with standard errors.
+    """Find the landings of every particle, with standard errors.
 
     Parameters
     ----------
     tracks
         Result of `read_tracks` or `make_tracks`.
     gravity
-        m s-2; the flights are parabolas of this curvature.
+        Gravity in m s-2, the curvature of the flights.
     base
         Height in m at which particles land; by default it is found from the flights.
     exposure
@@ -65,10 +65,10 @@ def find_impacts(
         ``"fit"``: neighbouring parabolas are intersected.  ``"sign_change"``: the frame at which
         the velocity turns from falling to rising, and the highest frame in between.
     motion
-        ``"level"``: the base stays at its level; ``"moving"``: it oscillates; ``"detect"``: as the
-        landings say, and at its level where they determine neither or `base` is given.
+        ``"level"``: the base has a constant level; ``"moving"``: it oscillates; ``"detect"``: the
+        landings decide, and the level is constant if they do not, or if `base` is given.
     frequency
-        Of the forcing in Hz; sought where the base moves and it is not given.
+        Frequency of the forcing in Hz; by default it is found if the base moves.
     trace
         A measured motion of the base, from `vibrosweep.lab.read_trace`.
 
@@ -77,19 +77,19 @@ def find_impacts(
     xarray.Dataset
         Dims (particle, impact), NaN past the last landing: ``landing_time``, ``liftoff_time`` and
         their errors (s); ``next_covariance`` (s2) of a lift-off with the next landing;
-        ``flight_time``, ``impact_speed``, ``rebound_height`` of the flight that follows, NaN where
-        its landing is not seen or one of its ends is doubtful; ``quality``.  By particle what was
-        seen of it, and the level of the base below it (m).  Attributes: the noise of a position
-        (m), the base (m), the acceleration that the tracks show, the base that the landings
-        favour.  Over a base that moves also restitution, S, C (m s-1) and frequency (Hz), where it
-        was sought, with covariance: `shaken` and `shaken_covariance`; the base has the velocity
-        S sin 2 pi f t + C cos 2 pi f t.
+        ``flight_time``, ``impact_speed``, ``rebound_height`` of the flight that follows, NaN if its
+        landing was not seen or one of its ends is doubtful; ``quality``.  Dim particle: numbers of
+        frames, gaps and poor flights, and the level of the base below it (m).  Attributes: the
+        noise of a position (m), the base (m), the acceleration with which the tracks fall, and
+        ``favoured_base``, ``"moving"``, ``"level"`` or ``"undetermined"``.  Over a moving base
+        ``shaken`` and ``shaken_covariance`` hold restitution, S, C (m s-1) and, if it was found,
+        the frequency f (Hz); the base has the velocity S sin 2 pi f t + C cos 2 pi f t.
 
     Raises
     ------
     TrackError
         Nothing bounces, nothing falls with gravity, the base is not below the tracks, or
-        `motion` is ``"moving"`` and the landings do not determine how.
+        `motion` is ``"moving"`` and the landings do not determine the motion.
     ParameterError
         Gravity or frequency is outside its range.
 
@@ -107,7 +107,7 @@ def find_impacts(
 
 
 def check_method(method: str) -> None:
-    """Refuse, with a TrackError, what is none of the `METHODS`."""
+    """Raise a TrackError for a method that is not one of `METHODS`."""
     if method not in METHODS:
         raise TrackError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
 
@@ -120,7 +120,7 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
         owner, columns = _fitted(flights, gravity)
     else:
         owner, columns = _turned(samples, flights, 1.0 / tracks.attrs["frame_rate"], gravity)
-    found = _table(owner, columns, particles).merge(seen(tracks))
+    found = _table(owner, columns, particles).merge(coverage(tracks))
     poor = np.bincount(flights.particle[flights.poor], minlength=particles)
     exchanged = np.bincount(np.array([p for _, *pair in swaps for p in pair], int), None, particles)
     for name, values, units, words in (
@@ -146,7 +146,7 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
         "apparent_gravity_error": flights.gravity_error,
         "scale_off": int(flights.curvature != gravity),
         "base_motion": "level" if flights.shaken is None else "moving",
-        "speaks_for": fitted.speaks_for,
+        "favoured_base": fitted.favoured_base,
     }
     return found
 
@@ -154,18 +154,18 @@ def impacts_of(tracks: xr.Dataset, fitted: Fitted, gravity: float, method: str) 
 def _shaken(shaken: Shaken, scale: float) -> xr.Dataset:
     """Restitution and motion of the base, with covariance, without the levels.
 
-    `scale` is what its lengths are multiplied by, where gravity shows that the tracks' are wrong.
+    `scale` multiplies its lengths, which corrects those of tracks of a wrong scale.
     """
     names = ["restitution", "S", "C", "frequency"][: shaken.values.size - shaken.levels.size]
-    own = slice(None, len(names))
-    scales = np.array([1.0, scale, scale, 1.0])[own]
+    of_base = slice(None, len(names))
+    scales = np.array([1.0, scale, scale, 1.0])[of_base]
     words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
     return xr.Dataset(
         {
-            "shaken": ("of_base", scales * shaken.values[own], {"long_name": words}),
+            "shaken": ("of_base", scales * shaken.values[of_base], {"long_name": words}),
             "shaken_covariance": (
                 ("of_base", "other"),
-                np.outer(scales, scales) * shaken.covariance[own, own],
+                np.outer(scales, scales) * shaken.covariance[of_base, of_base],
                 {"long_name": "covariance"},
             ),
             "shaken_frequency": ((), shaken.oscillation.frequency, {"units": "Hz"}),
@@ -176,13 +176,13 @@ def _shaken(shaken: Shaken, scale: float) -> xr.Dataset:
         coords={
             "of_base": names,
             "other": names,
-            "of_base_units": ("of_base", ["1", "m s-1", "m s-1", "Hz"][own]),
+            "of_base_units": ("of_base", ["1", "m s-1", "m s-1", "Hz"][of_base]),
         },
     )
 
 
 def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
-    """Columns of `_VARIABLES` and the quality, a row for each junction, and its particle."""
+    """Particle of each junction, and columns of `_VARIABLES` and the quality."""
     joint, fits = flights.junctions, flights.fits
     after = joint.before + 1
     odd = flights.poor[joint.before] | flights.poor[after] | joint.overlapping
@@ -190,7 +190,7 @@ def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[st
     duration = np.full(joint.before.size, np.nan)
     duration[linked] = joint.landing[linked + 1] - joint.liftoff[linked]
     whole = np.isfinite(duration)
-    # the apex lies where the slope vanishes
+    # at the apex the slope vanishes
     apex = fits.centre + fits.slope / flights.curvature
     height = fits.top(flights.curvature) - flights.levels[flights.particle]
     error = np.hypot(flights.noise * np.sqrt(line_variance(fits, apex)), flights.base_error)
@@ -216,7 +216,7 @@ def _fitted(flights: Flights, gravity: float) -> tuple[NDArray[np.intp], dict[st
 def _turned(
     samples: Samples, flights: Flights, interval: float, gravity: float
 ) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
-    """The same by frames: the lowest is taken for the landing, the highest for the apex."""
+    """The same by frames: landings are the lowest frames, apexes the highest."""
     above = replace(samples, height=samples.height - flights.levels[samples.particle])
     low, _ = low_points(above, flights.noise, 0.0)
     time, owner = samples.time[low], samples.particle[low]
@@ -242,7 +242,7 @@ def _turned(
 
 
 def _table(owner: NDArray[np.intp], columns: dict[str, NDArray[Any]], particles: int) -> xr.Dataset:
-    """Rows in the order of particles and times -> arrays of shape (particle, impact)."""
+    """Dataset of shape (particle, impact) from rows in the order of particles and times."""
     count = np.bincount(owner, minlength=particles)
     place = np.arange(owner.size) - (np.cumsum(count) - count)[owner]
     shape = (particles, int(count.max(initial=0)))

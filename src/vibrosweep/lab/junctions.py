@@ -1,4 +1,4 @@
-"""What happens between neighbouring flights: a bounce, a stay on the base, or neither."""
+"""Junctions of neighbouring flights: a bounce, a stay on the base, or neither."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ import numpy as np
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.lab.flights import Ends, Fits, line_variance, meet
 
-# Standard errors by which two flights must miss each other to be seen as parted by a stay.
+# Standard errors by which two flights must miss each other for a stay between them.
 MISSED: Final = 4.0
-# Flights that meet within so many standard errors of the base meet on it.
+# Flights that meet within this number of standard errors of the base meet on it.
 ON_BASE: Final = 4.0
-# Stays on the base make neighbouring parabolas meet below it: take a high quantile of the meetings.
+# Quantile of the meetings, high because parabolas beside a stay meet below the base.
 FROM_ABOVE: Final = 0.8
 FEWEST: Final = 3
 BASE_ROUNDS: Final = 5
 
 
 class Junctions(NamedTuple):
-    """Between flight `before` and flight `before + 1`; arrays of shape (junction,)."""
+    """Junctions of flights `before` and `before + 1`; arrays of shape (junction,)."""
 
     before: Indices  # number of the flight that lands
-    # landing, liftoff: s; the same unless the particle stayed
+    # landing, liftoff: s; equal unless the particle stayed on the base
     landing: Array
     liftoff: Array
     # landing_error, liftoff_error: standard errors, s
     landing_error: Array
     liftoff_error: Array
-    # Of the lift-off with the landing after the same flight, s^2; NaN where that is not seen
+    # Covariance of the lift-off with the landing that ends the flight, s^2; NaN if not seen
     covariance: Array
     stayed: Flags  # the particle stayed on the base, or bounced too low to be seen
-    # The flights meet above the base: something other than the base turned the particle
+    # The flights meet above the base, which cannot have turned the particle there
     overlapping: Flags
     # height, height_error: where the parabolas meet, m
     height: Array
@@ -40,10 +40,10 @@ class Junctions(NamedTuple):
 
 
 def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -> Junctions:
-    """Say how neighbouring flights of a piece are joined.
+    """Join the neighbouring flights of each piece of track.
 
-    `piece` is the piece of track of each flight, inside which landings are sought; `noise` the
-    standard deviation of a sample, m.
+    `piece` is the number of the piece of each flight; `noise` the standard deviation of a sample,
+    m.
     """
     before = np.flatnonzero(np.diff(piece) == 0)
     after = before + 1
@@ -57,7 +57,7 @@ def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -
         landing = np.where(stayed, down[before], met.time)
         liftoff = np.where(stayed, up[after], met.time)
         error = noise * np.sqrt(met.time_variance)
-        # how far a sample's error moves an instant: 1 / speed of the flight, or of both
+        # shift of an instant by the error of a height: 1 / speed of the flight, or of both
         falls = np.where(stayed, ends.fall[before], met.closing)
         rises = np.where(stayed, ends.rise[after], met.closing)
         covariance = np.full(before.size, np.nan)
@@ -81,8 +81,8 @@ def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -
 def base_level(height: Array, spread: Array, first: float) -> tuple[float, float]:
     """Height of the base in m, and its standard error.
 
-    The weighted mean of the heights at which flights meet, without those that do not meet on the
-    base; `first`, with the error NaN, where too few do.  Their standard errors are `spread`.
+    The weighted mean of the heights at which flights meet on the base; `first`, with the error NaN,
+    if too few do.  `spread` holds the standard errors of the heights.
     """
     sound = np.isfinite(height) & np.isfinite(spread)
     height, spread = height[sound], spread[sound]

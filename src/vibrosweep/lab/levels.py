@@ -1,9 +1,10 @@
-"""A base that stays at its level, but at another one below each particle: a tilted base or view.
+"""A base at a constant level that differs below each particle: a tilted base or view.
 
-Free flight does not depend on the level: each particle's track is moved by the difference of its
-level to the common one, the flights are found, and everything is moved back.  Flights that a stay
-on the base parts meet below it, all at one height on a periodic orbit: where all bounces of a
-particle are alike and low, a low level cannot be told from stays, and the common one is taken.
+Free flight does not depend on the level: the track of each particle is shifted by the difference of
+its level from the common one, the flights are found, and everything is shifted back.  Flights
+beside a stay meet below the base, on a periodic orbit all at the same height: if all bounces of a
+particle are alike and low, a low level is indistinguishable from stays, and the particle has the
+common level.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from vibrosweep.lab.flights import meet
 from vibrosweep.lab.junctions import ON_BASE, base_level
 from vibrosweep.lab.segments import Samples
 
-# Bounces differ if their speeds scatter by this share: many times what noise makes of them
+# Bounces differ if their speeds scatter by this share, which is many times the effect of noise
 DIFFERENT: Final = 0.05
 
 
@@ -31,9 +32,9 @@ def flights_on_levels(
 ) -> Flights:
     """Find flights, with a level for each particle where the bounces contradict a common one.
 
-    They do so where the chi-square of the levels about their mean has a probability below that of a
-    poor flight.  The contacts are those of the same samples, found without a level; the rest is as
-    in `find_flights`.
+    They do if the chi-square of the levels about their mean is less probable than that of a poor
+    flight.  The contacts belong to the same samples and were found without a level; the other
+    arguments are those of `find_flights`.
     """
     level, error, alike = _levels(contacts, int(samples.particle[-1]) + 1)
     known = np.isfinite(error) & ~alike
@@ -60,9 +61,9 @@ def _mean(level: Array, error: Array) -> float:
 
 
 def _levels(contacts: Contacts, count: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Level at which each particle bounces, its standard error, and whether all bounces are alike.
+    """Level (m) at which each particle bounces, its standard error, and whether bounces are alike.
 
-    In m; NaN where there are too few.
+    NaN for a particle with too few bounces.
     """
     seen = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
     spread = contacts.noise * np.sqrt(seen.height_variance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from vibrosweep.errors import DataError
 from vibrosweep.lab.comparison import READINGS
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.fitting import Fitted
@@ -14,7 +15,7 @@ from vibrosweep.lab.quality import remarks
 
 
 def impact_lines(impacts: xr.Dataset) -> list[str]:
-    """Say what was found in a recording, and what is wrong with it."""
+    """Describe the landings of a recording, and its faults."""
     attributes = impacts.attrs
     quality = impacts["quality"].values
     error = impacts["landing_time_error"].values
@@ -37,11 +38,11 @@ def impact_lines(impacts: xr.Dataset) -> list[str]:
 
 
 def _base_lines(impacts: xr.Dataset) -> list[str]:
-    """Say whether the base moves, and how."""
+    """Describe the motion of the base."""
     if impacts.attrs["base_motion"] == "level":
-        says = impacts.attrs["speaks_for"]
+        favoured = _favoured(impacts)
         doubt = "; the landings do not determine whether it moves"
-        return ["the base stays at its level" + ("" if says == "level" else doubt)]
+        return ["the base stays at its level" + ("" if favoured == "level" else doubt)]
     found = estimate(impacts)
     e, _, phase = found["estimate"].values[:3]
     de, _, dphase = found["error"].values[:3]
@@ -61,7 +62,7 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
 
 
 def agreement_lines(found: xr.Dataset) -> list[str]:
-    """Table of the quantities: mean, sd and coefficient of variation over the recordings."""
+    """Tabulate the quantities: mean, sd and coefficient of variation over the recordings."""
     repeats = found.attrs["repeats"]
     words = {1: "yes", 0: "no", -1: ""}
     lines = [
@@ -84,7 +85,7 @@ def agreement_lines(found: xr.Dataset) -> list[str]:
 
 
 def table_lines(table: xr.Dataset) -> list[str]:
-    """The table in the form of Table 4, and below it the other readings of its errors."""
+    """Tabulate a comparison in the form of Table 4, and below it other readings of its errors."""
     lines = [
         f"{'case':6}{'N':>4}{'repeats':>9}{'compared':>10}  {'quantity':10}{'measured':>11}"
         f"{'predicted':>11}{'error %':>9}{'frames %':>10}{'pixels %':>10}{'params %':>10}"
@@ -121,18 +122,25 @@ def table_lines(table: xr.Dataset) -> list[str]:
     parameters = [_with_error(table, n) for n in ("restitution", forcing, "frequency")]
     base = "moves" if moves else "stays at its level"
     lines.append(f"predicted over a base that {base}, with {', '.join(parameters)}")
-    lines.append(f"base favoured by the landings: {table.attrs['speaks_for']}")
+    lines.append(f"base favoured by the landings: {_favoured(table)}")
     return lines + ([table.attrs["warning"]] if table.attrs["warning"] else [])
 
 
+def _favoured(found: xr.Dataset) -> str:
+    """Base that the landings favour."""
+    if "favoured_base" not in found.attrs:
+        raise DataError("was written by an earlier version of vibrosweep; compute it again")
+    return str(found.attrs["favoured_base"])
+
+
 def _with_error(table: xr.Dataset, name: str) -> str:
-    """A parameter, averaged over cases, and its typical standard error where it was estimated."""
+    """Mean of a parameter over cases, and its typical standard error if it was estimated."""
     value, error = float(table[name].mean()), float(table[f"{name}_error"].mean())
     return f"{name} {value:.5g}" + (f" ± {error:.2g}" if np.isfinite(error) else "")
 
 
 def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
-    """Samples, fitted flights and landings of a recording, as figures need them.
+    """Samples, fitted flights and landings of a recording, for its figure.
 
     Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in standard errors, NaN between
     flights) and ``within``, the place of the sample in its flight from 0 to 1.  Dim flight:
@@ -149,7 +157,7 @@ def flights_of(tracks: xr.Dataset, fitted: Fitted) -> xr.Dataset:
     since = samples.time - fits.centre[member]
     model = fits.level[member] + since * (fits.slope[member] - 0.5 * flights.curvature * since)
     used = member >= 0
-    # a fit takes part of the noise up: the more, the closer it passes by the sample
+    # a fit absorbs part of the noise of each sample
     with np.errstate(invalid="ignore", divide="ignore"):
         left = np.sqrt(np.maximum(1.0 - line_variance(fits.take(member), samples.time), 1e-12))
     residual = np.where(used, (samples.height - model) / (flights.noise * left), np.nan)

@@ -1,4 +1,4 @@
-"""Flights over a base that moves: distinguished from stays by height, cut where they meet it."""
+"""Flights over a moving base: distinguished from stays by height, cut at the base."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from vibrosweep.lab.contacts import Contacts, contacts_between
 from vibrosweep.lab.flight_search import (
     LEAST_HEIGHT,
     Flights,
+    assign_samples,
     flight_noise,
     keep,
     poor_flights,
-    share_out,
 )
 from vibrosweep.lab.flights import Ends, Fits, fit, seen_gravity
 from vibrosweep.lab.junctions import join
@@ -22,7 +22,7 @@ from vibrosweep.lab.oscillation import Shaken, Trace, fit_shaken
 from vibrosweep.lab.segments import Samples
 
 ROUNDS: Final = 3
-# Steps in a forcing period in which the end of a flight is sought, and halvings of the step then.
+# Steps in a forcing period of the search for the end of a flight, and bisections of the last step.
 STEPS: Final = 100
 HALVINGS: Final = 40
 LOW: Final = 0.25
@@ -38,9 +38,9 @@ def flights_over(
     free: bool = False,
     trace: Trace | None = None,
 ) -> tuple[Flights, Contacts]:
-    """Find the flights over a moving base from a first fit of it, and fit it to them again.
+    """Find the flights over a moving base from a first fit of its motion, and fit that again.
 
-    Returns the flights, and the contacts between them that the base was fitted to.
+    Returns the flights, and the contacts between them to which the motion was fitted.
 
     `member` is the number of the stretch of each sample, `fall` the curvature of flights (m s-2),
     `exposure` the time for which the shutter was open (s); `free` and `trace` are those of
@@ -58,11 +58,11 @@ def flights_over(
         ends = _ends(samples, member, fits, levels[owner], shaken, fall)
         junctions = join(fits, piece, ends, noise, fall)
         if turn < ROUNDS - 1:
-            member = share_out(samples, piece, junctions, ends, exposure)
+            member = assign_samples(samples, piece, junctions, ends, exposure)
         poor = poor_flights(fits, noise)
         sound = ~(junctions.stayed | junctions.overlapping)
         sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
-        # a ball lifts off from rest without a kink: frames before that would bend the fitted flight
+        # a ball lifts off from rest without a kink: frames before it would bend the fitted flight
         lifted = np.zeros(poor.size, bool)
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]
@@ -94,7 +94,7 @@ def flights_over(
 
 
 def _levels(shaken: Shaken, samples: Samples) -> Array:
-    """Level below each particle; of one without contacts, as if it were mostly on the base."""
+    """Level below each particle; for one without contacts, as if it were mostly on the base."""
     above = samples.height - shaken.oscillation.height(samples.time)
     levels = np.array(
         [np.quantile(above[samples.particle == p], LOW) for p in range(samples.particle[-1] + 1)]
@@ -106,7 +106,7 @@ def _levels(shaken: Shaken, samples: Samples) -> Array:
 def _flying(
     samples: Samples, member: Indices, fits: Fits, below: Array, scale: tuple[float, float]
 ) -> tuple[Indices, Fits]:
-    """Keep the flights among the stretches: those that clear the base."""
+    """Keep the stretches that rise clearly above the base: these are flights."""
     noise, fall = scale
     path = fits.take(member).height(samples.time, fall)
     clear = np.full(fits.number.size, -np.inf)
@@ -119,7 +119,7 @@ def _flying(
 def _ends(
     samples: Samples, member: Indices, fits: Fits, level: Array, shaken: Shaken, fall: float
 ) -> Ends:
-    """Where each flight meets the base, outwards from the sample that clears it most."""
+    """Ends of each flight at the base, outwards from its sample farthest above it."""
     base = shaken.oscillation
     used = member >= 0
     of, when = member[used], samples.time[used]

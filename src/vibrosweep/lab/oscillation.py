@@ -5,11 +5,11 @@ after obey the law of restitution relative to it:
 
     y = level - (S cos wt - C sin wt) / w       v' - V = -e (v - V)       V = S sin wt + C cos wt
 
-with w = 2 pi f, S = V0 cos phi, C = V0 sin phi.  Both are adjusted together, for all contacts.  The
-errors of both follow from those of the two parabolas, and contacts that share a flight are
+with w = 2 pi f, S = V0 cos phi, C = V0 sin phi.  Both equations are fitted together, for all
+contacts.  Their errors follow from those of the two parabolas, and contacts that share a flight are
 correlated; as the weights depend on the parameters, errors of the arrival do not bias e (Deming
-regression).  A base that stays at its level and kicks with A = (1 + e) V0 obeys the same equations
-without the oscillating term of y: which of them the contacts obey tells one base from the other.
+regression).  A base of constant level that kicks with A = (1 + e) V0 obeys the same equations
+without the oscillating term of y, which distinguishes the two bases.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from vibrosweep.lab.contacts import Contacts
 from vibrosweep.lab.regression import TURN, is_improbable, spread_of_influences
 
 # Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
-# the few contacts off a locked orbit, which determine most, then narrow, against outliers.
+# the few but decisive contacts off a locked orbit, then narrow, against outliers.
 BENDS: Final = (30.0, 3.0)
 OUTLIER: Final = 4.5
 RIDGE: Final = 1e-9
@@ -37,7 +37,7 @@ UNDETERMINED: Final = (
 )
 ROUNDS: Final = 2
 MOST_STEPS: Final = 30
-STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in derivatives
+STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite differences
 
 
 class Oscillation(NamedTuple):
@@ -71,32 +71,32 @@ class Trace(NamedTuple):
 
 
 class Shaken(NamedTuple):
-    """A base fitted to contacts."""
+    """Motion of a base, fitted to contacts."""
 
-    # values, covariance: restitution, S, C and, where it was free, f; then the level of each
+    # values, covariance: restitution, S, C and, if it was free, f; then the level below each
     # particle
     values: Array
     covariance: Array
-    # oscillation, restitution: the same
+    # oscillation, restitution: the same values
     oscillation: Oscillation
     restitution: float
     # particles, levels: numbers of the particles that have contacts, and the level below each, m
     particles: NDArray[np.intp]
     levels: Array
-    kept: Flags  # contacts that agree with it; shape (contact,)
-    # chi-square per degree of freedom, and the number of these
+    kept: Flags  # whether a contact is no outlier; shape (contact,)
+    # misfit, freedom: chi-square per degree of freedom, and number of degrees of freedom
     misfit: float
     freedom: int
     # Squared distance of each contact in standard errors, at most `FAR`; shape (contact,)
     distance: Array
 
 
-# About three standard errors: one contact tells no more
+# Largest squared distance that counts, about three standard errors: one contact must not decide
 FAR: Final = 10.0
 
 
 class _Problem(NamedTuple):
-    """Contacts, the frequency unless it is free, and whether the base moves (1) or not (0)."""
+    """Contacts, the frequency unless it is free, and 1 for a moving base, 0 for one at a level."""
 
     contacts: Contacts
     owner: NDArray[np.intp]
@@ -105,21 +105,21 @@ class _Problem(NamedTuple):
     trace: Trace | None
 
     @property
-    def own(self) -> int:
-        """How many parameters there are beside the levels."""
+    def parameters(self) -> int:
+        """Number of parameters without the levels."""
         return 4 if self.frequency is None else 3
 
     def equations(self, values: Array) -> tuple[Array, Array, Array]:
         """Residuals of height and velocity, and their derivatives by the errors of both flights.
 
-        Shapes (contact, 2) and (contact, 2, 2): by level and slope in their standard errors.
+        Shapes are (contact, 2) and (contact, 2, 2): by level and slope, in standard errors.
         """
         c, e = self.contacts, values[0]
         base = Oscillation(
             values[1], values[2], values[3] if self.frequency is None else self.frequency
         )
         velocity, moves = base.velocity(c.time), self.moves
-        left = c.height - values[self.own + self.owner] - moves * base.height(c.time)
+        left = c.height - values[self.parameters + self.owner] - moves * base.height(c.time)
         bounce = c.departure - velocity + e * (c.arrival - velocity)
         closing = c.departure - c.arrival
         turn = (1.0 + e) * (c.gravity + base.acceleration(c.time)) / closing
@@ -143,25 +143,25 @@ class _Problem(NamedTuple):
         return np.asarray(left / np.sqrt((before**2).sum(axis=2) + (after**2).sum(axis=2)))
 
     def spread(self, values: Array) -> Array:
-        """The same in one row."""
+        """Residuals in standard errors, flattened."""
         return self.apart(values).ravel()
 
     def whitened(self, values: Array, kept: Flags, *, slopes: bool = False) -> Array:
-        """Whitened residuals, of unit covariance; or their derivatives by the levels."""
+        """Residuals whitened to unit covariance; with `slopes`, their derivatives by the levels."""
         left, before, after = self.equations(values)
         chosen = np.flatnonzero(kept)
         left, before, after = left[chosen], before[chosen], after[chosen]
-        own = before @ before.transpose(0, 2, 1) + after @ after.transpose(0, 2, 1)
+        block = before @ before.transpose(0, 2, 1) + after @ after.transpose(0, 2, 1)
         linked = self.contacts.linked[chosen[:-1]] & (np.diff(chosen) == 1)
         following = before[1:] @ after[:-1].transpose(0, 2, 1) * linked[:, np.newaxis, np.newaxis]
         band = np.zeros((4, 2 * chosen.size))
         # a small ridge against rounding: the errors of linked flights are nearly dependent
-        band[0] = (1.0 + RIDGE) * np.stack([own[:, 0, 0], own[:, 1, 1]], axis=1).ravel()
-        band[1, 0::2] = own[:, 1, 0]
+        band[0] = (1.0 + RIDGE) * np.stack([block[:, 0, 0], block[:, 1, 1]], axis=1).ravel()
+        band[1, 0::2] = block[:, 1, 0]
         band[1, 1:-1:2] = following[:, 0, 1]
         band[2, :-2] = np.stack([following[:, 0, 0], following[:, 1, 1]], axis=1).ravel()
         band[3, 0:-2:2] = following[:, 1, 0]
-        levels = values.size - self.own
+        levels = values.size - self.parameters
         right = np.zeros((2 * chosen.size, levels)) if slopes else left.ravel()
         if slopes:
             right[2 * np.arange(chosen.size), self.owner[chosen]] = -1.0
@@ -176,7 +176,7 @@ class _Problem(NamedTuple):
     def derivatives(self, values: Array, kept: Flags) -> Array:
         """Derivatives of `whitened` by all parameters."""
         columns = []
-        for k, step in enumerate(STEPS[: self.own]):
+        for k, step in enumerate(STEPS[: self.parameters]):
             ends = [values + sign * step * (np.arange(values.size) == k) for sign in (1.0, -1.0)]
             up, down = (self.whitened(end, kept) for end in ends)
             columns.append((up - down) / (2.0 * step))
@@ -186,23 +186,23 @@ class _Problem(NamedTuple):
 def fit_shaken(
     contacts: Contacts, frequency: float, *, free: bool, moves: bool, trace: Trace | None = None
 ) -> Shaken:
-    """Fit a base to contacts.
+    """Fit the motion of a base to contacts.
 
-    The frequency in Hz is adjusted where `free`.  A base that does not move stays at its level and
-    kicks.  With a measured motion of the base, a `trace`, the frequency is free.  Raises a
-    TrackError where there are fewer equations than parameters.
+    The frequency (Hz) is a parameter if `free`, or with a `trace`, a measured motion of the base.
+    Without `moves` the base has a constant level and kicks.  Raises a TrackError if there are fewer
+    equations than parameters.
     """
     particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None
     problem = _Problem(contacts, owner, None if free else frequency, float(moves), trace)
-    known = 0 if trace is None else trace.values.size
-    if 2 * contacts.time.size + known < problem.own + particles.size or not contacts.time.size:
+    known, count = 0 if trace is None else trace.values.size, problem.parameters
+    if 2 * contacts.time.size + known < count + particles.size or not contacts.time.size:
         raise TrackError(UNDETERMINED)
     start = first_guess(contacts, frequency)
     levels = [np.median(contacts.height[owner == p]) for p in range(particles.size)]
     values = np.array([*start, frequency, *levels])
     values = values if free else np.delete(values, 3)
-    scale = np.concatenate([[0.1, 0.1, 0.1, 1e-3][: problem.own], np.full(particles.size, 1e-4)])
+    scale = np.concatenate([[0.1, 0.1, 0.1, 1e-3][:count], np.full(particles.size, 1e-4)])
     for bend in BENDS:
         values = least_squares(
             problem.spread,
@@ -214,7 +214,7 @@ def fit_shaken(
         ).x
     for _ in range(ROUNDS):
         apart = np.abs(problem.apart(values))
-        # what all contacts share, such as restitution that falls with speed, is no outlier
+        # a deviation of all contacts, as by a restitution that depends on speed, is no outlier
         width = np.maximum(1.4826 * np.median(apart, axis=0), 1.0)
         kept = np.asarray((apart < OUTLIER * width).all(axis=1))
         found = least_squares(
@@ -228,10 +228,10 @@ def fit_shaken(
         values = found.x
     freedom = found.fun.size - values.size
     misfit = 2.0 * found.cost / max(freedom, 1)
-    # scaled: a trace without noise determines some parameters by many orders better than others
+    # scaled, because a trace without noise determines some parameters far better than others
     slopes = np.asarray(found.jac)
     size = np.linalg.norm(slopes, axis=0)
-    size[size == 0.0] = 1.0  # a level whose contacts all disagree
+    size[size == 0.0] = 1.0  # a level all of whose contacts are outliers
     slopes = slopes / size
     inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
     covariance = inverse / np.outer(size, size) * max(1.0, misfit)
@@ -244,7 +244,7 @@ def fit_shaken(
         Oscillation(values[1], values[2], float(values[3]) if free else frequency),
         float(values[0]),
         particles,
-        values[problem.own :],
+        values[count:],
         kept,
         float(misfit),
         freedom,

@@ -1,4 +1,4 @@
-"""The engine run at measured or estimated parameters, from where each particle was first seen."""
+"""Predictions with measured or estimated parameters, from the first lift-off of each particle."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
 
 DRAWS: Final = 64
-# The base of the engine by the motion of a recording's.
+# Motion of the base of a recording -> name of the base.
 BASE_OF_MOTION: Final = {"level": HIGH_BOUNCE, "moving": MOVING}
-# Draws that are not physical may be as many as the others, and so many more: a few are chance.
+# Unphysical draws may outnumber the draws by this many, which are due to chance.
 CHANCE: Final = 10
 
 
 class Prediction(NamedTuple):
     """Predicted means of each particle."""
 
-    # height, period: m and s, shape (draw, particle); NaN for a particle that was never seen to fly
+    # height, period: m and s, shape (draw, particle); NaN for a particle without a whole flight
     height: Array
     period: Array
 
@@ -35,17 +35,17 @@ class Prediction(NamedTuple):
 def draw(
     scene: Mapping[str, float], estimated: xr.Dataset | None, draws: int, seed: int = 0
 ) -> tuple[dict[str, Array], int]:
-    """Parameter sets: the best one first, then draws from a normal posterior.
+    """Draw parameter sets: first the best one, then samples of a normal posterior.
 
-    `scene` holds every parameter of `model.parameters.PARAMETERS`; what is estimated, the result of
-    `estimate`, overrides it.  None are drawn without an estimate.
+    `scene` holds every parameter of `PARAMETERS`; those in `estimated`, a result of `estimate`,
+    override it.  Without an estimate there is only the scene itself.
 
     Returns
     -------
     parameters
         Arrays of shape (draw,).
     refused
-        Draws outside the physical range, which were drawn anew.
+        Number of draws outside the physical range, which were replaced.
 
     Raises
     ------
@@ -85,19 +85,19 @@ def draw(
 
 
 class FirstFlights(NamedTuple):
-    """Particles that were seen to fly, from their first whole flight on."""
+    """Particles with a whole flight, and the beginning of the first one."""
 
     particle: Indices
-    # start, speed: when (s) and how fast (m s-1) each left the base
+    # start, speed: time (s) and speed (m s-1) of its lift-off
     start: Array
     speed: Array
-    # Parameters of shape (draw * particle,): a launch at phase phi + 2 pi f t is one at t = 0 with
-    # that phase, so each particle is a realization
+    # Parameters of shape (draw * particle,): a launch at time t equals one at t = 0 with the phase
+    # phi + 2 pi f t, so that each particle is a realization
     sets: dict[str, Array]
 
 
 def first_flights(impacts: xr.Dataset, parameters: Mapping[str, Array]) -> FirstFlights:
-    """Launch each particle as it was first seen to leave the base.
+    """Launch each particle as it first left the base.
 
     The parameters are all of `model.parameters.PARAMETERS`, of shape (draw,); the phase is that at
     t = 0 of the recording, and the launch velocity is not used.
@@ -119,10 +119,10 @@ def first_flights(impacts: xr.Dataset, parameters: Mapping[str, Array]) -> First
 def predict(
     impacts: xr.Dataset, parameters: Mapping[str, Array], workers: Workers, rebound: str = "rest"
 ) -> Prediction:
-    """Means of each particle from its first whole flight on, for as long as the film goes on.
+    """Means of each particle from its first whole flight to the end of the film.
 
-    The parameters are those of `first_flights`.  A particle that is first seen late is followed for
-    as long as the others.
+    The parameters are those of `first_flights`.  A particle that appears late is followed for as
+    long as the others.
     """
     draws = parameters["frequency"].size
     height, period = np.full((2, draws, impacts.sizes["particle"]), np.nan)

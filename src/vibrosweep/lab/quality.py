@@ -1,4 +1,4 @@
-"""What is wrong with tracks, particle by particle: lost frames, gaps, swapped identities."""
+"""Faults of tracks, particle by particle: lost frames, gaps, swapped identities."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import xarray as xr
 from vibrosweep.arrays import Array
 from vibrosweep.lab.segments import GAP_FRAMES
 
-# Second differences in standard deviations: above the first they are no noise, below the second
-# they may be.
+# Second differences in standard deviations: above the first number they are not noise, below the
+# second one they may be.
 BROKEN: Final = 6.0
 WHOLE: Final = 3.0
 
 
-def seen(tracks: xr.Dataset) -> xr.Dataset:
-    """How much of each particle was seen; variables of dimension particle."""
+def coverage(tracks: xr.Dataset) -> xr.Dataset:
+    """Count seen and lost frames and gaps of each particle; variables of dimension particle."""
     height, time = tracks["height"].values, tracks["time"].values
     interval = 1.0 / tracks.attrs["frame_rate"]
     there = np.isfinite(height)
@@ -45,12 +45,12 @@ def seen(tracks: xr.Dataset) -> xr.Dataset:
 def find_swaps(
     time: Array, height: Array, noise: float, base: float, gravity: float
 ) -> list[tuple[int, int, int]]:
-    """Find frames from which on the identities of two particles are swapped: (frame, one, other).
+    """Find the frames from which on the identities of two particles are swapped.
 
-    Neither goes on as a flight does, but each goes on as the other's flight, and none of the two is
-    at a landing.  Exchanges at nearly the same height and speed leave no trace at once; what
-    follows is then a flight that fits badly.  Times are of shape (frame,), heights of shape (frame,
-    particle); `noise` is the standard deviation of a position, m.
+    Returns (frame, one, other).  There neither particle continues its flight, each continues that
+    of the other, and neither is near the base.  A swap at nearly the same height and speed cannot
+    be found; a flight that fits badly follows.  Times are of shape (frame,), heights of shape
+    (frame, particle); `noise` is the standard deviation of a position, m.
     """
     before, after = np.diff(time)[:-1, np.newaxis], np.diff(time)[1:, np.newaxis]
     expected = height[1:-1] + (height[1:-1] - height[:-2]) * after / before
@@ -69,7 +69,7 @@ def find_swaps(
 
 
 def remarks(impacts: xr.Dataset) -> list[str]:
-    """Remarks on the quality of each particle's track, one per line."""
+    """Remarks on the track of each particle, one per line."""
     interval = 1.0 / impacts.attrs["frame_rate"]
     begin, end = impacts.attrs["begin"], impacts.attrs["end"]
     lines = []

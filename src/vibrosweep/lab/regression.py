@@ -1,4 +1,4 @@
-"""Linear regression of bounces: a scan for the frequency, and whether they determine parameters."""
+"""Linear regression of bounces: scan for the frequency, tests of residuals and of the signal."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from vibrosweep.arrays import Array
 
 TURN: Final = 2.0 * np.pi
 FEWEST: Final = 10  # bounces
-# The frequency is first scanned on so many seconds of the recording, in steps of a quarter of the
-# width that the minimum then has.
+# Seconds of the recording on which the frequency is first scanned; the step is a quarter of the
+# width of the minimum there.
 SCAN_SECONDS: Final = 10.0
 SCAN_BOUNCES: Final = 1000
 SUBHARMONICS: Final = (2, 3, 4, 5)
-# Standard errors by which restitution may lie outside its range
+# Standard errors by which a restitution may lie outside its range
 UNPHYSICAL: Final = 3.0
-# Probability of a chi-square that is as large, below which more than noise is in the residuals
+# Probability of a larger chi-square, below which noise does not explain the residuals
 IMPROBABLE: Final = 1e-3
-LEAST_FREE: Final = 1e-3  # share of an equation that parameters leave, of one that determines them
-NEAR: Final = 0.05  # Hz, many times the error of a part of a frequency that was found
+LEAST_FREE: Final = 1e-3  # least share of an equation that the fitted parameters leave free
+NEAR: Final = 0.05  # Hz, many times the error of a submultiple of a frequency
 
 
 def find_frequency(speeds: tuple[Array, Array, Array], between: tuple[float, float]) -> float:
     """Frequency in Hz at which the bounces obey the map best, by ordinary least squares.
 
-    A scan of a stretch of the bounces, then a refinement on all of them.  The speeds of arrival and
+    It is found by a scan of some bounces and refined on all of them.  The speeds of arrival and
     departure and the times are those of `Bounces.speeds`.
     """
     arrive, leave, time = speeds
@@ -46,7 +46,7 @@ def find_frequency(speeds: tuple[Array, Array, Array], between: tuple[float, flo
     )
     best, width = float(trial[np.argmin(misfit)]), float(trial[1] - trial[0])
     reach = span
-    while True:  # a stretch twice as long halves the width of the minimum around the one found
+    while True:  # twice as many seconds halve the width of the minimum
         chosen = time <= time[0] + reach
         data = (arrive[chosen], leave[chosen], time[chosen])
         best = float(
@@ -65,10 +65,10 @@ def find_frequency(speeds: tuple[Array, Array, Array], between: tuple[float, flo
 def with_subharmonics(
     speeds: tuple[Array, Array, Array], between: tuple[float, float]
 ) -> list[float]:
-    """Frequency in Hz as of `find_frequency`, and its parts down to a fifth in the range.
+    """Frequency (Hz) of `find_frequency`, and its submultiples down to a fifth in the range.
 
     On orbits that visit few phases a multiple of the frequency may describe the bounces better by
-    ordinary least squares, which takes all errors for those of the departure.
+    ordinary least squares, which assigns all errors to the departure.
     """
     best = find_frequency(speeds, between)
     parts = [best / k for k in SUBHARMONICS if best / k > between[0]]
@@ -76,21 +76,21 @@ def with_subharmonics(
 
 
 def outside(restitution: float, error: float) -> bool:
-    """Whether a restitution lies outside its range, 0 to 1, by more than errors explain."""
+    """Return whether a restitution lies outside 0 to 1 by more than its error explains."""
     return max(-restitution, restitution - 1.0) > UNPHYSICAL * error
 
 
 def is_improbable(misfit: float, freedom: int) -> bool:
-    """Whether noise alone hardly makes a chi-square per degree of freedom so large."""
+    """Return whether a chi-square per degree of freedom is too large to be due to noise."""
     return freedom > 0 and bool(chdtrc(freedom, misfit * freedom) < IMPROBABLE)
 
 
 def spread_of_influences(residual: Array, slopes: Array, inverse: Array) -> Array:
-    """Covariance of parameters as residuals show it, whatever their distribution.
+    """Covariance of parameters from the scatter of residuals of any distribution.
 
-    That of White with the correction HC3 (MacKinnon and White 1985, J. Econometrics 29, 305), which
-    takes each equation for as uncertain as the others say that it is.  Residuals and slopes are
-    whitened; `inverse` is the inverse of the normal equations.
+    It is that of White with the correction HC3 (MacKinnon and White 1985, J. Econometrics 29, 305):
+    the uncertainty of each equation is its residual from a fit to the others.  Residuals and slopes
+    are whitened; `inverse` is the inverse of the normal equations.
     """
     leverage = np.einsum("ij,jk,ik->i", slopes, inverse, slopes)
     left = residual / np.maximum(1.0 - leverage, LEAST_FREE)
@@ -99,12 +99,12 @@ def spread_of_influences(residual: Array, slopes: Array, inverse: Array) -> Arra
 
 
 def _misfits(frequency: Array, arrive: Array, leave: Array, time: Array) -> Array:
-    """Sum of squares left by the best e, S and C at each frequency."""
+    """Residual sum of squares of the best e, S and C at each frequency."""
     angle = TURN * frequency[:, np.newaxis] * time
     design = np.stack([np.broadcast_to(arrive, angle.shape), np.sin(angle), np.cos(angle)], axis=-1)
     normal = np.einsum("fni,fnj->fij", design, design)
     right = np.einsum("fni,n->fi", design, leave)
-    # a small ridge: at some frequencies the columns are the same
+    # a small ridge, because at some frequencies the columns are equal
     normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
     found = np.linalg.solve(normal, right[..., np.newaxis])[..., 0]
     return np.asarray(leave @ leave - np.einsum("fi,fi->f", right, found))
@@ -115,9 +115,9 @@ def weakest_signal(
 ) -> float:
     """Signal in the direction of the design matrix that varies least, in units of its noise.
 
-    All bounces of a locked orbit are the same but for the errors of the instants: however many are
-    measured, two of the three parameters remain undetermined.  Speeds of arrival (m s-1) and phases
-    (rad) of bounces have the variances `blurs`.
+    All bounces of a locked orbit are equal apart from errors of the instants: any number of them
+    leaves two of the three parameters undetermined.  Speeds of arrival (m s-1) and phases (rad) of
+    bounces have the variances `blurs`.
     """
     amplitude = max(amplitude, 1e-300)
     design = np.stack([arrive, amplitude * np.sin(angle), amplitude * np.cos(angle)], axis=1)

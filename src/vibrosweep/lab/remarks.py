@@ -1,4 +1,4 @@
-"""What is said of parameters that landings hardly determine, or that hardly describe them."""
+"""Warnings about parameters that landings do not determine, or that do not describe them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.lab.regression import is_improbable
 
-# Parameters are called undetermined if the signal in the weakest direction of the design matrix is
-# below this multiple of the noise of the instants, or if a relative standard error is above these.
+# Parameters are undetermined if the signal in the weakest direction of the design matrix is below
+# this multiple of the noise of the instants, or if a relative standard error exceeds one of these.
 SIGNAL: Final = 10.0
 WORST_RESTITUTION: Final = 0.1
 WORST_AMPLITUDE: Final = 0.25
@@ -19,7 +19,7 @@ WORST_MISFIT: Final = 10.0
 
 
 def undetermined(signal: float, values: Array, covariance: Array, misfit: float) -> str:
-    """Why the parameters are not determined, if they are not."""
+    """Return why the parameters are not determined; empty if they are."""
     error = np.sqrt(np.diag(covariance))
     if signal < SIGNAL:
         return (
@@ -44,7 +44,7 @@ def undetermined(signal: float, values: Array, covariance: Array, misfit: float)
 
 
 def bad_fit(misfit: float, freedom: int) -> str:
-    """What to say of residuals that noise does not explain."""
+    """Return a warning about residuals that noise does not explain; empty if it does."""
     if not is_improbable(misfit, freedom):
         return ""
     return (

@@ -6,15 +6,15 @@ the repeats is below 8 %.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
-from vibrosweep.errors import DataError
 from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL
 
 __all__ = ["CRITERION", "QUANTITY_UNITS", "agreement", "phases", "quantities"]
@@ -44,7 +44,7 @@ def phases(impacts: xr.Dataset, frequency: float, phase: float = 0.0) -> Array:
 def quantities(
     impacts: xr.Dataset, *, frequency: float | None = None, phase: float = 0.0
 ) -> xr.Dataset:
-    """Quantities of one recording, over all particles.
+    """Summarise one recording over all particles.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def quantities(
     frequency
         Forcing frequency in Hz; without it phases are NaN.
     phase
-        Of the forcing at t = 0 of the recording, rad.
+        Phase of the forcing at t = 0 of the recording, rad.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def quantities(
     ()
     """
     needed = ("quality", "flight_time", "rebound_height", "impact_speed", "landing_time")
-    require(impacts, "quantities", needed, "find_impacts")
+    require(impacts, "quantities", *needed, source="find_impacts")
     good = impacts["quality"].values == BOUNCED
     flight = impacts["flight_time"].values
     height = impacts["rebound_height"].values
@@ -103,17 +103,8 @@ def quantities(
     )
 
 
-def require(dataset: xr.Dataset, taker: str, names: Iterable[str], source: str) -> None:
-    """Refuse what is no result of the function that a function takes results of."""
-    absent = [name for name in names if name not in dataset.variables]
-    if absent:
-        raise DataError(
-            f"{taker} takes the result of {source}, and the dataset lacks {', '.join(absent)}"
-        )
-
-
 def _neighbours(vectors: NDArray[np.complex128]) -> float:
-    """Mean difference in phase between each particle and the next one, in turns in [0, 1/2]."""
+    """Mean difference in phase between successive particles, in turns, from 0 to 1/2."""
     vectors = vectors[np.abs(vectors) > 0.0]
     if vectors.size < 2:
         return float("nan")
@@ -124,7 +115,7 @@ def _neighbours(vectors: NDArray[np.complex128]) -> float:
 def _closest(impacts: xr.Dataset) -> float:
     """Smallest separation in s of landings of different particles.
 
-    NaN where it is below the standard error of that difference.
+    NaN if it is below the standard error of the difference.
     """
     known = (impacts["quality"].values >= BOUNCED) & (impacts["quality"].values != DOUBTFUL)
     time = np.where(known, impacts["landing_time"].values, np.nan)
@@ -133,7 +124,7 @@ def _closest(impacts: xr.Dataset) -> float:
     order = np.argsort(time[there])
     times, owners = time[there][order], owner[there][order]
     errors = impacts["landing_time_error"].values[there][order]
-    # the closest pair of different particles are neighbours in time
+    # the closest landings of different particles are neighbours in time
     different = np.flatnonzero(np.diff(owners) != 0)
     if not different.size:
         return float("nan")
@@ -154,9 +145,9 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Dim quantity: ``mean``, ``sd``, ``variation`` (sd / mean; NaN for phases, where only
-        the sd has a meaning), and ``accepted``: 1 below the study's criterion of 8 %, 0 above, -1
-        where there is nothing to judge.
+        Dim quantity: ``mean``, ``sd``, ``variation`` (sd / mean; NaN for phases, whose zero is
+        arbitrary), and ``accepted``: 1 below the criterion of 8 % of the study, 0 above, -1
+        without a variation.
 
     Raises
     ------
@@ -174,7 +165,7 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     ('quantity',)
     """
     for trial in trials:
-        require(trial, "agreement", QUANTITY_UNITS, "quantities")
+        require(trial, "agreement", *QUANTITY_UNITS, source="quantities")
     values = np.array([[float(trial[name]) for name in QUANTITY_UNITS] for trial in trials])
     names = list(QUANTITY_UNITS)
     mean = values.mean(axis=0)

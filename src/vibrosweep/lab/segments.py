@@ -1,4 +1,4 @@
-"""Where a track touches the base: samples cut at gaps, and the low points between flights."""
+"""Samples of tracks, cut at gaps, and the low points between flights."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from scipy.signal import find_peaks
 
 from vibrosweep.arrays import Array, Indices
 
-# Longer gaps may hide a whole flight: no landing is sought across them.
+# Gaps of more frames may hide a whole flight: no landing is sought across them.
 GAP_FRAMES: Final = 3.5
-# A low point must stand out by so many standard deviations of the noise on both sides: of a
-# million samples near the top of a flight hardly one does so by chance.
+# Standard deviations of the noise by which a low point must lie below the samples on both sides: of
+# a million samples near the top of a flight hardly one does so by chance.
 PROMINENCE: Final = 5.0
-# Of the height of the neighbouring flights; at four frames in a flight its lowest frame can be as
-# high as 0.44 of it.
+# Largest height of a low point over that of the neighbouring flights: with four frames in a flight
+# the lowest one can be at 0.44 of it.
 LOW: Final = 0.5
-# The frame nearest to a landing is up to half a frame away from it, and so above the base.
+# Frames between a landing and the frame nearest to it, which is therefore above the base.
 LOW_QUANTILE: Final = 0.25
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Seen positions of all particles, particle after particle."""
+    """Measured positions of all particles, particle after particle."""
 
     # time, height: s and m, shape (sample,)
     time: Array
     height: Array
-    # frame, particle: place in the table of tracks
+    # frame, particle: indices in the table of tracks
     frame: Indices
     particle: Indices
     piece: Indices  # number of the uninterrupted piece of track; pieces are numbered in order
@@ -43,10 +43,10 @@ class Samples:
 
 
 def samples_of(time: Array, height: Array, cuts: NDArray[np.bool_]) -> Samples:
-    """Seen positions, in pieces that end at long gaps and at cuts.
+    """Collect the measured positions, in pieces that end at long gaps and at cuts.
 
-    Times rise; heights and cuts are of shape (frame, particle), NaN where a particle is not seen,
-    and True where no flight goes on from the frame before.
+    Times rise.  Heights and cuts are of shape (frame, particle): NaN where a particle is not seen,
+    and True where a flight cannot continue from the frame before.
     """
     particle, frame = np.nonzero(np.isfinite(height.T))
     when = time[frame]
@@ -61,20 +61,20 @@ def samples_of(time: Array, height: Array, cuts: NDArray[np.bool_]) -> Samples:
 
 
 def first_noise(samples: Samples) -> float:
-    """Noise of a position in m before any flight is known: from third differences.
+    """Noise of a position in m from third differences, before any flight is known.
 
-    They vanish on a parabola.  Those across a landing are large, so a low quantile is taken; where
-    flights last few frames the noise comes out too large by up to a factor of two.
+    They vanish on a parabola, and are large across a landing; hence a low quantile is used.  If
+    flights last few frames, the noise is too large by up to a factor of two.
     """
     third = np.abs(np.diff(samples.height, 3))[np.diff(samples.piece, 3) == 0]
-    # the quartile of the absolute value of a normal deviate, and the norm of (1, -3, 3, -1)
+    # quartile of the absolute value of a normal deviate, and norm of (1, -3, 3, -1)
     return float(np.quantile(third, 0.25)) / (0.3186 * np.sqrt(20.0)) if third.size else 0.0
 
 
 def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indices, float]:
-    """Lowest samples between flights, rising, and the height of the base in m.
+    """Indices of the lowest samples between flights, and the height of the base in m.
 
-    Where this is not given, it is a first guess from the low points.  `noise` is the standard
+    If the height is not given, it is a first guess from the low points.  `noise` is the standard
     deviation of a position, m.
     """
     least = max(PROMINENCE * noise, 1e-6 * float(np.ptp(samples.height)))
@@ -87,7 +87,7 @@ def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indi
     if base is None:
         seen = samples.height[low] if low.size else samples.height
         base = float(np.quantile(seen, LOW_QUANTILE))
-    # what is not well below the flights beside it is noise near the top of one
+    # a point not well below the flights beside it is noise near a top
     edges = np.unique(np.concatenate([bounds[:-1], low]))
     tops = np.maximum.reduceat(samples.height, edges)
     place = np.searchsorted(edges, low)

@@ -1,4 +1,4 @@
-"""TOML text -> virtual experiments, one for each number of particles; all mistakes at once."""
+"""Read virtual experiments from TOML, one for each number of particles."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
 
 
 def _physical(scene: dict[str, Any], mistakes: Mistakes) -> dict[str, float]:
-    """Take the physical parameters out of the table of a scene, by default the laboratory's."""
+    """Take the physical parameters out of the table of a scene; defaults are the laboratory's."""
     given = {name: scene.pop(name) for name in INPUTS if name in scene}
     base = scene.get("base", HIGH_BOUNCE)
     for name, text in mount_mistakes(base, given).items():

@@ -1,7 +1,7 @@
-"""Tracks cut into stretches of free flight, without a height of the base.
+"""Cut tracks into stretches of free flight, without the height of the base.
 
-With a base below it a particle is either in flight or pushed upwards: y + g t^2 / 2 is a straight
-line in flight, bends upwards on a base, and has a kink at a bounce.  The cut into straight lines
+A particle above a base is in flight or pushed upwards: y + g t^2 / 2 is a straight line in flight,
+bends upwards on the base, and has a kink at a bounce.  The cut into straight lines
 that minimises chi-square plus a fixed penalty for each line is found exactly
 (optimal partitioning, Jackson et al. 2005, IEEE Signal Process. Lett. 12, 105).
 """
@@ -19,14 +19,14 @@ from vibrosweep.kernels._jit import Floats, Integers, kernel
 from vibrosweep.lab.flights import Fits, curvatures, fit
 from vibrosweep.lab.segments import Samples, first_noise
 
-# Penalty of a line in units of chi-square: noise makes one cut too many in hundreds of flights.
+# Penalty of a line in units of chi-square, for which noise adds one cut in hundreds of flights.
 PRICE: Final = 25.0
-# Standard deviations of chi-square beyond which a stretch is no line.
+# Standard deviations of chi-square within which a stretch is a line.
 BENT: Final = 6.0
 ROUNDS: Final = 3
 LOW: Final = 0.25
 # Standard errors by which the curvature of a flight may differ from gravity, and by which gravity
-# must exceed zero: a stay bends upwards, by at most as much as a base at rest, which is gravity.
+# must exceed zero: a stay bends upwards, on a base at rest by gravity.
 FALLS: Final = 3.5
 SEEN: Final = 5.0
 
@@ -35,11 +35,11 @@ SEEN: Final = 5.0
 def _partition(
     time: Floats, height: Floats, variance: float, gravity: float, out: Integers
 ) -> None:
-    """Write for each sample where the last line begins in the best partition that ends with it."""
+    """Write, for each sample, the beginning of the last line in the best partition up to it."""
     cost = np.full(time.size + 1, np.inf)
     cost[0] = 0.0
     for last in range(time.size):
-        # sums over a line, as it is made longer backwards: nothing large cancels
+        # sums over a line that grows backwards: no large numbers cancel
         count, mean_t, mean_z, tt, tz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for first in range(last, -1, -1):
             since = time[first] - time[last]
@@ -85,7 +85,7 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
         long = free > 1.0
         if not long.any():
             break
-        # a low quantile, as stretches that are no lines have large residuals
+        # a low quantile, because stretches that are no lines have large residuals
         ratio = fits.residue[long] / chdtri(free[long], 1.0 - LOW)
         found = math.sqrt(float(np.quantile(ratio, LOW)))
         noise = max(found, 1e-9 * float(np.ptp(samples.height)))
@@ -95,10 +95,10 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
 def clear_flights(
     samples: Samples, member: Indices, fits: Fits, noise: float, fall: float
 ) -> Flags:
-    """Whether each stretch falls faster than anything on a base can; shape (stretch,).
+    """Return whether each stretch falls faster than a particle on a base can; shape (stretch,).
 
     `member` is that of `stretches`, `noise` the standard deviation of a sample (m), `fall` the
-    acceleration of what falls (m s-2).
+    acceleration of free flight (m s-2).
     """
     seen, weight = curvatures(samples, member, fits.number.size)
     with np.errstate(invalid="ignore", divide="ignore"):

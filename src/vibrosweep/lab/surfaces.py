@@ -26,7 +26,7 @@ LEVEL: Final = Surface(np.zeros_like, np.zeros_like)
 
 
 def oscillating(scene: Mapping[str, float]) -> Surface:
-    """The base of `base = "moving"`: y = -B cos(2 pi f t + phi) with 2 pi f B = A / (1 + e)."""
+    """Surface of `base = "moving"`: y = -B cos(2 pi f t + phi) with 2 pi f B = A / (1 + e)."""
     omega, phase = 2.0 * math.pi * scene["frequency"], scene["phase"]
     size = scene["amplitude"] / ((1.0 + scene["restitution"]) * omega)
     return Surface(
@@ -36,10 +36,10 @@ def oscillating(scene: Mapping[str, float]) -> Surface:
 
 
 def recoiling(track: BaseTrack, frequency: float, end: float) -> Surface:
-    """The base of `base = "sprung"`, exact at a thousand instants of each forcing period.
+    """Surface of `base = "sprung"`, exact at a thousand instants of each forcing period.
 
-    `track` is its motion, of one realization; the surface is needed up to `end` (s).  Before the
-    first launch, where it begins, the base is taken to stay where it is then.
+    `track` is the motion of the base in one realization, from the first launch; before that the
+    base is assumed to be at rest at its first height.  The surface extends to `end` (s).
     """
     begin = float(track.track.time[0, 0])
     time = begin + np.arange(int((end - begin) * frequency * STEPS_PER_PERIOD) + 2) / (

@@ -1,4 +1,4 @@
-"""A measured motion of the base, from a track of it or an accelerometer: as an oscillation."""
+"""Measured motion of the base, from its track or an accelerometer, fitted by an oscillation."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ __all__ = ["QUANTITIES", "make_trace", "read_trace"]
 
 QUANTITIES: Final = ("height", "acceleration")
 FEWEST: Final = 20
-# Largest share of the variance that a sine may leave.
+# Largest share of the variance that a sine may leave unexplained.
 NO_SINE: Final = 0.1
-LEAST: Final = 1e-30  # change of a height (m) or acceleration (m s-2) that is one
+LEAST: Final = 1e-30  # least change of a height (m) or acceleration (m s-2) that counts
 
 
 def read_trace(path: str | os.PathLike[str]) -> Trace:
-    """Read a measured motion of the base, from a track of it or from an accelerometer.
+    """Read a measured motion of the base, from its track or from an accelerometer.
 
     Parameters
     ----------
     path
-        A CSV file with the columns ``time`` (s, on the clock of the tracks that the trace is used
-        with) and ``height`` (m) or ``acceleration`` (m s-2).
+        A CSV file with the columns ``time`` (s, on the clock of the tracks) and ``height`` (m) or
+        ``acceleration`` (m s-2).
 
     Returns
     -------
     Trace
-        Of the sine that was fitted, ``values`` S, C (m s-1) and f (Hz), shape (3,), and their
-        ``covariance``, shape (3, 3); the base has the velocity S sin 2 pi f t + C cos 2 pi f t.
-        For the argument `trace` of `find_impacts`.
+        The fitted sine, for the argument `trace` of `find_impacts`: ``values`` S, C (m s-1) and f
+        (Hz), shape (3,), and their ``covariance``, shape (3, 3); the base has the velocity
+        S sin 2 pi f t + C cos 2 pi f t.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def make_trace(
         )
     rates, power = periodogram(seen - seen.mean(), sampled)
     first = float(rates[1:][np.argmax(power[1:])])
-    middle = float(when.mean())  # so that errors of phase and frequency hardly depend on each other
+    middle = float(when.mean())  # the errors of phase and frequency are then almost independent
 
     def design(rate: float) -> np.ndarray:
         angle = TURN * rate * (when - middle)
@@ -116,7 +116,7 @@ def make_trace(
     found = least_squares(left, start, x_scale=scale, xtol=1e-14)
     variance = 2.0 * found.cost / (when.size - 4)
     periods = float(found.x[3]) * float(np.ptp(when))
-    if periods < 1.0:  # of a drift, say, of which a part of a sine leaves as little
+    if periods < 1.0:  # a part of a period also fits a drift, for example
         raise TrackError(
             f"{source}: the {quantity} goes through no whole period of a sine: check the columns, "
             f"take a longer trace, or leave it out and let the landings tell"
@@ -137,7 +137,7 @@ def make_trace(
     size = sign * omega**power_of
     turned = TURN * middle * rate
     cosine, sine = np.cos(turned), np.sin(turned)
-    there = size * np.array([q, -p])  # S and C on the clock that begins in the middle
+    there = size * np.array([q, -p])  # S and C on the clock that is zero in the middle
     turn = np.array([[cosine, sine], [-sine, cosine]])
     change = np.zeros((3, 4))
     change[:2, :2] = size * turn @ np.array([[0.0, 1.0], [-1.0, 0.0]])

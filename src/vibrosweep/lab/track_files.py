@@ -40,22 +40,22 @@ def read_tracks(
     axis: str | None = None,
     base: float | None = None,
 ) -> xr.Dataset:
-    """Read the tracks of one recording; the kind of file is seen from its first lines.
+    """Read the tracks of one recording; the first lines of a file tell its format.
 
     Parameters
     ----------
     paths
         A file, or several that hold different particles of the same recording.
     frame_rate
-        Hz.  Needed for trackpy's table.  Elsewhere the times of the file are stretched so that
-        frames follow at this rate: a slow-motion video is often exported at its playing rate.
+        Frames per second, Hz; required for the table of trackpy.  The times of other files are
+        rescaled to this rate: a slow-motion video is often exported with its playing rate.
     scale
-        m per unit of the file (m per pixel); by default 1, and needed for trackpy's table.
+        m per unit of the file (m per pixel), by default 1; required for the table of trackpy.
     axis
-        ``"up"`` or ``"down"``: where the height column grows; by default up, and down for
-        trackpy's rows of pixels.
+        ``"up"`` or ``"down"``, the direction in which the height column grows; by default up, for
+        the pixel rows of trackpy down.
     base
-        Where the base lies, in units of the file; heights are counted from there.
+        Height of the base in units of the file, from which heights are counted; by default 0.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def tracks_from_frame(
     Parameters
     ----------
     table
-        Times in s, or frames; heights in m or in a unit of `scale`.
+        Times in s, or frames; heights in m or in units of `scale`.
     frame_rate, scale, axis, base
         As in `read_tracks`.
     source
@@ -184,7 +184,7 @@ def tracks_from_frame(
 
 
 def _numbers(table: pd.DataFrame, name: str, source: str) -> Array:
-    """A column as numbers; empty cells are NaN."""
+    """Convert a column to numbers; empty cells become NaN."""
     import pandas as pd
 
     values = pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64)
@@ -198,7 +198,7 @@ def _numbers(table: pd.DataFrame, name: str, source: str) -> Array:
 
 
 def _table(path: Path) -> pd.DataFrame:
-    """Read a file of any kind into columns that `tracks_from_frame` knows."""
+    """Read a file of any format into columns that `tracks_from_frame` knows."""
     import pandas as pd
 
     try:
@@ -216,7 +216,7 @@ def _table(path: Path) -> pd.DataFrame:
     header = lines[first]
     separator = next((mark for mark in "\t;," if mark in header), ",")
     comma = separator != "," and any("," in line for line in lines[first + 1 : first + 9])
-    # Tracker ends some lines with a separator and others not
+    # Tracker ends only some lines with a separator
     most = max(line.count(separator) for line in lines[first:]) + 1
     try:
         table = pd.read_csv(
@@ -239,7 +239,7 @@ def _table(path: Path) -> pd.DataFrame:
 
 
 def _tracker_names(lines: list[str]) -> tuple[str | None, int]:
-    """Name of the mass (empty for several side by side) and line of the header; None elsewhere."""
+    """Name of the mass (empty for several side by side) and line of the header; None if absent."""
     for names, first in (("", 2), (lines[0].strip(), 1)):
         if len(lines) > first and re.match(r"t\s*(\(.*?\))?\s*[\t;,]", lines[first].strip()):
             return names, first

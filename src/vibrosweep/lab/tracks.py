@@ -1,4 +1,4 @@
-"""Tracks as a dataset: height against time for each particle, checked, with what was lost."""
+"""Tracks as a checked dataset: height against time for each particle."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from vibrosweep.errors import TrackError
 
 __all__ = ["FRAME_RATES", "check_size", "make_tracks", "rate_of", "table_to_tracks"]
 
-# Values a second, and largest size of times (s), heights (m) and accelerations (m s-2), in any
-# measurement: powers of what lies far beyond overflow.
+# Possible values per second, and largest times (s), heights (m) and accelerations (m s-2), of a
+# measurement: powers of far larger numbers overflow.
 FRAME_RATES: Final = (1e-3, 1e9)
 MOST: Final = 1e12
 
@@ -22,7 +22,7 @@ MOST: Final = 1e12
 def make_tracks(
     time: ArrayLike, height: ArrayLike, particle: ArrayLike | None = None, source: str = "tracks"
 ) -> xr.Dataset:
-    """Tracks from heights in rows of frames.
+    """Make tracks from heights, a row for each frame.
 
     Parameters
     ----------
@@ -44,8 +44,8 @@ def make_tracks(
     Raises
     ------
     TrackError
-        There is nothing to see, of one particle at least, the times do not rise, shapes differ, or
-        no camera sees so far or so fast.
+        A particle is never seen, times do not rise, shapes differ, or a number is larger than any
+        camera measures.
 
     Examples
     --------
@@ -98,11 +98,11 @@ def make_tracks(
 def table_to_tracks(
     time: ArrayLike, particle: ArrayLike, height: ArrayLike, source: str = "tracks"
 ) -> xr.Dataset:
-    """Tracks from a table with one row for each position.
+    """Make tracks from a table with one row for each position.
 
     Times (s) rise for each particle, which has a name or a number; heights (m, upwards) are NaN
-    where it is not seen.  `source` names the tracks in messages.  Raises a TrackError where times
-    are missing, fall back or appear twice, or a particle is never seen.
+    where it is not seen.  `source` names the tracks in messages.  Raises a TrackError if times are
+    missing, decrease or appear twice, or if a particle is never seen.
     """
     times = np.asarray(time, dtype=np.float64)
     heights = np.asarray(height, dtype=np.float64)
@@ -133,7 +133,7 @@ def _refuse_order(
     wrong: NDArray[np.bool_],
     steps: Array,
 ) -> None:
-    """Raise if the times of a particle fall back, or one appears twice."""
+    """Raise a TrackError if times of a particle decrease or appear twice."""
     places = np.flatnonzero(wrong)
     if not places.size:
         return
@@ -151,7 +151,7 @@ def _refuse_order(
 
 
 def rate_of(times: Array, source: str) -> float:
-    """Values a second at rising times (s); a TrackError where nothing measures at that rate."""
+    """Values per second at rising times (s); a TrackError if nothing measures at that rate."""
     check_size("time", times, source)
     rate, (low, high) = float(1.0 / np.median(np.diff(times))), FRAME_RATES
     if not low <= rate <= high:
@@ -163,7 +163,7 @@ def rate_of(times: Array, source: str) -> float:
 
 
 def check_size(name: str, values: Array, source: str) -> None:
-    """Raise a TrackError where a value is too large to be computed with."""
+    """Raise a TrackError for a value that is too large for the computations."""
     largest = float(np.nanmax(np.abs(values)))
     if largest > MOST:
         raise TrackError(

@@ -1,6 +1,6 @@
-"""A simulated copy of a recording: the predicted motion, filmed and measured as the real one was.
+"""Simulated copy of a recording: the predicted motion, filmed and measured as the real one.
 
-Its errors are those of the camera alone, since the motion is the prediction itself.
+Its errors are those of the camera alone, because its motion is the prediction.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import wandering_record
 from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS, Launches, dimensionless
 
-# Of what is known of a base without motion, (m s-1)^2
+# Variance of S and C of a base without motion, (m s-1)^2
 LEAST_VARIANCE: Final = 1e-24
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """How recordings are compared."""
+    """Options of the comparison of recordings with prediction."""
 
-    # Parameters by the names of `scene.PARAMETERS`.  What is not given of restitution, amplitude
-    # and phase is estimated; so is the frequency.
+    # Known parameters, by their names in `PARAMETERS`; without them restitution, amplitude, phase
+    # and frequency are estimated
     known: Mapping[str, float]
     method: str = "fit"  # ``"fit"`` or ``"sign_change"``
     view: View = field(default_factory=View)  # as `find_impacts` takes it
@@ -53,10 +53,10 @@ class Comparison:
 def camera_shares(
     tracks: xr.Dataset, impacts: xr.Dataset, scene: Mapping[str, float], how: Comparison
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Errors that frames alone, and pixels beside them, make of the predicted motion.
+    """Errors of the predicted motion that are due to frames alone, and to pixels beside them.
 
-    In per cent, by ``frames`` and ``pixels``, quantity and reading.  `scene` holds every parameter
-    of `model.parameters.PARAMETERS`, as predicted with.
+    They are in per cent, by ``frames`` and ``pixels``, quantity and reading.  `scene` holds every
+    parameter of `PARAMETERS` with the value of the prediction.
     """
     motions = _twin(impacts, scene, how.rebound)
     time = tracks["time"].values
@@ -64,7 +64,7 @@ def camera_shares(
     means = [motion.means(time[0], time[-1]) for motion in motions]
     predicted = dict(zip(QUANTITIES, np.array(means).T, strict=True))
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
-    # the fit of a moving base is weighted by the noise, which therefore cannot be zero
+    # the noise weights the fit of a moving base, so that it cannot be zero
     least = 0.0 if impacts.attrs["base_motion"] == "level" else 0.01
     sharp = Camera(rate, pixel=noise, noise=least, whole_pixels=False)
     rough = Camera(rate, pixel=noise, noise=1.0, whole_pixels=False)
@@ -72,8 +72,8 @@ def camera_shares(
     if view.base is None:
         motion = impacts.attrs["base_motion"]
         view = view._replace(motion=motion, trace=_known(scene) if motion == "moving" else None)
-    by_frames = _own_error(true, time, sharp, predicted, how, view)
-    together = _own_error(true, time, rough, predicted, how, view)
+    by_frames = _measurement_error(true, time, sharp, predicted, how, view)
+    together = _measurement_error(true, time, rough, predicted, how, view)
     by_pixels = {
         q: {
             reading: float(np.sqrt(max(both**2 - by_frames[q][reading] ** 2, 0.0)))
@@ -85,7 +85,7 @@ def camera_shares(
 
 
 def _known(scene: Mapping[str, float]) -> Trace:
-    """The base of the prediction, as if it had been measured to a millionth."""
+    """Motion of the base of the prediction, as if it had been measured to a millionth."""
     velocity = scene["amplitude"] / (1.0 + scene["restitution"])
     angle = scene["phase"]
     values = np.array([velocity * np.cos(angle), velocity * np.sin(angle), scene["frequency"]])
@@ -94,7 +94,7 @@ def _known(scene: Mapping[str, float]) -> Trace:
 
 
 def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list[Motion]:
-    """Predicted motion of every particle that was seen to fly, on the clock of the recording."""
+    """Predicted motion of every particle with a whole flight, on the clock of the recording."""
     best = {name: np.array([value]) for name, value in scene.items()}
     _, start, speed, sets = first_flights(impacts, best)
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
@@ -115,7 +115,7 @@ def _twin(impacts: xr.Dataset, scene: Mapping[str, float], rebound: str) -> list
     ]
 
 
-def _own_error(
+def _measurement_error(
     true: Array,
     time: Array,
     camera: Camera,
@@ -123,10 +123,10 @@ def _own_error(
     how: Comparison,
     view: View,
 ) -> dict[str, dict[str, float]]:
-    """Errors of the measurement of a motion that is the prediction itself."""
+    """Errors of a measurement of the predicted motion itself."""
     height = film(true, camera, np.random.default_rng(how.seed))
     tracks = make_tracks(time, height, source="the predicted motion, filmed as the recording was")
     fitted = fit_tracks(tracks, how.gravity, view)
-    seen = impacts_of(tracks, fitted, how.gravity, "fit")
+    by_fit = impacts_of(tracks, fitted, how.gravity, "fit")
     impacts = impacts_of(tracks, fitted, how.gravity, how.method)
-    return prediction_errors(impacts, predicted, comparable(seen))
+    return prediction_errors(impacts, predicted, comparable(by_fit))

@@ -1,10 +1,10 @@
-"""Particles on a base whose period fluctuates: the map with a phase that drifts.
+"""Particles on a base whose period fluctuates: the map with a wandering phase.
 
 The lengths of the forcing periods vary independently, so that the phase of the forcing performs a
-random walk, the same for all particles of a repeat.  Within a period the phase grows evenly.  This
-cannot be combined with a base that moves, whose flights are those of a steady oscillation.  The
-impact itself is that of `vibrosweep.kernels.impact`; without imperfections this is the record of
-the engine to the last bit.
+random walk, the same for all particles of a repeat.  Within a period the phase grows uniformly.
+A moving base cannot wander, because its flights are those of a steady oscillation.  The impact is
+that of `vibrosweep.kernels.impact`; without imperfections the record equals that of the engine in
+every bit.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from vibrosweep.kernels.bases import constants, fly, lift_off, rebound, speed
 from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
 from vibrosweep.kernels.record import Record, empty_record
 
-# Each step shrinks the error by the relative change of a period, which is far below 1.
+# Each step multiplies the error by the relative change of a period, which is far below 1.
 INVERSIONS: Final = 30
-# Speed, as a flight in forcing periods, below which the restitution does not rise further.
+# Speed, as a flight in forcing periods, below which the restitution is constant.
 SLOWEST: Final = 1e-6
-# Of a particle in a recording: at 20 Hz those of ten hours
+# Most landings of a particle in a recording: those of ten hours at 20 Hz
 MOST_LANDINGS: Final = 2**20
 
 
 def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
-    """Phase of the forcing less its mean course, in turns, at the beginning of each period.
+    """Deviation of the phase from its mean course, in turns, at the beginning of each period.
 
     The first period begins at -1; shape (period + 1,).  `jitter` is the standard deviation of the
     length of a period, relative to its mean.
@@ -54,7 +54,7 @@ def _phase(n: float, x: float, walk: Floats) -> tuple[float, float]:
 
 @jit
 def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
-    """Mean periods, whole and rest, at which the forcing has the phase n + x."""
+    """Time in mean periods, whole and rest, at which the forcing has the phase n + x."""
     count, rest = n, x
     for _ in range(INVERSIONS):
         back = x - _wandered(count, rest, walk)
@@ -67,7 +67,7 @@ def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
 def _fill(
     batch: Batch, walk: Floats, softening: float, frequency: float, unit: float, out: Record
 ) -> bool:
-    """Write the landings of particle p with the parameters of realization p; tell if all fit."""
+    """Write the landings of particle p with the parameters of realization p; return if all fit."""
     base, problem, launches = batch
     for p in range(launches.whole.shape[1]):
         fixed = constants(base, problem, p)
@@ -84,7 +84,7 @@ def _fill(
             out.landing_time[p, k] = (n + (x - problem.phase[p])) / frequency
             turns, phase = _phase(n, x, walk)
             w = rebound(fixed, phase, v)
-            # both bases rebound with e v and what their motion adds
+            # over both bases the rebound speed is e v plus a part due to their motion
             e = min(fixed.e * max(v, SLOWEST) ** -softening, 1.0)
             w += (e - fixed.e) * v
             turns, phase, u, leaves = lift_off(fixed, turns, phase, w)
@@ -104,13 +104,13 @@ def _fill(
 def wandering_record(
     batch: Batch, walk: Floats, frequency: float, gravity: float, softening: float = 0.0
 ) -> Record:
-    """Every landing of particles that may differ in restitution, under one fluctuating forcing.
+    """Record every landing of particles that may differ in restitution, under a wandering forcing.
 
-    The problem of the batch holds arrays of shape (particle,), its launches of shape (1, particle);
-    those of the record are of shape (particle, impact).  Beyond the ends of the `walk`, which is a
-    `phase_walk`, the phase goes on as in the last period.  `softening` is p, where the restitution
-    at an impact with relative speed v is e (2 f v / g)^-p, at most 1.  Raises a ParameterError
-    where a particle lands too often for memory to hold it.
+    The problem of the batch holds arrays of shape (particle,), its launches have the shape (1,
+    particle); arrays of the record are of shape (particle, impact).  Beyond the ends of the `walk`,
+    a `phase_walk`, the phase continues as in the last period.  `softening` is the exponent p of the
+    restitution e (2 f v / g)^-p, at most 1, at an impact with relative speed v.  Raises a
+    ParameterError if the landings of a particle do not fit in memory.
     """
     capacity = 1024
     while capacity <= MOST_LANDINGS:

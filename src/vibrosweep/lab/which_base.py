@@ -1,4 +1,4 @@
-"""Whether the contacts of a recording favour a base that moves, or one that stays at its level."""
+"""Choose between a moving base and one at a constant level, by the contacts of a recording."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from vibrosweep.lab.oscillation import Shaken, first_guess, fit_shaken
 from vibrosweep.lab.regression import FEWEST, outside, weakest_signal, with_subharmonics
 
 FREQUENCIES: Final = (1.0, 100.0)
-# Contacts that are used: more hardly change the decision.
+# Most contacts that are used: more hardly change the decision.
 MOST: Final = 1000
-# Standard deviations by which the mean difference of squared distances must differ from zero: of
-# independent contacts that favour neither base one recording in 370 would be decided.
+# Standard deviations by which the mean difference of squared distances must differ from zero: with
+# independent contacts that favour neither base, one recording in 370 would be decided.
 DECIDED: Final = 3.0
 
-# Signal of the weakest direction below which nothing is fitted; noise alone makes at most 1.
+# Signal of the weakest direction below which nothing is fitted; that of noise is at most 1.
 LEAST_SIGNAL: Final = 3.0
 
 
 class Judgement(NamedTuple):
     """Outcome of the comparison of both bases."""
 
-    says: str  # ``"moving"``, ``"level"``, or ``"undetermined"``
-    shaken: Shaken | None  # the base if it moves; None where there are too few contacts
+    favoured: str  # ``"moving"``, ``"level"``, or ``"undetermined"``
+    shaken: Shaken | None  # fit of a moving base; None if there are too few contacts
 
 
 def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
-    """Fit contacts with a base that moves and with one that stays at its level, and compare both.
+    """Fit contacts with a moving base and with one at a constant level, and compare both.
 
-    Neither is preferred where the contacts do not determine how the base moves, as those of a
-    locked orbit, which all happen at one phase.  The frequency in Hz is sought where None.
+    The result is undetermined if the contacts do not determine the motion, as those of a locked
+    orbit, which all have one phase.  A frequency (Hz) of None is to be found.
     """
     few = contacts.first(MOST)
     if _too_few(few):
@@ -53,9 +53,9 @@ def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
 
 
 def moves(contacts: Contacts, shaken: Shaken, *, free: bool) -> bool:
-    """Whether contacts favour a base that moves and was fitted to them over one that does not.
+    """Return whether contacts favour the moving base fitted to them over one at a constant level.
 
-    The frequency is adjusted where `free`, as it was for the base that moves.
+    The frequency of that is adjusted if `free`, as it was for the moving base.
     """
     if _too_few(contacts):
         return False
@@ -68,19 +68,19 @@ def _too_few(contacts: Contacts) -> bool:
 
 
 def _preferred(shaken: Shaken, still: Shaken) -> str:
-    """The base that describes the same contacts better, by the test of Vuong.
+    """Return the base that describes the same contacts better, by the test of Vuong.
 
-    Both models have the same number of parameters and neither contains the other.  That the mean
-    difference of their squared distances is zero is tested against the scatter of the differences
-    (Vuong 1989, Econometrica 57, 307): a few contacts that fit neither decide nothing, however far
-    off they are.  Nor is a base preferred on which the restitution would be no restitution.
+    Both models have the same number of parameters and neither contains the other.  The mean
+    difference of their squared distances is tested against the scatter of the differences (Vuong
+    1989, Econometrica 57, 307), so that a few contacts that fit neither model do not decide.  The
+    base is never one that implies an unphysical restitution.
     """
     gain = still.distance - shaken.distance
     scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
     if not abs(gain.sum()) > DECIDED * scatter:
         return "undetermined"
-    says, better = ("moving", shaken) if gain.sum() > 0.0 else ("level", still)
-    return "undetermined" if _unphysical(better) else says
+    favoured, better = ("moving", shaken) if gain.sum() > 0.0 else ("level", still)
+    return "undetermined" if _unphysical(better) else favoured
 
 
 def _unphysical(shaken: Shaken) -> bool:
@@ -92,7 +92,7 @@ def _distance(shaken: Shaken) -> tuple[bool, float]:
 
 
 def signal_of(contacts: Contacts, guess: Array, frequency: float) -> float:
-    """As `weakest_signal`, of contacts with a guess of restitution, S and C (m s-1)."""
+    """Return `weakest_signal` of contacts, with a guess of restitution, S and C (m s-1)."""
     time, before = contacts.time, contacts.before
     closing = contacts.departure - contacts.arrival
     when = line_variance(before, time) + line_variance(contacts.after, time)

@@ -1,4 +1,4 @@
-"""Tracks and truth of virtual experiments, each file of which appears only when complete."""
+"""Write tracks and truth of virtual experiments; each file appears when it is complete."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def write_experiments(
 ) -> list[Path]:
     """Perform virtual experiments and write tracks and truth of every repeat as CSV.
 
-    The directory is made if it does not exist; names of files begin with `name` and go on with the
-    number of particles and of the trial.  Returns for each trial the tracks (time, particle,
-    height) and the true landings.  Raises an OutputError where a file exists, and is not to be
-    replaced by `force`, or cannot be written.
+    The directory is made if it does not exist; file names consist of `name`, the number of
+    particles and that of the trial.  Returns, for each trial, the files of the tracks (time,
+    particle, height) and of the true landings.  Raises an OutputError if a file exists and `force`
+    is false, or if it cannot be written.
     """
     try:
         directory.mkdir(parents=True, exist_ok=True)
