@@ -8,7 +8,10 @@ from __future__ import annotations
 import os
 import re
 import tomllib
+from functools import cached_property
+from importlib import import_module
 from pathlib import Path
+from types import FunctionType
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import unescape
 
@@ -21,7 +24,8 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
     from sphinx.writers.html5 import HTML5Translator
 
-GIVEN = tomllib.loads((Path(__file__).parents[1] / "MAINTAINERS.toml").read_text("utf-8"))
+HERE = Path(__file__).parent
+GIVEN = tomllib.loads((HERE.parent / "MAINTAINERS.toml").read_text("utf-8"))
 
 project = "vibrosweep"
 author = copyright = ", ".join(one["name"] for one in GIVEN["authors"])  # noqa: A001
@@ -48,6 +52,22 @@ nb_execution_raise_on_error = True
 nb_execution_timeout = 180
 nb_merge_streams = True
 
+
+def own_members(path: str) -> list[str]:
+    """Members that a class itself describes: methods, properties, codes; not its fields."""
+    home, _, name = path.rpartition(".")
+    thing = getattr(import_module(home), name)
+    if not isinstance(thing, type):
+        return []
+    kinds = (FunctionType, property, cached_property, thing)
+    shown = [name for name in vars(thing) if not name.startswith("_")]
+    return [name for name in shown if isinstance(getattr(thing, name), kinds)]
+
+
+PAGE = (HERE / "reference" / "python.rst").read_text("utf-8")
+LISTED = re.findall(r"^   (vibrosweep\.[\w.]+)$", PAGE, re.MULTILINE)
+autosummary_context = {"own_members": {path: own_members(path) for path in LISTED}}
+autodoc_type_aliases = {"ArrayLike": "ArrayLike", "NDArray": "NDArray", "Array": "NDArray"}
 autosummary_generate = True
 templates_path = ["_templates"]
 numpydoc_show_class_members = False
@@ -107,6 +127,13 @@ def _spaced(found: re.Match[str]) -> str:
     return function + (found[2] or "")
 
 
+def plain_aliases(
+    app: Sphinx, what: str, name: str, thing: object, options: object, given: str | None, out: str
+) -> tuple[str | None, str]:
+    """Write "ArrayLike | None" in a signature as it stands in the source."""
+    return (given and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", given)), out
+
+
 def mark_tables(app: Sphinx, document: Element, name: str) -> None:
     """Tell tables of sentences, which wrap on a phone, from others, and numbers, which never do."""
     from docutils import nodes
@@ -121,6 +148,7 @@ def mark_tables(app: Sphinx, document: Element, name: str) -> None:
 
 
 def setup(app: Sphinx) -> None:
-    """Draw formulas as MathML, and mark tables."""
+    """Draw formulas as MathML, mark tables, and shorten signatures."""
     app.add_html_math_renderer("mathml", (inline, None), (display, None))
     app.connect("doctree-resolved", mark_tables)
+    app.connect("autodoc-process-signature", plain_aliases)
