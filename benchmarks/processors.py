@@ -109,7 +109,7 @@ def ways():
 
 
 def measured(way):
-    """What `measure` finds with vectors of a width, in a process of its own."""
+    """Run `measure` with vectors of a given width, in a new process."""
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_CPU")}
     done = subprocess.run(
         [sys.executable, __file__, "--here"],

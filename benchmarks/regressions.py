@@ -40,7 +40,7 @@ LIBRARIES = ("numpy", "numba", "pynamicalsys")
 
 
 class Verdict(NamedTuple):
-    """What became of a figure.
+    """Change of a figure.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ def engine(given, particles, workers):
 
 
 def scalar(given, particles, workers):
-    """That of the scalar loop."""
+    """The result of the scalar loop."""
     problem, mount = dimensionless(given, DURATION), mounts(given)
     start = launches("staggered", particles, given["frequency"])
     size = given["frequency"].size

@@ -146,7 +146,7 @@ def filled(ranges):
 
 @pytest.mark.parametrize("ranges", ["gentle", "shaker"])
 def test_a_pass_against_the_sine_alone(race, ranges, record_property):
-    """What a pass costs, in sines; how many passes an impact takes is told."""
+    """Measure a pass in units of a sine, and the number of passes of an impact."""
     repetitions, t = 2000, lanes()
     base, s = filled(ranges)
     for made in (30, 500, repetitions):

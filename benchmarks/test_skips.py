@@ -1,4 +1,4 @@
-"""What is saved by not doing it; run with ``pytest benchmarks/test_skips.py -s``.
+"""Time saved by skipping work; run with ``pytest benchmarks/test_skips.py -s``.
 
 The subject skips, the reference follows everything.
 """

@@ -43,7 +43,7 @@ def verdicts(claims):
 
 
 def turned(first, second):
-    """What is decided by both sets of seeds, and differently."""
+    """List the claims that both sets of seeds decide, but differently."""
     undecided = Verdict.UNDECIDED
     return [
         key

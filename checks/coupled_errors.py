@@ -45,7 +45,7 @@ def draw(rng):
 
 
 def compare(parameters, launches, duration, most=MOST):
-    """How a realization was judged, how many landings it has, and the largest error.
+    """Return the judgement of a realization, its number of landings, and the largest error.
 
     The error comes in units of the estimate, and of what verify grants each number.
     """

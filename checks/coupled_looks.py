@@ -1,4 +1,4 @@
-"""How often the search over a base of finite mass looks at a particle, for docs/speed.md.
+"""Number of looks at a particle by the search over a base of finite mass, for docs/speed.md.
 
 ``NUMBA_DISABLE_JIT=1 PYTHONPATH=benchmarks python checks/coupled_looks.py`` counts, per landing,
 the looks at single particles and the steps of the iteration that ends at a landing, in plain Python

@@ -76,7 +76,7 @@ SCENARIOS = {
 
 
 class Operation(NamedTuple):
-    """What was done: to a file, which has a number, or to a name; or that a chunk is finished."""
+    """An operation on a file, which has a number, or on a name; or the end of a chunk."""
 
     kind: str
     path: str = ""
@@ -271,7 +271,7 @@ def _name(names: dict[str, int | None], one: Operation) -> None:
 
 
 def tree_of(root: Path) -> Tree:
-    """What a directory holds."""
+    """Read all that a directory holds."""
     found = sorted(root.rglob("*"))
     return {str(p.relative_to(root)): None if p.is_dir() else p.read_bytes() for p in found}
 
@@ -318,7 +318,7 @@ def record(root: Path, scenario: Scenario) -> tuple[Recorded, bytes]:
 
 @dataclass
 class Findings:
-    """What was seen."""
+    """Counts of a campaign."""
 
     operations: int = 0
     states: int = 0

@@ -136,7 +136,7 @@ class Recorded:
                 yield min(pick), max(pick)
 
     def decided(self, begin: float, end: float) -> bool:
-        """Whether no rounding decides what is in a window."""
+        """Tell whether the contents of a window do not depend on rounding."""
         near, p = NARROW / self.p["frequency"], self.p
         times = np.concatenate([np.concatenate(own[:2]) for own in self.landings])
         times = np.append(times, self.observation.launch)
@@ -155,7 +155,7 @@ class Recorded:
         )
 
     def stay_ends(self, own: tuple[np.ndarray, ...]) -> np.ndarray:
-        """When the stays that begin with landings end."""
+        """Return the ends of the stays that begin with landings."""
         left = np.where(np.isnan(own[1]), np.inf, own[1])
         return np.maximum(left, own[0] + self.p["contact_time"])
 

@@ -1,4 +1,4 @@
-"""How fast the page of ``vibrosweep explore`` starts and answers, measured in a browser.
+"""Latency of the page of ``vibrosweep explore``, measured in a browser.
 
 An answer is timed in the browser: from the event there until all pictures that it changes are
 painted and the frame is finished.  Needs the extra ``browser`` and a Chromium.

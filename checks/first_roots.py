@@ -161,7 +161,7 @@ def first_root(alpha, x, y, grazes):
 
 
 class Verdicts(NamedTuple):
-    """What became of flights, one entry each.
+    """Outcomes of flights, one entry each.
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ class Verdicts(NamedTuple):
 
 @njit(error_model="numpy", nogil=True)
 def _within_rounding(alpha, x, y, first, last):
-    """Whether the clearance is zero all the way between two times, to both methods' rounding."""
+    """Tell whether the clearance is zero between two times, to the rounding of both methods."""
     within = True
     for k in range(65):
         value, noise, _, _ = clearance(alpha, x, y, first + (last - first) * (k / 64.0))

@@ -99,7 +99,7 @@ VALUES = (
 
 @dataclass
 class Findings:
-    """How the attempts on one kind of input ended."""
+    """Counts of how the attempts on one kind of input ended."""
 
     ends: Counter[str] = field(default_factory=Counter)
     failures: list[str] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""What the high-bounce approximation costs: the same scenes on a fixed base and on a moving one.
+"""Errors of the high-bounce approximation: the same scenes on a fixed base and on a moving one.
 
     python checks/high_bounce_cost.py [--seed 1] [--only NAME] [--pictures FOLDER] [--write]
 
@@ -259,7 +259,7 @@ def windows(workers, _options):
 
 
 def limit(workers, _options):
-    """How the flights of both bases approach each other as Gamma goes to zero."""
+    """Convergence of the flights over both bases as Gamma goes to zero."""
     gammas = 10.0 ** np.arange(-4.0, 0.1, 0.25)
     phases = (np.arange(64) + 0.5) / 64
     e, curves = 0.9, {}

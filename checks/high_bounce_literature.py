@@ -121,7 +121,7 @@ def cascade(workers):
 
 
 def chaos(workers, duration=5e4, launches=100):
-    """Which orbits recur beyond the locked ones, and how long their cycles are."""
+    """List the recurrent orbits beyond the locked ones, and the lengths of their cycles."""
     rows = []
     for e in (0.5, 0.6, 0.7, 0.75, 0.8, 0.82, 0.84, 0.9):
         cells = []

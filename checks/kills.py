@@ -60,7 +60,7 @@ PHASES = ("start", "chunks", "result", "end")
 
 @dataclass
 class Findings:
-    """What was seen."""
+    """Counts of a campaign."""
 
     kills: Counter[str] = field(default_factory=Counter)
     rounds: int = 0
@@ -149,7 +149,7 @@ def campaign(directory: Path, sweep: str, kills: int, seed: int) -> Findings:
 
 
 def phase(before: int, now: int) -> str:
-    """Where a kill came, from what it left."""
+    """Infer the phase of a run in which a kill came from the parts that it left."""
     if now == CHUNKS:
         return "result"
     return "chunks" if now > before else "start"

@@ -42,7 +42,7 @@ STOPPED = (
 
 @dataclass
 class Findings:
-    """What was seen."""
+    """Counts of a campaign."""
 
     workers: int = 0
     clients: int = 0

@@ -1,4 +1,4 @@
-"""What the laboratory's measurements are worth: the tables and figures of docs/laboratory.md.
+"""Accuracy of the laboratory's measurements: the tables and figures of docs/laboratory.md.
 
 ``python checks/laboratory.py [accuracy|estimates|bases|time|imperfections|cases ...]`` prints the
 tables, all of them by default; ``--figures DIR`` draws; ``--films N`` and ``--seed S`` are of the
@@ -204,7 +204,7 @@ def deviations(estimated, scene):
 
 
 def bases(films, first):
-    """Which base irregular films are said to be of, and how often what is determined is far off."""
+    """Count the bases found in irregular films, and estimates that are far off."""
     print(
         "\n| base | frequency | films | right | wrong (95 %) | undetermined | refused |"
         " determined | beyond 4 errors | beyond, and said | scale called off |\n"

@@ -178,7 +178,7 @@ def locked(k: int, e: float, a: float) -> Locked:
 
 
 def forced(orbit: Locked) -> float:
-    """What the conditioning forces: the largest phase error from roundings of each step.
+    """Error forced by the conditioning: the largest phase error from roundings of each step.
 
     Errors of the phase (2^-54 turns), and of w (the sine's, a product's and a sum's rounding) enter
     at each impact, and the Jacobian carries them on: the sum of all, with the worst signs.

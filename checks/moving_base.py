@@ -1,4 +1,4 @@
-"""What recordings of a moving base are worth: the table of docs/laboratory.md.
+"""Accuracy of recordings of a moving base: the table of docs/laboratory.md.
 
 ``python checks/moving_base.py [--recordings N] [--first SEED]`` films virtual experiments at random
 phases and launches over a base that moves and over one that stays at its level, measures them, and
@@ -110,7 +110,7 @@ def over_a_moving_base(case, seeds):
 
 
 def over_a_level_base(seeds):
-    """How often the base is recognised that stays at its level."""
+    """Count how often a base that stays at its level is recognised."""
     said, refused = [], 0
     for case in SCENES:
         for seed in seeds:

@@ -94,7 +94,7 @@ def short(rows, options, chosen):
 
 
 def resonances(options):
-    """Where the staggered orbits lose their stability first, beside the rule of resonance."""
+    """First loss of stability of the staggered orbits, compared with the rule of resonance."""
     rows = []
     cases = ((1, 1, 0.05), (2, 1, 0.05), (2, 2, 0.05), (2, 2, 0.02), (3, 3, 0.05))
     for k, particles, damping in cases:
@@ -185,7 +185,7 @@ def settle(launch, load, natural, damping=0.05):
 
 
 def attractors(options):
-    """What two particles of mode 2 become, from different slots, one slot and anywhere."""
+    """Final states of two particles of mode 2, from different slots, one slot and anywhere."""
     natural, load = np.geomspace(0.1, 3.0, 32), np.geomspace(1e-3, LARGEST, 20)
     grid = [axis.ravel() for axis in np.meshgrid(natural, load)]
     x = phase_of(2)
@@ -211,7 +211,7 @@ def attractors(options):
 
 
 def crowds(options):
-    """How many realizations of more particles and other dampings stay as they were launched."""
+    """Count realizations of more particles and other dampings that stay as they were launched."""
     axes = np.geomspace(0.1, 3.0, 20), np.geomspace(1e-3, LARGEST, 12)
     natural, load = (axis.ravel() for axis in np.meshgrid(*axes))
     rows = []

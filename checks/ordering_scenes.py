@@ -55,7 +55,7 @@ def modes(landings):
 
 
 def outcomes(landings, k=2):
-    """What has become of the particles of each realization; shape (realization,).
+    """Final state of the particles of each realization; shape (realization,).
 
     Staggered: all in mode k, equally many in each slot; bunched: all in one slot.
     """

@@ -104,7 +104,7 @@ amplitude = { start = 0.2, stop = 3.5, num = 20 }
 
 
 def planned(spec: Path, output: Path) -> dict[str, float]:
-    """What a plan says; in a process of its own."""
+    """Read the estimates of a plan, made in a new process."""
     sweep = read_spec(spec)
     with Workers(THREADS) as workers:
         plan = make_plan(sweep, workers, seconds=2.0, enough=0.0)
@@ -113,7 +113,7 @@ def planned(spec: Path, output: Path) -> dict[str, float]:
 
 
 def measured(spec: Path, output: Path) -> dict[str, float]:
-    """What a run takes; in a process of its own."""
+    """Measure a run in a new process."""
     began = time.perf_counter()
     summary = run_sweep(read_spec(spec), output, threads=THREADS)
     status = Path("/proc/self/status").read_text(encoding="ascii")
@@ -135,7 +135,7 @@ QUANTITIES = {"impacts": "impacts", "seconds": "time", "memory": "memory", "resu
 
 
 def ratios(spec: Path, directory: Path) -> list[float]:
-    """What was measured over what was estimated, of each quantity."""
+    """Return measured over estimated, for each quantity."""
     output = directory / "out.h5"
     foreseen, found = apart("planned", spec, output), apart("measured", spec, output)
     output.unlink()

@@ -60,7 +60,7 @@ BUDGET = "impact_budget"
 
 @dataclass
 class Findings:
-    """What was seen."""
+    """Counts of a campaign."""
 
     specs: int = 0
     interruptions: int = 0

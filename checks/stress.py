@@ -223,7 +223,7 @@ ENDLESS = ("1e9 periods", "endless chatter, 2 to 200 particles")
 
 
 def families_of(base: str) -> Mapping[str, Family]:
-    """What is tried on a base."""
+    """Families of scenes that are tried on a base."""
     if base == SPRUNG:  # followed landing by landing, however long
         return {name: one for name, one in FAMILIES.items() if name not in ENDLESS}
     return FAMILIES | MOVING_FAMILIES if base == "moving" else FAMILIES
@@ -253,7 +253,7 @@ def gather(total: Findings, found: Findings) -> None:
 def run_family(
     family: Family, base: str, law: str, cases: int, seed: int, workers: Workers
 ) -> Findings:
-    """What the cases of one family come to."""
+    """Sums over the cases of one family."""
     total = Findings(cases=0)
     for number in range(cases):
         rng = np.random.default_rng([seed, number])

@@ -1,4 +1,4 @@
-"""What must hold for a scene, however extreme: the checks of the stress suite."""
+"""Checks of the stress suite, which must hold for any scene, however extreme."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Case:
 
 @dataclass
 class Findings:
-    """What a case came to; errors in units of the last place, and faults in words."""
+    """Result of a case: errors in units of the last place, and faults in words."""
 
     cases: int = 1
     failures: int = 0  # of cases, where several are summed

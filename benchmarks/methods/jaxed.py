@@ -43,7 +43,7 @@ ROOT = 1e-12  # Newton's last step; it converges quadratically, so the root is b
 
 
 class HighBounce:
-    """What a base at rest that kicks does.
+    """Impacts on a base at rest that kicks.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class HighBounce:
 
 
 class Moving:
-    """What a moving base does; heights and velocities are relative to it."""
+    """Impacts on a moving base; heights and velocities are relative to it."""
 
     solver = diffrax.Dopri8()
 

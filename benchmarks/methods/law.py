@@ -19,7 +19,7 @@ class LiftOff(NamedTuple):
 
 
 class HighBounceBase:
-    """What a base at rest that kicks does to a particle.
+    """Impacts of a particle on a base at rest that kicks.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class HighBounceBase:
 
 
 class MovingBase:
-    """What a moving base does to a particle; height and speed are relative to it.
+    """Impacts of a particle on a moving base; height and speed are relative to the base.
 
     After a rest a particle leaves with neither speed nor acceleration.  As no event can be looked
     for from there, it begins `AFTER_REST` later, where its height is known to 1e-5 of itself.

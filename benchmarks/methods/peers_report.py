@@ -114,7 +114,7 @@ def _wrapped(text: str) -> str:
 
 
 def agreement(rows: list[Row]) -> str:
-    """What rounding leaves undecided, and how far the counts of landings lie apart for it."""
+    """Describe scenes that rounding leaves undecided, and the spread of their landing counts."""
     lost, apart = [], []
     for sweep in SWEEPS:
         found = _of(rows, sweep.key)

@@ -17,7 +17,7 @@ SETTLE = 0.3
 
 
 def timed(run: Callable[[], T]) -> tuple[T, float]:
-    """What a run returns, and the seconds of the fastest one.
+    """Return the result of a run, and the seconds of the fastest one.
 
     A run that is longer than the budget is not repeated.
     """

@@ -1,4 +1,4 @@
-"""What holds for particles one by one is refused where the base lets them act on each other."""
+"""Analyses of independent particles are refused over a base that couples them."""
 
 import pytest
 import xarray as xr

@@ -94,7 +94,7 @@ def exact_window(k, e, frequency, gravity, sign=1, base="high-bounce"):
 
 
 def holds_inside(end, bracket, square):
-    """Whether a bracket around an end holds the exact one, given by its square."""
+    """Tell whether a bracket around an end holds the exact one, given by its square."""
     middle, half = Fraction(float(end)), Fraction(float(bracket)) / 2
     return (middle - half) ** 2 <= square <= (middle + half) ** 2
 

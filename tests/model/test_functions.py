@@ -1,4 +1,4 @@
-"""What identifies a function, and what it may take from outside."""
+"""Fingerprints of functions, and the values that they may take from outside."""
 
 import math
 import types

@@ -1,4 +1,4 @@
-"""What a base of finite mass is given by, and what follows from it."""
+"""Parameters of a base of finite mass, and quantities that follow from them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What follows from the bounds of a dataset, and how a number is judged by it."""
+"""Claims from the bounds of a dataset, and judgements of numbers by them."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a sweep's numbers depend on is read off its spec, and nothing of it can be forgotten."""
+"""The identity of a sweep holds every field of its spec on which numbers depend."""
 
 import json
 import subprocess

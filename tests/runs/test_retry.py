@@ -1,4 +1,4 @@
-"""What a result could not settle is computed again, as a run with the larger budget would."""
+"""Realizations that did not settle are computed again, as by a run with the larger budget."""
 
 from dataclasses import fields, replace
 

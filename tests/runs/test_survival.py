@@ -1,4 +1,4 @@
-"""What is finished is kept, whatever ends a run, and nothing wrong is kept with it."""
+"""Finished chunks survive any end of a run, and nothing wrong is kept with them."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""What of a result is never opened, and what becomes of anything that another program saved."""
+"""Links to other files are never opened; files of other programs fail with one message."""
 
 import os
 import shutil
