@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibrosweep.engine.asked import observation_of, parameters_of, varied_quantities, varying
 from vibrosweep.engine.measuring import measure_all
@@ -16,9 +15,8 @@ from vibrosweep.errors import RunError, VibrosweepError
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.spec.design import Design, chosen, open_design
 from vibrosweep.spec.sweep import SweepSpec
-from vibrosweep.store.parts import Manifest, Parts, kinds
+from vibrosweep.store.parts import Columns, Manifest, Parts, kinds
 
-Columns = dict[str, NDArray[Any]]
 Tick = Callable[[int], object]
 
 # The statistics of this many trajectories take 22 MB, and the fixed cost per batch is negligible.

@@ -11,7 +11,7 @@ import numpy as np
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, RunError, VibrosweepError
-from vibrosweep.runs.chunks import Columns, Job, Runner, column_kinds, compute_rows
+from vibrosweep.runs.chunks import Job, Runner, column_kinds, compute_rows
 from vibrosweep.runs.forecast import estimate, has_room, record_bytes, require_disk
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.kept import KeptRun, continued
@@ -22,7 +22,7 @@ from vibrosweep.runs.summary import Summary
 from vibrosweep.spec.design import Design, open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.disk import check_output, reporting
-from vibrosweep.store.parts import Manifest, Parts, write_manifest
+from vibrosweep.store.parts import Columns, Manifest, Parts, write_manifest
 from vibrosweep.store.rundir import empty, holding
 
 

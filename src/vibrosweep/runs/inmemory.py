@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.runs.chunks import Columns, column_kinds, compute_rows
+from vibrosweep.runs.chunks import column_kinds, compute_rows
 from vibrosweep.runs.plan import bytes_per_realization
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.runs.result import declare, write_rows
 from vibrosweep.spec.design import open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.memory import InMemory
+from vibrosweep.store.parts import Columns
 from vibrosweep.system import physical_memory
 
 if TYPE_CHECKING:

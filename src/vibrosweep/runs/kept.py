@@ -10,14 +10,14 @@ from pathlib import Path
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import Interruption, OutputError, RunError, TakenOutputError
 from vibrosweep.mistakes import FORCE, OUTPUT, Text
-from vibrosweep.runs.chunks import Columns, Job, Runner, compute_chunk, in_process
+from vibrosweep.runs.chunks import Job, Runner, compute_chunk, in_process
 from vibrosweep.runs.identity import differences
 from vibrosweep.runs.progress import Advance
 from vibrosweep.runs.result import write_result
 from vibrosweep.runs.summary import Summary
 from vibrosweep.spec.design import Design
 from vibrosweep.store.disk import reporting
-from vibrosweep.store.parts import Manifest, Parts, read_manifest
+from vibrosweep.store.parts import Columns, Manifest, Parts, read_manifest
 from vibrosweep.store.rundir import abandon, empty
 
 

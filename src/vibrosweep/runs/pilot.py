@@ -16,10 +16,11 @@ from vibrosweep.engine.asked import observation_of, parameters_of, varied_quanti
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.times import fraction_of, in_periods
-from vibrosweep.runs.chunks import Columns, batch_size
+from vibrosweep.runs.chunks import batch_size
 from vibrosweep.spec.design import Design
 from vibrosweep.spec.schema import DRAWN
 from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.store.parts import Columns
 from vibrosweep.system import resident_memory
 
 # Size of the first sample: this many trajectories over this many periods or impacts take 1-2 ms.

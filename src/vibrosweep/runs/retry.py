@@ -16,7 +16,7 @@ from vibrosweep.engine.asked import varying
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.mistakes import FORCE, IMPACT_BUDGET
-from vibrosweep.runs.chunks import Columns, Job, Runner, batch_size, column_kinds
+from vibrosweep.runs.chunks import Job, Runner, batch_size, column_kinds
 from vibrosweep.runs.describe import summary_of
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.runs.kept import KeptRun, continued
@@ -27,7 +27,7 @@ from vibrosweep.runs.summary import SETTLING, Summary, unsettled
 from vibrosweep.spec.design import Design, open_design
 from vibrosweep.spec.sweep import SweepSpec
 from vibrosweep.store.disk import reporting
-from vibrosweep.store.parts import Manifest, Parts, read_manifest, write_manifest
+from vibrosweep.store.parts import Columns, Manifest, Parts, read_manifest, write_manifest
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rows import read_rows
 from vibrosweep.store.rundir import abandon, empty, holding

@@ -34,5 +34,6 @@ class InMemory(Writer):
         import xarray as xr
 
         self._require_written("the result")
-        coordinates = {name: self._arrays.pop(name) for name in self._coordinates}
-        return xr.Dataset(self._arrays, coordinates, self._attributes)
+        coordinates = {name: self._arrays[name] for name in self._coordinates}
+        others = {name: one for name, one in self._arrays.items() if name not in coordinates}
+        return xr.Dataset(others, coordinates, self._attributes)
