@@ -42,16 +42,16 @@ PICTURE = "![Time per landing of this package and its peers](images/peers.png)"
 
 BELOW = """\
 Errors are against proved trajectories: {proved}. vibrosweep and the numba loop use {threads}
-threads, pynamicalsys one or {threads}, whichever is faster, the others one. pynamicalsys, JAX and
-diffrax stop the trajectories of a batch together; impacts past the end are in their times.
-heyoka.py and SciPy run the proved trajectories only, diffrax 256. Compilation is left out.
-{agreement}
+threads, pynamicalsys the faster of one and {threads}, and the other methods one thread.
+pynamicalsys, JAX and diffrax stop all trajectories of a batch together; their times include
+impacts past the end. heyoka.py and SciPy run the proved trajectories only, diffrax runs 256
+trajectories. Compilation is not included. {agreement}
 """
 
 BARE = """\
-The bare map, without rests and statistics, takes {ours:.2g} ns per impact on {threads} threads,
-pynamicalsys' ensemble call on as many {default:.0f} times as long with its defaults and
-{fastest:.0f} times at its fastest.
+The bare map, without rests and statistics, takes {ours:.2g} ns per impact on {threads} threads;
+the ensemble call of pynamicalsys on as many threads takes {default:.0f} times as long with its
+defaults, and {fastest:.0f} times as long at its fastest.
 """
 
 
@@ -124,8 +124,8 @@ def agreement(rows: list[Row]) -> str:
         lost.append(f"{found[STATISTICS]['note']} over {sweep.title}")
         apart.append(f"{100.0 * (max(counts) - min(counts)) / max(counts):.1g} %")
     return (
-        f"Chaotic orbits amplify rounding, by any method: {', '.join(lost)}. "
-        f"The counts of landings by the methods differ by up to {' and '.join(apart)}."
+        f"Chaotic orbits amplify rounding in every method: {', '.join(lost)}. "
+        f"The numbers of landings found by the methods differ by up to {' and '.join(apart)}."
     )
 
 

@@ -27,8 +27,7 @@ def continued(
     """Return the manifest of an unfinished run of this sweep to resume, or None.
 
     Without a manifest, all files in the directory are removed.  `now` returns the identity of the
-    sweep to run.
-    Raises a RunError where the directory holds an unfinished run of another sweep.
+    sweep to run.  Raises a RunError where the directory holds an unfinished run of another sweep.
     """
     manifest = read_manifest(directory)
     if manifest is None:
