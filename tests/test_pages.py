@@ -59,6 +59,16 @@ def test_every_command_is_listed():
     assert {c.NAME for c in COMMANDS if not re.search(rf"`vibrosweep {c.NAME}[ `]", text)} == set()
 
 
+@pytest.mark.parametrize(
+    "page", sorted((DOCS / "tutorials").glob("[!i]*.md")), ids=lambda p: p.stem
+)
+def test_every_tutorial_can_be_downloaded_and_finds_the_program(page):
+    text = page.read_text(encoding="utf-8")
+    assert f"<{page.stem}.ipynb>`" in text
+    assert "\n!vibrosweep" not in text.partition('sysconfig.get_path("scripts")')[0]
+    assert ("\n!vibrosweep" in text) == ("sysconfig" in text)
+
+
 def test_every_picture_is_in_the_gallery():
     shown = re.findall(r"\(images/([^)]+)\)", (DOCS / "gallery.md").read_text(encoding="utf-8"))
     assert sorted(shown) == sorted(path.name for path in (DOCS / "images").iterdir())
