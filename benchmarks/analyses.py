@@ -22,10 +22,10 @@ from vibrosweep.analysis.meetings import first_shared_base
 from vibrosweep.analysis.order import order_of_landings
 from vibrosweep.analysis.preservation import separation_changes
 from vibrosweep.analysis.separations import separation_against, separation_distribution
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
+from vibrosweep.scene.scene import bare_scene
 
 PARTICLES = 20
 CHUNK = 1000
@@ -42,7 +42,7 @@ def timed(name: str) -> Iterator[None]:
 
 def measured(e: np.ndarray, amplitude: np.ndarray) -> xr.Dataset:
     """The sweep itself, with separations and regimes, over 12 s."""
-    plain = record_observation(PARTICLES, "staggered", 12.0, "rest", 10**6)
+    plain = bare_scene(PARTICLES, "staggered", 12.0, "rest", 10**6)
     observation = plain.measuring(transient=0.0, separation=True, regimes=True)
     parameters = all_parameters({"restitution": e, "amplitude": amplitude})
     with Workers(2) as workers:

@@ -15,13 +15,12 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.api.asking import asked
-from vibrosweep.engine.asked import observation_of, parameters_of
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import dimensionless, launches
 from vibrosweep.runs.chunks import batch_size
-from vibrosweep.spec.design import open_design
-from vibrosweep.spec.sweep import read_spec
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.sweep import read_spec
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
 VIBROSWEEP = [sys.executable, "-c", "import sys; from vibrosweep.cli import main; sys.exit(main())"]
@@ -76,16 +75,16 @@ def batches(spec):
     size = batch_size(spec)
     for start in range(0, design.realizations, size):
         stop = min(start + size, design.realizations)
-        parameters = parameters_of(spec, design.take(start, stop), stop - start)
+        parameters = spec.scene.parameters(design.take(start, stop), stop - start)
         yield (
-            dimensionless(parameters, spec.duration, spec.measures.transient),
-            launches(spec.launch, spec.particles, parameters["frequency"]),
+            dimensionless(parameters, spec.scene.duration, spec.scene.measures.transient),
+            launches(spec.scene.launch, spec.scene.particles, parameters["frequency"]),
         )
 
 
 def iterations(spec, workers):
     """The kernel alone, over all batches."""
-    observation, parts = observation_of(spec), list(batches(spec))
+    observation, parts = spec.scene, list(batches(spec))
 
     def iterate():
         for problem, launch in parts:

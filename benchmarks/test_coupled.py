@@ -11,10 +11,10 @@ from coupled_loop import scalar_coupled
 from methods.sweeps import paper_parameters
 from test_kernels import THREADS
 from vibrosweep.engine.measure import measure
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import dimensionless, launches, mounts
+from vibrosweep.scene.scene import Scene
 
 DURATION = 12.0  # s, at 1 Hz
 
@@ -31,7 +31,7 @@ def parameters(realizations):
 
 def engine(given, particles, workers):
     """The engine's run, which returns its landings."""
-    watched = Observation(particles, "staggered", DURATION, "rest", Measures(), base="sprung")
+    watched = Scene(particles, "staggered", DURATION, "rest", Measures(), base="sprung")
     return lambda: int(measure(given, watched, workers)["impact_count"].sum())
 
 

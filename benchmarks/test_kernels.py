@@ -14,7 +14,6 @@ from numba import njit
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
 from methods.sweeps import paper_parameters
 from vibrosweep.engine.landings import all_parameters as complete
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels._jit import uncached
@@ -26,6 +25,7 @@ from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.statistics import empty_statistics, scratch
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import dimensionless, launches
+from vibrosweep.scene.scene import Scene
 
 THREADS = 2
 
@@ -33,7 +33,7 @@ THREADS = 2
 def scene(realizations, particles, duration, **options):
     """The ranges of sweeps/paper.toml."""
     parameters = paper_parameters(realizations)
-    observation = Observation(
+    observation = Scene(
         particles=particles,
         launch="staggered",
         duration=duration,

@@ -16,7 +16,6 @@ from methods.sweeps import paper_parameters
 from moving_loops import scalar_moving
 from test_kernels import THREADS
 from test_skips import measuring
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import _step
@@ -27,6 +26,7 @@ from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.statistics import scratch
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
+from vibrosweep.scene.scene import Scene
 
 PARTICLES = 20
 
@@ -61,13 +61,13 @@ class Batch(NamedTuple):
 
     problem: tuple
     launch: tuple
-    observation: Observation
+    observation: Scene
 
 
 def batch(ranges, realizations, periods, base="moving"):
     parameters = RANGES[ranges](realizations)
     duration = periods / float(parameters["frequency"][0])
-    observation = Observation(PARTICLES, "staggered", duration, "rest", Measures(), base=base)
+    observation = Scene(PARTICLES, "staggered", duration, "rest", Measures(), base=base)
     start = launches("staggered", PARTICLES, parameters["frequency"])
     return Batch(dimensionless(parameters, duration), start, observation)
 

@@ -12,14 +12,14 @@ from methods.sweeps import paper_parameters
 from test_kernels import THREADS
 from vibrosweep.engine import trajectories
 from vibrosweep.engine.measure import measure
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
+from vibrosweep.scene.scene import Scene
 
 
 def observed(particles=20, duration=1e3, base="high-bounce", skip=True, **keys):
-    return Observation(particles, "staggered", duration, "rest", Measures(**keys), skip, base)
+    return Scene(particles, "staggered", duration, "rest", Measures(**keys), skip, base)
 
 
 def drawn(realizations, **given):

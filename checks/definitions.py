@@ -23,15 +23,14 @@ import numpy as np
 
 from accuracy import options_of
 from vibrosweep.engine import coupled
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.engine.measure import measure
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.neighbours import landings
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.times import Periods
+from vibrosweep.scene.scene import Scene, bare_scene
 
 BASES = ("high-bounce", "moving", "sprung without mass", "sprung")
 ALL = Measures(separation=True, per_particle=True)
@@ -40,10 +39,10 @@ BESIDE = 1e-7  # periods between an instant and the edge of a window beside it
 NARROW = 1e-9  # periods: what is as close to a decision is left out
 CLOSE = 1e-8  # relative difference of a measure from the same by its definition
 
-Scene = tuple[dict[str, np.ndarray], Observation]
+Case = tuple[dict[str, np.ndarray], Scene]
 
 
-def scene(rng: np.random.Generator, base: str) -> Scene:
+def scene(rng: np.random.Generator, base: str) -> Case:
     """One realization, followed for 4 to 16 periods."""
     f = float(rng.choice([1.0, 0.7, 20.0]))
     g, particles = 9.81, int(rng.integers(1, 5))
@@ -68,11 +67,11 @@ def scene(rng: np.random.Generator, base: str) -> Scene:
     law = str(rng.choice(["rest", "reflect"])) if base == "high-bounce" else "rest"
     parameters = all_parameters({n: np.array([v]) for n, v in given.items()})
     duration = rng.uniform(4.0, 16.0) / f
-    observation = Observation(particles, launch, duration, law, ALL, base=base.split()[0])
+    observation = Scene(particles, launch, duration, law, ALL, base=base.split()[0])
     return parameters, observation
 
 
-def over(parameters: Mapping[str, np.ndarray], observation: Observation, base: str) -> Scene:
+def over(parameters: Mapping[str, np.ndarray], observation: Scene, base: str) -> Case:
     """Return the same scene over another base, on a mount where that is sprung."""
     mount = {"mass_ratio": 0.0, "mount_frequency": 0.37, "mount_damping": 0.05}
     own = {n: v for n, v in parameters.items() if n not in mount}
@@ -84,12 +83,12 @@ def over(parameters: Mapping[str, np.ndarray], observation: Observation, base: s
 class Recorded:
     """Every landing of a realization to `PAST` its end, and what the definitions make of them."""
 
-    def __init__(self, of: Scene, workers: Workers) -> None:
+    def __init__(self, of: Case, workers: Workers) -> None:
         parameters, watched = of
         self.scene, self.observation = of, watched
         self.p = {name: float(v[0]) for name, v in parameters.items()}
         end = float(watched.duration) + PAST / self.p["frequency"]
-        longer = record_observation(
+        longer = bare_scene(
             watched.particles, watched.launch, end, watched.rebound, 10**6, watched.base
         )
         found = record_landings(parameters, longer, workers)
@@ -326,7 +325,7 @@ def orders(rng: np.random.Generator, base: str, threads: int = 2) -> tuple[int, 
     asked = Measures(separation=True, per_particle=True, transient=Periods(begin), **others)
     late = float(rng.choice([0.0, 15.0])) / together["frequency"].min()
     launch = (*sorted(rng.uniform(0.0, 1.0, 3)), late)
-    watched = Observation(4, launch, Periods(end), "rest", asked, base=base.split()[0])
+    watched = Scene(4, launch, Periods(end), "rest", asked, base=base.split()[0])
     wanted = [one_by_one(together, watched, i) for i in range(12)]
     wrong = []
     for size in (1, 256, 2**14):

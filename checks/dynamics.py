@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from vibrosweep import theory
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
-from vibrosweep.engine.asked import observation_of
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.spec.sweep import read_spec
+from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import read_spec
 
 PLANE = Path(__file__).parents[1] / "sweeps" / "plane.toml"
 SIZE = 200
@@ -34,14 +33,16 @@ def clocked(task):
 def plane(workers, **changes):
     """Every realization of the plane; the largest deviation of a sum of exponents from ln e."""
     spec = read_spec(PLANE)
-    scene = Scene.of(spec)
-    observation = observation_of(spec).measuring(**changes)
-    grid = np.meshgrid(spec.sampled["restitution"].values, spec.sampled["amplitude"].values)
+    scene = spec.scene
+    observation = scene.measuring(**changes)
+    grid = np.meshgrid(
+        spec.design.sampled["restitution"].values, spec.design.sampled["amplitude"].values
+    )
     e, amplitude = (axis.ravel() for axis in grid)
     orbits, beyond, largest = 0, 0, 0.0
     for start in range(0, e.size, REALIZATIONS_AT_A_TIME):
         piece = slice(start, start + REALIZATIONS_AT_A_TIME)
-        parameters = scene.parameters(restitution=e[piece], amplitude=amplitude[piece])
+        parameters = scene.parameters({"restitution": e[piece], "amplitude": amplitude[piece]})
         found = measure(parameters, observation, workers)
         if observation.measures.lyapunov:
             off = np.abs(found["lyapunov_sum"] - np.log(e[piece])[:, np.newaxis])
@@ -55,8 +56,8 @@ def plane(workers, **changes):
 def windows(conditions, **options):
     """Windows over the same plane."""
     spec = read_spec(PLANE)
-    e, amplitude = (spec.sampled[name].values for name in ("restitution", "amplitude"))
-    return find_windows(Scene.of(spec), e, amplitude, conditions, threads=2, **options)
+    e, amplitude = (spec.design.sampled[name].values for name in ("restitution", "amplitude"))
+    return find_windows(spec.scene, e, amplitude, conditions, threads=2, **options)
 
 
 def worst_end(frequency):
@@ -64,7 +65,8 @@ def worst_end(frequency):
     e = np.linspace(0.30, 0.99, SIZE)
     scan = np.linspace(0.005, 14.5, SIZE) / frequency  # from below every end
     names = [f"locked({k})" for k in (1, 2, 3, 4)]
-    found = find_windows(Scene(frequency=frequency), e, scan, names, threads=2)
+    scene = keyword_spec({"frequency": frequency}).scene
+    found = find_windows(scene, e, scan, names, threads=2)
     assert (found["window_count"] == 1).all()
     off = 0.0
     for k, name in enumerate(names, start=1):
@@ -76,7 +78,7 @@ def worst_end(frequency):
 
 def main() -> None:
     with Workers(2) as workers:
-        few = Scene(particles=2, duration=1000.0)
+        few = keyword_spec({"particles": 2, "duration": 1000.0}).scene
         for condition in ("ordered", "regular"):  # compile
             find_windows(few, [0.9], [1.0, 3.0], [condition], threads=2)
             find_windows(few, [0.9], [1.0, 3.0], [condition], continuation=True, threads=2)

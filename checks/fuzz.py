@@ -35,8 +35,8 @@ from accuracy import processor, table, write_section
 from vibrosweep.cli import main as vibrosweep
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.model.times import in_periods
-from vibrosweep.spec.design import open_design
-from vibrosweep.spec.sweep import SweepSpec, read_spec
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.sweep import Sweep, read_spec
 from vibrosweep.store.seal import append_seal
 
 REPORT = Path(__file__).parents[1] / "docs" / "robustness.md"
@@ -196,16 +196,16 @@ def spoilt_bytes(rng: np.random.Generator, data: bytes, head: int | None = None)
     return bytes(spoilt)
 
 
-def work(spec: SweepSpec) -> float:
+def work(spec: Sweep) -> float:
     """Impacts that a sweep may take, generously: an impact each tenth of a period."""
-    frequency = spec.fixed.get("frequency", 1e3)
-    scenes = spec.particles * open_design(spec).realizations
+    frequency = spec.scene.inputs.get("frequency", 1e3)
+    scenes = spec.scene.particles * open_design(spec).realizations
     if spec.record is not None:
         scenes += spec.record.particles
         frequency = max(frequency, spec.record.parameters["frequency"])
-    times = [spec.duration, *([spec.record.duration] if spec.record else [])]
+    times = [spec.scene.duration, *([spec.record.duration] if spec.record else [])]
     longest = max(float(in_periods(time, np.array([frequency]))[0]) for time in times)
-    return scenes * min(10.0 * longest + 10.0, 4.0 * spec.measures.impact_budget)
+    return scenes * min(10.0 * longest + 10.0, 4.0 * spec.scene.measures.impact_budget)
 
 
 def try_spec(directory: Path, findings: Findings, spoilt: object) -> None:

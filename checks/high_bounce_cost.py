@@ -32,11 +32,10 @@ from high_bounce_scenes import (
     settled,
 )
 from vibrosweep import simulate, theory
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
-from vibrosweep.engine.asked import observation_of
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.status import Regime
+from vibrosweep.scene.keywords import keyword_spec
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "what-high-bounce-costs.md"
@@ -105,8 +104,9 @@ def regimes(workers, options):
         f"{shares}\n\n{matrix}\n\nIndependent: {COUNT:,} realizations (seed {options.seed}) with "
         "one particle each, launched at a random phase, with 95 % intervals by Wilson's score; the "
         "matrix is theirs. "
-        f"`paper.toml`: its 200 realizations (seed {PAPER.seed}) with twenty particles each, which "
-        f"are not independent. After {SETTLED:,.0f} periods; *other*: no recurrence was found.\n\n"
+        f"`paper.toml`: its 200 realizations (seed {PAPER.design.seed}) with twenty particles "
+        f"each, which are not independent. After {SETTLED:,.0f} periods; *other*: no recurrence "
+        f"was found.\n\n"
         f"After 1,000 periods {percent(np.mean(early[0] == Regime.UNSETTLED))} have not recurred "
         f"on the fixed base and {percent(np.mean(early[1] == Regime.UNSETTLED))} on the moving "
         f"one; with those, {wilson(np.count_nonzero(differ(early)), COUNT)} are in another regime."
@@ -123,13 +123,10 @@ def apart(left, right):
 def short(workers, _options):
     """Measures of paper.toml over its own 12 s on both bases."""
     drawn = of_paper()
-    found = [
-        measured(drawn, observation_of(PAPER).measuring(trust=False), base, workers)
-        for base in BOTH
-    ]
-    launch = np.arange(PAPER.particles) / PAPER.particles
+    found = [measured(drawn, PAPER.scene.measuring(trust=False), base, workers) for base in BOTH]
+    launch = np.arange(PAPER.scene.particles) / PAPER.scene.particles
     times = [
-        simulate(**drawn, launch_time=launch, duration=PAPER.duration, base=base)[
+        simulate(**drawn, launch_time=launch, duration=PAPER.scene.duration, base=base)[
             "landing_time"
         ].values
         for base in BOTH
@@ -244,7 +241,13 @@ def windows(workers, _options):
     rows = [[f"{one:g}"] for one in e]
     for base in BOTH:
         scan = np.linspace(0.005, 15.0, 200)
-        found = find_windows(Scene(base=base), e, scan, ["locked(1)"], threads=2)
+        found = find_windows(
+            keyword_spec({"duration": 2000.0, "base": base}).scene,
+            e,
+            scan,
+            ["locked(1)"],
+            threads=2,
+        )
         one = found.isel(condition=0, direction=0, window=0)
         exact = {
             "A_min": theory.amplitude_min(1, e, base=base),

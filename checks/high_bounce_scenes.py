@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from vibrosweep.engine.measure import measure
-from vibrosweep.engine.observation import Observation
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
 from vibrosweep.model.status import Regime
-from vibrosweep.spec.design import open_design
-from vibrosweep.spec.sweep import read_spec
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import read_spec
 
 BOTH = HIGH_BOUNCE, MOVING
 PAPER = read_spec(Path(__file__).parents[1] / "sweeps" / "paper.toml")
@@ -35,7 +35,7 @@ def amplitude_of(e, gamma, frequency=1.0):
 def settled(particles=20, launch="staggered", duration=SETTLED):
     """Observe what orbits become, and measure the last tenth of the time."""
     asked = Measures(0.9 * duration, regimes=True, lyapunov=True, per_particle=True)
-    return Observation(particles, launch, duration, "rest", asked)
+    return Scene(particles, launch, duration, "rest", asked)
 
 
 def measured(values, observation, base, workers):
@@ -58,12 +58,12 @@ def regime_of(found):
 
 def of_paper():
     """Restitution and amplitude of the realizations of sweeps/paper.toml."""
-    return open_design(PAPER).take(0, PAPER.realizations)
+    return open_design(PAPER).take(0, PAPER.design.realizations)
 
 
 def independent(seed, count):
     """Realizations of paper.toml's ranges with one particle each, launched at a random phase."""
     random = np.random.default_rng(seed)
-    ranges = {name: (drawn.low, drawn.high) for name, drawn in PAPER.sampled.items()}
+    ranges = {name: (drawn.low, drawn.high) for name, drawn in PAPER.design.sampled.items()}
     ranges["phase"] = (0.0, 2.0 * np.pi)
     return {name: random.uniform(*bounds, count) for name, bounds in ranges.items()}

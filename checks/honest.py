@@ -19,7 +19,7 @@ from accuracy import options_of
 from vibrosweep.proof.verification import State
 from vibrosweep.proof.verify import verify
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.sweep import parse_spec
 
 DESIGNS = ("uniform", "latin", "sobol", "grid")
 FORCINGS = {  # of an amplitude of 1 m/s at e = 0.9 and 1 Hz, and its power of the frequency

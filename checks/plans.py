@@ -25,7 +25,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.forecast import estimate
 from vibrosweep.runs.plan import make_plan
-from vibrosweep.spec.sweep import read_spec
+from vibrosweep.scene.sweep import read_spec
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
 THREADS = 2

@@ -30,7 +30,7 @@ from vibrosweep.errors import RunError
 from vibrosweep.runs import result
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.retry import retry_failed
-from vibrosweep.spec.sweep import SweepSpec, parse_spec
+from vibrosweep.scene.sweep import Sweep, parse_spec
 from vibrosweep.store.parts import Parts
 from vibrosweep.store.rundir import run_directory
 from vibrosweep.store.seal import LENGTH
@@ -236,7 +236,7 @@ def one_sweep(directory: Path, rng: np.random.Generator, findings: Findings) -> 
     spec, chunk = parse_spec(text_of(tables)), int(rng.integers(1, 9))
     findings.specs += 1
     while not output.exists():
-        most = 3 * (spec.realizations or 12) // chunk + 4
+        most = 3 * (spec.design.realizations or 12) // chunk + 4
         try:
             with interrupting(rng, most):
                 run_sweep(spec, output, threads=threads, chunk=chunk)
@@ -246,7 +246,7 @@ def one_sweep(directory: Path, rng: np.random.Generator, findings: Findings) -> 
             spec = _resumed(tables, spec, output, threads, rng, findings)
     run_sweep(spec, whole, threads=threads)
     findings.different += contents(output) != contents(whole)
-    if spec.measures.impact_budget < 10**6:
+    if spec.scene.measures.impact_budget < 10**6:
         _retried(tables, spec, output, whole, findings)
     output.unlink()
     whole.unlink()
@@ -254,12 +254,12 @@ def one_sweep(directory: Path, rng: np.random.Generator, findings: Findings) -> 
 
 def _resumed(
     tables: Tables,
-    spec: SweepSpec,
+    spec: Sweep,
     output: Path,
     threads: int,
     rng: np.random.Generator,
     findings: Findings,
-) -> SweepSpec:
+) -> Sweep:
     """Try to go on with a changed sweep; return the sweep to go on with."""
     findings.resumes += 1
     if rng.random() < 0.4:
@@ -288,9 +288,7 @@ def _resumed(
     return spec
 
 
-def _retried(
-    tables: Tables, spec: SweepSpec, output: Path, whole: Path, findings: Findings
-) -> None:
+def _retried(tables: Tables, spec: Sweep, output: Path, whole: Path, findings: Findings) -> None:
     """Compute again with a larger budget what a small one could not settle."""
     larger = {**tables, "measure": tables["measure"] | {BUDGET: 10**6}}
     run_sweep(parse_spec(text_of(larger)), whole, threads=1, force=True)

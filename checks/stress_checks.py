@@ -14,7 +14,6 @@ from accuracy import ULP, arrays_of, batch_of, orbit
 from coupled_errors import compare as compare_coupled
 from first_roots import LARGEST_ERROR, Flights, judge
 from trust_check import compare, kernel_jobs
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
@@ -24,6 +23,7 @@ from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.impact import impact, launch, launch_speed
 from vibrosweep.model.parameters import MOUNT, SPRUNG
 from vibrosweep.model.status import Status
+from vibrosweep.scene.scene import bare_scene
 
 BITS = 256
 CAPACITY = 24  # landings of the first particle that are compared with the proved reference
@@ -71,7 +71,7 @@ def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
     """Compute a case in every way there is, and check what must hold."""
     found = Findings()
     began = time.perf_counter()
-    plain = record_observation(
+    plain = bare_scene(
         len(case.launch), case.launch, case.duration, case.law, case.budget, case.base
     )
     coupled = case.base == SPRUNG

@@ -14,7 +14,6 @@ import numpy as np
 from flint import arb, ctx
 
 from accuracy import ULP, bare_problem, batch_of, orbit
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
@@ -24,6 +23,7 @@ from vibrosweep.kernels.impact import base_of, land
 from vibrosweep.kernels.trust import empty_trust, trust
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Status
+from vibrosweep.scene.scene import bare_scene
 
 Outcome = tuple[int, list[str]]
 CAPACITY = 400
@@ -192,7 +192,7 @@ def window_edges(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
             "restitution": bounce, "amplitude": 0.0, "frequency": 1.0, "phase": 0.0,
             "gravity": 2.0, "launch_velocity": flight, "contact_time": 1e-9,
         }  # fmt: skip
-        plain = record_observation(1, (start,), end, law, 10_000)
+        plain = bare_scene(1, (start,), end, law, 10_000)
         watched = plain.measuring(transient=begin, separation=True)
         parameters = {name: np.array([scene[name]]) for name in PARAMETERS}
         count = int(measure(parameters, watched, workers)["impact_count"][0])
@@ -218,7 +218,7 @@ def bad_company(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
         scenes = [dyadic_scene(rng) for _ in range(40)]
         given = {name: np.array([scene[name] for scene in scenes]) for name in PARAMETERS}
         given["frequency"][:] = 1.0
-        observation = record_observation(3, (0.0, 0.25, 0.3), 12.0, law, 2000).measuring(
+        observation = bare_scene(3, (0.0, 0.25, 0.3), 12.0, law, 2000).measuring(
             transient=0.0, separation=True, per_particle=True, regimes=True, trust=True,
             tolerance=1e-9,
         )  # fmt: skip
@@ -249,7 +249,7 @@ def many_particles(law: str, cases: int, seed: int, workers: Workers) -> Outcome
     given = {name: np.array([p.default]) for name, p in PARAMETERS.items()}
     rng = np.random.default_rng(seed)
     launch = tuple(rng.uniform(0.0, 1.0, number).tolist())
-    plain = record_observation(number, launch, 3.0, law, 1000)
+    plain = bare_scene(number, launch, 3.0, law, 1000)
     measured = measure(given, plain.measuring(transient=0.0, separation=True), workers)
     record = record_landings(given, plain, workers)
     times = record["landing_time"][0]

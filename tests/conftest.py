@@ -65,13 +65,13 @@ def random_scenes(parameters):
 @pytest.fixture(scope="session")
 def observe():
     """An observation of 12 s that measures separations and each particle, unless said otherwise."""
-    from vibrosweep.engine.asked import record_observation
+    from vibrosweep.scene.scene import bare_scene
 
     def make(launch="staggered", particles=20, **changes):
         if not isinstance(launch, str):
             launch = tuple(float(time) for time in launch)
             particles = len(launch)
-        plain = record_observation(particles, launch, 12.0, "rest", 10**6)
+        plain = bare_scene(particles, launch, 12.0, "rest", 10**6)
         keys = {"transient": 0.0, "separation": True, "per_particle": True}
         keys |= {name: changes.pop(name) for name in vars(plain.measures) if name in changes}
         return replace(plain.measuring(**keys), **changes)
@@ -94,7 +94,7 @@ def record(workers):
 def compute(tmp_path):
     """Compute the text of a sweep file; gives the path of the result."""
     from vibrosweep.runs.driver import run_sweep
-    from vibrosweep.spec.sweep import read_spec
+    from vibrosweep.scene.sweep import read_spec
 
     def result(text, threads=2, **options):
         count = len(list(tmp_path.glob("*.toml")))

@@ -10,7 +10,7 @@ from vibrosweep.kernels.impact import BASE_OF, base_of
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.model.parameters import LAWS_OF
-from vibrosweep.spec.keywords import keyword_spec
+from vibrosweep.scene.keywords import keyword_spec
 
 CELLS = list(cells())
 MOUNT = {"mass_ratio": 0.1, "mount_frequency": 2.0}
@@ -72,7 +72,7 @@ def test_what_a_base_can_do_is_not_refused(base, asked):
         perform(base, asked["analysis"])
     else:
         given = {"rebound": asked["law"]} if "law" in asked else {asked["measure"]: True}
-        assert keyword_spec(over(base, **given)).base == base
+        assert keyword_spec(over(base, **given)).scene.base == base
 
 
 @pytest.mark.parametrize("base", BASES)

@@ -332,7 +332,7 @@ def test_memory_that_runs_out(refused, monkeypatch, spec, tmp_path):
         raise MemoryError("Unable to allocate 1 TiB")
 
     monkeypatch.setattr("vibrosweep.runs.describe.describe", measure)
-    monkeypatch.setattr("vibrosweep.spec.sweep.read_spec", measure)
+    monkeypatch.setattr("vibrosweep.scene.sweep.read_spec", measure)
     output = tmp_path / "out.h5"
     for command, chunked in (("run", True), ("windows", False), ("basins", False)):
         message = refused(command, spec, "-o", output)

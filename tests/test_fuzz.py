@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from fuzz import FUZZERS, campaign, spoilt_bytes
 from vibrosweep.errors import SpecError
-from vibrosweep.spec.schema import SECTIONS
-from vibrosweep.spec.sweep import SweepSpec, parse_spec
+from vibrosweep.scene.keys import SECTIONS
+from vibrosweep.scene.sweep import Sweep, parse_spec
 
 NUMBERS = st.one_of(
     st.integers(),
@@ -36,7 +36,7 @@ ENTRIES = st.lists(st.tuples(st.sampled_from(KEYS), VALUES), max_size=6)
 def either_valid_or_refused(text):
     """Anything else that is raised fails the test."""
     with suppress(SpecError):
-        assert isinstance(parse_spec(text), SweepSpec)
+        assert isinstance(parse_spec(text), Sweep)
 
 
 @given(ENTRIES)

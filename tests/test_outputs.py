@@ -11,7 +11,7 @@ import vibrosweep as vs
 from vibrosweep.cli import main
 from vibrosweep.errors import ExistingOutputError, ParameterError, TakenOutputError
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.spec.sweep import read_spec
+from vibrosweep.scene.sweep import read_spec
 from vibrosweep.store.rundir import run_directory
 
 PACKAGE = Path(vs.__file__).parent

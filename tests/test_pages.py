@@ -8,7 +8,7 @@ import pytest
 
 from vibrosweep.commands import COMMANDS
 from vibrosweep.model.markdown import insert
-from vibrosweep.spec.schema import SECTIONS
+from vibrosweep.scene.keys import SECTIONS
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "vibrosweep"

@@ -15,15 +15,15 @@ from methods.sweeps import Sweep
 from methods.timing import BUDGET, timed
 from methods.truth import Orbit, worst
 from study.rk4 import rk4
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels import bases
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch, launch_speed
 from vibrosweep.kernels.statistics import Statistics, empty_statistics
 from vibrosweep.model.parameters import Dimensionless, Launches, dimensionless, launches
+from vibrosweep.scene.scene import Scene as Watched
+from vibrosweep.scene.scene import bare_scene
 
 MARGIN = 1.0  # s past the end, so that a late landing is compared rather than missed
 MOST_IMPACTS = 10_000_000
@@ -36,8 +36,8 @@ NAIVE = "naive map"
 RK4 = "RK4"
 
 
-def _observation(scene: Scene, launch_times: np.ndarray) -> Observation:
-    observation = record_observation(
+def _observation(scene: Scene, launch_times: np.ndarray) -> Watched:
+    observation = bare_scene(
         launch_times.size,
         tuple(launch_times.tolist()),
         scene.duration,

@@ -12,12 +12,11 @@ from methods.scenes import Point, table
 from methods.sweeps import Sweep
 from methods.timing import timed
 from methods.truth import Orbit, worst
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.scene.scene import Scene, bare_scene
 
 STATISTICS = "vibrosweep, statistics"
 NOTHING_SKIPPED = "vibrosweep, nothing skipped"
@@ -28,10 +27,8 @@ TRUSTED = 1e-3  # s; an orbit that is known less well is lost
 BLOCK = 4096  # trajectories at once: their state and temporaries stay in the cache
 
 
-def _observation(sweep: Sweep) -> Observation:
-    return record_observation(
-        sweep.particles, "staggered", sweep.duration, sweep.rebound, MOST_IMPACTS
-    )
+def _observation(sweep: Sweep) -> Scene:
+    return bare_scene(sweep.particles, "staggered", sweep.duration, sweep.rebound, MOST_IMPACTS)
 
 
 def _some(sweep: Sweep, realizations: np.ndarray) -> dict[str, np.ndarray]:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from vibrosweep.model.observables import Landing, Observable
     from vibrosweep.model.parameters import PARAMETERS, Parameter
     from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime, Status
+    from vibrosweep.scene.design import register_design
     from vibrosweep.store.kinds import ResultKind, register_kind
     from vibrosweep.store.saving import save_result
 
@@ -50,6 +51,7 @@ __all__ = [
     "open_record",
     "open_sweep",
     "positions",
+    "register_design",
     "register_kind",
     "run",
     "save_result",
@@ -71,6 +73,7 @@ _HOMES: Final = {
     "positions": "vibrosweep.analysis.sampled_positions",
     **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.kinds"),
     "save_result": "vibrosweep.store.saving",
+    "register_design": "vibrosweep.scene.design",
     "simulate": "vibrosweep.api.simulation",
     **dict.fromkeys(
         ("basins", "bifurcation", "separations", "sobol", "windows"), "vibrosweep.api.analyses"

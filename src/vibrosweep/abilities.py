@@ -72,9 +72,11 @@ ANALYSES: Final[Mapping[str, Ability]] = {
 def refusal(base: str, *, law: str = "", measure: str = "", analysis: str = "") -> str:
     """Say in one sentence why something cannot be had over a base; empty where it can.
 
-    One of `BASES`; a law is one of `LAWS`, a measure a key of
+    Anything but one of `BASES` is refused.  A law is one of `LAWS`, a measure a key of
     `vibrosweep.model.measures.MEASURES`, an analysis a key of `ANALYSES`.
     """
+    if base not in BASES:
+        return f'base = "{base}": must be {_quoted(BASES)}'
     if law and law not in LAWS_OF[base]:
         return _refused_law(base, law)
     wanted = [_OF_PARTICLES[MEASURES[measure].coupled]] if measure else []

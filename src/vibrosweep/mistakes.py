@@ -108,7 +108,9 @@ def toml(value: object, most: int | None = None) -> str:
         return f"{{ {', '.join(f'{k} = {toml(v, most)}' for k, v in value.items())} }}"
     if isinstance(value, int) and value.bit_length() > 1000:
         return "a huge number"  # Python refuses to print integers of many thousand digits
-    return str(value) if isinstance(value, int | float) else json.dumps(str(value))
+    if isinstance(value, int | float):
+        return str(value)
+    return json.dumps(getattr(value, "name", str(value)))
 
 
 def _python(value: object) -> str:

@@ -6,13 +6,17 @@ import xarray as xr
 
 from vibrosweep.analysis.attractor_slots import capacity
 from vibrosweep.analysis.basins import basins
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.errors import DataError
+from vibrosweep.scene.keywords import keyword_spec
 
 
 def test_table_1_has_three_slots_to_lock_in():
     # modes 1 and 2 exist (a / (1 - e) = 2.4): one slot and two; the orbit with rests has one
-    found = capacity(basins(Scene(duration=4000.0), np.arange(20) / 20, np.linspace(1.0, 11.0, 11)))
+    found = capacity(
+        basins(
+            keyword_spec({"duration": 4000.0}).scene, np.arange(20) / 20, np.linspace(1.0, 11.0, 11)
+        )
+    )
     assert int(found["capacity_without_rests"]) == 3
     assert int(found["capacity"]) == 4
     assert float(found["unsettled_fraction"]) == 0.0
@@ -20,7 +24,9 @@ def test_table_1_has_three_slots_to_lock_in():
 
 
 def test_without_excitation_there_is_no_slot():
-    found = capacity(basins(Scene(amplitude=0.0, duration=100.0), [0.0], [1.0, 5.0]))
+    found = capacity(
+        basins(keyword_spec({"amplitude": 0.0, "duration": 100.0}).scene, [0.0], [1.0, 5.0])
+    )
     assert int(found["capacity"]) == 0
     assert float(found["unsettled_fraction"]) == 1.0
 

@@ -5,24 +5,33 @@ import pytest
 
 from vibrosweep import simulate
 from vibrosweep.analysis.basins import basins
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.status import Regime
+from vibrosweep.scene.keywords import keyword_spec
 
-SCENE = Scene(amplitude=3.4, restitution=0.95, phase=0.7, duration=4000.0)
+SCENE = keyword_spec(
+    {"amplitude": 3.4, "restitution": 0.95, "phase": 0.7, "duration": 4000.0}
+).scene
 TIMES = np.linspace(0.0, 1.0, 16, endpoint=False)
 
 
 def test_every_launch_is_on_the_attractor_that_a_sweep_finds(workers):
     speeds = np.linspace(0.0, 9.0, 10)
     found = basins(SCENE, TIMES, speeds)
-    launch = Scene(
-        amplitude=3.4, restitution=0.95, phase=0.7, particles=16, launch=tuple(TIMES.tolist())
-    )
-    observation = launch.observation(regimes=True)
+    launch = keyword_spec(
+        {
+            "duration": 2000.0,
+            "amplitude": 3.4,
+            "restitution": 0.95,
+            "phase": 0.7,
+            "particles": 16,
+            "launch": tuple(TIMES.tolist()),
+        }
+    ).scene
+    observation = launch.only(regimes=True)
     observation = type(observation)(**{**vars(observation), "duration": 4000.0})
-    measured = measure(launch.parameters(launch_velocity=speeds), observation, workers)
+    measured = measure(launch.parameters({"launch_velocity": speeds}), observation, workers)
     at = found["basin"].values
     for name in ("cycle_impacts", "cycle_periods", "cycle_rests"):
         assert np.array_equal(found[name].values[at], measured[name]), name
@@ -43,7 +52,7 @@ CYCLES = [
 @pytest.mark.parametrize("scene", CYCLES, ids=str)
 def test_the_impact_of_an_attractor_is_the_one_before_its_shortest_flight(scene):
     times, speeds, end = [0.0, 0.09, 0.3, 0.62], [0.5, 3.0, 7.4], 3000.0
-    found = basins(Scene(**scene, duration=end), times, speeds)
+    found = basins(keyword_spec({**scene, "duration": end}).scene, times, speeds)
     cycles = np.flatnonzero(found["cycle_impacts"].values > 0)
     assert cycles.size
     for i in cycles:
@@ -96,7 +105,9 @@ def test_more_launches_than_fit_into_memory_are_refused_with_a_remedy_that_exist
 
 
 def test_without_excitation_every_launch_comes_to_rest():
-    found = basins(Scene(amplitude=0.0), [0.0, 0.3], [0.0, 2.0])
+    found = basins(
+        keyword_spec({"duration": 2000.0, "amplitude": 0.0}).scene, [0.0, 0.3], [0.0, 2.0]
+    )
     assert found.sizes["attractor"] == 1
     assert found["regime"].item() == Regime.AT_REST
     assert found["fraction"].item() == 1.0
@@ -110,7 +121,7 @@ def test_mistakes_are_named():
 
 
 def test_basins_say_how_the_forcing_was_given():
-    scene = Scene(base_displacement=0.1, duration_periods=50.0)
+    scene = keyword_spec({"base_displacement": 0.1, "duration_periods": 50.0}).scene
     found = basins(scene, [0.0], [1.0])
     amplitude = 1.9 * 2.0 * np.pi * 0.1
     assert found["base_displacement"].item() == 0.1

@@ -6,11 +6,11 @@ import pytest
 from vibrosweep import simulate, theory
 from vibrosweep.analysis.bifurcation import OBSERVABLES, bifurcation
 from vibrosweep.analysis.record_flights import base_motion
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.errors import ParameterError
+from vibrosweep.scene.keywords import keyword_spec
 
 # launched close to the locked orbit at the end of its window
-LOCKED = Scene(duration=20_000.0, launch=(0.47,), launch_velocity=4.905)
+LOCKED = keyword_spec({"duration": 20_000.0, "launch": (0.47,), "launch_velocity": 4.905}).scene
 
 
 def test_the_locked_orbit_doubles_its_period_and_is_lost_on_the_way_down():
@@ -58,21 +58,37 @@ def observed(record, name):
     "scene",
     [
         # ten impacts in each period, one of them followed by a rest
-        Scene(duration=1500.0, launch=(0.0,)),
-        Scene(duration=1500.0, launch=(0.0,), base="moving", restitution=0.3, amplitude=3.0),
-        Scene(duration=1500.0, launch=(0.1,), base="moving", restitution=0.9, amplitude=1.2),
+        keyword_spec({"duration": 1500.0, "launch": (0.0,)}).scene,
+        keyword_spec(
+            {
+                "duration": 1500.0,
+                "launch": (0.0,),
+                "base": "moving",
+                "restitution": 0.3,
+                "amplitude": 3.0,
+            }
+        ).scene,
+        keyword_spec(
+            {
+                "duration": 1500.0,
+                "launch": (0.1,),
+                "base": "moving",
+                "restitution": 0.9,
+                "amplitude": 1.2,
+            }
+        ).scene,
     ],
     ids=["high-bounce", "moving with rests", "moving"],
 )
 def test_observables_are_those_of_the_landings(name, scene):
     # one amplitude: both directions launch as the scene says and settle on one orbit
-    amplitude = float(scene.parameters()["amplitude"][0])
+    amplitude = float(scene.parameters({})["amplitude"][0])
     found = bifurcation(scene, [amplitude], observable=name, samples=20)
     record = simulate(
         launch_time=scene.launch,
         duration=1600.0,
         base=scene.base,
-        restitution=scene.restitution,
+        restitution=scene.inputs["restitution"],
         amplitude=amplitude,
     )
     late = record["landing_time"].values[0, 0] > 1550.0
@@ -87,7 +103,10 @@ def test_observables_are_those_of_the_landings(name, scene):
 
 def test_a_function_is_an_observable_and_a_particle_at_rest_has_none():
     found = bifurcation(
-        Scene(duration=50.0), [0.0, 1e-5], observable=lambda x, v, g: 0.5 * v * v, samples=3
+        keyword_spec({"duration": 50.0}).scene,
+        [0.0, 1e-5],
+        observable=lambda x, v, g: 0.5 * v * v,
+        samples=3,
     )
     assert np.isnan(found["observable"]).all()
     assert (found["lyapunov_largest"] == -np.inf).all()
@@ -96,25 +115,31 @@ def test_a_function_is_an_observable_and_a_particle_at_rest_has_none():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"amplitude": [1.0], "observable": "height"}, "observable = 'height': must be one of"),
-        ({"amplitude": [1.0], "observable": 3}, "observable = 3: must be one of"),
-        ({"amplitude": [1.0], "samples": 0}, "samples = 0: must be at least 1"),
-        ({"amplitude": [2.0, 1.0]}, "amplitude: must be in ascending order"),
-        ({"amplitude": [-1.0]}, "amplitude = -1.0: must be at least 0"),
+        ({"scan": [1.0], "observable": "height"}, "observable = 'height': must be one of"),
+        ({"scan": [1.0], "observable": 3}, "observable = 3: must be one of"),
+        ({"scan": [1.0], "samples": 0}, "samples = 0: must be at least 1"),
+        ({"scan": [2.0, 1.0]}, "amplitude: must be in ascending order"),
+        ({"scan": [-1.0]}, "amplitude = -1.0: must be at least 0"),
     ],
 )
 def test_mistakes_are_named(arguments, words):
     with pytest.raises(ParameterError, match=words):
-        bifurcation(Scene(), **arguments)
+        bifurcation(keyword_spec({"duration": 2000.0}).scene, **arguments)
 
 
 def test_more_samples_than_fit_into_memory_are_refused_with_a_remedy_that_exists():
     with pytest.raises(ParameterError, match=r"samples each need .* GiB.*fewer of them"):
-        bifurcation(Scene(), np.linspace(0.1, 4.0, 1000), samples=10**12)
+        bifurcation(
+            keyword_spec({"duration": 2000.0}).scene, np.linspace(0.1, 4.0, 1000), samples=10**12
+        )
 
 
 def test_the_base_acceleration_lies_along_the_amplitude():
-    found = bifurcation(Scene(duration_periods=20.0, base_acceleration=7.0), [0.0, 1.2], samples=2)
+    found = bifurcation(
+        keyword_spec({"duration_periods": 20.0, "base_acceleration": 7.0}).scene,
+        [0.0, 1.2],
+        samples=2,
+    )
     assert found["base_acceleration"].dims == ("amplitude",)
     expected = 2.0 * np.pi * found["amplitude"] / (1.9 * 9.81)
     np.testing.assert_allclose(found["base_acceleration"], expected, rtol=1e-15)

@@ -5,7 +5,6 @@ import pytest
 import xarray as xr
 
 from vibrosweep.analysis.conditions import FAILS, HOLDS, UNDETERMINED, Condition, named
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.window_codes import (
     ENDS,
     OPEN_ABOVE,
@@ -18,6 +17,7 @@ from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.status import Regime, Status
+from vibrosweep.scene.keywords import keyword_spec
 
 AT_REST, RESTING, LOCKED, UNSETTLED, APERIODIC = Regime
 SCAN = np.linspace(0.2, 3.4, 30)
@@ -68,7 +68,12 @@ def test_one_particle_is_separated_and_free_of_collisions(name):
     # it may land, never land, or be given up
     for changes in ({"duration": 12.0}, {"duration": 0.1}, {"duration": 12.0, "impact_budget": 6}):
         for base in ("high-bounce", "moving"):
-            found = find_windows(Scene(base=base, **changes), [0.9], [0.5, 1.0, 3.0], [name])
+            found = find_windows(
+                keyword_spec({"duration": 2000.0, "base": base, **changes}).scene,
+                [0.9],
+                [0.5, 1.0, 3.0],
+                [name],
+            )
             assert found["window_count"].item() == 1
             assert found[ENDS.name].item() == OPEN_BELOW + OPEN_ABOVE
 
@@ -103,14 +108,17 @@ def test_booleans_of_ones_own_are_undetermined_where_nothing_is_known(measured, 
 def test_beyond_an_end_the_condition_fails_or_the_end_says_that_it_is_undetermined(
     name, changes, workers
 ):
-    scene, condition = Scene(particles=2, **changes), named(name)
+    scene, condition = (
+        keyword_spec({"duration": 2000.0, "particles": 2, **changes}).scene,
+        named(name),
+    )
     windows = find_windows(scene, [0.5, 0.95], SCAN, [name], tolerance=1e-6)
     found = windows.isel(condition=0, direction=0)
-    observation = scene.observation(**condition.measures)
+    observation = scene.only(**condition.measures)
 
     def codes(e, *amplitudes):
         parameters = scene.parameters(
-            restitution=np.full(len(amplitudes), e), amplitude=np.array(amplitudes)
+            {"restitution": np.full(len(amplitudes), e), "amplitude": np.array(amplitudes)}
         )
         measured = measure(parameters, observation, workers)
         data = {n: (VARIABLES[n].dims, v) for n, v in measured.items()}

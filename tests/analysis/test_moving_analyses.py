@@ -8,10 +8,10 @@ from vibrosweep.analysis.attractor_slots import capacity
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.bifurcation import bifurcation
 from vibrosweep.analysis.evaluate import launch_states, reached, settle_from
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
 from vibrosweep.model.status import Regime
+from vibrosweep.scene.keywords import keyword_spec
 
 MODES = (1, 2, 3)
 
@@ -23,7 +23,13 @@ def gamma_of(amplitude, e):
 def test_locked_windows_end_where_the_closed_forms_say():
     e = np.array([0.0, 0.0205, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.99])
     names = [f"locked({k})" for k in MODES]
-    found = find_windows(Scene(base="moving"), e, np.linspace(0.02, 16.0, 40), names, threads=1)
+    found = find_windows(
+        keyword_spec({"duration": 2000.0, "base": "moving"}).scene,
+        e,
+        np.linspace(0.02, 16.0, 40),
+        names,
+        threads=1,
+    )
     assert (found["window_count"] == 1).all()
     for k, name in zip(MODES, names, strict=True):
         one = found.sel(condition=name, direction="launch").isel(window=0)
@@ -35,7 +41,9 @@ def test_locked_windows_end_where_the_closed_forms_say():
 @pytest.mark.parametrize("e", [1e-4, 0.005, 0.015])
 def test_a_window_begins_where_the_flight_first_clears_the_base(e):
     name, scan = ["locked(1)"], np.linspace(3.0, 8.0, 30)
-    one = find_windows(Scene(base="moving"), [e], scan, name, threads=1).squeeze()
+    one = find_windows(
+        keyword_spec({"duration": 2000.0, "base": "moving"}).scene, [e], scan, name, threads=1
+    ).squeeze()
     gamma = gamma_of(float(one["A_min"]), e)
     lowest = np.pi * (1.0 - e) / (1.0 + e)
     s = np.linspace(1e-5, 0.9, 100_001)
@@ -53,9 +61,15 @@ def test_a_window_begins_where_the_flight_first_clears_the_base(e):
 
 def test_a_continued_orbit_stays_locked_down_to_the_end_of_its_window():
     middle = float(theory.locked_phase(1, 0.8, 1.3))
-    scene = Scene(
-        base="moving", restitution=0.8, duration=3000.0, launch_velocity=4.905, launch=(middle,)
-    )
+    scene = keyword_spec(
+        {
+            "base": "moving",
+            "restitution": 0.8,
+            "duration": 3000.0,
+            "launch_velocity": 4.905,
+            "launch": (middle,),
+        }
+    ).scene
     axis = np.linspace(0.7, 1.3, 25)
     found = find_windows(scene, [0.8], axis, ["ordered"], continuation=True, tolerance=1e-5)
     down = found.sel(direction="down").squeeze()
@@ -68,8 +82,10 @@ def test_a_continued_orbit_stays_locked_down_to_the_end_of_its_window():
 
 @pytest.mark.parametrize("changed", [{}, {"restitution": 0.3, "amplitude": 3.0}])
 def test_an_orbit_goes_on_from_its_own_state(changed, workers):
-    scene = Scene(base="moving", duration=2000.0, particles=4, phase=0.3, **changed)
-    parameters = scene.parameters()
+    scene = keyword_spec(
+        {"base": "moving", "duration": 2000.0, "particles": 4, "phase": 0.3, **changed}
+    ).scene
+    parameters = scene.parameters({})
     first = settle_from(scene, parameters, launch_states(scene, parameters), workers)
     again = settle_from(scene, parameters, reached(first, 4), workers)
     assert np.all((first.impacts > 0) | (first.regime == Regime.AT_REST))
@@ -78,12 +94,14 @@ def test_an_orbit_goes_on_from_its_own_state(changed, workers):
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name))
     np.testing.assert_allclose(first.flight, again.flight, atol=1e-9)
     # and what is launched is what a sweep launches
-    measured = measure(parameters, scene.observation(regimes=True), workers)
+    measured = measure(parameters, scene.only(regimes=True), workers)
     np.testing.assert_array_equal(measured["regime"].ravel(), first.regime)
     np.testing.assert_array_equal(measured["cycle_impacts"].ravel(), first.impacts)
 
 
-SCENE = Scene(base="moving", amplitude=1.4, restitution=0.9, phase=0.7, duration=1500.0)
+SCENE = keyword_spec(
+    {"base": "moving", "amplitude": 1.4, "restitution": 0.9, "phase": 0.7, "duration": 1500.0}
+).scene
 TIMES = np.linspace(0.0, 1.0, 12, endpoint=False)
 
 

@@ -9,13 +9,13 @@ import xarray as xr
 
 from vibrosweep import sobol, sweep
 from vibrosweep.analysis.conditions import NAMED
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine import landings
 from vibrosweep.engine import measure as engine
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.lab.prediction import predict
+from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.scene import bare_scene
 
 SCAN = np.linspace(0.3, 3.5, 9)
 IMPACTS = xr.Dataset(
@@ -29,7 +29,11 @@ IMPACTS = xr.Dataset(
 ANALYSES = {
     **{
         f"windows of {name}": lambda workers, name=name: find_windows(
-            Scene(particles=3, duration=300.0), [0.85, 0.9], SCAN, [name], tolerance=1e-3
+            keyword_spec({"particles": 3, "duration": 300.0}).scene,
+            [0.85, 0.9],
+            SCAN,
+            [name],
+            tolerance=1e-3,
         )
         for name in NAMED
     },
@@ -62,29 +66,26 @@ def test_an_analysis_that_keeps_no_landing_skips_what_is_known(name, asked, work
 
 
 def test_a_record_follows_every_landing(asked, workers):
-    observation = record_observation(2, "staggered", 12.0, "rest", 1000)
+    observation = bare_scene(2, "staggered", 12.0, "rest", 1000)
     record_landings(all_parameters({}), observation, workers)
     assert [one.skip for one in asked] == [False]
 
 
 @pytest.mark.parametrize("name", NAMED)
-def test_skips_do_not_change_a_window(name, monkeypatch):
-    arguments = Scene(particles=3, duration=300.0), [0.85, 0.9], SCAN, [name]
-    skipped = find_windows(*arguments)
-    observation = Scene.observation
-
-    def followed(scene, **measured):
-        return dataclasses.replace(observation(scene, **measured), skip=False)
-
-    monkeypatch.setattr(Scene, "observation", followed)
-    assert find_windows(*arguments).identical(skipped)
+def test_skips_do_not_change_a_window(name):
+    scene = keyword_spec({"particles": 3, "duration": 300.0}).scene
+    skipped, followed = (
+        find_windows(dataclasses.replace(scene, skip=skip), [0.85, 0.9], SCAN, [name])
+        for skip in (True, False)
+    )
+    assert followed.identical(skipped)
 
 
 def test_skips_do_not_change_a_count(workers):
     random = np.random.default_rng(3)
     ranges = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5)}
     parameters = all_parameters({n: random.uniform(*ends, 24) for n, ends in ranges.items()})
-    observation = record_observation(6, "staggered", 3000.0, "rest", 10_000_000)
+    observation = bare_scene(6, "staggered", 3000.0, "rest", 10_000_000)
     assert observation.measures.transient == -math.inf
     skipped, followed = (
         engine.measure(parameters, dataclasses.replace(observation, skip=skip), workers)

@@ -10,11 +10,11 @@ from vibrosweep import sobol, theory
 from vibrosweep.analysis import sensitivity
 from vibrosweep.analysis.heights import heights_against_restitution
 from vibrosweep.analysis.sensitivity import sobol_indices
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.scene.scene import bare_scene
 
 RANGES = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "gravity": (9.0, 10.0)}
-ONE = record_observation(1, "staggered", 12.0, "rest", 1000)
+ONE = bare_scene(1, "staggered", 12.0, "rest", 1000)
 
 
 @pytest.fixture

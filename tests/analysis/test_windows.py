@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from vibrosweep import theory, windows
 from vibrosweep.analysis.conditions import NAMED, Condition, named
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.window_codes import ENDS, NO_WINDOW, OPEN_ABOVE, OPEN_BELOW, summary
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.engine.measure import measure
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.status import Regime
+from vibrosweep.scene.keywords import keyword_spec
 
 MODES = (1, 2, 3, 4)
 PI = Fraction("3.14159265358979323846264338327950288419716939937510582097494459")
@@ -28,7 +28,9 @@ def test_locked_windows_end_where_the_closed_forms_say(frequency):
     # the scan knows nothing of the ends; its step is wider than the windows of small restitution
     scan = np.linspace(0.005, 15.0, 64) / frequency
     names = [f"locked({k})" for k in MODES]
-    found = find_windows(Scene(frequency=frequency), e, scan, names, threads=2)
+    found = find_windows(
+        keyword_spec({"duration": 2000.0, "frequency": frequency}).scene, e, scan, names, threads=2
+    )
     assert (found["window_count"] == 1).all()
     for k, name in zip(MODES, names, strict=True):
         one = found.sel(condition=name, direction="launch").isel(window=0)
@@ -39,7 +41,7 @@ def test_locked_windows_end_where_the_closed_forms_say(frequency):
 
 
 def test_gravity_and_the_reflect_law_give_the_same_locked_windows_of_positive_kicks():
-    scene = Scene(gravity=1.62, rebound="reflect")
+    scene = keyword_spec({"duration": 2000.0, "gravity": 1.62, "rebound": "reflect"}).scene
     found = find_windows(scene, 0.8, np.linspace(0.01, 0.6, 30), ["locked(1)"]).isel(window=0)
     lower, upper = (end(1, 0.8, 1.0, 1.62) for end in (theory.amplitude_min, theory.amplitude_max))
     assert found["A_min"].item() == pytest.approx(lower, rel=1e-8)
@@ -52,7 +54,7 @@ def test_any_forcing_can_be_scanned(forcing, base, frequency):
     e, omega = np.array([0.5, 0.8, 0.95]), 2.0 * np.pi * frequency
     scale = {"base_displacement": 1.0 / omega, "base_acceleration": omega / 9.81}.get(forcing, 1.0)
     scan = np.linspace(0.01, 4.0, 20) * scale / frequency
-    scene = Scene(base=base, frequency=frequency)
+    scene = keyword_spec({"duration": 2000.0, "base": base, "frequency": frequency}).scene
     options = {"forcing": forcing, "tolerance": 1e-13}
     found = find_windows(scene, e, scan, ["locked(1)"], **options).squeeze()
     symbol, units = FORCINGS[forcing].symbol, FORCINGS[forcing].units
@@ -75,7 +77,9 @@ def test_keywords_may_scan_the_acceleration_of_the_base():
 
 
 def test_a_condition_of_launches_holds_for_the_same_base_however_it_is_said():
-    scene = Scene(particles=3, duration=3.0)  # orbits depend smoothly on the forcing
+    scene = keyword_spec(
+        {"particles": 3, "duration": 3.0}
+    ).scene  # orbits depend smoothly on the forcing
     scan = np.linspace(0.2, 3.0, 15)
     amplitude = find_windows(scene, [0.9], scan, ["separated"])
     velocity = find_windows(scene, [0.9], scan / 1.9, ["separated"], forcing="base_velocity")
@@ -117,13 +121,16 @@ def test_the_brackets_of_every_locked_window_hold_its_exact_ends(
     signs = (1, -1) if rebound == "reflect" else (1,)
     exact = [exact_window(k, e, frequency, gravity, sign, base) for sign in signs]
     scan = np.linspace(0.7 * float(exact[0][0]), 1.3 * float(exact[-1][1]) ** 0.5, points)
-    scene = Scene(
-        frequency=frequency,
-        gravity=gravity,
-        contact_time=1e-6,
-        base=base,
-        rebound=rebound,
-    )
+    scene = keyword_spec(
+        {
+            "duration": 2000.0,
+            "frequency": frequency,
+            "gravity": gravity,
+            "contact_time": 1e-6,
+            "base": base,
+            "rebound": rebound,
+        }
+    ).scene
     found = find_windows(scene, e, scan, [f"locked({k})"], tolerance=tolerance, threads=1)
     row = found.isel(condition=0, direction=0, restitution=0)
     count = int(row["window_count"])
@@ -146,7 +153,9 @@ def test_the_brackets_of_every_locked_window_hold_its_exact_ends(
 
 def test_a_second_window_under_the_reflect_law_is_found_whatever_the_scan():
     for scan in (np.arange(0.05, 12.0, 0.05), np.array([0.1, 50.0])):
-        row = find_windows(Scene(rebound="reflect"), 0.9, scan, ["locked(1)"]).squeeze()
+        row = find_windows(
+            keyword_spec({"duration": 2000.0, "rebound": "reflect"}).scene, 0.9, scan, ["locked(1)"]
+        ).squeeze()
         assert row["window_count"] == 2
         assert row["A_min"].values == pytest.approx([0.4905, 9.3195], rel=1e-8)
         assert row["A_max"].values == pytest.approx([3.0067668922, 9.3208084], rel=1e-7)
@@ -156,7 +165,12 @@ def test_a_second_window_under_the_reflect_law_is_found_whatever_the_scan():
 @pytest.mark.parametrize("rebound", ["rest", "reflect"])
 def test_no_locked_orbit_attracts_without_loss_of_energy(points, rebound):
     scan = np.linspace(0.01, 14.5, points)
-    found = find_windows(Scene(rebound=rebound), 1.0, scan, ["locked(1)", "locked(2)"])
+    found = find_windows(
+        keyword_spec({"duration": 2000.0, "rebound": rebound}).scene,
+        1.0,
+        scan,
+        ["locked(1)", "locked(2)"],
+    )
     assert (found["window_count"] == 0).all()
     assert (found[ENDS.name] == NO_WINDOW).all()
 
@@ -172,7 +186,7 @@ def test_no_locked_orbit_attracts_without_loss_of_energy(points, rebound):
     ],
 )
 def test_an_end_of_the_scan_is_no_end_of_a_window(scan, ends):
-    found = find_windows(Scene(), [0.85, 0.9], scan, ["locked(1)"])
+    found = find_windows(keyword_spec({"duration": 2000.0}).scene, [0.85, 0.9], scan, ["locked(1)"])
     one = found.isel(condition=0, direction=0, window=0)
     assert (one[ENDS.name] == ends).all()
     for name, is_open in (
@@ -192,7 +206,12 @@ def test_an_end_of_the_scan_is_no_end_of_a_window(scan, ends):
 def test_more_than_fits_into_memory_is_refused_with_a_remedy_that_exists():
     scan = np.linspace(0.1, 5.0, 10**6)
     with pytest.raises(ParameterError, match=r"points of the scan need .* GiB.*fewer") as caught:
-        find_windows(Scene(), np.linspace(0.0, 1.0, 10**6), scan, ["locked(1)"])
+        find_windows(
+            keyword_spec({"duration": 2000.0}).scene,
+            np.linspace(0.0, 1.0, 10**6),
+            scan,
+            ["locked(1)"],
+        )
     assert "--chunk" not in str(caught.value)
 
 
@@ -205,9 +224,9 @@ def sides_of(found, condition, scene, workers):
         known = np.isfinite(bracket)
         for side in (1.0, -1.0):
             amplitude = edge[known] + side * inward * 0.5 * bracket[known]
-            observation = scene.observation(**condition.measures)
+            observation = scene.only(**condition.measures)
             near = (amplitude, np.nextafter(amplitude, 0.0), np.nextafter(amplitude, np.inf))
-            parameters = [scene.parameters(restitution=e[known], amplitude=a) for a in near]
+            parameters = [scene.parameters({"restitution": e[known], "amplitude": a}) for a in near]
             yield side, [measure(one, observation, workers) for one in parameters]
 
 
@@ -222,7 +241,7 @@ def sides_of(found, condition, scene, workers):
     ],
 )
 def test_a_condition_holds_inside_every_edge_and_fails_outside(name, changes, workers):
-    scene, condition = Scene(**changes), named(name)
+    scene, condition = keyword_spec({"duration": 2000.0, **changes}).scene, named(name)
     e = np.array([0.85, 0.93, 0.96])
     found = find_windows(scene, e, np.linspace(0.3, 3.6, 25), [name], threads=2)
     tested = asked = 0
@@ -232,7 +251,7 @@ def test_a_condition_holds_inside_every_edge_and_fails_outside(name, changes, wo
             "periodic": lambda m: (
                 m["unsettled_count"] + m["aperiodic_count"] + m["at_rest_count"] == 0
             ),
-            "separated": lambda m: m["dt_min"] > scene.contact_time,
+            "separated": lambda m: m["dt_min"] > scene.inputs["contact_time"],
             "collision_free": lambda m: m["collision_free"] == 1,
             "regular": lambda m: (
                 (m["lyapunov_largest"] < 0.0) & (m["regime"] != Regime.UNSETTLED)
@@ -254,7 +273,7 @@ def test_a_condition_holds_inside_every_edge_and_fails_outside(name, changes, wo
 def test_continuation_sees_the_hysteresis_of_the_locked_orbit():
     # a particle that rests in every period does so until 2.26 m/s; one that is locked stays locked
     # down to the end of its window
-    scene = Scene(duration=20_000.0, launch_velocity=4.905, launch=(0.473,))
+    scene = keyword_spec({"duration": 20_000.0, "launch_velocity": 4.905, "launch": (0.473,)}).scene
     axis = np.linspace(0.3, 2.9, 400)
     found = find_windows(scene, [0.9], axis, ["ordered"], continuation=True, tolerance=1e-6)
     up, down = (
@@ -272,7 +291,9 @@ def test_a_condition_of_ones_own():
     calm = Condition(
         "calm", lambda ds: (ds["rebound_height_max"] < 2.0).values, ("rebound_height_max",)
     )
-    found = find_windows(Scene(duration=12.0), [0.9], np.linspace(0.1, 4.0, 40), [calm])
+    found = find_windows(
+        keyword_spec({"duration": 12.0}).scene, [0.9], np.linspace(0.1, 4.0, 40), [calm]
+    )
     assert found["condition"].values.tolist() == ["calm"]
     assert found["window_count"].item() >= 1
 
@@ -280,7 +301,7 @@ def test_a_condition_of_ones_own():
 def test_a_function_that_gives_no_booleans_is_refused():
     wrong = Condition("wrong", lambda ds: ds["rebound_height_max"].values, ("rebound_height_max",))
     with pytest.raises(ParameterError, match=r"condition wrong.*one boolean per realization"):
-        find_windows(Scene(duration=12.0), [0.9], [1.0, 2.0], [wrong])
+        find_windows(keyword_spec({"duration": 12.0}).scene, [0.9], [1.0, 2.0], [wrong])
 
 
 @pytest.mark.parametrize(
@@ -296,12 +317,18 @@ def test_a_function_that_gives_no_booleans_is_refused():
 )
 def test_mistakes_are_named(arguments, words):
     with pytest.raises(ParameterError, match=words):
-        find_windows(Scene(), *arguments)
+        find_windows(keyword_spec({"duration": 2000.0}).scene, *arguments)
 
 
 def test_conditions_on_launches_cannot_be_continued():
     with pytest.raises(ParameterError, match="separated reads dt_min, which follows from the laun"):
-        find_windows(Scene(duration=12.0), [0.9], [1.0, 2.0], ["separated"], continuation=True)
+        find_windows(
+            keyword_spec({"duration": 12.0}).scene,
+            [0.9],
+            [1.0, 2.0],
+            ["separated"],
+            continuation=True,
+        )
 
 
 def test_an_unknown_variable_of_a_condition_is_refused():
@@ -324,28 +351,8 @@ def test_a_dataset_without_what_a_condition_reads_names_variable_and_key(name, p
     assert f"set {key} = true in the [measure] section" in str(caught.value)
 
 
-def test_a_scene_refuses_what_it_cannot_launch():
-    for changes, words in (
-        ({"particles": 3, "launch": (0.0, 0.1)}, "launch .* 3 finite launch times"),
-        ({"duration": -1.0}, "duration = -1.0: must be finite and greater than 0"),
-        ({"transient": 5.0, "duration": 5.0}, "transient = 5.0"),
-        ({"rebound": "bounce"}, "rebound = 'bounce': must be one of rest, reflect"),
-        ({"base": "still"}, "base = 'still': must be one of high-bounce, moving"),
-        ({"base": "moving", "rebound": "reflect"}, 'rebound = "reflect" .* base = "moving"'),
-        ({"amplitude": 1.0, "base_velocity": 0.5}, "amplitude and base_velocity"),
-        ({"base_displacement": -1.0}, "base_displacement = -1.0: must be at least 0"),
-        ({"base_displacement": 1e30, "frequency": 1e9}, "base_displacement: makes an amplitude"),
-        ({"duration": 1.0, "duration_periods": 2.0}, "duration = 1.0 and duration_periods"),
-        ({"transient_periods": 9.0, "duration_periods": 9.0}, "below duration_periods = 9.0"),
-        ({"transient_periods": 9.0, "duration": 4.0, "frequency": 2.0}, "below duration = 4.0"),
-        ({"gravity": 0.0}, "gravity = 0.0: must be at least 1e-30"),
-    ):
-        with pytest.raises(ParameterError, match=words):
-            Scene(**changes)
-
-
 def test_the_result_does_not_depend_on_the_number_of_threads():
-    scene = Scene(particles=4, duration=150.0)
+    scene = keyword_spec({"particles": 4, "duration": 150.0}).scene
     arguments = scene, [0.8, 0.9], np.linspace(0.3, 3.5, 20), ["locked(1)", "periodic"]
     for continuation in (False, True):
         one, four = (find_windows(*arguments, continuation=continuation, threads=n) for n in (1, 4))
@@ -353,7 +360,14 @@ def test_the_result_does_not_depend_on_the_number_of_threads():
 
 
 def test_windows_hold_the_base_acceleration_and_how_times_were_given():
-    scene = Scene(duration_periods=50.0, transient_periods=10.0, frequency=2.0, base_velocity=3.0)
+    scene = keyword_spec(
+        {
+            "duration_periods": 50.0,
+            "transient_periods": 10.0,
+            "frequency": 2.0,
+            "base_velocity": 3.0,
+        }
+    ).scene
     found = find_windows(scene, [0.5, 0.9], [0.2, 1.0, 5.0], ["locked(1)"])
     e, a = found["restitution"], found["scan"]
     expected = 2.0 * np.pi * 2.0 * a / (1.0 + e) / 9.81
@@ -366,9 +380,11 @@ def test_windows_hold_the_base_acceleration_and_how_times_were_given():
     given = {"base": "high-bounce", "forcing": "amplitude"}
     given |= {"duration_periods": 50.0, "transient_periods": 10.0}
     assert given.items() <= found.attrs.items()
-    seconds = replace(scene, duration_periods=None, transient_periods=None)
     again = find_windows(
-        replace(seconds, duration=25.0, transient=5.0), [0.5, 0.9], [0.2, 1.0, 5.0], ["locked(1)"]
+        replace(scene, duration=25.0).measuring(transient=5.0),
+        [0.5, 0.9],
+        [0.2, 1.0, 5.0],
+        ["locked(1)"],
     )
     for name in found.data_vars:
         assert found[name].equals(again[name])

@@ -16,7 +16,7 @@ from vibrosweep.errors import (
     SpecError,
     TableError,
 )
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.sweep import parse_spec
 
 TITLE = 'title = "x"\n'
 

@@ -12,7 +12,7 @@ from vibrosweep.proof.sampling import read_sample
 from vibrosweep.runs import chunks
 from vibrosweep.runs.describe import describe
 from vibrosweep.runs.retry import retry_failed
-from vibrosweep.spec.keywords import keyword_spec
+from vibrosweep.scene.keywords import keyword_spec
 
 BINS = 8
 SWEEP = {
@@ -97,7 +97,7 @@ def test_it_reaches_workers_of_a_cluster():
     spec = keyword_spec(SWEEP).observing([phases(bins(BINS))])
     sent = cloudpickle.loads(cloudpickle.dumps(spec))
     assert sent == spec
-    assert sent.measures.observables[0].code == spec.measures.observables[0].code
+    assert sent.scene.measures.observables[0].code == spec.scene.measures.observables[0].code
     assert spec != keyword_spec(SWEEP).observing([phases(bins(BINS + 1))])
 
 

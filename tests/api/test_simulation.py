@@ -11,6 +11,7 @@ import xarray as xr
 import vibrosweep
 from vibrosweep import simulate
 from vibrosweep.errors import DataError, ParameterError, SpecError
+from vibrosweep.mistakes import PYTHON
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import RECORD
 from vibrosweep.model.parameters import PARAMETERS
@@ -89,51 +90,59 @@ def test_numbers_of_any_kind_are_taken():
 
 
 ALLOWED = {name: parameter.allowed for name, parameter in PARAMETERS.items()}
-KIND = "a number{} or a 1-D array of numbers"
+ARRAY = "a finite number or a 1-D array of finite numbers"
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "shown", "allowed"),
+    ("name", "value", "allowed"),
     [
-        ("restitution", -0.1, "-0.1", ALLOWED["restitution"]),
-        ("restitution", 1.0 + 1e-13, "1.0000000000001", ALLOWED["restitution"]),
-        ("restitution", [0.5, np.nan], "nan", ALLOWED["restitution"]),
-        ("amplitude", [1.0, -2.0, 3.0], "-2.0", ALLOWED["amplitude"]),
-        ("amplitude", np.inf, "inf", ALLOWED["amplitude"]),
-        ("frequency", 0, "0.0", ALLOWED["frequency"]),
-        ("phase", 2e9, "2000000000.0", ALLOWED["phase"]),
-        ("gravity", -9.81, "-9.81", ALLOWED["gravity"]),
-        ("launch_velocity", -1e-300, "-1e-300", ALLOWED["launch_velocity"]),
-        ("contact_time", 0.0, "0.0", ALLOWED["contact_time"]),
-        ("restitution", "0.9", "'0.9'", KIND.format("")),
-        ("restitution", True, "True", KIND.format("")),
-        ("restitution", None, "None", KIND.format("")),
-        ("amplitude", 1j, "1j", KIND.format(" in m s-1")),
-        ("amplitude", [[1.0]], "[[1.0]]", KIND.format(" in m s-1")),
-        ("amplitude", [1.0, [2.0]], "[1.0, [2.0]]", KIND.format(" in m s-1")),
-        ("amplitude", [], "[]", KIND.format(" in m s-1")),
-        ("launch_time", [0.0, np.inf], "[0.0, inf]", "finite, in s"),
-        ("launch_time", [[0.0]], "[[0.0]]", KIND.format(" in s")),
-        ("launch_time", "staggered", "'staggered'", KIND.format(" in s")),
-        ("duration", 0.0, "0.0", "a finite number greater than 0 s"),
-        ("duration", -1, "-1", "a finite number greater than 0 s"),
-        ("duration", np.nan, "nan", "a finite number greater than 0 s"),
-        ("duration", np.inf, "inf", "a finite number greater than 0 s"),
-        ("duration", [1.0, 2.0], "[1.0, 2.0]", "a finite number greater than 0 s"),
-        ("rebound", "bounce", "'bounce'", "one of rest, reflect"),
-        ("rebound", 1, "1", "one of rest, reflect"),
-        ("rebound", ["rest"], "['rest']", "one of rest, reflect"),
-        ("impact_budget", 0, "0", "a whole number, at least 1"),
-        ("impact_budget", 1e3, "1000.0", "a whole number, at least 1"),
-        ("impact_budget", True, "True", "a whole number, at least 1"),
-        ("threads", 0, "0", "a whole number, at least 1"),
-        ("threads", 1.0, "1.0", "a whole number, at least 1"),
+        ("restitution", -0.1, ALLOWED["restitution"]),
+        ("restitution", 1.0 + 1e-13, ALLOWED["restitution"]),
+        ("restitution", [0.5, np.nan], ALLOWED["restitution"]),
+        ("restitution", (0.8, 0.9), "give a list, an entry for each realization"),
+        ("amplitude", [1.0, -2.0, 3.0], ALLOWED["amplitude"]),
+        ("amplitude", np.inf, ALLOWED["amplitude"]),
+        ("frequency", 0, ALLOWED["frequency"]),
+        ("phase", 2e9, ALLOWED["phase"]),
+        ("gravity", -9.81, ALLOWED["gravity"]),
+        ("launch_velocity", -1e-300, ALLOWED["launch_velocity"]),
+        ("contact_time", 0.0, ALLOWED["contact_time"]),
+        ("restitution", "0.9", ALLOWED["restitution"]),
+        ("restitution", True, ALLOWED["restitution"]),
+        ("amplitude", 1j, ALLOWED["amplitude"]),
+        ("amplitude", [[1.0]], ARRAY),
+        ("amplitude", [1.0, [2.0]], ARRAY),
+        ("amplitude", [], ARRAY),
+        ("launch_time", [0.0, np.inf], ARRAY),
+        ("launch_time", [[0.0]], ARRAY),
+        ("launch_time", "staggered", ARRAY),
+        ("duration", 0.0, "above 0 s"),
+        ("duration", -1, "above 0 s"),
+        ("duration", np.nan, "above 0 s"),
+        ("duration", np.inf, "above 0 s"),
+        ("duration", [1.0, 2.0], "above 0 s"),
+        ("rebound", "bounce", '"rest" or "reflect"'),
+        ("rebound", 1, '"rest" or "reflect"'),
+        ("rebound", ["rest"], '"rest" or "reflect"'),
+        ("impact_budget", 0, "at least 1"),
+        ("impact_budget", 1e3, "at least 1"),
+        ("impact_budget", True, "at least 1"),
+        ("separation", True, "is not a known keyword"),
     ],
 )
-def test_a_mistake_is_named_with_its_value_and_what_is_allowed(name, value, shown, allowed):
-    with pytest.raises(ParameterError) as caught:
+def test_a_mistake_is_named_with_its_value_and_what_is_allowed(name, value, allowed):
+    with pytest.raises(SpecError) as caught:
         simulate(**{name: value})
-    assert str(caught.value) == f"{name} = {shown}: must be {allowed}"
+    (mistake,) = caught.value.mistakes
+    assert PYTHON.key(mistake.key) == name
+    assert mistake.value is value
+    assert allowed in PYTHON.told((mistake.rule, mistake.remedy))
+
+
+@pytest.mark.parametrize("threads", [0, 1.0])
+def test_threads_are_a_number(threads):
+    with pytest.raises(ParameterError, match=f"threads = {threads}: must be a whole number, at le"):
+        simulate(threads=threads)
 
 
 @pytest.mark.parametrize("name", ["restitution", "launch_time"])
@@ -148,7 +157,7 @@ def test_masked_values_are_not_taken_for_data(name):
 
 
 def test_arrays_of_different_lengths_are_refused_by_name():
-    with pytest.raises(ParameterError, match=r"one length.*'restitution': 2, 'amplitude': 3"):
+    with pytest.raises(SpecError, match=r"one length.*'restitution': 2, 'amplitude': 3"):
         simulate(restitution=[0.8, 0.9], amplitude=[1.0, 2.0, 3.0], gravity=[9.81])
 
 
@@ -158,17 +167,17 @@ def test_arrays_of_different_lengths_are_refused_by_name():
         ({"duration": 1e20}, r"duration = 1e\+20 s is 1e\+20 forcing periods: at most"),
         ({"launch_time": -1e20}, r"launch time = 1e\+20 s is 1e\+20 forcing periods: at most"),
         ({"duration": 1e302, "frequency": 1e-30}, r"duration = 1e\+302 s is 1e\+272 forcing per"),
-        ({"frequency": 1e-157}, r"frequency = 1e-157: must be at least 1e-30 and at most 1e"),
-        ({"amplitude": 1e308}, r"amplitude = 1e\+308: must be at least 0 and at most 1e"),
+        ({"frequency": 1e-157}, r"frequency = 1e-157: .* must be at least 1e-30 and at most 1e"),
+        ({"amplitude": 1e308}, r"amplitude = 1e\+308: .* must be at least 0 and at most 1e"),
     ],
 )
 def test_numbers_beyond_double_precision_are_refused(changes, message):
-    with pytest.raises(ParameterError, match=message):
+    with pytest.raises(SpecError, match=message):
         simulate(**changes)
 
 
 def test_an_unknown_parameter_is_refused():
-    with pytest.raises(TypeError, match="weight"):
+    with pytest.raises(SpecError, match="weight"):
         simulate(weight=1.0)
 
 
@@ -227,20 +236,20 @@ def test_a_forcing_is_its_amplitude(way):
 
 
 def test_two_forcings_and_two_durations_are_refused():
-    with pytest.raises(ParameterError, match="amplitude and base_velocity: each gives the forcing"):
+    with pytest.raises(SpecError, match="base_velocity gives the forcing, and so does amplitude"):
         simulate(amplitude=1.2, base_velocity=0.5)
-    with pytest.raises(ParameterError, match=r"duration = 3\.0 and duration_periods = 4"):
+    with pytest.raises(SpecError, match=r"duration_periods = 4: duration = 3\.0 is given too"):
         simulate(duration=3.0, duration_periods=4)
-    with pytest.raises(ParameterError, match="base_acceleration: makes an amplitude"):
+    with pytest.raises(SpecError, match="base_acceleration: makes an amplitude"):
         simulate(base_acceleration=1e30, frequency=1e-3)
-    with pytest.raises(ParameterError, match=r"duration_periods = 0: must be a finite number"):
+    with pytest.raises(SpecError, match=r"duration_periods = 0: must be a number, finite"):
         simulate(duration_periods=0)
 
 
 def test_a_law_without_meaning_is_refused():
-    with pytest.raises(ParameterError, match=r'rebound = "reflect" .* base = "moving"'):
+    with pytest.raises(SpecError, match=r'rebound = "reflect" .* base = "moving"'):
         simulate(base="moving", rebound="reflect")
-    with pytest.raises(ParameterError, match="base = 'still': must be one of high-bounce, moving"):
+    with pytest.raises(SpecError, match="base = 'still': must be"):
         simulate(base="still")
 
 

@@ -15,7 +15,7 @@ from vibrosweep.cli import main
 from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
 from vibrosweep.figures import parameter_plane
 from vibrosweep.runs import inmemory, progress
-from vibrosweep.spec.schema import SECTIONS
+from vibrosweep.scene.keys import SECTIONS
 
 DRAWN = {
     "restitution": (0.8, 0.98),

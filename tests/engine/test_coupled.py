@@ -7,15 +7,14 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.engine import coupled
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.coupled import base_track, measure_coupled
 from vibrosweep.engine.landings import all_parameters
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.neighbours import clear, landings, note
 from vibrosweep.kernels.coupled.state import NOW, system
 from vibrosweep.kernels.coupled.tally import room
 from vibrosweep.model.measures import Measures
+from vibrosweep.scene.scene import Scene, bare_scene
 
 LAUNCHES = (0.0, 0.125, 0.3, 0.55)
 MOUNT = {"mass_ratio": 0.02, "mount_frequency": 0.37, "mount_damping": 0.05}
@@ -39,7 +38,7 @@ def test_without_mass_particles_do_not_act_on_each_other(restitution, gamma):
 
 def recorded(parameters, particles=4, duration=8.0):
     """Landings, and the motion of the base."""
-    scene = record_observation(particles, LAUNCHES[:particles], duration, "rest", 10**6, "sprung")
+    scene = bare_scene(particles, LAUNCHES[:particles], duration, "rest", 10**6, "sprung")
     with Workers(1) as workers:
         track = base_track(parameters, scene, workers)
     found = vs.simulate(
@@ -109,7 +108,7 @@ def test_statistics_are_those_of_the_landings():
         "mount_damping": np.full(6, 0.05),
     }
     asked = Measures(separation=True, per_particle=True, ordering=True, transient=2.0)
-    found = measured(Observation(4, LAUNCHES, 7.0, "rest", asked, base="sprung"), **given)
+    found = measured(Scene(4, LAUNCHES, 7.0, "rest", asked, base="sprung"), **given)
     record = vs.simulate(base="sprung", launch_time=LAUNCHES, duration=7.0, **given)
     for i in range(6):
         one = record.isel(realization=i)
@@ -159,7 +158,7 @@ def test_results_depend_neither_on_threads_nor_on_the_batch():
     given = {"restitution": rng.uniform(0.5, 0.95, 40), "amplitude": rng.uniform(0.5, 4.0, 40)}
     given |= {name: np.full(40, value) for name, value in MOUNT.items()}
     asked = Measures(separation=True, per_particle=True, ordering=True)
-    scene = Observation(3, "staggered", 5.0, "rest", asked, base="sprung")
+    scene = Scene(3, "staggered", 5.0, "rest", asked, base="sprung")
     whole = measured(scene, threads=2, **given)
     halves = [
         measured(scene, **{n: v[part] for n, v in given.items()})
@@ -171,7 +170,7 @@ def test_results_depend_neither_on_threads_nor_on_the_batch():
 
 
 def test_particles_at_rest_together_rest_for_good():
-    scene = Observation(2, (0.0, 0.4), 60.0, "rest", Measures(ordering=True), base="sprung")
+    scene = Scene(2, (0.0, 0.4), 60.0, "rest", Measures(ordering=True), base="sprung")
     given = {"restitution": [0.4], "amplitude": [0.4]} | {n: [v] for n, v in MOUNT.items()}
     found = measured(scene, **given)
     assert found["at_rest_count"] == 2
@@ -179,7 +178,7 @@ def test_particles_at_rest_together_rest_for_good():
 
 
 def test_a_realization_without_budget_or_finite_numbers_gets_a_status():
-    scene = Observation(2, (0.0, 0.4), 60.0, "rest", Measures(impact_budget=6), base="sprung")
+    scene = Scene(2, (0.0, 0.4), 60.0, "rest", Measures(impact_budget=6), base="sprung")
     mount = {n: [v] * 2 for n, v in MOUNT.items()}
     given = {"restitution": [0.9, 0.9], "amplitude": [1.2, 1e25]} | mount
     assert measured(scene, **given)["status"].tolist() == [1, 2]
@@ -192,7 +191,7 @@ def test_a_budget_of_just_the_landings_in_the_window_is_enough():
     sixth, seventh = landed.landing_time.values[0, 0, 5:7]
     asked = Measures(per_particle=True, impact_budget=6)
     for end, status in ((0.5 * (sixth + seventh), 0), (seventh + 1e-3, 1)):
-        watched = Observation(2, (0.0, 0.4), end, "rest", asked, base="sprung")
+        watched = Scene(2, (0.0, 0.4), end, "rest", asked, base="sprung")
         found = measured(watched, **scene)
         assert found["particle_impact_count"].max() == 6
         assert found["status"] == status
@@ -202,7 +201,7 @@ def test_results_do_not_depend_on_how_many_impact_numbers_are_remembered_at_firs
     given = {"restitution": np.array([0.3, 0.9]), "amplitude": np.array([3.0, 0.8])}
     given |= {name: np.full(2, value) for name, value in MOUNT.items()}
     asked = Measures(separation=True, per_particle=True, ordering=True)
-    scene = Observation(3, (0.0, 2.0, 3.5), 8.0, "rest", asked, base="sprung")
+    scene = Scene(3, (0.0, 2.0, 3.5), 8.0, "rest", asked, base="sprung")
     found = measured(scene, **given)
     asked_for = []
 

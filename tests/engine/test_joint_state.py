@@ -7,7 +7,6 @@ import pytest
 
 from vibrosweep.engine.coupled import Neighbours, carry_on, measure_coupled, standard_error
 from vibrosweep.engine.landings import all_parameters
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.follow import Coupled
 from vibrosweep.kernels.coupled.settling import (
@@ -22,6 +21,7 @@ from vibrosweep.model.coupled_cycles import CoupledBase, monodromy, spectral_rad
 from vibrosweep.model.forcing import completed, only_parameters
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches, mounts
+from vibrosweep.scene.scene import Scene
 
 
 def parameters_of(base):
@@ -138,7 +138,7 @@ def settled(measures, duration, **given):
     with Workers(1) as workers:
         found = measure_coupled(
             parameters,
-            Observation(2, launch, duration, "rest", measures, base="sprung"),
+            Scene(2, launch, duration, "rest", measures, base="sprung"),
             workers,
         )
     return {name: values[0] for name, values in found.items()}
@@ -215,7 +215,7 @@ def test_standard_error_is_the_scatter_over_launches(
     parameters = {name: np.full(size, value) for name, value in given.items()}
     parameters["launch_velocity"] = rng.uniform(2.0, 8.0, size)
     asked = Measures(joint=True, transient=transient)
-    watched = Observation(3, (0.0, 0.33, 0.67), transient + 203.7, "rest", asked, base="sprung")
+    watched = Scene(3, (0.0, 0.33, 0.67), transient + 203.7, "rest", asked, base="sprung")
     with Workers(1) as workers:
         found = measure_coupled(all_parameters(parameters), watched, workers)
     exponent, error = found["joint_exponent"], found["joint_exponent_error"]

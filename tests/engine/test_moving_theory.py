@@ -3,9 +3,9 @@
 import numpy as np
 
 from vibrosweep import simulate, theory
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.engine.measure import measure
 from vibrosweep.model.status import Regime
+from vibrosweep.scene.keywords import keyword_spec
 
 
 def test_first_flights_after_a_rest_last_as_long_as_the_closed_form_says():
@@ -28,15 +28,18 @@ def test_locked_orbits_contract_as_the_multipliers_say(workers):
     phase = theory.locked_phase(k, e, amplitude)
     pair = theory.multipliers(k, e, amplitude, base="moving")
     for i in range(k.size):
-        scene = Scene(
-            base="moving",
-            restitution=e[i],
-            amplitude=amplitude[i],
-            launch=(phase[i] + 1e-3,),
-            launch_velocity=float(theory.locked_velocity(k[i])),
-            duration_periods=float(theory.recognition_periods(e[i], k[i], "moving")) + 400.0 * k[i],
-        )
-        found = measure(scene.parameters(), scene.observation(lyapunov=True), workers)
+        scene = keyword_spec(
+            {
+                "base": "moving",
+                "restitution": e[i],
+                "amplitude": amplitude[i],
+                "launch": (phase[i] + 1e-3,),
+                "launch_velocity": float(theory.locked_velocity(k[i])),
+                "duration_periods": float(theory.recognition_periods(e[i], k[i], "moving"))
+                + 400.0 * k[i],
+            }
+        ).scene
+        found = measure(scene.parameters({}), scene.only(lyapunov=True), workers)
         assert found["regime"].item() == Regime.LOCKED
         assert (found["cycle_impacts"].item(), found["cycle_periods"].item()) == (1, k[i])
         leading = np.log(np.abs(pair[i]).max())
@@ -53,9 +56,13 @@ def test_locked_orbits_contract_as_the_multipliers_say(workers):
 def test_exponents_of_orbits_without_rests_sum_to_twice_the_logarithm(workers):
     rng = np.random.default_rng(5)
     e = rng.uniform(0.3, 0.98, 300)
-    scene = Scene(base="moving", particles=2, duration=800.0, phase=0.3, launch_velocity=7.0)
-    parameters = scene.parameters(restitution=e, base_acceleration=rng.uniform(0.1, 3.0, e.size))
-    found = measure(parameters, scene.observation(lyapunov=True, regimes=True), workers)
+    scene = keyword_spec(
+        {"base": "moving", "particles": 2, "duration": 800.0, "phase": 0.3, "launch_velocity": 7.0}
+    ).scene
+    parameters = scene.parameters(
+        {"restitution": e, "base_acceleration": rng.uniform(0.1, 3.0, e.size)}
+    )
+    found = measure(parameters, scene.only(lyapunov=True, regimes=True), workers)
     locked = found["regime"] == Regime.LOCKED
     apart = found["lyapunov_sum"] - theory.exponent_sum(e, "moving")[:, np.newaxis]
     assert locked.sum() > 100

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.orbits import NO_ORBIT
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import MEASURES, Measures
 from vibrosweep.model.status import Regime
+from vibrosweep.scene.scene import Scene
 
 LATE = 12_000.0
 
@@ -104,7 +104,7 @@ def test_all_that_is_said_of_an_orbit_agrees_with_itself_and_with_a_longer_run(d
             "contact_time": 10.0 ** rng.uniform(-5.0, -2.0, 12),
         }
     )
-    asked = Observation(
+    asked = Scene(
         particles=4,
         launch="staggered",
         duration=duration,

@@ -5,16 +5,16 @@ import pytest
 
 from vibrosweep import simulate, theory
 from vibrosweep.engine.measure import measure
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Regime, Status
+from vibrosweep.scene.scene import Scene
 
 
 def observed(duration, *, launch="staggered", particles=8, rebound="rest", **keys):
     measures = Measures(**{"per_particle": True, "regimes": True, **keys})
-    return Observation(particles, launch, duration, rebound, measures)
+    return Scene(particles, launch, duration, rebound, measures)
 
 
 def scene(**given):

@@ -8,18 +8,18 @@ import pytest
 
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.status import Regime
+from vibrosweep.scene.scene import Scene
 
 LAWS = ["rest", "reflect"]
 
 
 def observed(duration, particles, launch="staggered", rebound="rest", **keys):
     asked = {"separation": True, "per_particle": True, "regimes": True}
-    return Observation(particles, launch, duration, rebound, Measures(**(asked | keys)))
+    return Scene(particles, launch, duration, rebound, Measures(**(asked | keys)))
 
 
 def drawn(seed, size, **given_):

@@ -10,7 +10,6 @@ from matplotlib.colors import to_rgb
 from vibrosweep import theory
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.bifurcation import bifurcation, bifurcation_of_spec
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.analysis.windows import find_windows
 from vibrosweep.errors import DataError
 from vibrosweep.figures.basins import basins_of_attraction
@@ -18,10 +17,11 @@ from vibrosweep.figures.bifurcation import bifurcation_diagram
 from vibrosweep.figures.window_bands import stability_windows
 from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.status import Regime
-from vibrosweep.spec.sweep import read_spec
+from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import read_spec
 from vibrosweep.theory import FIXED
 
-SCENE = Scene(particles=2, duration=300.0)
+SCENE = keyword_spec({"particles": 2, "duration": 300.0}).scene
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,10 @@ def test_a_dataset_without_windows_is_refused(windows):
 @pytest.mark.parametrize("base", FIXED)
 @pytest.mark.parametrize("forcing", FORCINGS)
 def test_windows_of_any_forcing_are_drawn_with_its_symbol(forcing, base):
-    scene, scan = Scene(base=base, frequency=2.0), np.geomspace(0.01, 4.0, 8)
+    scene, scan = (
+        keyword_spec({"duration": 2000.0, "base": base, "frequency": 2.0}).scene,
+        np.geomspace(0.01, 4.0, 8),
+    )
     figure = stability_windows(
         find_windows(scene, [0.7, 0.9], scan, ["locked(1)"], forcing=forcing)
     )
@@ -69,7 +72,7 @@ def test_windows_of_any_forcing_are_drawn_with_its_symbol(forcing, base):
 
 @pytest.mark.parametrize("rebound", ["rest", "reflect"])
 def test_what_is_undetermined_is_grey(rebound):
-    scene = Scene(particles=2, duration=20.0, rebound=rebound)
+    scene = keyword_spec({"particles": 2, "duration": 20.0, "rebound": rebound}).scene
     found = find_windows(scene, [0.9, 0.95], [0.5, 1.0, 1.5, 2.0], ["ordered"])
     unknown = found["holds"].values[0, 0] == -1
     assert unknown.any()
@@ -82,7 +85,10 @@ def test_what_is_undetermined_is_grey(rebound):
 
 
 def test_windows_of_another_forcing_have_its_axis_and_curves():
-    scene, scan = Scene(base="moving"), np.linspace(0.1, 2.0, 8)
+    scene, scan = (
+        keyword_spec({"duration": 2000.0, "base": "moving"}).scene,
+        np.linspace(0.1, 2.0, 8),
+    )
     found = find_windows(scene, [0.7, 0.8, 0.9], scan, ["locked(1)"], forcing="base_acceleration")
     (axes,) = stability_windows(found).axes
     assert r"$\Gamma$" in axes.get_ylabel()
@@ -95,7 +101,12 @@ def test_windows_of_another_forcing_have_its_axis_and_curves():
 
 
 def test_curves_of_the_reflect_law_are_said_to_be_of_one_orbit():
-    found = find_windows(Scene(rebound="reflect"), [0.8], [0.5, 1.0, 4.0], ["locked(1)"])
+    found = find_windows(
+        keyword_spec({"duration": 2000.0, "rebound": "reflect"}).scene,
+        [0.8],
+        [0.5, 1.0, 4.0],
+        ["locked(1)"],
+    )
     (axes,) = stability_windows(found).axes
     assert "curves: orbits without reflection" in axes.get_legend().get_title().get_text()
 
@@ -140,14 +151,18 @@ def test_a_bifurcation_diagram_shows_every_impact_and_exponent():
 
 def test_a_bifurcation_diagram_says_how_many_orbits_are_unsettled():
     for duration, said in ((3.0, True), (3000.0, False)):
-        diagram = bifurcation(Scene(duration=duration), [0.6, 0.7], samples=2)
+        diagram = bifurcation(keyword_spec({"duration": duration}).scene, [0.6, 0.7], samples=2)
         assert (diagram["regime"].values == Regime.UNSETTLED).any() == said
         upper, _ = bifurcation_diagram(diagram).axes
         assert upper.get_legend().get_title().get_text().endswith("of the orbits unsettled") == said
 
 
 def test_basins_are_named_with_their_fractions():
-    found = basins(Scene(duration=3000.0), np.linspace(0.0, 0.95, 20), np.linspace(0.0, 9.0, 15))
+    found = basins(
+        keyword_spec({"duration": 3000.0}).scene,
+        np.linspace(0.0, 0.95, 20),
+        np.linspace(0.0, 9.0, 15),
+    )
     (axes,) = basins_of_attraction(found).axes
     assert len(labels(axes)) == found.sizes["attractor"]
     first = float(found["fraction"][0])
@@ -178,7 +193,12 @@ def test_colours_of_attractors_are_told_apart():
 
 def test_windows_over_a_moving_base_are_drawn_with_its_closed_forms():
     scan = np.linspace(0.2, 8.0, 20)
-    found = find_windows(Scene(base="moving"), [0.5, 0.6, 0.7], scan, ["locked(1)"])
+    found = find_windows(
+        keyword_spec({"duration": 2000.0, "base": "moving"}).scene,
+        [0.5, 0.6, 0.7],
+        scan,
+        ["locked(1)"],
+    )
     (axes,) = stability_windows(found).axes
     tops = [bar.get_y() + bar.get_height() for bar in axes.patches]
     e = found["restitution"].values
@@ -209,9 +229,15 @@ def test_a_diagram_along_the_acceleration_is_that_along_the_amplitude(tmp_path):
     assert found["base_acceleration"].values == pytest.approx([0.8, 1.0, 2.0], rel=1e-15)
     amplitude = found["amplitude"].values
     assert amplitude == pytest.approx(np.array([0.8, 1.0, 2.0]) * 1.7 * 9.81 / (40.0 * np.pi))
-    scene = Scene(
-        base="moving", frequency=20.0, restitution=0.7, launch_velocity=0.2, duration_periods=300.0
-    )
+    scene = keyword_spec(
+        {
+            "base": "moving",
+            "frequency": 20.0,
+            "restitution": 0.7,
+            "launch_velocity": 0.2,
+            "duration_periods": 300.0,
+        }
+    ).scene
     plain = bifurcation(scene, amplitude, observable="flight_time", samples=3)
     np.testing.assert_array_equal(found["flight_time"], plain["flight_time"])
     for diagram, words in ((found, "acceleration"), (plain, "amplitude")):

@@ -24,7 +24,7 @@ from vibrosweep.model.measures import (
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.verification import VariableReport
 from vibrosweep.runs.summary import Summary
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.sweep import parse_spec
 
 
 def test_every_key_is_a_measure_or_an_option_and_every_variable_has_one_home():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.sweep import parse_spec
 from vibrosweep.store.seal import append_seal
 
 CLAIMED = """

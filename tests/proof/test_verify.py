@@ -20,7 +20,7 @@ from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.verification import State
 from vibrosweep.proof.verify import verify
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.sweep import parse_spec
 
 
 def everything(path, **options):

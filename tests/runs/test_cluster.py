@@ -19,7 +19,7 @@ from vibrosweep.cli import main
 from vibrosweep.errors import OutputError, RunError
 from vibrosweep.runs import cluster
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.spec.sweep import parse_spec, read_spec
+from vibrosweep.scene.sweep import parse_spec, read_spec
 from vibrosweep.store.parts import Parts
 
 distributed = pytest.importorskip("distributed")

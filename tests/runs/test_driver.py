@@ -16,7 +16,7 @@ from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs import chunks
 from vibrosweep.runs import driver as module
-from vibrosweep.spec.sweep import parse_spec, read_spec
+from vibrosweep.scene.sweep import parse_spec, read_spec
 
 SWEEPS = sorted((Path(__file__).parents[2] / "sweeps").glob("*.toml"))
 ALL_MEASURES = "[measure]\nseparation = true\nper_particle = true\ntrust = true\nregimes = true\n"

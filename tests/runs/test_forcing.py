@@ -15,7 +15,7 @@ from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.runs.retry import retry_failed
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.sweep import parse_spec
 
 TEXT = """
 title = "Shaken in one of four ways"

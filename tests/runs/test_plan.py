@@ -15,7 +15,7 @@ from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.forecast import estimate, require_disk, require_memory
 from vibrosweep.runs.pilot import UNKNOWN, explore
 from vibrosweep.runs.plan import make_plan
-from vibrosweep.spec.sweep import parse_spec, read_spec
+from vibrosweep.scene.sweep import parse_spec, read_spec
 from vibrosweep.store.parts import Parts
 
 SWEEPS = Path(__file__).parents[2] / "sweeps"
@@ -84,12 +84,12 @@ def test_the_sample_is_drawn_from_all_over_a_grid(workers, monkeypatch):
 def test_hours_are_foreseen_in_a_moment(workers):
     """Bounds of errors are carried along every landing, whatever orbits do."""
     spec = parse_spec(WIDE.format(64) + "trust = true\nimpact_budget = 1_000_000_000_000\n")
-    spec = replace(spec, duration=1e9)
+    spec = replace(spec, scene=replace(spec.scene, duration=1e9))
     cost = explore(spec, chunks.open_design(spec), workers, 0.2)
     assert cost.share < 0.01
     assert cost.seconds > 1e-10 * cost.impacts > 10.0  # no processor is as fast as that
     # some landings in each second of the scene
-    landings = cost.impacts / (spec.particles * spec.duration)
+    landings = cost.impacts / (spec.scene.particles * spec.scene.duration)
     assert 1.0 < landings < 10.0
 
 
@@ -105,7 +105,7 @@ def test_the_estimate_of_a_whole_sweep_is_exact_but_for_time(workers, tmp_path):
 
 def test_disk_is_foreseen_from_a_sample(workers, tmp_path):
     spec = parse_spec(WIDE.format(150_000) + "per_particle = true\nregimes = true\n")
-    spec = replace(spec, particles=3, duration=3.0)
+    spec = replace(spec, scene=replace(spec.scene, particles=3, duration=3.0))
     few = make_plan(spec, workers, 40_000, seconds=0.1)
     assert few.cost.columns["status"].size < 150_000
     needs = estimate(spec, few, workers)
@@ -132,8 +132,9 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.runs.forecast import estimate
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.spec.sweep import parse_spec
-spec = replace(parse_spec(sys.argv[1]), duration=1.0)
+from vibrosweep.scene.sweep import parse_spec
+spec = parse_spec(sys.argv[1])
+spec = replace(spec, scene=replace(spec.scene, duration=1.0))
 chunk = int(sys.argv[4])  # a plan of its own would depend on how busy the machine is
 if sys.argv[2] == "plan":
     with Workers(2) as workers:
@@ -149,7 +150,8 @@ else:
 def foreseen_and_used(text, number, path, chunk):
     """Memory in bytes that a plan foresees for a run in a fresh process, and that the run takes."""
     # compiling, where that is still to be done, takes memory of its own
-    few = replace(parse_spec(text.format(60)), duration=1.0)
+    few = parse_spec(text.format(60))
+    few = replace(few, scene=replace(few.scene, duration=1.0))
     run_sweep(few, path.with_name("few.h5"), threads=2)
     for what in ("plan", "run"):
         words = [sys.executable, "-c", MEMORY, text.format(number), what, path, str(chunk)]
@@ -215,4 +217,4 @@ def test_a_run_spends_little_on_a_plan(workers):
     spec = read_spec(SWEEPS / "paper.toml")
     cost = make_plan(spec, workers).cost
     assert cost.columns["status"].size < 20
-    assert cost.columns["impact_count"].sum() < 0.1 * spec.realizations * cost.impacts
+    assert cost.columns["impact_count"].sum() < 0.1 * spec.design.realizations * cost.impacts

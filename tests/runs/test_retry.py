@@ -1,6 +1,6 @@
 """Realizations that did not settle are computed again, as by a run with the larger budget."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.retry import retry_failed
 from vibrosweep.runs.summary import unsettled
-from vibrosweep.spec.sweep import parse_spec, read_spec
+from vibrosweep.scene.sweep import parse_spec, read_spec
 from vibrosweep.store.rundir import run_directory
 
 SWEEP = """title = "Some particles bounce on small kicks for long"
@@ -214,9 +214,9 @@ def test_a_retry_with_any_other_measure_is_refused(tmp_path, output):
         if field.name == "impact_budget" or not field.metadata:
             continue
         spec = parse_spec(LONG.format(budget=300, other=""))
-        value = getattr(spec.measures, field.name)
+        value = getattr(spec.scene.measures, field.name)
         other = {field.name: not value if isinstance(value, bool) else value + 1}
-        spec = replace(spec, measures=replace(spec.measures, **other))
+        spec = spec.measuring(**other)
         with pytest.raises(
             RunError, match=rf"another sweep or version:\n(.*\n)*  measure.{field.name}: "
         ):

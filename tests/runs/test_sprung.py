@@ -11,7 +11,7 @@ from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.runs.retry import retry_failed
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.sweep import parse_spec
 
 TEXT = """
 title = "Balls of three masses"

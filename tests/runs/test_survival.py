@@ -19,7 +19,7 @@ from vibrosweep.errors import Interruption, OutputError, RunError
 from vibrosweep.model.measures import Measures
 from vibrosweep.runs import chunks, identity, result
 from vibrosweep.runs.driver import run_sweep
-from vibrosweep.spec.sweep import read_spec
+from vibrosweep.scene.sweep import read_spec
 from vibrosweep.store.disk import Disk
 from vibrosweep.store.parts import Parts, read_manifest
 from vibrosweep.store.rundir import holding, run_directory

@@ -16,7 +16,7 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.explore.points import open_points
 from vibrosweep.proof import verify
 from vibrosweep.runs.retry import retry_failed
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.sweep import parse_spec
 from vibrosweep.store.kinds import load_dataset, read_kind
 from vibrosweep.store.reading import using
 from vibrosweep.store.seal import append_seal

@@ -1,6 +1,6 @@
 """Analyses of results and records: dataset in, dataset out, one question per file.
 
-`find_windows` computes anew, from a `Scene` and conditions that may be functions.
+A `Condition` that is a function of one's own is one of those that `vibrosweep.windows` takes.
 """
 
 from __future__ import annotations
@@ -23,23 +23,19 @@ if TYPE_CHECKING:
     from vibrosweep.analysis.preservation import separation_changes
     from vibrosweep.analysis.requirements import require
     from vibrosweep.analysis.returns import return_map
-    from vibrosweep.analysis.scene import Scene
     from vibrosweep.analysis.separations import (
         compare_separations,
         separation_against,
         separation_distribution,
     )
-    from vibrosweep.analysis.windows import find_windows
     from vibrosweep.store.rows import flat
 
 __all__ = [
     "Condition",
-    "Scene",
     "capacity",
     "compare_separations",
     "crossings",
     "energy_balance",
-    "find_windows",
     "first_shared_base",
     "flat",
     "heights_against_restitution",
@@ -65,21 +61,19 @@ _HOMES: Final = {
     "slot_decay": "vibrosweep.analysis.decay",
     "energy_balance": "vibrosweep.analysis.energy",
     "crossings": "vibrosweep.analysis.equal_heights",
-    "heights_against_restitution": "vibrosweep.analysis.heights",
     "flat": "vibrosweep.store.rows",
     **dict.fromkeys(
         ("landing_phases", "landing_separations"), "vibrosweep.analysis.landing_instants"
     ),
+    "heights_against_restitution": "vibrosweep.analysis.heights",
     "first_shared_base": "vibrosweep.analysis.meetings",
     "order_of_landings": "vibrosweep.analysis.order",
     "separation_changes": "vibrosweep.analysis.preservation",
     "require": "vibrosweep.analysis.requirements",
     "return_map": "vibrosweep.analysis.returns",
-    "Scene": "vibrosweep.analysis.scene",
     **dict.fromkeys(
         ("compare_separations", "separation_against", "separation_distribution"),
         "vibrosweep.analysis.separations",
     ),
-    "find_windows": "vibrosweep.analysis.windows",
 }
 __getattr__ = lazily(__name__, _HOMES)

@@ -10,8 +10,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from vibrosweep.analysis.common import (
+    attributes,
+    axis,
+    grid_axes,
+    note_of,
+    require_ability,
+    require_memory,
+    shared,
+)
 from vibrosweep.analysis.evaluate import lift_off_speeds
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_ability, require_memory
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.engine.orbits import NO_ORBIT, find_orbits, label_orbits, slots
@@ -26,9 +34,10 @@ from vibrosweep.model.status import Regime
 from vibrosweep.model.turns import reduced_turns
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
+from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from vibrosweep.spec.sweep import SweepSpec
+    from vibrosweep.scene.sweep import Sweep
 
 __all__ = ["basins", "basins_of_spec", "name_of", "summary"]
 
@@ -47,47 +56,24 @@ def basins(
 ) -> xr.Dataset:
     """Launch a particle at every point of a plane and find its attractor.
 
-    Parameters
-    ----------
-    scene
-        All other parameters; its particles and launches are ignored.
-    launch_time
-        In s, in any order; the result holds each once, ascending.
-    launch_velocity
-        In m s-1, in any order; the result holds each once, ascending.
-    threads
-        Number of threads, by default all processors; the result does not depend on it.
-
-    Returns
-    -------
-    xarray.Dataset
-        As of `vibrosweep.basins`.
-
-    Raises
-    ------
-    ParameterError
-        A value is outside its range, or the launches do not fit into memory.
-
-    Examples
-    --------
-    >>> from vibrosweep.analysis.basins import basins
-    >>> from vibrosweep.analysis.scene import Scene
-    >>> found = basins(Scene(), [0.0, 0.125], [3.0, 4.0, 5.0])
-    >>> found.basin.dims, found.basin.shape
-    (('launch_velocity', 'launch_time'), (3, 2))
+    As `vibrosweep.basins`: launch times in s, and velocities in m s-1, in any order; the result
+    holds each once, ascending.  The scene's particles and launches are ignored.  All launches at
+    rest for good are one attractor.  All that are aperiodic have one index, and so have all that
+    are unsettled, which is no attractor: ``regime`` says so.
     """
+    require_ability("basins", scene.base)
     times = np.atleast_1d(np.asarray(launch_time, dtype=np.float64))
     if times.ndim != 1 or not times.size or not np.all(np.isfinite(times)):
         raise ParameterError("launch_time: must be one or more finite times in s")
     times, speeds = np.unique(times), np.unique(axis("launch_velocity", launch_velocity))
     require_memory("launches", speeds.size * times.size, BYTES_PER_LAUNCH)
     shape = (speeds.size, times.size)
-    parameters = scene.parameters(launch_velocity=np.repeat(speeds, times.size))
-    problem = dimensionless(parameters, scene.end, scene.begin)
-    whole, phase = reduced_turns(scene.frequency, np.tile(times, speeds.size), 0.0)
+    parameters = scene.parameters({"launch_velocity": np.repeat(speeds, times.size)})
+    problem = dimensionless(parameters, scene.duration, scene.measures.transient)
+    whole, phase = reduced_turns(scene.inputs["frequency"], np.tile(times, speeds.size), 0.0)
     launch = Launches(whole[:, np.newaxis], phase[:, np.newaxis])
     with Workers(thread_count(threads)) as workers:
-        alone = replace(scene.observation(), particles=1, launch=tuple(times))
+        alone = replace(scene.only(), particles=1, launch=tuple(times))
         orbits = find_orbits(problem, launch, alone, workers)
         labels = _labels(orbits)
         first, index, count = _by_frequency(labels)
@@ -104,22 +90,21 @@ def basins(
         ),
         "slot": (PLANE, slots(orbits).reshape(shape), VARIABLES["slot"].attributes),
         **_attractors(orbits, landed, speed, first, count / labels.size),
-        **scene.shared(("launch_velocity",)),
+        **shared(scene, ["launch_velocity"]),
     }
-    attributes = scene.attributes("Basins of attraction")
-    attributes["notes"] = scene.short_observation()
-    return xr.Dataset(data, _coordinates(times, speeds), attributes)
+    words = attributes(scene, "Basins of attraction") | {"notes": note_of(scene)}
+    return xr.Dataset(data, _coordinates(times, speeds), words)
 
 
-def basins_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
+def basins_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
     """Basins of a sweep file: the launches of its particles, with speeds from its grid.
 
     Raises a SpecError unless its design is a grid of launch velocities.
     """
-    require_ability("basins", spec.base)
+    require_ability("basins", spec.scene.base)
     speeds = grid_axes(spec, "basins", "launch_velocity")["launch_velocity"]
-    times = launch_times(spec.launch, spec.particles, spec.fixed["frequency"])
-    found = basins(Scene.of(spec), times, speeds, threads=threads)
+    times = launch_times(spec.scene.launch, spec.scene.particles, spec.scene.inputs["frequency"])
+    found = basins(spec.scene, times, speeds, threads=threads)
     return found.assign_attrs(title=spec.title, sweep_file=spec.text)
 
 
@@ -174,7 +159,7 @@ def _shortest(
     landed, speed = (np.full(first.size, np.nan) for _ in range(2))
     landed[recurs] = found.landed
     speed[recurs] = lift_off_speeds(scene.base, own, found.left, found.speed)
-    return landed, speed * (scene.gravity / (2.0 * scene.frequency))
+    return landed, speed * (scene.inputs["gravity"] / (2.0 * scene.inputs["frequency"]))
 
 
 def _attractors(

@@ -1,4 +1,4 @@
-"""Bifurcation diagram along the amplitude, each orbit continued from the previous amplitude."""
+"""Bifurcation diagram along the forcing, each orbit continued from the previous point."""
 
 from __future__ import annotations
 
@@ -10,8 +10,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from vibrosweep.analysis.common import KEPT as ALWAYS_HELD
+from vibrosweep.analysis.common import (
+    attributes,
+    axis,
+    grid_axes,
+    note_of,
+    require_ability,
+    require_memory,
+    shared,
+)
 from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_ability, require_memory
 from vibrosweep.arrays import Array
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.workers import Workers
@@ -19,15 +28,16 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Units, empty_record, record
 from vibrosweep.kernels.settle import Orbits
-from vibrosweep.model.forcing import FORCINGS, forcing_of
+from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import HIGH_BOUNCE, PARAMETERS
+from vibrosweep.model.parameters import HIGH_BOUNCE
 from vibrosweep.model.status import Regime
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
+from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from vibrosweep.spec.sweep import SweepSpec
+    from vibrosweep.scene.sweep import Sweep
 
 __all__ = ["OBSERVABLES", "Observable", "bifurcation", "bifurcation_of_spec", "summary"]
 
@@ -65,54 +75,24 @@ KEPT: Final = (
 
 def bifurcation(
     scene: Scene,
-    amplitude: ArrayLike,
+    scan: ArrayLike,
     *,
+    forcing: str = AMPLITUDE,
     observable: str | Observable = "rebound_velocity",
     samples: int = 64,
     threads: int | None = None,
 ) -> xr.Dataset:
-    """Follow the orbits of a scene's particles up and down the amplitude.
+    """Follow the orbits of a scene's particles up and down the forcing: `vibrosweep.bifurcation`.
 
-    At the first amplitude of each direction particles are launched as the scene says; at every
-    further one they start from the state reached at the previous one.  They settle until they recur
-    or the duration is over, and then `samples` further impacts are kept.
-
-    Parameters
-    ----------
-    scene
-        All other parameters; several particles show attractors that coexist.
-    amplitude
-        In m s-1, ascending.
-    observable
-        One of `OBSERVABLES`, or a function of the phase of landing (turns, in [-1/2, 1/2]), the
-        speed at lift-off (m s-1; NaN at rest for good) and gravity (m s-2), on arrays of any shape.
-    samples
-        Impacts that are kept at each amplitude.
-    threads
-        Number of threads, by default all processors; the result does not depend on it.
-
-    Returns
-    -------
-    xarray.Dataset
-        As of `vibrosweep.bifurcation`.
-
-    Raises
-    ------
-    ParameterError
-        A value is outside its range, the observable is not known, or the impacts do not fit into
-        memory.
-
-    Examples
-    --------
-    >>> from vibrosweep.analysis.bifurcation import bifurcation
-    >>> from vibrosweep.analysis.scene import Scene
-    >>> found = bifurcation(Scene(launch=(0.125,)), [0.6, 0.7, 0.8], samples=4)
-    >>> found.rebound_velocity.sizes["amplitude"], found.cycle_impacts.values.ravel()
-    (3, array([1, 1, 1, 1, 1, 1]))
+    At the first point of each direction particles are launched as the scene says; at every further
+    one they start from the state reached at the previous one.  They settle until they recur or the
+    duration is over, and then `samples` further impacts are kept.  What is unsettled by ``regime``
+    may be on its way to an attractor.
     """
-    a = axis("amplitude", amplitude)
+    require_ability("bifurcation", scene.base)
+    a = axis(forcing, scan)
     if not np.all(np.diff(a) > 0.0):
-        raise ParameterError("amplitude: must be in ascending order")
+        raise ParameterError(f"{forcing}: must be in ascending order")
     if samples < 1:
         raise ParameterError(f"samples = {samples!r}: must be at least 1")
     name, (function, units, words) = _observable(observable)
@@ -122,46 +102,44 @@ def bifurcation(
     require_memory(f"orbits with {samples} samples each", math.prod(shape), each)
     values = np.empty((*shape, samples))
     measured: dict[str, NDArray[Any]] = {}
-    states = launch_states(scene, scene.parameters(amplitude=order[:, 0]))
+    states = launch_states(scene, scene.parameters({forcing: order[:, 0]}))
     with Workers(thread_count(threads)) as workers:
         for i in range(a.size):
-            parameters = scene.parameters(amplitude=order[:, i])
+            parameters = scene.parameters({forcing: order[:, i]})
             orbits = settle_from(scene, parameters, states, workers)
             states = reached(orbits, scene.particles)
             impacts = _impacts(scene, parameters, orbits, samples, workers)
             at = (np.arange(len(DIRECTIONS)), np.array([i, a.size - 1 - i]))
-            values[at] = function(impacts, scene.gravity)
+            values[at] = function(impacts, scene.inputs["gravity"])
             found = orbit_variables(orbits, parameters["frequency"])
             for kept in KEPT:
                 room = measured.setdefault(kept, np.empty(shape, found[kept].dtype))
                 room[at] = found[kept]
-    return _dataset(scene, a, measured, name, values, {"units": units, "long_name": words})
+    data = {n: (VARIABLES[n].attributes, v) for n, v in measured.items()}
+    data[name] = ({"units": units, "long_name": words}, values)
+    found_set = _dataset(scene, forcing, a, data)
+    return found_set.assign_attrs(observable=name, notes=note_of(scene))
 
 
 def bifurcation_of_spec(
-    spec: SweepSpec, observable: str | Observable, samples: int, threads: int
+    spec: Sweep, observable: str | Observable, samples: int, threads: int
 ) -> xr.Dataset:
-    """Bifurcation diagram of a sweep file whose grid has an axis of the forcing, in any form.
+    """Bifurcation diagram of a sweep whose grid has an axis of the forcing, in any form.
 
     Raises a SpecError unless the design is such a grid.
     """
-    require_ability("bifurcation", spec.base)
-    forcing = forcing_of(spec.sampled)
-    values = grid_axes(spec, "bifurcation diagrams", forcing)[forcing]
-    scene = Scene.of(spec)
+    require_ability("bifurcation", spec.scene.base)
+    forcing = forcing_of(spec.design.sampled)
+    scan = grid_axes(spec, "bifurcation diagrams", forcing)[forcing]
     found = bifurcation(
-        scene,
-        scene.quantities(**{forcing: values})["amplitude"],
-        observable=observable,
-        samples=samples,
-        threads=threads,
+        spec.scene, scan, forcing=forcing, observable=observable, samples=samples, threads=threads
     )
-    return found.assign_attrs(title=spec.title, sweep_file=spec.text, forcing=forcing)
+    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
 
 
 def summary(diagram: xr.Dataset) -> Iterator[str]:
     """Describe in one line per direction what the orbits settle on."""
-    along = diagram.attrs.get("forcing", "amplitude").removeprefix("base_")
+    along = diagram.attrs["forcing"].removeprefix("base_")
     for direction in diagram["direction"].values:
         regimes = diagram["regime"].sel(direction=direction).values.ravel()
         parts = [
@@ -216,33 +194,20 @@ def _impacts(
 
 
 def _dataset(
-    scene: Scene,
-    amplitude: Array,
-    measured: dict[str, NDArray[Any]],
-    name: str,
-    values: Array,
-    attributes: dict[str, str],
+    scene: Scene, forcing: str, scan: Array, data: dict[str, tuple[dict[str, Any], NDArray[Any]]]
 ) -> xr.Dataset:
-    dims = ("direction", "amplitude", "particle")
-    data = {n: (dims, v, VARIABLES[n].attributes) for n, v in measured.items()}
-    words = coordinate_attributes(PARAMETERS["amplitude"])
-    coordinates = {
-        "direction": list(DIRECTIONS),
-        "amplitude": ("amplitude", amplitude, words),
-        "base_acceleration": (
-            "amplitude",
-            scene.quantities(amplitude=amplitude)["base_acceleration"],
-            coordinate_attributes(FORCINGS["base_acceleration"]),
-        ),
-    }
-    title = scene.attributes("Bifurcation diagram along the amplitude, up and down")
+    dims = ("direction", forcing, "particle", "sample")
+    every = scene.quantities({forcing: scan})
+    along = dict.fromkeys((forcing, *ALWAYS_HELD))
+    own = {n: (dims[: v.ndim], v, words) for n, (words, v) in data.items()}
     return xr.Dataset(
-        {name: ((*dims, "sample"), values, attributes), **data, **scene.shared(("amplitude",))},
-        coordinates,
+        own | shared(scene, [forcing]),
         {
-            **title,
-            "forcing": "amplitude",
-            "observable": name,
-            "notes": scene.short_observation(),
+            "direction": list(DIRECTIONS),
+            **{n: (forcing, every[n], coordinate_attributes(FORCINGS[n])) for n in along},
+        },
+        {
+            **attributes(scene, "Bifurcation diagram along the forcing, up and down"),
+            "forcing": forcing,
         },
     )

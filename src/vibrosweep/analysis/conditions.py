@@ -46,9 +46,10 @@ class Condition:
 
     Examples
     --------
-    >>> from vibrosweep.analysis import Condition, Scene, find_windows
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.analysis import Condition
     >>> low = Condition("low", lambda ds: ds["rebound_height_max"] < 2.0, ("rebound_height_max",))
-    >>> found = find_windows(Scene(duration=12.0), [0.9], [0.5, 1.0, 2.0, 3.0], [low])
+    >>> found = vs.windows(restitution=0.9, amplitude=[0.5, 1.0, 2.0, 3.0], conditions=[low])
     >>> found.condition.values.tolist()
     ['low']
     """

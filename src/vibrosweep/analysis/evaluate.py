@@ -10,7 +10,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.conditions import Condition, Locked
-from vibrosweep.analysis.scene import Scene
 from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.orbits import find_orbits, orbit_variables
@@ -34,6 +33,7 @@ from vibrosweep.model.parameters import (
     dimensionless,
     launches,
 )
+from vibrosweep.scene.scene import Scene
 
 Codes = NDArray[np.int64]
 States = NDArray[np.float64]
@@ -68,7 +68,7 @@ def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) ->
     attracting, then repelling, so that no code occurs in two intervals: between two points of the
     same code nothing changes.
     """
-    problem = dimensionless(scene.parameters(**points), scene.end)
+    problem = dimensionless(scene.parameters(points), scene.duration)
     k = np.full(problem.kick.size, condition.k)
     base = base_of(scene.base, scene.rebound)
 
@@ -87,12 +87,12 @@ def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) ->
 
 def launched(scene: Scene, condition: Condition, points: Points, workers: Workers) -> Codes:
     """Code of a condition for the scene's launches at each point; shape (point,)."""
-    observation = scene.observation(**condition.measures)
+    observation = scene.only(**condition.measures)
     size = max(1, TRAJECTORIES_AT_A_TIME // scene.particles)
     held = []
     for start in range(0, points["restitution"].size, size):
         piece = {name: values[start : start + size] for name, values in points.items()}
-        parameters = scene.parameters(**piece)
+        parameters = scene.parameters(piece)
         measured = measure(parameters, observation, workers)
         held.append(condition.judge(_dataset(scene, parameters, measured)))
     return np.concatenate(held)
@@ -115,7 +115,7 @@ def launch_states(scene: Scene, parameters: dict[str, Array]) -> States:
     Shape (point, particle, 2).  The speed is relative to the base, in units of g / (2 f).  The
     parameters are those of `Scene.parameters`, of shape (point,).
     """
-    problem = dimensionless(parameters, scene.end)
+    problem = dimensionless(parameters, scene.duration)
     problem = Dimensionless(*(values[:, np.newaxis] for values in problem))
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
     phase = launch.phase + problem.phase
@@ -134,7 +134,7 @@ def batch_from(
     phase, speed = np.ascontiguousarray(states.reshape(-1, 2).T)
     repeated = {name: np.repeat(values, states.shape[1]) for name, values in parameters.items()}
     repeated["phase"] = np.zeros_like(phase)  # phases of the states are those of the forcing
-    problem = dimensionless(repeated, scene.end, scene.begin)
+    problem = dimensionless(repeated, scene.duration, scene.measures.transient)
     problem = problem._replace(launch_flight=lift_off_speeds(scene.base, problem, phase, speed))
     return problem, Launches(np.zeros((phase.size, 1)), phase[:, np.newaxis])
 
@@ -152,7 +152,7 @@ def settle_from(
     The arguments are those of `batch_from`.
     """
     problem, launch = batch_from(scene, parameters, states)
-    alone = replace(scene.observation(), particles=1, launch=(0.0,))
+    alone = replace(scene.only(), particles=1, launch=(0.0,))
     return find_orbits(problem, launch, alone, workers)
 
 
@@ -167,7 +167,7 @@ def continued(
 
     Raises a ParameterError for a condition on launches, which a continued orbit does not have.
     """
-    parameters = scene.parameters(**points)
+    parameters = scene.parameters(points)
     orbits = settle_from(scene, parameters, states, workers)
     measured = orbit_variables(orbits, parameters["frequency"])
     del measured["recurrent_from"]  # counts from the last point, not from the launch

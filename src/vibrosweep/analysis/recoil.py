@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from vibrosweep.analysis.base_motion import BaseMotion
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.coupled import BaseTrack, base_track, count_coupled
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError
@@ -21,6 +20,7 @@ from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import MOUNT, PARAMETERS, SPRUNG, STAGGERED
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Periods
+from vibrosweep.scene.scene import bare_scene
 
 NEEDS: Final = (*PARAMETERS, *MOUNT, "launch_time", "impact_count", "status", "duration")
 # Samples in a forcing period, and altogether
@@ -81,7 +81,7 @@ def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
     listed = one.attrs.get("launch") != STAGGERED
     periods = one.attrs.get("duration_periods")
     landings, followed = one["impact_count"].values, np.all(one["status"] == Status.COMPLETED)
-    observation = record_observation(
+    observation = bare_scene(
         landings.size,
         tuple(times.tolist()) if listed else STAGGERED,
         float(one["duration"]) if periods is None else Periods(float(periods)),

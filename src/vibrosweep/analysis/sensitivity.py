@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.analysis.records import variable
 from vibrosweep.arrays import Array
-from vibrosweep.engine.asked import observation_of
 from vibrosweep.engine.measure import measure
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.mistakes import RANGE
@@ -28,9 +26,10 @@ from vibrosweep.model.measures import (
 from vibrosweep.model.mount import require_mount
 from vibrosweep.model.status import Status
 from vibrosweep.runs.notes import observation_of_orbits
-from vibrosweep.spec.design import open_design
-from vibrosweep.spec.rules import Range
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.design import Range
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import Sweep
 
 OUTPUTS: Final = ("rebound_height_max", "rebound_height_mean", "flight_time_mean", "dt_min")
 RESAMPLES: Final = 400
@@ -39,7 +38,7 @@ BATCH: Final = 4096
 
 def sobol_indices(
     ranges: Mapping[str, tuple[float, float]],
-    observation: Observation,
+    observation: Scene,
     workers: Workers,
     *,
     fixed: Mapping[str, float] | None = None,
@@ -86,7 +85,7 @@ def sobol_indices(
 
 
 def sobol_of_spec(
-    spec: SweepSpec, outputs: Sequence[str] | None, confidence: float, threads: int
+    spec: Sweep, outputs: Sequence[str] | None, confidence: float, threads: int
 ) -> xr.Dataset:
     """Sobol' indices over the ranges of a sweep, as `sobol_indices`.
 
@@ -94,7 +93,7 @@ def sobol_of_spec(
     they are `OUTPUTS`, those of pairs only where there are particles for one.  Raises a SpecError
     where no parameter has a range.
     """
-    ranges = {n: (s.low, s.high) for n, s in spec.sampled.items() if isinstance(s, Range)}
+    ranges = {n: (s.low, s.high) for n, s in spec.design.sampled.items() if isinstance(s, Range)}
     if not ranges:
         raise spec.refusal(
             (
@@ -103,17 +102,19 @@ def sobol_of_spec(
             )
         )
     if outputs is None:
-        outputs = [n for n in OUTPUTS if spec.particles > 1 or MEASURE_OF.get(n) != "separation"]
+        outputs = [
+            n for n in OUTPUTS if spec.scene.particles > 1 or MEASURE_OF.get(n) != "separation"
+        ]
     asks = {MEASURE_OF[name]: True for name in outputs if name in MEASURE_OF}
     with Workers(threads) as workers:
         found = sobol_indices(
             ranges,
-            observation_of(spec).measuring(**asks),
+            spec.scene.measuring(**asks),
             workers,
-            fixed=spec.fixed,
+            fixed=spec.scene.inputs,
             outputs=outputs,
-            base=spec.realizations or 1,
-            seed=spec.seed,
+            base=spec.design.realizations or 1,
+            seed=spec.design.seed,
             confidence=confidence,
         )
     recognised = asks.keys() & {"regimes", "lyapunov"}
@@ -163,7 +164,7 @@ def _require_ranges(ranges: Mapping[str, tuple[float, float]], base: int) -> Non
 def _measured(
     points: Mapping[str, Array],
     fixed: Mapping[str, float],
-    observation: Observation,
+    observation: Scene,
     workers: Workers,
     outputs: Sequence[str],
 ) -> Array:

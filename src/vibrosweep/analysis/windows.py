@@ -18,6 +18,15 @@ from numpy.typing import ArrayLike
 
 from vibrosweep.analysis import evaluate
 from vibrosweep.analysis.bisection import Window, find_edges, windows_of_row
+from vibrosweep.analysis.common import (
+    attributes,
+    axis,
+    grid_axes,
+    note_of,
+    require_ability,
+    require_memory,
+    shared,
+)
 from vibrosweep.analysis.conditions import (
     FAILS,
     HOLDS,
@@ -26,7 +35,6 @@ from vibrosweep.analysis.conditions import (
     Locked,
     named,
 )
-from vibrosweep.analysis.scene import Scene, axis, grid_axes, require_ability, require_memory
 from vibrosweep.analysis.window_codes import ENDS, FRESH, HELD, NO_WINDOW, code_of_ends
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
@@ -38,10 +46,11 @@ from vibrosweep.model.forcing import AMPLITUDE, FORCINGS, forcing_of, refuse_lar
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.runs.result import coordinate_attributes
+from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:
     from vibrosweep.analysis.bisection import Codes
-    from vibrosweep.spec.sweep import SweepSpec
+    from vibrosweep.scene.sweep import Sweep
 
 __all__ = [
     "DIRECTIONS",
@@ -74,54 +83,19 @@ def find_windows(
 ) -> xr.Dataset:
     """Intervals of the forcing in which conditions hold, for every restitution.
 
-    Parameters
-    ----------
-    scene
-        All other parameters, launches and the observation.
-    restitution
-        Values, shape (restitution,).
-    scan
-        Points of the coarse scan, ascending, at least two.
-    conditions
-        Names as in `conditions.NAMES`, or objects of `Condition`.
-    forcing
-        The scanned quantity: ``"amplitude"`` (m s-1), ``"base_velocity"`` (m s-1),
-        ``"base_displacement"`` (m) or ``"base_acceleration"`` (in units of gravity).
-    continuation
-        Whether orbits are continued along the scan, upwards and downwards, instead of being
-        launched anew at every point: coexisting and hysteretic windows then show as
-        differences between the directions.
-    tolerance
-        Largest width of a bracket around an edge, relative to the edge.  That of a locked orbit
-        holds the exact edge.
-    threads
-        Number of threads, by default all processors; the result does not depend on it.
-
-    Returns
-    -------
-    xarray.Dataset
-        As of `vibrosweep.windows`.
-
-    Raises
-    ------
-    ParameterError
-        A value is outside its range, a condition cannot be continued, or the points of the scan do
-        not fit into memory.
-
-    Examples
-    --------
-    >>> from vibrosweep.analysis import Scene, find_windows
-    >>> found = find_windows(Scene(), [0.8, 0.9], [0.1, 1.0, 2.0, 4.0], ["locked(1)"])
-    >>> found.A_min.squeeze().values.round(6)
-    array([0.981 , 0.4905])
+    As `vibrosweep.windows`, of a scene with the values of the restitution, and of the forcing that
+    is named in ascending order.  With `continuation` coexisting and hysteretic windows show as
+    differences between the directions.  A bracket around an edge is at most `tolerance` wide,
+    relative to the edge; that of a locked orbit holds the exact edge.
     """
+    require_ability("windows", scene.base)
     if forcing not in FORCINGS:
         raise ParameterError(f"forcing = {forcing!r}: must be one of {', '.join(FORCINGS)}")
     e, a = axis("restitution", restitution), axis(forcing, scan)
     if a.size < 2 or not np.all(np.diff(a) > 0.0):
         raise ParameterError(f"{forcing}: must be at least two values in ascending order")
     largest = {"restitution": np.array([e.max()]), forcing: a[-1:]}
-    refuse_large(scene.quantities(**largest), forcing)
+    refuse_large(scene.quantities(largest), forcing)
     if not FINEST <= tolerance < 1.0:
         raise ParameterError(f"tolerance = {tolerance!r}: must be at least {FINEST} and below 1")
     if not conditions:
@@ -146,17 +120,17 @@ def find_windows(
     if any(
         isinstance(c, Condition) and c.measures.keys() & {"regimes", "lyapunov"} for c in chosen
     ):
-        note = scene.short_observation(float(e.max()))
+        note = note_of(scene, float(e.max()))
     return dataset.assign_attrs(tolerance=tolerance, notes=note)
 
 
-def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
+def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
     """Windows of a sweep file with a [windows] section, as `find_windows`.
 
     Raises a SpecError where the file has no such section, a condition is not known, or the design
     is no grid over restitution and a forcing alone.
     """
-    require_ability("windows", spec.base)
+    require_ability("windows", spec.scene.base)
     if spec.windows is None:
         raise spec.refusal(
             (
@@ -164,21 +138,20 @@ def windows_of_spec(spec: SweepSpec, threads: int) -> xr.Dataset:
                 f" is missing; add it with conditions = [...], each one of {', '.join(NAMES)}",
             )
         )
+    wanted = spec.windows.get("conditions", ("locked(1)",))
     try:
-        conditions = [named(name) for name in spec.windows.conditions]
+        conditions = [named(one) if isinstance(one, str) else one for one in wanted]
     except ParameterError as error:
         raise spec.refusal((Key("windows.conditions"), f": {error}")) from error
-    forcing = forcing_of(spec.sampled)
+    forcing = forcing_of(spec.design.sampled)
     axes = grid_axes(spec, "windows", forcing, ("restitution",))
     return find_windows(
-        Scene.of(spec),
-        axes.get("restitution", spec.fixed.get("restitution", ())),
+        spec.scene,
+        axes.get("restitution", spec.scene.inputs.get("restitution", ())),
         axes[forcing],
-        conditions,
         forcing=forcing,
-        continuation=spec.windows.continuation,
-        tolerance=spec.windows.tolerance,
         threads=threads,
+        **{**spec.windows, "conditions": conditions},
     ).assign_attrs(title=spec.title, sweep_file=spec.text)
 
 
@@ -219,7 +192,7 @@ def _windows(
     fresh = isinstance(condition, Locked) or direction in FRESH
     upward = direction != DIRECTIONS[1]
     first = {"restitution": e, forcing: np.full(e.size, a[0 if upward else -1])}
-    start = None if fresh else evaluate.launch_states(scene, scene.parameters(**first))
+    start = None if fresh else evaluate.launch_states(scene, scene.parameters(first))
     error = END_ERROR + (FORCING_ERROR if forcing != AMPLITUDE else 0.0)
     error = error if isinstance(condition, Locked) else 0.0
     width = tolerance - 2.0 * error  # so that the brackets keep to the tolerance with the error
@@ -232,7 +205,7 @@ def _windows(
 
 
 def _table(found: list[list[Row]], shape: tuple[int, int, int]) -> Array:
-    """Ends, bracket widths and codes of ends; shape (5, *shape, window).
+    """Ends, bracket widths and codes of ends, shape (5, *shape, window).
 
     Past the last window they are NaN, and the code is `NO_WINDOW`.
     """
@@ -279,7 +252,7 @@ def _dataset(
             {"units": "1", "long_name": "index of the widest window", "comment": comment},
         ),
     }
-    every = scene.quantities(restitution=np.repeat(e, a.size), **{forcing: np.tile(a, e.size)})
+    every = scene.quantities({"restitution": np.repeat(e, a.size), forcing: np.tile(a, e.size)})
     words = {
         **coordinate_attributes(FORCINGS[forcing]),
         "comment": "points of the coarse scan",
@@ -295,10 +268,10 @@ def _dataset(
             coordinate_attributes(FORCINGS["base_acceleration"]),
         ),
     }
-    data |= scene.shared(("restitution", forcing))
+    data |= shared(scene, ["restitution", forcing])
     meanings = "; ".join(f"{c.name}: {c.sentence}" for c in conditions if c.sentence)
-    attributes = scene.attributes("Intervals of the forcing in which conditions hold")
-    return xr.Dataset(data, coordinates, {**attributes, "forcing": forcing, "meaning": meanings})
+    told = attributes(scene, "Intervals of the forcing in which conditions hold")
+    return xr.Dataset(data, coordinates, {**told, "forcing": forcing, "meaning": meanings})
 
 
 def _attributes(long_name: str, units: str) -> dict[str, str]:

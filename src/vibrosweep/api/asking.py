@@ -7,17 +7,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.spec.keywords import keyword_spec
-from vibrosweep.spec.sweep import SweepSpec, read_spec
+from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import Sweep, read_spec
 
 __all__ = ["Asked", "asked"]
 
 Asked = str | os.PathLike[str] | Mapping[str, Any]
 
 
-def asked(
-    spec: Asked | None, keywords: Mapping[str, Any], *first: str, **defaults: Any
-) -> SweepSpec:
+def asked(spec: Asked | None, keywords: Mapping[str, Any], *first: str, **defaults: Any) -> Sweep:
     """Return the sweep that a path or a mapping asks for, or keywords where there is neither.
 
     `first` is that of `keyword_spec`; `defaults` are what keywords or a mapping need not state, and

@@ -17,7 +17,7 @@ from vibrosweep.runs.driver import count, require_switch, run_sweep, thread_coun
 from vibrosweep.runs.finished import cleared, is_of, origin
 from vibrosweep.runs.inmemory import sweep_in_memory
 from vibrosweep.runs.progress import showing
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.disk import check_output, path_of
 from vibrosweep.store.rundir import replaces
 
@@ -193,9 +193,9 @@ def run(
     return open_sweep(path)
 
 
-def _observing(spec: SweepSpec, observables: Iterable[Observable]) -> SweepSpec:
+def _observing(spec: Sweep, observables: Iterable[Observable]) -> Sweep:
     """Add observables to a sweep; one that cannot be compiled is refused before anything begins."""
     found = spec.observing(observables)
-    for one in found.measures.observables:
+    for one in found.scene.measures.observables:
         compiled(one)
     return found

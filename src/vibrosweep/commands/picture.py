@@ -16,7 +16,7 @@ from vibrosweep.mistakes import OUTPUT
 if TYPE_CHECKING:
     import xarray as xr
 
-    from vibrosweep.spec.sweep import SweepSpec
+    from vibrosweep.scene.sweep import Sweep
     from vibrosweep.store.kinds import ResultKind
 
 
@@ -33,13 +33,13 @@ def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
 def produce(
     options: argparse.Namespace,
     kind: ResultKind,
-    compute: Callable[[SweepSpec, int], xr.Dataset],
+    compute: Callable[[Sweep, int], xr.Dataset],
 ) -> None:
     """Compute a dataset, print its summary, and write it and its picture side by side.
 
     `compute` makes the dataset of a sweep with a number of threads.
     """
-    from vibrosweep.spec.sweep import read_spec
+    from vibrosweep.scene.sweep import read_spec
 
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
@@ -64,7 +64,7 @@ def produce(
     print(f"written to {output} and {picture}")
 
 
-def _check(options: argparse.Namespace, spec: SweepSpec, output: Path, picture: Path) -> None:
+def _check(options: argparse.Namespace, spec: Sweep, output: Path, picture: Path) -> None:
     """Raise, before anything is computed, if an output cannot be written."""
     from vibrosweep.store.disk import check_output, target_of
 

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.spec.sweep import read_spec
+    from vibrosweep.scene.sweep import read_spec
 
     spec = read_spec(options.spec)
     from vibrosweep.engine.workers import Workers
@@ -44,7 +44,7 @@ def perform(options: argparse.Namespace) -> None:
         plan = make_plan(spec, workers, options.chunk, seconds=SECONDS, enough=0.0)
         needs = estimate(spec, plan, workers)
         print(spec.title)
-        print("\n".join(_lines(plan, needs, spec.particles, workers.threads)))
+        print("\n".join(_lines(plan, needs, spec.scene.particles, workers.threads)))
         for subject, text in notes(spec, plan.design).items():
             print(f"{subject:16}{text}")
     require_memory(needs.memory)

@@ -12,7 +12,7 @@ from vibrosweep.commands.arguments import positive, some
 from vibrosweep.commands.place import add_place, opened_place
 
 if TYPE_CHECKING:
-    from vibrosweep.spec.sweep import SweepSpec
+    from vibrosweep.scene.sweep import Sweep
 
 NAME: Final = "run"
 HELP: Final = "compute a sweep file"
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.spec.sweep import read_spec
+    from vibrosweep.scene.sweep import read_spec
 
     spec = read_spec(options.spec)
     output = options.output or Path(f"{options.spec.stem}.h5")
@@ -80,7 +80,7 @@ def perform(options: argparse.Namespace) -> None:
     if options.retry_failed:
         print(f"{some(again, 'realization')} computed again")
     print(
-        f"{some(summary.realizations, 'realization')} of {some(spec.particles, 'particle')}, "
+        f"{some(summary.realizations, 'realization')} of {some(spec.scene.particles, 'particle')}, "
         f"{some(summary.landings, 'landing')} in {seconds:.3g} s on {place.name}"
     )
     if summary.repaired:
@@ -90,7 +90,7 @@ def perform(options: argparse.Namespace) -> None:
     print(f"{output} is as it was" if unchanged else f"written to {output}")
 
 
-def _to_compute(options: argparse.Namespace, spec: SweepSpec, output: Path) -> bool:
+def _to_compute(options: argparse.Namespace, spec: Sweep, output: Path) -> bool:
     """Raise for impossible options before slow imports; False where a killed run had ended."""
     from vibrosweep.errors import ExistingOutputError, ParameterError
     from vibrosweep.store.disk import check_output

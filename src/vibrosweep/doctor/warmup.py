@@ -13,8 +13,6 @@ from vibrosweep.abilities import refusal
 from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.evaluate import locked
-from vibrosweep.analysis.scene import Scene
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.engine.measure import measure
@@ -37,6 +35,8 @@ from vibrosweep.kernels.statistics import combine
 from vibrosweep.kernels.trust import trust
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import LAWS, SPRUNG
+from vibrosweep.scene.keywords import batch
+from vibrosweep.scene.scene import bare_scene
 
 KERNELS: Final[tuple[Any, ...]] = (
     advance,
@@ -78,7 +78,7 @@ def warm_up() -> Compiled:
     scenes = [all_parameters({"amplitude": np.array([a, a])}) for a in (1.0, 6.0)]
     with Workers(1) as workers:
         for (base, rebound), transient, regimes in product(ways, (0.0, 1.0), (False, True)):
-            endless = record_observation(2, "staggered", 2.0, rebound, 1000, base)
+            endless = bare_scene(2, "staggered", 2.0, rebound, 1000, base)
             record_landings(scenes[0], endless, workers)
             asked = Measures(transient, separation=True, lyapunov=regimes, trust=True)
             # long enough for orbits to recur
@@ -88,11 +88,12 @@ def warm_up() -> Compiled:
                 measure(scene, longer.measuring(transient=transient), workers)
         for base, rebound in ways:
             point = {"restitution": np.array([0.9]), "amplitude": np.array([1.2])}
-            locked(Scene(base=base, rebound=rebound), Locked(1), point, workers)
-            basins(Scene(base=base, rebound=rebound), [0.0], [5.0], threads=1)
+            one, _ = batch({"base": base, "rebound": rebound, "duration": 2000.0})
+            locked(one, Locked(1), point, workers)
+            basins(one, [0.0], [5.0], threads=1)
         mount = {"mass_ratio": 0.01, "mount_frequency": 0.5, "mount_damping": 0.05}
         scene = all_parameters({name: np.array([value]) for name, value in mount.items()})
-        coupled = record_observation(2, "staggered", 2.0, "rest", 1000, SPRUNG)
+        coupled = bare_scene(2, "staggered", 2.0, "rest", 1000, SPRUNG)
         measure(scene, replace(coupled, measures=Measures(joint=True)), workers)
         base_track(scene, coupled, workers).at(np.array([1.0]))
     made = sum(sum(kernel.stats.cache_misses.values()) for kernel in KERNELS)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.observation import Observation, launched_in_window
+from vibrosweep.engine.observation import launched_in_window
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.coupled.follow import (
@@ -29,6 +29,7 @@ from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods
+from vibrosweep.scene.scene import Scene
 
 Measured = dict[str, NDArray[Any]]
 LANDINGS_OF_AN_EXPONENT = 64  # fewer tell nothing of how neighbours separate
@@ -36,7 +37,7 @@ LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly
 
 
 def measure_coupled(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+    parameters: Mapping[str, Array], observation: Scene, workers: Workers
 ) -> Measured:
     """Follow a batch of realizations on bases of finite mass and measure them.
 
@@ -68,7 +69,7 @@ def measure_coupled(
 
 def _followed(
     parameters: Mapping[str, Array],
-    observation: Observation,
+    observation: Scene,
     workers: Workers,
     capacity: int,
 ) -> tuple[Each, Each, Whole, Written]:
@@ -104,7 +105,7 @@ def _per_task(batch: Coupled, particles: int) -> int:
     return max(1, int(LANDINGS_PER_TASK / (particles * max(periods, 1.0))))
 
 
-def _batch(parameters: Mapping[str, Array], observation: Observation) -> Coupled:
+def _batch(parameters: Mapping[str, Array], observation: Scene) -> Coupled:
     """Return the batch in dimensionless form."""
     problem = dimensionless(parameters, observation.duration, observation.measures.transient)
     launch = launches(observation.launch, observation.particles, parameters["frequency"])
@@ -151,7 +152,7 @@ def _order(whole: Whole, frequency: Array) -> Measured:
     }
 
 
-def _joint(parameters: Mapping[str, Array], observation: Observation, workers: Workers) -> Measured:
+def _joint(parameters: Mapping[str, Array], observation: Scene, workers: Workers) -> Measured:
     """What the joint states settle on."""
     batch, particles = _batch(parameters, observation), observation.particles
     size, problem = parameters["frequency"].size, batch.problem
@@ -270,23 +271,19 @@ class BaseTrack:
         return out[0] * velocity / frequency, out[1] * velocity
 
 
-def count_coupled(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers
-) -> Each:
+def count_coupled(parameters: Mapping[str, Array], observation: Scene, workers: Workers) -> Each:
     """Statistics of every particle, ordered by realization; arguments as of `measure_coupled`."""
     return _followed(parameters, observation, workers, 0)[0]
 
 
 def record_coupled(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers, capacity: int
+    parameters: Mapping[str, Array], observation: Scene, workers: Workers, capacity: int
 ) -> Record:
     """Every landing until the end of the observation, at most `capacity` of each particle."""
     return _followed(parameters, observation, workers, capacity)[3].record
 
 
-def base_track(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers
-) -> BaseTrack:
+def base_track(parameters: Mapping[str, Array], observation: Scene, workers: Workers) -> BaseTrack:
     """Motion of a base while particles land on it; arguments as of `measure_coupled`."""
     capacity = int(count_coupled(parameters, observation, workers).landings.max())
     written = _followed(parameters, observation, workers, max(capacity, 1))[3]

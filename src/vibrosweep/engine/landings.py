@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.errors import ParameterError
@@ -18,6 +17,7 @@ from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record, Units, empty_record, record
 from vibrosweep.model.parameters import MOUNT, PARAMETERS, SPRUNG, dimensionless, launches
+from vibrosweep.scene.scene import Scene
 from vibrosweep.system import physical_memory
 
 BYTES_PER_LANDING: Final = 25  # three doubles and a flag
@@ -34,7 +34,7 @@ def launch_times(launch: str | tuple[float, ...], particles: int, frequency: flo
 
 
 def record_landings(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+    parameters: Mapping[str, Array], observation: Scene, workers: Workers
 ) -> dict[str, NDArray[Any]]:
     """Every landing until the end of the observation, as `vibrosweep.model.measures.RECORD`.
 
@@ -59,7 +59,7 @@ def record_landings(
 
 
 def _recorded(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers, capacity: int
+    parameters: Mapping[str, Array], observation: Scene, workers: Workers, capacity: int
 ) -> Record:
     """Record particles that are independent of each other."""
     problem = dimensionless(parameters, observation.duration, observation.measures.transient)
@@ -77,7 +77,7 @@ def _recorded(
 
 
 def record_bytes(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+    parameters: Mapping[str, Array], observation: Scene, workers: Workers
 ) -> tuple[int, int]:
     """Bytes of a record of landings, and of memory while it is made.
 
@@ -110,7 +110,7 @@ def _needed(realizations: int, particles: int, landings: int) -> int:
 
 
 def _counted(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+    parameters: Mapping[str, Array], observation: Scene, workers: Workers
 ) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
     """Landings of each particle, and its status; raise if a record does not fit into memory."""
     realizations, particles = parameters["frequency"].size, observation.particles

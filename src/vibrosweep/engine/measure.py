@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.observation import Observation, launched_in_window
+from vibrosweep.engine.observation import launched_in_window
 from vibrosweep.engine.observed import observed
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow
@@ -22,13 +22,12 @@ from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.parameters import SPRUNG, Dimensionless, Launches, dimensionless, launches
 from vibrosweep.model.times import in_seconds
+from vibrosweep.scene.scene import Scene
 
 Measured = dict[str, NDArray[Any]]
 
 
-def measure(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers
-) -> Measured:
+def measure(parameters: Mapping[str, Array], observation: Scene, workers: Workers) -> Measured:
     """Advance a batch of realizations and measure them.
 
     Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of the mount of a sprung
@@ -90,7 +89,7 @@ def _launch_height_max(
     parameters: Mapping[str, Array],
     problem: Dimensionless,
     launch: Launches,
-    observation: Observation,
+    observation: Scene,
     low: Array | None,
 ) -> Array:
     """Height in m of the highest launch in the window, NaN without any; shape (realization,).
@@ -127,9 +126,7 @@ def _separations(found: Separations, frequency: Array) -> Measured:
     }
 
 
-def _error_bounds(
-    bounds: Trust, observation: Observation, parameters: Mapping[str, Array]
-) -> Measured:
+def _error_bounds(bounds: Trust, observation: Scene, parameters: Mapping[str, Array]) -> Measured:
     frequency, particles = parameters["frequency"], observation.particles
     until = bounds.until.reshape(-1, particles) / frequency[:, np.newaxis]
     end = in_seconds(observation.duration, frequency)

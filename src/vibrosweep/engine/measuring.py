@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import representable
 from vibrosweep.model.times import Time
+from vibrosweep.scene.scene import Scene
 
 
 def measure_all(
-    parameters: Mapping[str, Array], observation: Observation, workers: Workers
+    parameters: Mapping[str, Array], observation: Scene, workers: Workers
 ) -> dict[str, NDArray[Any]]:
     """Measure a batch; realizations that cannot be computed do not fail the others.
 
@@ -39,7 +39,7 @@ def measure_all(
     return found
 
 
-def _times(observation: Observation) -> tuple[Time, ...]:
+def _times(observation: Scene) -> tuple[Time, ...]:
     launch = () if isinstance(observation.launch, str) else observation.launch
     return (observation.duration, observation.measures.transient, *launch)
 

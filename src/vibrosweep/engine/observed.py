@@ -10,7 +10,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
@@ -18,13 +17,14 @@ from vibrosweep.kernels.observing import Observer, compiled
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
+from vibrosweep.scene.scene import Scene
 
 
 def observed(
     observable: Observable,
     parameters: Mapping[str, Array],
     batch: tuple[Dimensionless, Launches],
-    observation: Observation,
+    observation: Scene,
     workers: Workers,
 ) -> Array:
     """Values of an observable: NaN where a trajectory does not stay finite.

@@ -14,8 +14,8 @@ from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Regime
 
 if TYPE_CHECKING:
-    from vibrosweep.engine.observation import Observation
     from vibrosweep.engine.workers import Workers
+    from vibrosweep.scene.scene import Scene
 
 Codes = NDArray[np.int64]
 
@@ -23,7 +23,7 @@ NO_ORBIT: Final = -1
 
 
 def find_orbits(
-    problem: Dimensionless, launch: Launches, observation: Observation, workers: Workers
+    problem: Dimensionless, launch: Launches, observation: Scene, workers: Workers
 ) -> Orbits:
     """Orbit that each trajectory settles on, ordered by realization, then by particle.
 

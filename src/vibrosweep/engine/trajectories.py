@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.duplicates import find_equal
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance, advance_observing, room_around
 from vibrosweep.kernels.bases import fitted
@@ -29,6 +28,7 @@ from vibrosweep.kernels.statistics import Statistics, combine, empty_statistics,
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
+from vibrosweep.scene.scene import Scene
 
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
@@ -53,7 +53,7 @@ def follow(
     problem: Dimensionless,
     launch: Launches,
     tolerance: Array,
-    observation: Observation,
+    observation: Scene,
     workers: Workers,
 ) -> Followed:
     """Simulate all trajectories of a batch, duplicate realizations only once.
@@ -82,7 +82,7 @@ def _follow(
     problem: Dimensionless,
     launch: Launches,
     tolerance: Array,
-    observation: Observation,
+    observation: Scene,
     workers: Workers,
 ) -> Followed:
     size, particles = tolerance.size, observation.particles
@@ -109,7 +109,7 @@ def _follow(
 def statistics(
     problem: Dimensionless,
     launch: Launches,
-    observation: Observation,
+    observation: Scene,
     workers: Workers,
     cycles: Cycles | None = None,
     observer: Observer | None = None,
@@ -151,7 +151,7 @@ def statistics(
 
 
 def settled(
-    problem: Dimensionless, launch: Launches, observation: Observation, workers: Workers
+    problem: Dimensionless, launch: Launches, observation: Scene, workers: Workers
 ) -> Orbits:
     """Orbit that each trajectory settles on, ordered by realization, then by particle.
 
@@ -167,7 +167,7 @@ def _orbits(
     launch: Launches,
     each: Statistics,
     cycles: Cycles,
-    observation: Observation,
+    observation: Scene,
     workers: Workers,
 ) -> Orbits:
     orbits = empty_orbits(each.status.size)
@@ -190,7 +190,7 @@ def _lasts(problem: Dimensionless, launch: Launches, periods: float) -> bool:
 def _separations(
     problem: Dimensionless,
     launch: Launches,
-    observation: Observation,
+    observation: Scene,
     whole: Statistics,
     cycles: Cycles | None,
     workers: Workers,
@@ -220,7 +220,7 @@ def _error_bounds(
     problem: Dimensionless,
     launch: Launches,
     tolerance: Array,
-    observation: Observation,
+    observation: Scene,
     workers: Workers,
 ) -> Trust:
     bounds = empty_trust(tolerance.size * observation.particles)
@@ -245,7 +245,7 @@ def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
     return Launches._make(values[which] for values in launch)
 
 
-def _repeated(found: Followed, source: NDArray[np.intp], observation: Observation) -> Followed:
+def _repeated(found: Followed, source: NDArray[np.intp], observation: Scene) -> Followed:
     """Copy the results of distinct realizations to all their duplicates."""
 
     def realizations(values: Fields) -> Fields:

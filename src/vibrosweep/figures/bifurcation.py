@@ -1,4 +1,4 @@
-"""Bifurcation diagram: an observable along the amplitude, and the Lyapunov exponent under it."""
+"""Bifurcation diagram: an observable along the forcing, and the Lyapunov exponent under it."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 __all__ = ["NEEDS", "bifurcation_diagram"]
 
-NEEDS: Final = data.Needs(("amplitude", "direction", "lyapunov_largest", "regime"))
+NEEDS: Final = data.Needs(("direction", "lyapunov_largest", "regime"))
 # upwards over downwards, so that what occurs only downwards stays visible
 ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.7))
 
 
 @style.styled
 def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
-    """Draw the impacts of all particles along the amplitude, up and down, over their exponents.
+    """Draw the impacts of all particles along the forcing, up and down, over their exponents.
 
-    The axis is the acceleration of the base in g where the forcing was given in that form.
+    The axis is the forcing as it was given.
     An orbit with rests has the exponent minus infinity, drawn on the lower edge.  The head of the
     figure states the share of unsettled orbits, whose impacts may belong to no attractor.
 
@@ -56,9 +56,7 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     NEEDS.check("bifurcation_diagram", diagram)
     figure = Figure(figsize=(style.PAGE, 5.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-    name, along = str(diagram.attrs["observable"]), "amplitude"
-    if diagram.attrs.get("forcing") == "base_acceleration":
-        along = "base_acceleration"
+    name, along = str(diagram.attrs["observable"]), str(diagram.attrs["forcing"])
     words = along.removeprefix("base_")
     for direction, colour, size in ORDER:
         values = diagram[name].sel(direction=direction)
@@ -71,7 +69,7 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     upper.set_ylabel(data.label(diagram, name))
     lower.set_xlabel(data.label(diagram, along))
     lower.set_ylabel("largest Lyapunov\nexponent per impact")
-    head = data.conditions(diagram.drop_vars(["amplitude", "base_acceleration"]))
+    head = data.conditions(diagram.drop_vars({along, "amplitude", "base_acceleration"}))
     unsettled = np.mean(diagram["regime"].values == Regime.UNSETTLED)
     style.head(upper, f"{head}, {unsettled:.2g} of the orbits unsettled" if unsettled else head)
     return figure

@@ -15,7 +15,6 @@ import xarray as xr
 
 from vibrosweep.abilities import ANALYSES, refusal
 from vibrosweep.arrays import Array
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, launch_times, record_landings
 from vibrosweep.engine.workers import Workers
@@ -36,6 +35,7 @@ from vibrosweep.model.parameters import (
     dimensionless,
     launches,
 )
+from vibrosweep.scene.scene import bare_scene
 
 __all__ = [
     "LABORATORY",
@@ -252,7 +252,7 @@ def _landings(experiment: Experiment, restitution: Array, walk: Array) -> tuple[
     launch = experiment.launch
     if base == SPRUNG:
         alone = all_parameters({name: np.array([value]) for name, value in scene.items()})
-        observation = record_observation(
+        observation = bare_scene(
             experiment.particles, launch, end, experiment.rebound, Measures.impact_budget, base
         )
         with Workers(1) as workers:

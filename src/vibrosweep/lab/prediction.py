@@ -9,13 +9,13 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.arrays import Array, Indices
-from vibrosweep.engine.asked import record_observation
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
+from vibrosweep.scene.scene import bare_scene
 
 DRAWS: Final = 64
 # Motion of the base of a recording -> name of the base.
@@ -130,7 +130,7 @@ def predict(
     if there.size:
         length = impacts.attrs["end"] - float(start.min())
         base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
-        observation = record_observation(1, (0.0,), length, rebound, Measures.impact_budget, base)
+        observation = bare_scene(1, (0.0,), length, rebound, Measures.impact_budget, base)
         found = measure(all_parameters(sets), observation, workers)
         height[:, there] = found["rebound_height_mean"].reshape(draws, -1)
         period[:, there] = found["flight_time_mean"].reshape(draws, -1)

@@ -24,8 +24,8 @@ from vibrosweep.model.forcing import (
 )
 from vibrosweep.model.mount import mount_mistakes
 from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, STAGGERED
-from vibrosweep.spec.schema import MAX_SEED, Check, flag, is_plain, one_of
-from vibrosweep.spec.sweep import read_text
+from vibrosweep.scene.keys import MAX_SEED, Check, flag, is_plain, one_of
+from vibrosweep.scene.sweep import read_text
 
 MOST_PARTICLES: Final = 1000
 

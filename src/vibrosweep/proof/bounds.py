@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measuring import measure_all
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import MEASURE_OF, VARIABLES
 from vibrosweep.model.parameters import SPRUNG
@@ -24,6 +23,7 @@ from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.tolerances import Bounds
+from vibrosweep.scene.scene import Scene
 
 # Variables of the bounds, in the order of the fields of `Bounds`
 BOUNDS: Final = tuple(f"{field}_error" for field in Bounds._fields)
@@ -49,7 +49,7 @@ def measure_again(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
     return {name: found[name] for name in names}
 
 
-def _all_landings(observation: Observation) -> Observation:
+def _all_landings(observation: Scene) -> Scene:
     return observation.measuring(transient=-math.inf)
 
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.observation import Observation
 from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.proof.reference.bases import REFERENCE_OF, Reference
+from vibrosweep.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Sample:
     total: int  # number of realizations in the dataset
     rows: NDArray[np.int64]  # indices of those drawn, in increasing order
     parameters: Mapping[str, Array]  # as of a `Realization`, each of shape (row,)
-    observation: Observation  # what was launched, watched and measured
+    observation: Scene  # what was launched, watched and measured
     current: bool  # True if this version and git revision computed the dataset
     stored: Mapping[str, NDArray[Any]]  # the dataset's measured variables, each of shape (row, ...)
     # Its coordinates: numbers, arrays over the particles, or sampled ones of shape (row,)

@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.asked import record_observation
-from vibrosweep.engine.observation import Observation
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
@@ -28,6 +26,7 @@ from vibrosweep.proof.setting import (
     Setting,
     asked,
 )
+from vibrosweep.scene.scene import Scene, bare_scene
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rows import read_rows, row_count, row_dims
@@ -138,11 +137,11 @@ def _record(file: Any, sample: Sample) -> Sample:
     )
 
 
-def _observation(file: Any, attributes: Mapping[str, Any]) -> Observation:
+def _observation(file: Any, attributes: Mapping[str, Any]) -> Scene:
     launch: str | tuple[float, ...] = STAGGERED
     if attributes["launch"] != STAGGERED:
         launch = tuple(file.variables["launch_time"][...].tolist())
-    watched = record_observation(
+    watched = bare_scene(
         particles=int(attributes["particles"]),
         launch=launch,
         duration=_time(file, attributes, "duration"),

@@ -13,14 +13,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import quantities_of, varying
 from vibrosweep.engine.landings import launch_times
 from vibrosweep.errors import SpecError, TableError
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.parameters import STAGGERED
-from vibrosweep.runs.result import identity_in, recorded_quantities
-from vibrosweep.spec.design import Design, chosen, open_design
-from vibrosweep.spec.sweep import SweepSpec, parse_spec
+from vibrosweep.runs.result import identity_in
+from vibrosweep.scene.realizations import Realizations, chosen, open_design
+from vibrosweep.scene.sweep import Sweep, parse_spec
 
 SWEEP_COORDINATES: Final = (*INPUTS, "launch_time", "duration", "transient")
 RECORD_COORDINATES: Final = (*INPUTS, "launch_time", "duration")
@@ -54,16 +53,16 @@ def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Setting:
     shared: dict[str, Any] = {}
     if spec.record is not None:
         own = spec.record
-        known = {name: values[0] for name, values in recorded_quantities(own).items()}
-        frequency = own.parameters["frequency"]
+        known = {name: values[0] for name, values in own.timed({}).items()}
+        frequency = own.inputs["frequency"]
         known["launch_time"] = launch_times(own.launch, own.particles, frequency)
         shared = {f"record/{name}": value for name, value in known.items()}
     drawn, reason = _drawn(spec, identity_in(file), rows)
-    found, varied = quantities_of(spec, drawn, rows.size), varying(spec, drawn)
+    found, varied = spec.scene.timed(drawn, rows.size), spec.scene.varying(drawn)
     shared |= {name: values[0] for name, values in found.items() if name not in varied}
-    if spec.launch != STAGGERED or "frequency" in shared:
+    if spec.scene.launch != STAGGERED or "frequency" in shared:
         frequency = float(shared.get("frequency", 1.0))
-        shared["launch_time"] = launch_times(spec.launch, spec.particles, frequency)
+        shared["launch_time"] = launch_times(spec.scene.launch, spec.scene.particles, frequency)
     if reason:
         unknown = [name for name in SWEEP_COORDINATES if name not in shared]
         return Setting(shared, {}, dict.fromkeys(unknown, reason))
@@ -71,14 +70,14 @@ def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Setting:
 
 
 def _drawn(
-    spec: SweepSpec, identity: str, rows: NDArray[np.int64]
+    spec: Sweep, identity: str, rows: NDArray[np.int64]
 ) -> tuple[dict[str, NDArray[np.float64]], str]:
     """Sampled parameters of the rows; NaN, and the reason, where they cannot be known."""
     design = _design(spec, identity)
     if isinstance(design, str):
         # a table decides which parameters are sampled
-        every = inputs_of(spec.given, spec.base)
-        names, reason = tuple(every if spec.design == "table" else spec.sampled), design
+        every = inputs_of(spec.scene.given, spec.scene.base)
+        names, reason = tuple(every if spec.design.name == "table" else spec.design.sampled), design
     elif np.any(rows >= design.realizations):
         reason = f"the sweep file asks for {design.realizations} realizations"
         names = design.sampled
@@ -87,18 +86,18 @@ def _drawn(
     return {name: np.full(rows.size, np.nan) for name in names}, reason
 
 
-def _design(spec: SweepSpec, identity: str) -> Design | str:
+def _design(spec: Sweep, identity: str) -> Realizations | str:
     """Open the design again, or return the reason why it cannot be compared."""
-    if spec.design in DRAWN_BY_SCIPY:
+    if spec.design.name in DRAWN_BY_SCIPY:
         drawn = json.loads(identity or "{}").get("scipy", version("scipy"))
         if drawn != version("scipy"):
             return f"drawn by scipy {drawn}, this is {version('scipy')}"
-    if isinstance(spec.table, Path):
-        if not spec.table.is_file():
-            return f"there is no table {spec.table}"
-        contents = spec.table.read_bytes()
+    if isinstance(spec.design.table, Path):
+        if not spec.design.table.is_file():
+            return f"there is no table {spec.design.table}"
+        contents = spec.design.table.read_bytes()
         if hashlib.blake2b(contents, digest_size=8).hexdigest() not in identity:
-            return f"the table {spec.table} is not the one that was used"
+            return f"the table {spec.design.table} is not the one that was used"
     try:
         return open_design(spec)
     except (SpecError, TableError) as error:

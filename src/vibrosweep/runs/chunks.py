@@ -8,13 +8,12 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from vibrosweep.engine.asked import observation_of, parameters_of, varied_quantities, varying
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
 from vibrosweep.runs.identity import differences, identity
-from vibrosweep.spec.design import Design, chosen, open_design
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.realizations import Realizations, chosen, open_design
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.parts import Columns, Manifest, Parts, kinds
 
 Tick = Callable[[int], object]
@@ -29,12 +28,12 @@ TOTALS_PER_BATCH: Final = 1 << 23
 class Job:
     """Everything a process on any machine needs to compute a chunk; can be pickled."""
 
-    spec: SweepSpec
+    spec: Sweep
     manifest: Manifest  # how the sweep is cut into chunks
     parts: Parts  # where its parts are written
     rows: tuple[int, ...] = ()  # indices of the realizations to compute; all if empty
 
-    def open(self) -> Design:
+    def open(self) -> Realizations:
         """Open the design of the realizations to compute."""
         design = open_design(self.spec)
         return chosen(design, self.rows) if self.rows else design
@@ -95,10 +94,10 @@ def compute_chunk(job: Job, index: int, threads: int, tick: Tick | None = None) 
     return stop - start
 
 
-_opened: tuple[Job, Design] | None = None
+_opened: tuple[Job, Realizations] | None = None
 
 
-def _design(job: Job) -> Design:
+def _design(job: Job) -> Realizations:
     """Open the design of a job; cached for the next chunk of the same job."""
     global _opened  # opening a table or a Latin hypercube may take a second
     opened = _opened
@@ -114,18 +113,18 @@ def _design(job: Job) -> Design:
     return opened[1]
 
 
-def column_kinds(spec: SweepSpec, design: Design) -> dict[str, str]:
+def column_kinds(spec: Sweep, design: Realizations) -> dict[str, str]:
     """Return the type of each column of a sweep, in the form of `vibrosweep.store.parts.kinds`."""
     sizes = {"realization": 0, **spec.sizes}
-    columns = {name: np.empty(0) for name in varying(spec, design.sampled)}
-    for variable in spec.measures.variables:
+    columns = {name: np.empty(0) for name in spec.scene.varying(design.sampled)}
+    for variable in spec.scene.measures.variables:
         columns[variable.name] = np.empty([sizes[d] for d in variable.dims], variable.dtype)
     return kinds(columns)
 
 
 def compute_rows(
-    spec: SweepSpec,
-    design: Design,
+    spec: Sweep,
+    design: Realizations,
     start: int,
     stop: int,
     workers: Workers,
@@ -145,20 +144,20 @@ def compute_rows(
         yield _batch(spec, design, first, min(first + size, stop), workers)
 
 
-def _batch(spec: SweepSpec, design: Design, start: int, stop: int, workers: Workers) -> Columns:
+def _batch(spec: Sweep, design: Realizations, start: int, stop: int, workers: Workers) -> Columns:
     sampled, size = design.take(start, stop), stop - start
-    parameters = parameters_of(spec, sampled, size)
-    observation = observation_of(spec)
+    parameters = spec.scene.parameters(sampled, size)
+    observation = spec.scene
     try:
         measured = measure_all(parameters, observation, workers)
     except VibrosweepError:
         raise
     except Exception:  # try once more: the failure may have been temporary
         measured = measure_all(parameters, observation, workers)
-    return {**varied_quantities(spec, sampled, size), **measured}
+    return {**spec.scene.varied(sampled, size), **measured}
 
 
-def batch_size(spec: SweepSpec) -> int:
+def batch_size(spec: Sweep) -> int:
     """Number of realizations in a batch, computed together."""
-    widest = max((one.width for one in spec.measures.observables), default=1)
-    return max(1, min(TRAJECTORIES_PER_BATCH, TOTALS_PER_BATCH // widest) // spec.particles)
+    widest = max((one.width for one in spec.scene.measures.observables), default=1)
+    return max(1, min(TRAJECTORIES_PER_BATCH, TOTALS_PER_BATCH // widest) // spec.scene.particles)

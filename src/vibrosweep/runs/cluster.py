@@ -143,8 +143,10 @@ def on_dask(client: Client, absence: float = ABSENCE) -> Runner:
     """
 
     def run(job: Job, chunks: Sequence[int], tick: Tick) -> Mapping[int, str]:
-        if isinstance(job.spec.table, Path):  # workers have other working directories
-            job = replace(job, spec=replace(job.spec, table=job.spec.table.resolve()))
+        table = job.spec.design.table
+        if isinstance(table, Path):  # workers have other working directories
+            design = replace(job.spec.design, table=table.resolve())
+            job = replace(job, spec=replace(job.spec, design=design))
         waiting = _Chunks(client, job, list(reversed(chunks)), absence)
         try:
             for size in waiting.sizes():

@@ -19,8 +19,8 @@ from vibrosweep.runs.plan import Plan, bytes_per_realization, make_plan
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.runs.result import write_result
 from vibrosweep.runs.summary import Summary
-from vibrosweep.spec.design import Design, open_design
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.realizations import Realizations, open_design
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.disk import check_output, reporting
 from vibrosweep.store.parts import Columns, Manifest, Parts, write_manifest
 from vibrosweep.store.rundir import empty, holding
@@ -53,7 +53,7 @@ def require_switch(name: str, value: object) -> None:
 
 
 def run_sweep(
-    spec: SweepSpec,
+    spec: Sweep,
     output: Path,
     *,
     threads: int,
@@ -124,7 +124,7 @@ def run_sweep(
 
 
 def _planned(
-    spec: SweepSpec,
+    spec: Sweep,
     output: Path,
     workers: Workers,
     chunk: int | None,
@@ -142,7 +142,7 @@ def _planned(
 
 
 def _pieces(
-    output: Path, spec: SweepSpec, design: Design, workers: Workers, advance: Advance
+    output: Path, spec: Sweep, design: Realizations, workers: Workers, advance: Advance
 ) -> Iterator[Columns]:
     """Compute a sweep of one chunk, which is written at once and cannot be resumed."""
     done = 0

@@ -10,19 +10,19 @@ import h5netcdf
 from vibrosweep.errors import DataError, OutputError, RunError
 from vibrosweep.runs.identity import differences, identity
 from vibrosweep.runs.result import identity_in
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.kinds import SWEEP, kind_of
 from vibrosweep.store.parts import read_manifest
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rundir import abandon, holding, run_directory
 
 
-def is_of(spec: SweepSpec, path: Path) -> bool:
+def is_of(spec: Sweep, path: Path) -> bool:
     """Tell whether a file is the finished result of exactly this sweep and version."""
     return _changes(spec, path) == []
 
 
-def cleared(spec: SweepSpec, output: Path) -> bool:
+def cleared(spec: Sweep, output: Path) -> bool:
     """Remove the parts that a killed run left beside the finished result of this sweep.
 
     Returns True if there were any.  An unfinished run of another sweep, or a retry, is kept.
@@ -40,7 +40,7 @@ def cleared(spec: SweepSpec, output: Path) -> bool:
     return True
 
 
-def origin(spec: SweepSpec, path: Path) -> str:
+def origin(spec: Sweep, path: Path) -> str:
     """Describe how an existing file is related to this sweep, and how they differ."""
     changes = _changes(spec, path)
     if changes is None:
@@ -52,7 +52,7 @@ def origin(spec: SweepSpec, path: Path) -> str:
     return "it is the result of another sweep or version:\n  " + "\n  ".join(changes) + "\n"
 
 
-def _changes(spec: SweepSpec, path: Path) -> list[str] | str | None:
+def _changes(spec: Sweep, path: Path) -> list[str] | str | None:
     """Return how a file's sweep differs, or the kind of the file; None for foreign files."""
     try:
         with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:

@@ -20,9 +20,10 @@ from vibrosweep.mistakes import CHUNK, OUTPUT
 from vibrosweep.runs.chunks import batch_size
 from vibrosweep.runs.pilot import memory_per_realization
 from vibrosweep.runs.plan import Plan, bytes_per_realization
-from vibrosweep.runs.result import declare, recorded, write_record, write_rows
-from vibrosweep.spec.rules import Axis, RecordSpec
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.runs.result import declare, write_record, write_rows
+from vibrosweep.scene.design import Axis
+from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.dataset import creating
 from vibrosweep.store.disk import target_of
 from vibrosweep.store.parts import kinds
@@ -45,7 +46,7 @@ class Needs:
     parts: float
 
 
-def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
+def estimate(spec: Sweep, plan: Plan, workers: Workers) -> Needs:
     """Estimate what a planned sweep needs.
 
     Raises a ParameterError where the record of landings does not fit into memory, and a RunError
@@ -60,7 +61,7 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
     written, record = record_bytes(spec, workers)
     size, seconds = _written(spec, plan, workers.threads)
     if spec.record is not None:
-        more, longer = _record_file(spec, spec.record, written, workers)
+        more, longer = _record_file(spec.record, written, workers)
         size, seconds = size + more, seconds + longer
     per_realization = bytes_per_realization(spec, design)
     cut = plan.chunks > 1
@@ -79,14 +80,14 @@ def estimate(spec: SweepSpec, plan: Plan, workers: Workers) -> Needs:
     )
 
 
-def record_bytes(spec: SweepSpec, workers: Workers) -> tuple[int, int]:
+def record_bytes(spec: Sweep, workers: Workers) -> tuple[int, int]:
     """Bytes of the record of landings on disk, and of memory while it is made; 0 without one.
 
     Raises a ParameterError where it does not fit into memory.
     """
     if spec.record is None:
         return 0, 0
-    return landings.record_bytes(*recorded(spec.record, spec.measures.impact_budget), workers)
+    return landings.record_bytes(spec.record.parameters({}), spec.record, workers)
 
 
 def has_room(output: Path, needed: float) -> bool:
@@ -107,7 +108,7 @@ def require_disk(output: Path, needed: float) -> None:
         )
 
 
-def _written(spec: SweepSpec, plan: Plan, threads: int) -> tuple[float, float]:
+def _written(spec: Sweep, plan: Plan, threads: int) -> tuple[float, float]:
     """Bytes of the file without its record, and seconds to write it, from two small files."""
     design = plan.design
     most = max(2, min(SAMPLE_ROWS, SAMPLE_BYTES // bytes_per_realization(spec, design)))
@@ -119,7 +120,7 @@ def _written(spec: SweepSpec, plan: Plan, threads: int) -> tuple[float, float]:
     return size + more * (size - smaller), seconds + more * max(seconds - sooner, 0.0)
 
 
-def _sample_file(spec: SweepSpec, plan: Plan, most: int, threads: int) -> tuple[int, int, float]:
+def _sample_file(spec: Sweep, plan: Plan, most: int, threads: int) -> tuple[int, int, float]:
     """Write a result file with rows drawn from the computed sample; rows, bytes and seconds."""
     columns = plan.cost.columns
     spec, rows = _shortened(spec, most)
@@ -134,9 +135,9 @@ def _sample_file(spec: SweepSpec, plan: Plan, most: int, threads: int) -> tuple[
         return rows, path.stat().st_size, time.perf_counter() - began
 
 
-def _shortened(spec: SweepSpec, most: int) -> tuple[SweepSpec, int]:
+def _shortened(spec: Sweep, most: int) -> tuple[Sweep, int]:
     """Cut the axes of a grid so that it has no more rows; the number of rows."""
-    axes = {name: s.values for name, s in spec.sampled.items() if isinstance(s, Axis)}
+    axes = spec.design.axes
     if not axes:
         return spec, most
     left = most
@@ -144,25 +145,23 @@ def _shortened(spec: SweepSpec, most: int) -> tuple[SweepSpec, int]:
         axes[name] = axes[name][: max(1, left)]
         left //= len(axes[name])
     sampled = {name: Axis(values) for name, values in axes.items()}
-    return replace(spec, sampled=sampled), math.prod(map(len, axes.values()))
+    design = replace(spec.design, sampled=sampled)
+    return replace(spec, design=design), math.prod(map(len, axes.values()))
 
 
-def _record_file(
-    spec: SweepSpec, record: RecordSpec, size: int, workers: Workers
-) -> tuple[float, float]:
+def _record_file(record: Scene, size: int, workers: Workers) -> tuple[float, float]:
     """Bytes that the record adds to the file, and seconds to compute and write it.
 
     Measured on a shorter record: as many landings of each particle as fill a small file.
     """
-    budget = min(
-        spec.measures.impact_budget, 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * record.particles)
-    )
+    most = 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * record.particles)
+    short = record.measuring(impact_budget=min(record.measures.impact_budget, most))
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "record.h5"
         began = time.perf_counter()
-        sample, _ = landings.record_bytes(*recorded(record, budget), workers)  # as a run does
+        sample, _ = landings.record_bytes(short.parameters({}), short, workers)  # as a run does
         with creating(path) as file:
-            write_record(file.group("record"), record, budget, workers)
+            write_record(file.group("record"), short, workers)
         took = time.perf_counter() - began
         growth = max(size / max(sample, 1), 1.0)
         return path.stat().st_size * growth, took * growth

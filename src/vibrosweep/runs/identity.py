@@ -18,46 +18,53 @@ from vibrosweep.mistakes import toml
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.times import Periods, unit_of
-from vibrosweep.spec.columns import GivenTable
-from vibrosweep.spec.keywords import short_axis
-from vibrosweep.spec.rules import Axis, Range, RecordSpec
-from vibrosweep.spec.schema import SampleTable, SceneTable
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.columns import GivenTable
+from vibrosweep.scene.design import Axis, Design, Range
+from vibrosweep.scene.keywords import short_axis
+from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.provenance import version
 
-# Fields of a spec that are not part of the identity, with the reason for each.
+# Fields that are not part of the identity, each with the reason.
 EXEMPT: Final[Mapping[str, str]] = {
     "text": "wording and comments; the values of the text are in the other fields",
     "source": "where the sweep file lies",
-    "given": "which parameters are stated and which are defaults; their values are in `fixed`",
-    "table": "where the table lies; the digest of its contents takes its place",
     "windows": "what `vibrosweep windows` looks for; a sweep computes nothing of it",
+    "scene.given": "which parameters are stated and which are defaults; their values are there",
+    "scene.skip": "whether cycles are counted instead of followed, which gives the same bits",
+    "design.table": "where the table lies; the digest of its contents takes its place",
+    "record.given": "as of the scene",
+    "record.skip": "as of the scene",
+    "record.measures": "every landing, up to the impact budget of the sweep",
 }
 # numba and llvmlite compile the kernels, scipy draws two of the designs, and an arcsine of numpy
 # enters every realization
 LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
 # Sources that could affect the drawing, computing or storing of a sweep.
-ROOMS: Final = ("model", "theory", "kernels", "engine", "spec", "store", "runs")
-# Mappings whose keys appear in the sweep file unchanged.
-TRANSPARENT: Final = ("fixed", "sampled", "parameters")
-TABLES: Final = {"scene": SceneTable, "sample": SampleTable}
-SECTIONS: Final = {"measures": "measure"} | {
-    field.name: f"{section}.{field.name}"
-    for section, table in TABLES.items()
-    for field in fields(table)
+ROOMS: Final = ("model", "theory", "kernels", "engine", "scene", "store", "runs")
+# Fields whose keys in the sweep file are other ones
+KEYS: Final[Mapping[str, str]] = {
+    "scene.inputs": "",
+    "scene.measures": "measure",
+    "design": "sample",
+    "design.name": "sample.design",
+    "design.sampled": "",
+    "record.inputs": "record",
 }
 LONGEST: Final = 200
 
 
-def identity(spec: SweepSpec) -> dict[str, str]:
+def identity(spec: Sweep) -> dict[str, str]:
     """Return the identity of a sweep: values of the sweep file, its table, and the programs.
 
     It does not depend on comments, on the order of keys, or on whether defaults are written out.
     Raises a TableError where the table cannot be read.
     """
-    found = {key: _short(value) for key, value in _entries("", spec)}
-    if spec.table is not None:
-        found["contents of the table"] = _digest(spec.table)
+    found = {key: _short(value) for key, value in _entries("", "", spec)}
+    if spec.design.table is not None:
+        found["contents of the table"] = _digest(spec.design.table)
+    if spec.design.source:
+        found["code of the design"] = _short(spec.design.source)
     found["programs"] = programs()
     return found | {library: version(library) for library in LIBRARIES}
 
@@ -72,10 +79,10 @@ def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _entries(key: str, value: Any) -> Iterator[tuple[str, object]]:
-    """Yield every value in a spec as a sweep file gives it, with its key there."""
+def _entries(path: str, key: str, value: Any) -> Iterator[tuple[str, object]]:
+    """Yield every value of the field at a path as a sweep file gives it, with its key there."""
     members: Mapping[str, Any] = {}
-    if isinstance(value, SweepSpec | Measures | RecordSpec | Observable):
+    if isinstance(value, Sweep | Scene | Design | Measures | Observable):
         # of what is not compared, as a function, another field holds a digest
         members = {f.name: getattr(value, f.name) for f in fields(value) if f.compare}
     elif isinstance(value, Mapping):
@@ -83,7 +90,7 @@ def _entries(key: str, value: Any) -> Iterator[tuple[str, object]]:
     elif isinstance(value, tuple) and any(isinstance(one, Observable) for one in value):
         members = {one.name: one for one in value}
     elif isinstance(value, Range):
-        yield key, (value.low, value.high)
+        yield key, value.ends
     elif isinstance(value, Axis):
         yield key, short_axis(list(value.values))
     elif isinstance(value, Periods):
@@ -94,15 +101,9 @@ def _entries(key: str, value: Any) -> Iterator[tuple[str, object]]:
     elif value is not None:
         raise TypeError(f"{key}: the identity of a sweep cannot hold a {type(value).__name__}")
     for name, member in members.items():
-        if key or name not in EXEMPT:
-            yield from _entries(_key(key, name), member)
-
-
-def _key(parent: str, name: str) -> str:
-    """Name a field as the sweep file does."""
-    if name in TRANSPARENT:
-        return parent
-    return f"{parent}.{name}" if parent else SECTIONS.get(name, name)
+        inner = f"{path}.{name}" if path else name
+        if inner not in EXEMPT:
+            yield from _entries(inner, KEYS.get(inner, f"{key}.{name}" if key else name), member)
 
 
 def _short(value: object) -> str:

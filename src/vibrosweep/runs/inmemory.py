@@ -11,8 +11,8 @@ from vibrosweep.runs.chunks import column_kinds, compute_rows
 from vibrosweep.runs.plan import bytes_per_realization
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.runs.result import declare, write_rows
-from vibrosweep.spec.design import open_design
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.memory import InMemory
 from vibrosweep.store.parts import Columns
 from vibrosweep.system import physical_memory
@@ -25,7 +25,7 @@ PIECES: Final = 100
 TRAJECTORIES_PER_PIECE: Final = 1 << 14
 
 
-def sweep_in_memory(spec: SweepSpec, *, threads: int, advance: Advance = silent) -> xr.Dataset:
+def sweep_in_memory(spec: Sweep, *, threads: int, advance: Advance = silent) -> xr.Dataset:
     """Compute a sweep without its record; the result does not depend on the number of threads.
 
     `advance` is called with the number of finished realizations and the total.  Raises a
@@ -40,7 +40,7 @@ def sweep_in_memory(spec: SweepSpec, *, threads: int, advance: Advance = silent)
             f"the results of {total} realizations take {needed / 2**30:.3g} GiB of this machine's "
             f"{available / 2**30:.3g} GiB: write them to a file with vibrosweep.run"
         )
-    piece = max(-(-total // PIECES), TRAJECTORIES_PER_PIECE // spec.particles, 1)
+    piece = max(-(-total // PIECES), TRAJECTORIES_PER_PIECE // spec.scene.particles, 1)
     found = InMemory()
     declare(found, spec, design, threads)
     with Workers(threads) as workers:

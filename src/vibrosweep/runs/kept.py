@@ -15,7 +15,7 @@ from vibrosweep.runs.identity import differences
 from vibrosweep.runs.progress import Advance
 from vibrosweep.runs.result import write_result
 from vibrosweep.runs.summary import Summary
-from vibrosweep.spec.design import Design
+from vibrosweep.scene.realizations import Realizations
 from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Columns, Manifest, Parts, read_manifest
 from vibrosweep.store.rundir import abandon, empty
@@ -54,7 +54,7 @@ class KeptRun:
     """A run that keeps its finished chunks and can be resumed."""
 
     output: Path  # the result file
-    design: Design  # the realizations to compute
+    design: Realizations  # the realizations to compute
     job: Job  # what a process needs to compute the chunks
     threads: int  # number of threads in this process
     repaired: int = 0  # damaged parts that were computed again

@@ -10,15 +10,14 @@ from vibrosweep import theory
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT
 from vibrosweep.model.times import Periods, Time, in_periods
-from vibrosweep.spec.design import Design
-from vibrosweep.spec.rules import Range
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.realizations import Realizations
+from vibrosweep.scene.sweep import Sweep
 
 
-def notes(spec: SweepSpec, design: Design) -> dict[str, str]:
+def notes(spec: Sweep, design: Realizations) -> dict[str, str]:
     """Remarks on a sweep, by subject; empty if there are none."""
     found = {"defaults": _defaults(spec, design)}
-    if spec.measures.regimes:
+    if spec.scene.measures.regimes:
         found |= {
             "observation": observation_of_orbits(spec, design),
             "exponents": _short_window(spec, design),
@@ -26,24 +25,24 @@ def notes(spec: SweepSpec, design: Design) -> dict[str, str]:
     return {subject: text for subject, text in found.items() if text}
 
 
-def silent_defaults(spec: SweepSpec, design: Design) -> dict[str, float]:
+def silent_defaults(spec: Sweep, design: Realizations) -> dict[str, float]:
     """Parameters left at their defaults by a sweep that states others."""
-    stated = {*spec.given, *design.sampled}
-    left = [name for name in inputs_of(stated, spec.base) if stated and name not in stated]
+    stated = {*spec.scene.given, *design.sampled}
+    left = [name for name in inputs_of(stated, spec.scene.base) if stated and name not in stated]
     return {name: INPUTS[name].default for name in left}
 
 
-def _defaults(spec: SweepSpec, design: Design) -> str:
+def _defaults(spec: Sweep, design: Realizations) -> str:
     return ", ".join(
         f"{name} {value:g} {INPUTS[name].units}".removesuffix(" 1")
         for name, value in silent_defaults(spec, design).items()
     )
 
 
-def observation_of_orbits(spec: SweepSpec, design: Design) -> str:
+def observation_of_orbits(spec: Sweep, design: Realizations) -> str:
     """Return a remark if the observation is too short to recognise locked orbits; else empty."""
     restitution, frequency = (_ends(spec, design, n) for n in ("restitution", "frequency"))
-    return short_observation(spec.base, restitution[1], frequency[0], spec.duration)
+    return short_observation(spec.scene.base, restitution[1], frequency[0], spec.scene.duration)
 
 
 def short_observation(base: str, restitution: float, frequency: float, duration: Time) -> str:
@@ -69,10 +68,12 @@ def short_observation(base: str, restitution: float, frequency: float, duration:
     )
 
 
-def _short_window(spec: SweepSpec, design: Design) -> str:
+def _short_window(spec: Sweep, design: Realizations) -> str:
     """Return a remark if the window is too short for the exponent of an orbit; else empty."""
     frequency = np.array(_ends(spec, design, "frequency")[1:])
-    begin, end = (in_periods(t, frequency) for t in (spec.measures.transient, spec.duration))
+    begin, end = (
+        in_periods(t, frequency) for t in (spec.scene.measures.transient, spec.scene.duration)
+    )
     periods = float((end - begin)[0])
     if periods >= LANDINGS_OF_AN_EXPONENT:
         return ""
@@ -82,14 +83,12 @@ def _short_window(spec: SweepSpec, design: Design) -> str:
     )
 
 
-def _ends(spec: SweepSpec, design: Design, name: str) -> tuple[float, float]:
+def _ends(spec: Sweep, design: Realizations, name: str) -> tuple[float, float]:
     """Smallest and largest value of a parameter."""
-    spread = spec.sampled.get(name)
-    if isinstance(spread, Range):
-        return spread.low, spread.high
+    spread = spec.design.sampled.get(name)
     if spread is not None:
-        return min(spread.values), max(spread.values)
+        return spread.ends
     if name in design.sampled:  # a table
         values = design.take(0, design.realizations)[name]
         return float(values.min()), float(values.max())
-    return spec.fixed[name], spec.fixed[name]
+    return spec.scene.inputs[name], spec.scene.inputs[name]

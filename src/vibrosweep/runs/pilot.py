@@ -12,14 +12,13 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.asked import observation_of, parameters_of, varied_quantities
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.times import fraction_of, in_periods
 from vibrosweep.runs.chunks import batch_size
-from vibrosweep.spec.design import Design
-from vibrosweep.spec.schema import DRAWN
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.design import DESIGNS
+from vibrosweep.scene.realizations import Realizations
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.parts import Columns
 from vibrosweep.system import resident_memory
 
@@ -65,7 +64,7 @@ UNKNOWN: Final = Cost(math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, {})
 
 
 def explore(
-    spec: SweepSpec, design: Design, workers: Workers, seconds: float, enough: float = 0.0
+    spec: Sweep, design: Realizations, workers: Workers, seconds: float, enough: float = 0.0
 ) -> Cost:
     """Estimate the cost of the realizations of a sweep, with as many threads as the run has.
 
@@ -75,7 +74,7 @@ def explore(
     `enough`, a rough estimate will do.
     """
     most = min(design.realizations, batch_size(spec))
-    size = min(most, max(REALIZATIONS, -(-TRAJECTORIES // spec.particles)))
+    size = min(most, max(REALIZATIONS, -(-TRAJECTORIES // spec.scene.particles)))
     began = time.perf_counter()
     shares = list(_shares(spec, design))
     sampled = _sampled(spec, design, size)
@@ -101,11 +100,12 @@ def explore(
             sampled = _sampled(spec, design, size)
 
 
-def memory_per_realization(spec: SweepSpec, design: Design, workers: Workers) -> float:
+def memory_per_realization(spec: Sweep, design: Realizations, workers: Workers) -> float:
     """Bytes of memory per realization of a batch while it is computed."""
-    particles = min(spec.particles, MEASURED_PARTICLES)
-    launch = spec.launch if isinstance(spec.launch, str) else spec.launch[:particles]
-    few = replace(spec, particles=particles, launch=launch)
+    particles = min(spec.scene.particles, MEASURED_PARTICLES)
+    launch = spec.scene.launch
+    launch = launch if isinstance(launch, str) else launch[:particles]
+    few = replace(spec, scene=replace(spec.scene, particles=particles, launch=launch))
     size = max(REALIZATIONS, -(-MEASURED_TRAJECTORIES // particles))
     sizes, peaks = (size, STEP * size), []
     share = next(_shares(spec, design)) / STEP**2  # array sizes do not depend on the duration
@@ -119,15 +119,16 @@ def memory_per_realization(spec: SweepSpec, design: Design, workers: Workers) ->
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
-    return (peaks[1] - peaks[0]) / (sizes[1] - sizes[0]) * spec.particles / particles
+    return (peaks[1] - peaks[0]) / (sizes[1] - sizes[0]) * spec.scene.particles / particles
 
 
-def _shares(spec: SweepSpec, design: Design) -> Iterator[float]:
+def _shares(spec: Sweep, design: Realizations) -> Iterator[float]:
     """Growing fractions of the duration and of the impact budget, up to 1."""
-    frequency = design.take(0, 1).get("frequency", np.array([spec.fixed.get("frequency", 1.0)]))
-    periods = float(in_periods(spec.duration, frequency)[0])
+    fixed = np.array([spec.scene.inputs.get("frequency", 1.0)])
+    frequency = design.take(0, 1).get("frequency", fixed)
+    periods = float(in_periods(spec.scene.duration, frequency)[0])
     steps = 0
-    while max(periods / PERIODS, spec.measures.impact_budget / IMPACTS) > STEP**steps:
+    while max(periods / PERIODS, spec.scene.measures.impact_budget / IMPACTS) > STEP**steps:
         steps += 1
     return (float(STEP) ** -k for k in range(steps, -1, -1))
 
@@ -156,29 +157,24 @@ def _extrapolated(
 
 
 def _timed(
-    spec: SweepSpec, sampled: dict[str, Array], size: int, share: float, workers: Workers
+    spec: Sweep, sampled: dict[str, Array], size: int, share: float, workers: Workers
 ) -> tuple[float, Columns]:
     """Compute realizations over a fraction of their duration; return seconds and results."""
-    short = spec
+    scene = spec.scene
     if share < 1.0:
-        short = replace(
-            spec,
-            duration=fraction_of(spec.duration, share),
-            measures=replace(
-                spec.measures,
-                transient=fraction_of(spec.measures.transient, share),
-                impact_budget=max(1, int(spec.measures.impact_budget * share)),
-            ),
+        scene = replace(scene, duration=fraction_of(scene.duration, share)).measuring(
+            transient=fraction_of(scene.measures.transient, share),
+            impact_budget=max(1, int(scene.measures.impact_budget * share)),
         )
     began = time.perf_counter()
-    measured = measure_all(parameters_of(short, sampled, size), observation_of(short), workers)
+    measured = measure_all(scene.parameters(sampled, size), scene, workers)
     took = time.perf_counter() - began
-    return took, {**varied_quantities(spec, sampled, size), **measured}
+    return took, {**spec.scene.varied(sampled, size), **measured}
 
 
-def _sampled(spec: SweepSpec, design: Design, size: int) -> dict[str, Array]:
+def _sampled(spec: Sweep, design: Realizations, size: int) -> dict[str, Array]:
     """Realizations spread over the design: neighbours in a grid or a table are similar."""
-    if size == design.realizations or spec.design in DRAWN:
+    if size == design.realizations or spec.design.name in DESIGNS:
         return design.take(0, size)
     places = [int(design.realizations * (k * GOLDEN % 1.0)) for k in range(size)]
     rows = [design.take(place, place + 1) for place in places]

@@ -9,14 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from vibrosweep.engine.asked import varying
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, VibrosweepError
 from vibrosweep.mistakes import CHUNK
 from vibrosweep.runs.chunks import batch_size
 from vibrosweep.runs.pilot import UNKNOWN, Cost, explore
-from vibrosweep.spec.design import Design, chosen, open_design
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.realizations import Realizations, chosen, open_design
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.system import physical_memory
 
 # A killed run loses at most the chunk it was computing; a sweep shorter than this is one chunk.
@@ -34,7 +33,7 @@ SECONDS_TO_PLAN: Final = 0.5
 class Plan:
     """The chunks of a sweep and their cost."""
 
-    design: Design
+    design: Realizations
     chunk: int  # realizations in a chunk
     cost: Cost  # mean cost of a realization
     opening: float  # seconds to open the design
@@ -46,7 +45,7 @@ class Plan:
 
 
 def make_plan(
-    spec: SweepSpec,
+    spec: Sweep,
     workers: Workers,
     chunk: int | None = None,
     *,
@@ -88,26 +87,26 @@ def make_plan(
     return Plan(design, max(1, min(size, design.realizations)), cost, opening)
 
 
-def _require_memory(spec: SweepSpec, design: Design, chunk: int) -> None:
+def _require_memory(spec: Sweep, design: Realizations, chunk: int) -> None:
     """Raise, before anything is computed, if a chunk needs more than half of the memory."""
     batch = min(batch_size(spec), chunk)
-    needed = BYTES_PER_TRAJECTORY * batch * spec.particles
+    needed = BYTES_PER_TRAJECTORY * batch * spec.scene.particles
     needed += 2 * chunk * bytes_per_realization(spec, design)
     available = physical_memory()
     if needed > available / 2:
         raise ParameterError(
-            f"a chunk of {chunk} realizations of {spec.particles} particles needs about "
+            f"a chunk of {chunk} realizations of {spec.scene.particles} particles needs about "
             f"{needed / 2**30:.3g} GiB of this machine's {available / 2**30:.3g} GiB: lower ",
             CHUNK,
             " where it was given, or take fewer particles",
         )
 
 
-def bytes_per_realization(spec: SweepSpec, design: Design) -> int:
+def bytes_per_realization(spec: Sweep, design: Realizations) -> int:
     """Bytes of a realization's results in memory and in parts."""
     sizes = {"realization": 1, **spec.sizes}
     measured = sum(
         np.dtype(v.dtype).itemsize * int(np.prod([sizes[d] for d in v.dims]))
-        for v in spec.measures.variables
+        for v in spec.scene.measures.variables
     )
-    return 8 * len(varying(spec, design.sampled)) + measured
+    return 8 * len(spec.scene.varying(design.sampled)) + measured

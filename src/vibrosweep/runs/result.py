@@ -11,22 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.asked import given_forcing, quantities_of, record_observation, varying
 from vibrosweep.engine.landings import launch_times, record_landings
-from vibrosweep.engine.observation import Observation
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
-from vibrosweep.model.forcing import INPUTS, completed, forcing_of, only_parameters, sources
+from vibrosweep.model.forcing import INPUTS, sources
 from vibrosweep.model.measures import OPTIONS, RECORD
 from vibrosweep.model.parameters import Parameter
-from vibrosweep.model.times import Periods, Time, in_seconds
+from vibrosweep.model.times import Periods, Time
 from vibrosweep.runs.chunks import batch_size, column_kinds
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import notes, silent_defaults
 from vibrosweep.runs.summary import Summary
-from vibrosweep.spec.design import Design
-from vibrosweep.spec.rules import Axis, RecordSpec
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.realizations import Realizations
+from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.dataset import Group, creating
 from vibrosweep.store.kinds import KIND, SWEEP
 from vibrosweep.store.parts import kinds
@@ -107,8 +105,8 @@ def _checked(pieces: Iterable[Columns], declared: Mapping[str, str]) -> Iterator
 def write_result(
     output: Path,
     directory: Path,
-    spec: SweepSpec,
-    design: Design,
+    spec: Sweep,
+    design: Realizations,
     pieces: Iterable[Columns],
     workers: Workers,
     *,
@@ -139,28 +137,28 @@ def write_result(
         file.group(IDENTITY).attributes({IDENTITY: json.dumps(identity(spec))})
         write_rows(file, column_kinds(spec, design), batch_size(spec), summarized())
         if spec.record is not None:
-            write_record(file.group("record"), spec.record, spec.measures.impact_budget, workers)
+            write_record(file.group("record"), spec.record, workers)
     return summary
 
 
-def declare(file: Writer, spec: SweepSpec, design: Design, threads: int) -> None:
+def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> None:
     """Declare dimensions, variables and attributes; the axes of a grid are its dimensions."""
-    axes = {n: np.array(s.values) for n, s in spec.sampled.items() if isinstance(s, Axis)}
+    axes = {name: np.array(values) for name, values in spec.design.axes.items()}
     sizes = {name: values.size for name, values in axes.items()}
     sizes = sizes or {REALIZATION: design.realizations}
     file.dimensions({**sizes, **spec.sizes}, tuple(sizes))
-    quantities = quantities_of(spec, design.take(0, 1), 1)
-    varied = varying(spec, design.sampled)
+    quantities = spec.scene.timed(design.take(0, 1), 1)
+    varied = spec.scene.varying(design.sampled)
     for name in varied:
         dims, values = _along(name, spec, axes)
         file.coordinate(name, dims, attributes_of(name), values)
     for name, label in design.labels.items():
         file.coordinate(name, (REALIZATION,), label.attributes, label.values[: design.realizations])
     frequency = None if "frequency" in varied else float(quantities["frequency"][0])
-    _declare_launches(file, spec.launch, spec.particles, frequency)
-    for name, places in spec.measures.own_dims.items():
+    _declare_launches(file, spec.scene.launch, spec.scene.particles, frequency)
+    for name, places in spec.scene.measures.own_dims.items():
         file.coordinate(name, (name,), {"long_name": name.replace("_", " ")}, np.array(places))
-    for variable in spec.measures.variables:
+    for variable in spec.scene.measures.variables:
         file.variable(variable)
     for name in quantities:
         if name not in varied:
@@ -172,16 +170,16 @@ def declare(file: Writer, spec: SweepSpec, design: Design, threads: int) -> None
             # parameters that the sweep file does not state
             "defaults": " ".join(silent_defaults(spec, design)),
             "notes": "; ".join(f"{about}: {text}" for about, text in notes(spec, design).items()),
-            "base": spec.base,
-            "rebound": spec.rebound,
-            "forcing": given_forcing(spec, design.sampled),
-            "particles": spec.particles,
-            "design": spec.design,
-            "seed": spec.seed,
-            "impact_budget": spec.measures.impact_budget,
-            **({"tolerance": spec.measures.tolerance} if spec.measures.trust else {}),
-            **periods_given(spec.duration, spec.measures.transient),
-            **{f"source_of_{one.name}": one.source for one in spec.measures.observables},
+            "base": spec.scene.base,
+            "rebound": spec.scene.rebound,
+            "forcing": spec.scene.forcing(design.sampled),
+            "particles": spec.scene.particles,
+            "design": spec.design.name,
+            "seed": spec.design.seed,
+            "impact_budget": spec.scene.measures.impact_budget,
+            **({"tolerance": spec.scene.measures.tolerance} if spec.scene.measures.trust else {}),
+            **periods_given(spec.scene.duration, spec.scene.measures.transient),
+            **{f"source_of_{one.name}": one.source for one in spec.scene.measures.observables},
             "sweep_file": spec.text,
             **provenance(threads),
         }
@@ -209,7 +207,7 @@ def attributes_of(name: str) -> Mapping[str, str]:
 
 
 def _along(
-    name: str, spec: SweepSpec, axes: Mapping[str, Array]
+    name: str, spec: Sweep, axes: Mapping[str, Array]
 ) -> tuple[tuple[str, ...], Array | None]:
     """Return the dimensions of a quantity that varies, and its values unless it has them all.
 
@@ -219,14 +217,14 @@ def _along(
         return (REALIZATION,), None
     if name in axes:
         return (name,), axes[name]
-    follows = {"frequency"} if name in TIMES else sources(name, given_forcing(spec, axes))
+    follows = {"frequency"} if name in TIMES else sources(name, spec.scene.forcing(axes))
     dims = tuple(axis for axis in axes if axis in follows)
     if len(dims) == len(axes):
         return dims, None
     mesh = np.meshgrid(*(axes[dim] for dim in dims), indexing="ij")
     first = {axis: np.full(mesh[0].size, values[0]) for axis, values in axes.items()}
     varied = {dim: values.ravel() for dim, values in zip(dims, mesh, strict=True)}
-    found = quantities_of(spec, first | varied, mesh[0].size)[name]
+    found = spec.scene.timed(first | varied, mesh[0].size)[name]
     return dims, found.reshape(mesh[0].shape)
 
 
@@ -240,34 +238,19 @@ def _declare_launches(
     file.attributes({"launch": launch if isinstance(launch, str) else "listed"})
 
 
-def recorded(record: RecordSpec, budget: int) -> tuple[dict[str, Array], Observation]:
-    """Return the parameters of the recorded scene, and its observation."""
-    watched = record_observation(
-        record.particles, record.launch, record.duration, record.rebound, budget, record.base
-    )
-    return only_parameters(recorded_quantities(record)), watched
-
-
-def recorded_quantities(record: RecordSpec) -> dict[str, Array]:
-    """Return the quantities of the recorded scene, as `vibrosweep.engine.asked.quantities_of`."""
-    found = completed({name: np.array([value]) for name, value in record.parameters.items()})
-    return found | {"duration": in_seconds(record.duration, found["frequency"])}
-
-
-def write_record(file: Group, record: RecordSpec, budget: int, workers: Workers) -> None:
+def write_record(file: Group, record: Scene, workers: Workers) -> None:
     """Write every landing of the recorded scene, as a group."""
-    parameters, observation = recorded(record, budget)
-    found = record_landings(parameters, observation, workers)
+    found = record_landings(record.parameters({}), record, workers)
     sizes = dict(zip(RECORD["landing_time"].dims, found["landing_time"].shape, strict=True))
     file.dimensions(sizes)
-    quantities = recorded_quantities(record)
+    quantities = record.timed({})
     for name in quantities:
         if name in INPUTS:
             if file.has_outer(name):  # a number of this name would be read as the axis of the sweep
                 file.coordinate(name, ("realization",), attributes_of(name), quantities[name])
             else:
                 file.fixed(name, attributes_of(name), quantities[name][0])
-    _declare_launches(file, record.launch, record.particles, record.parameters["frequency"])
+    _declare_launches(file, record.launch, record.particles, record.inputs["frequency"])
     file.fixed("duration", DURATION, quantities["duration"][0])
     for name, variable in RECORD.items():
         file.variable(variable)
@@ -276,7 +259,7 @@ def write_record(file: Group, record: RecordSpec, budget: int, workers: Workers)
         {
             "base": record.base,
             "rebound": record.rebound,
-            "forcing": forcing_of(record.parameters),
+            "forcing": record.forcing(),
             **periods_given(record.duration),
         }
     )

@@ -5,14 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.engine.asked import varying
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.mistakes import FORCE, IMPACT_BUDGET
@@ -24,8 +22,8 @@ from vibrosweep.runs.plan import make_plan
 from vibrosweep.runs.progress import Advance, silent
 from vibrosweep.runs.result import Stream, identity_in
 from vibrosweep.runs.summary import SETTLING, Summary, unsettled
-from vibrosweep.spec.design import Design, open_design
-from vibrosweep.spec.sweep import SweepSpec
+from vibrosweep.scene.realizations import Realizations, open_design
+from vibrosweep.scene.sweep import Sweep
 from vibrosweep.store.disk import reporting
 from vibrosweep.store.parts import Columns, Manifest, Parts, read_manifest, write_manifest
 from vibrosweep.store.reading import reading
@@ -37,7 +35,7 @@ AGAIN = "rows computed again"
 
 
 def retry_failed(
-    spec: SweepSpec,
+    spec: Sweep,
     output: Path,
     *,
     threads: int,
@@ -86,7 +84,7 @@ def retry_failed(
         another run is in the way.
     """
     if impact_budget:
-        spec = replace(spec, measures=replace(spec.measures, impact_budget=impact_budget))
+        spec = spec.measuring(impact_budget=impact_budget)
     with holding(output) as directory:
         if not output.exists() and read_manifest(directory) is not None:
             raise RunError(f"{output}: is not finished; finish the run before any of it is retried")
@@ -113,7 +111,7 @@ def retry_failed(
     return summary, len(rows)
 
 
-def _rows(spec: SweepSpec, output: Path) -> tuple[dict[str, str], tuple[int, ...]]:
+def _rows(spec: Sweep, output: Path) -> tuple[dict[str, str], tuple[int, ...]]:
     """Return the identity of a result of this sweep, and the indices of realizations to retry.
 
     Index 0 is among them if the record lacks landings.
@@ -135,10 +133,10 @@ def _rows(spec: SweepSpec, output: Path) -> tuple[dict[str, str], tuple[int, ...
             + "\nonly the impact budget may differ; compute the sweep anew with ",
             FORCE,
         )
-    if spec.measures.impact_budget < budget:
+    if spec.scene.measures.impact_budget < budget:
         raise RunError(
             f"{output}: was computed with an impact budget of {budget}, which "
-            f"{spec.measures.impact_budget} would not reach: raise it with ",
+            f"{spec.scene.measures.impact_budget} would not reach: raise it with ",
             IMPACT_BUDGET,
         )
     return before, tuple(np.flatnonzero(failed).tolist())
@@ -170,10 +168,10 @@ def _merged(run: KeptRun, rows: NDArray[np.int64]) -> Iterator[Columns]:
 
 
 def _blocks(
-    path: Path, spec: SweepSpec, design: Design, size: int
+    path: Path, spec: Sweep, design: Realizations, size: int
 ) -> Iterator[tuple[int, Columns]]:
     """Give the rows of a result in blocks, each with the index of its first."""
-    names = [*varying(spec, design.sampled), *(v.name for v in spec.measures.variables)]
+    names = [*spec.scene.varying(design.sampled), *(v.name for v in spec.scene.measures.variables)]
     with reading(path), h5netcdf.File(path, "r", phony_dims="access") as file:
         for start in range(0, design.realizations, size):
             rows = slice(start, min(start + size, design.realizations))

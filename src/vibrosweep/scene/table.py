@@ -21,10 +21,10 @@ from vibrosweep.model.forcing import FORCINGS, INPUTS
 from vibrosweep.model.likely import likely_parameter
 from vibrosweep.model.measures import RESERVED
 from vibrosweep.model.mount import mount_mistakes
-from vibrosweep.spec.columns import GivenTable, Label, columns_of
-from vibrosweep.spec.schema import SECTIONS
-from vibrosweep.spec.sweep import SweepSpec
-from vibrosweep.spec.units import KNOWN_UNITS, factor
+from vibrosweep.scene.columns import GivenTable, Label, columns_of
+from vibrosweep.scene.keys import SECTIONS
+from vibrosweep.scene.sweep import Sweep
+from vibrosweep.scene.units import KNOWN_UNITS, factor
 from vibrosweep.store.rows import UNSTORABLE
 from vibrosweep.store.trial import require_readable
 
@@ -49,7 +49,7 @@ class Table:
     labels: Mapping[str, Label]  # the other columns by their names
 
 
-def read_table(spec: SweepSpec) -> Table:
+def read_table(sweep: Sweep) -> Table:
     """Read the table of a sweep whole.
 
     Raises
@@ -59,21 +59,21 @@ def read_table(spec: SweepSpec) -> Table:
         or out of range, has a column in an unknown unit or whose name is nearly that of a parameter
         or that of a result, or contradicts the sweep file; all mistakes are listed.
     """
-    path = spec.table
-    mistakes = Mistakes(str(spec.table), dialect=PYTHON if spec.source is None else TOML)
+    path = sweep.design.table
+    mistakes = Mistakes(str(sweep.design.table), dialect=PYTHON if sweep.source is None else TOML)
     if path is None:
-        raise ValueError(f"design {spec.design!r} has no table")
+        raise ValueError(f"design {sweep.design.name!r} has no table")
     if isinstance(path, GivenTable):
         columns = dict(path.columns)
     elif not path.is_file():
         reason = "is not a file" if path.exists() else "there is no such table"
-        key = f"sample.design in {spec.source}" if spec.source else "design"
+        key = f"sample.design in {sweep.source}" if sweep.source else "design"
         raise TableError(f"{path}: {reason}; check {key}")
     elif path.suffix.lower() == ".nc":
         columns = _read_netcdf(path)
     else:
         columns = _read_csv(path, mistakes)
-    chosen = _chosen(columns, spec, mistakes)
+    chosen = _chosen(columns, sweep, mistakes)
     if not columns:
         mistakes.add("", "has no columns; give one for each parameter that it samples")
     elif chosen and not columns[chosen[0]].values.size:
@@ -87,8 +87,8 @@ def read_table(spec: SweepSpec) -> Table:
     return Table(parameters, labels)
 
 
-def _sweep(spec: SweepSpec) -> str:
-    return str(spec.source or "the sweep")
+def _source(sweep: Sweep) -> str:
+    return str(sweep.source or "the sweep")
 
 
 def _read_csv(path: Path, mistakes: Mistakes) -> dict[str, Label]:
@@ -154,52 +154,52 @@ def _read_netcdf(path: Path) -> dict[str, Label]:
     return columns_of(whole)
 
 
-def _chosen(columns: Mapping[str, Label], spec: SweepSpec, mistakes: Mistakes) -> list[str]:
+def _chosen(columns: Mapping[str, Label], sweep: Sweep, mistakes: Mistakes) -> list[str]:
     """Names of the columns to use."""
     found = list(columns)
-    if spec.columns is not None:
-        for name in spec.columns:
+    if sweep.design.columns is not None:
+        for name in sweep.design.columns:
             if name not in columns:
                 mistakes.add("", _lacking(name, found, (COLUMNS, " names it")))
-        chosen = [name for name in spec.columns if name in columns]
+        chosen = [name for name in sweep.design.columns if name in columns]
     else:
         for name in found:
-            if name in spec.given:
-                rule = f'column "{name}" is also fixed, {name} = {spec.fixed[name]:g} in '
-                mistakes.add("", rule + _sweep(spec), remedy="keep one of the two")
-        meant = [likely_parameter(name, spec.base) for name in found if name not in INPUTS]
-        known = {*found, *spec.given, *meant}
+            if name in sweep.scene.given:
+                rule = f'column "{name}" is also fixed, {name} = {sweep.scene.inputs[name]:g} in '
+                mistakes.add("", rule + _source(sweep), remedy="keep one of the two")
+        meant = [likely_parameter(name, sweep.scene.base) for name in found if name not in INPUTS]
+        known = {*found, *sweep.scene.given, *meant}
         for name in _EXPECTED:
             same = FORCINGS if name in FORCINGS else (name,)
             if known.isdisjoint(same):
-                mistakes.add("", _lacking(name, found, f"{_sweep(spec)} does not fix it"))
+                mistakes.add("", _lacking(name, found, f"{_source(sweep)} does not fix it"))
         chosen = found
-    forcings = [name for name in FORCINGS if name in chosen or name in spec.given]
+    forcings = [name for name in FORCINGS if name in chosen or name in sweep.scene.given]
     if len(forcings) > 1:
-        rule = f"{forcings[0]} and {forcings[1]} both give the forcing, here or in {_sweep(spec)}"
+        rule = f"{forcings[0]} and {forcings[1]} both give the forcing, here or in {_source(sweep)}"
         mistakes.add("", rule, remedy="keep one of the two")
-    for name, text in mount_mistakes(spec.base, {*chosen, *spec.given}).items():
-        what = f"{name} in {_sweep(spec)}" if name in spec.given else f'column "{name}"'
-        lacks = name not in chosen and name not in spec.given
+    for name, text in mount_mistakes(sweep.scene.base, {*chosen, *sweep.scene.given}).items():
+        what = f"{name} in {_source(sweep)}" if name in sweep.scene.given else f'column "{name}"'
+        lacks = name not in chosen and name not in sweep.scene.given
         remedy = ("add the column, or write it as a number in ", SCENE) if lacks else ""
         mistakes.add("", f"{what} {text}", remedy=remedy)
     for name in chosen:
-        _judge_name(name, spec, mistakes)
+        _judge_name(name, sweep, mistakes)
     _judge_shapes({name: columns[name] for name in chosen}, mistakes)
     return chosen
 
 
-def _judge_name(name: str, spec: SweepSpec, mistakes: Mistakes) -> None:
+def _judge_name(name: str, sweep: Sweep, mistakes: Mistakes) -> None:
     """Check that the name of a column that is not a parameter can be a label."""
     if name in INPUTS:
         return
     elsewhere = ("rename it, or list the columns to use in ", COLUMNS)
-    guess = None if spec.columns else likely_parameter(name, spec.base)
+    guess = None if sweep.design.columns else likely_parameter(name, sweep.scene.base)
     if guess:
         rule = f'column "{name}" is not a physical parameter; did you mean "{guess}"?'
         remedy = ("to keep it as a label rename it, to leave it out list the others in ", COLUMNS)
         mistakes.add("", f"{rule} Known columns: {', '.join(INPUTS)}", remedy=remedy)
-    elif name in RESERVED.union(spec.measures.own_names):
+    elif name in RESERVED.union(sweep.scene.measures.own_names):
         rule = f'column "{name}" has the name of something that a result holds'
         mistakes.add("", rule, remedy=elsewhere)
     elif name in {*SECTIONS["scene"], *SECTIONS["measure"]}:

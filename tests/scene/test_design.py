@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.errors import SpecError
-from vibrosweep.spec.design import MAX_LATIN_VALUES, open_design
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.design import MAX_LATIN_VALUES
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.sweep import parse_spec
 
 DRAWN = ("uniform", "latin", "sobol")
 DESIGNS = (*DRAWN, "grid")
@@ -135,5 +136,5 @@ def test_latin_hypercube_too_large():
 
 
 def test_more_realizations_than_sobol_points():
-    with pytest.raises(SpecError, match=r"realizations = 4294967297 .* 4294967296 points"):
+    with pytest.raises(SpecError, match=r"realizations = 4294967297: .* 4294967296 points"):
         opened("sobol", 2**32 + 1)

@@ -5,15 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vibrosweep.engine.asked import parameters_of, quantities_of, varying
 from vibrosweep.errors import SpecError, TableError
 from vibrosweep.model.mount import MASSES, OF_MOUNT
 from vibrosweep.model.parameters import MOUNT, PARAMETERS
 from vibrosweep.runs.identity import identity
 from vibrosweep.runs.notes import silent_defaults
-from vibrosweep.spec.design import open_design
-from vibrosweep.spec.rules import Range
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.design import Range
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.sweep import parse_spec
 
 SCENE = 'title = "x"\n[scene]\nbase = "sprung"\n'
 MOUNTED = SCENE + "mass_ratio = 0.004\nmount_frequency = 3.0\n"
@@ -30,16 +29,16 @@ def test_a_sweep_over_the_mount():
     spec = parse_spec(
         SCENE + "mount_frequency = 3.0\n[sample]\nrealizations = 5\nmass_ratio = [0.0, 0.1]\n"
     )
-    assert spec.sampled == {"mass_ratio": Range(0.0, 0.1)}
-    assert spec.fixed.keys() == {*PARAMETERS, "mount_frequency", "mount_damping"}
-    assert spec.fixed["mount_damping"] == 0.05
+    assert spec.design.sampled == {"mass_ratio": Range(0.0, 0.1)}
+    assert spec.scene.inputs.keys() == {*PARAMETERS, "mount_frequency", "mount_damping"}
+    assert spec.scene.inputs["mount_damping"] == 0.05
     design = open_design(spec)
     assert "mount_damping" in silent_defaults(spec, design)
     sampled = design.take(0, 5)
-    given = parameters_of(spec, sampled, 5)
+    given = spec.scene.parameters(sampled, 5)
     assert [*given] == [*PARAMETERS, *MOUNT]
     assert np.array_equal(given["mass_ratio"], sampled["mass_ratio"])
-    assert varying(spec, design.sampled) == ("mass_ratio",)
+    assert spec.scene.varying(design.sampled) == ("mass_ratio",)
 
 
 def test_masses_take_the_place_of_their_ratio():
@@ -47,18 +46,18 @@ def test_masses_take_the_place_of_their_ratio():
         SCENE + "mount_frequency = 3.0\nparticle_mass = 0.004\n"
         '[sample]\ndesign = "grid"\nbase_mass = [1.0, 2.0]\n'
     )
-    assert "mass_ratio" not in spec.fixed
+    assert "mass_ratio" not in spec.scene.inputs
     design = open_design(spec)
-    found = quantities_of(spec, design.take(0, 2), 2)
+    found = spec.scene.timed(design.take(0, 2), 2)
     assert found["mass_ratio"].tolist() == [0.004, 0.002]
     assert found.keys() >= MASSES.keys()
-    assert varying(spec, design.sampled) == ("base_mass", "mass_ratio")
+    assert spec.scene.varying(design.sampled) == ("base_mass", "mass_ratio")
 
 
 def test_other_bases_hold_nothing_of_a_mount():
     spec = parse_spec('title = "x"\n[scene]\nbase = "moving"\n')
-    assert quantities_of(spec, {}, 1).keys().isdisjoint(OF_MOUNT)
-    assert spec.fixed.keys() == PARAMETERS.keys()
+    assert spec.scene.timed({}, 1).keys().isdisjoint(OF_MOUNT)
+    assert spec.scene.inputs.keys() == PARAMETERS.keys()
 
 
 @pytest.mark.parametrize(
@@ -122,15 +121,15 @@ def test_each_mistake_is_one_line(text, parts):
 
 
 def test_a_record_takes_from_the_sweep_what_it_does_not_state():
-    assert parse_spec(MOUNTED + "[record]\n").record.parameters["mass_ratio"] == 0.004
+    assert parse_spec(MOUNTED + "[record]\n").record.inputs["mass_ratio"] == 0.004
     weighed = parse_spec(MOUNTED + "[record]\nparticle_mass = 1.0\nbase_mass = 2.0\n").record
-    assert "mass_ratio" not in weighed.parameters
+    assert "mass_ratio" not in weighed.inputs
     still = parse_spec(MOUNTED + '[record]\nbase = "moving"\n').record
-    assert still.parameters.keys() == PARAMETERS.keys()
+    assert still.inputs.keys() == PARAMETERS.keys()
     alone = parse_spec(
         'title = "x"\n[record]\nbase = "sprung"\nmass_ratio = 0.1\nmount_frequency = 2.0\n'
     ).record
-    assert alone.parameters["mount_damping"] == 0.05
+    assert alone.inputs["mount_damping"] == 0.05
 
 
 def table(folder, header, row, scene=SCENE):
@@ -142,7 +141,7 @@ def test_columns_of_a_table(tmp_path):
     header = "restitution,amplitude,particle_mass,base_mass,mount_frequency"
     spec = table(tmp_path, header, "0.9,1.2,0.004,2.0,3.0")
     design = open_design(spec)
-    found = parameters_of(spec, design.take(0, 1), 1)
+    found = spec.scene.parameters(design.take(0, 1), 1)
     assert (found["mass_ratio"].item(), found["mount_damping"].item()) == (0.002, 0.05)
 
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from vibrosweep.errors import SpecError
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
-from vibrosweep.spec.rules import Axis, Range
-from vibrosweep.spec.schema import SECTIONS
-from vibrosweep.spec.sweep import parse_spec, read_spec
+from vibrosweep.scene.design import Axis, Range
+from vibrosweep.scene.keys import SECTIONS
+from vibrosweep.scene.sweep import parse_spec, read_spec
 
 SWEEPS = sorted((Path(__file__).parents[2] / "sweeps").glob("*.toml"))
 TITLE = 'title = "x"\n'
@@ -28,17 +28,20 @@ def message(text: str) -> str:
 
 def test_paper():
     spec = read_spec(next(p for p in SWEEPS if p.name == "paper.toml"))
-    assert spec.design == "uniform"
-    assert (spec.realizations, spec.seed, spec.particles) == (200, 1, 20)
-    assert dict(spec.sampled) == {"restitution": Range(0.80, 0.98), "amplitude": Range(0.2, 3.5)}
-    assert spec.fixed["gravity"] == 9.81
-    assert spec.fixed.keys() | spec.sampled.keys() == PARAMETERS.keys()
-    assert spec.given == {"frequency", "launch_velocity"}
-    assert spec.measures.separation
+    assert spec.design.name == "uniform"
+    assert (spec.design.realizations, spec.design.seed, spec.scene.particles) == (200, 1, 20)
+    assert dict(spec.design.sampled) == {
+        "restitution": Range(0.80, 0.98),
+        "amplitude": Range(0.2, 3.5),
+    }
+    assert spec.scene.inputs["gravity"] == 9.81
+    assert spec.scene.inputs.keys() | spec.design.sampled.keys() == PARAMETERS.keys()
+    assert spec.scene.given == {"frequency", "launch_velocity"}
+    assert spec.scene.measures.separation
     assert spec.record is not None
     assert spec.record.duration == 120.0
     assert spec.record.particles == 20
-    assert list(spec.record.parameters) == list(PARAMETERS)
+    assert list(spec.record.inputs) == list(PARAMETERS)
 
 
 @pytest.mark.parametrize("path", SWEEPS, ids=lambda p: p.stem)
@@ -61,45 +64,50 @@ def test_all_sweeps_are_there():
 
 def test_populations_differ_in_the_number_of_particles_alone():
     specs = [read_spec(p) for p in SWEEPS if p.stem.startswith("population")]
-    assert sorted(s.particles for s in specs) == [5, 10, 20, 50, 100]
-    same = {"title": "", "text": "", "source": None, "particles": 1, "record": None}
-    assert len({str(replace(s, **same)) for s in specs}) == 1
+    assert sorted(s.scene.particles for s in specs) == [5, 10, 20, 50, 100]
+    same = [(replace(s.scene, particles=1), s.design, s.windows) for s in specs]
+    assert all(one == same[0] for one in same)
 
 
 def test_laboratory_keeps_the_dimensionless_kick_of_the_paper():
     spec = read_spec(next(p for p in SWEEPS if p.stem == "laboratory"))
-    f, amplitude = spec.sampled["frequency"], spec.sampled["amplitude"]
+    f, amplitude = spec.design.sampled["frequency"], spec.design.sampled["amplitude"]
     kicks = [2 * f.low * amplitude.low / 9.81, 2 * f.high * amplitude.high / 9.81]
     assert 2 * 0.2 / 9.81 <= kicks[0] <= kicks[1] <= 2 * 3.5 / 9.81
 
 
 def test_defaults():
     spec = parse_spec(TITLE)
-    assert dict(spec.fixed) == {name: p.default for name, p in PARAMETERS.items()}
-    assert (spec.particles, spec.launch, spec.duration, spec.rebound) == (
+    assert dict(spec.scene.inputs) == {name: p.default for name, p in PARAMETERS.items()}
+    assert (spec.scene.particles, spec.scene.launch, spec.scene.duration, spec.scene.rebound) == (
         1,
         "staggered",
         12.0,
         "rest",
     )
-    assert (spec.design, spec.realizations, spec.seed, spec.record) == ("uniform", 1, 0, None)
-    assert spec.measures == Measures()
-    assert spec.given == frozenset()
+    assert (spec.design.name, spec.design.realizations, spec.design.seed, spec.record) == (
+        "uniform",
+        1,
+        0,
+        None,
+    )
+    assert spec.scene.measures == Measures()
+    assert spec.scene.given == frozenset()
 
 
 def test_an_integer_serves_as_a_number_and_stays_float():
     spec = parse_spec(f"{TITLE}[scene]\namplitude = 2\nduration = 3\nlaunch = [0, 1]")
-    assert isinstance(spec.fixed["amplitude"], float)
-    assert isinstance(spec.duration, float)
-    assert spec.launch == (0.0, 1.0)
-    assert spec.particles == 2
+    assert isinstance(spec.scene.inputs["amplitude"], float)
+    assert isinstance(spec.scene.duration, float)
+    assert spec.scene.launch == (0.0, 1.0)
+    assert spec.scene.particles == 2
 
 
 def test_sampled_parameters_keep_the_order_of_the_registry():
     text = f"{TITLE}[sample]\nrealizations = 3\namplitude = [1, 2]\nrestitution = [0, 1]\ngravity=2"
     spec = parse_spec(text)
-    assert list(spec.sampled) == ["restitution", "amplitude"]
-    assert spec.fixed["gravity"] == 2.0
+    assert list(spec.design.sampled) == ["restitution", "amplitude"]
+    assert spec.scene.inputs["gravity"] == 2.0
 
 
 def test_grid():
@@ -107,19 +115,19 @@ def test_grid():
         f'{TITLE}[sample]\ndesign = "grid"\nrestitution = {{ start = 0.8, stop = 0.9, num = 3 }}\n'
         "amplitude = [2.0, 1.0]\nphase = [0.5]\nrealizations = 6"
     )
-    assert spec.sampled["amplitude"] == Axis((2.0, 1.0))
-    assert spec.sampled["restitution"].values == pytest.approx((0.8, 0.85, 0.9))
-    assert spec.realizations == 6
+    assert spec.design.sampled["amplitude"] == Axis((2.0, 1.0))
+    assert spec.design.sampled["restitution"].values == pytest.approx((0.8, 0.85, 0.9))
+    assert spec.design.realizations == 6
 
 
 def test_table_path_is_relative_to_the_file():
     text = f'{TITLE}[sample]\ndesign = "t/rows.csv"\ncolumns = ["amplitude", "restitution"]'
     spec = parse_spec(text, Path("dir/sweep.toml"))
-    assert spec.design == "table"
-    assert spec.table == Path("dir/t/rows.csv")
-    assert spec.columns == ("restitution", "amplitude")
-    assert spec.realizations is None
-    assert "amplitude" not in spec.fixed
+    assert spec.design.name == "table"
+    assert spec.design.table == Path("dir/t/rows.csv")
+    assert spec.design.columns == ("restitution", "amplitude")
+    assert spec.design.realizations is None
+    assert "amplitude" not in spec.scene.inputs
 
 
 def test_record_overrides_the_scene():
@@ -129,9 +137,9 @@ def test_record_overrides_the_scene():
     )
     assert spec.record is not None
     assert (spec.record.particles, spec.record.rebound) == (2, "reflect")
-    assert spec.record.parameters["phase"] == 1.0
-    assert spec.record.parameters["amplitude"] == 2.0
-    assert spec.fixed["phase"] == 0.0
+    assert spec.record.inputs["phase"] == 1.0
+    assert spec.record.inputs["amplitude"] == 2.0
+    assert spec.scene.inputs["phase"] == 0.0
 
 
 def test_tables_of_the_schema_know_every_parameter():
@@ -513,7 +521,7 @@ def toml(value: object) -> str:
 
 def test_import_is_light():
     code = (
-        "import sys, vibrosweep.spec.sweep;"
+        "import sys, vibrosweep.scene.sweep;"
         "print({'numba', 'xarray', 'scipy', 'matplotlib', 'pandas', 'h5py'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -6,27 +6,31 @@ number is fixed.  Keywords become the tables of a sweep file, and those are chec
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
+from vibrosweep.arrays import Array
 from vibrosweep.mistakes import PYTHON, RANGE, Mistakes, nearest, toml
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.likely import likely_parameter
 from vibrosweep.model.parameters import refuse_masked
-from vibrosweep.spec.columns import GivenTable
-from vibrosweep.spec.schema import DRAWN, MAX_STEPS, SECTIONS
-from vibrosweep.spec.sweep import SweepSpec, checked
+from vibrosweep.scene.columns import GivenTable
+from vibrosweep.scene.design import DESIGNS, GRID
+from vibrosweep.scene.keys import MAX_STEPS, SECTIONS
+from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import Sweep, checked
 
 # Where a keyword is looked for, in this order
+BUDGET: Final = "impact_budget"
 HOMES: Final = ("scene", "sample", "measure")
 # Evenly spaced values of at least this number are written as start, stop and num.
 LONG: Final = 10
 
 
-def keyword_spec(given: Mapping[str, Any], *first: str) -> SweepSpec:
+def keyword_spec(given: Mapping[str, Any], *first: str) -> Sweep:
     """Validate keywords, or a mapping of the same, in which whole tables of a file may stand.
 
     None stands for a keyword that is not given; a mapping under the name of a table of a sweep file
@@ -36,8 +40,61 @@ def keyword_spec(given: Mapping[str, Any], *first: str) -> SweepSpec:
     stated = {name: value for name, value in given.items() if value is not None}
     mistakes = Mistakes(dialect=PYTHON, given=stated)
     data = _tables(stated, (*first, *HOMES), mistakes)
-    spec = checked(data, "", None, mistakes)
-    return replace(spec, text=_file(data))
+    return replace(checked(data, "", None, mistakes), text=_file(data))
+
+
+def batch(given: Mapping[str, Any]) -> tuple[Scene, dict[str, Array]]:
+    """Validate keywords of a batch of realizations: a scene, and the parameters that vary.
+
+    Of a physical parameter a list or a 1-D array has an entry for each realization, or for all;
+    ``launch_time`` is a number or a list.  A SpecError lists all mistakes.
+    """
+    stated = {name: value for name, value in given.items() if value is not None}
+    mistakes, own = Mistakes(dialect=PYTHON, given=stated), dict(stated)
+    for name in own.keys() - {*SECTIONS["scene"], "launch_time", BUDGET}:
+        known = (*SECTIONS["scene"], "launch_time", BUDGET)
+        _note_unknown(name, own.pop(name), known, mistakes)
+    if "launch_time" in own:
+        times = _numbers("launch_time", own.pop("launch_time"), mistakes)
+        if "launch" in own or "particles" in own:
+            rule = "says when each particle is launched, and so do particles and launch"
+            mistakes.add_broken("launch_time", rule, None, "keep one of the two")
+        own["launch"] = times.ravel().tolist()
+    varied = {}
+    for name in [name for name in INPUTS if name in own]:
+        kind = _kind(own[name])
+        if kind == "range":
+            rule = "is a range, of which vibrosweep.sweep draws"
+            mistakes.add_broken(name, rule, own[name], "give a list, an entry for each realization")
+        if kind is None:
+            continue
+        values = _numbers(name, own[name], mistakes)
+        wrong = values[~INPUTS[name].accepts(values)]
+        own[name] = float((wrong if wrong.size else values)[0])
+        varied[name] = values
+    sizes = {name: values.size for name, values in varied.items()}
+    if len({*sizes.values()} - {1}) > 1:
+        mistakes.add("", f"arrays of realizations must have one length, or length 1: {sizes}")
+    measure = {BUDGET: _plain(BUDGET, own.pop(BUDGET))} if BUDGET in own else {}
+    data = {"title": "A scene", "scene": {n: _plain(n, own[n]) for n in own}, "measure": measure}
+    scene = checked(data, "", None, mistakes).scene
+    size = max(sizes.values(), default=1)
+    # copies: numba would compile the kernels again for read-only arrays
+    return scene, {n: np.array(np.broadcast_to(v, size)) for n, v in varied.items() if size > 1}
+
+
+def _numbers(name: str, value: object, mistakes: Mistakes) -> Array:
+    """Return finite numbers of a 1-D array, or of one of length 1; report what is none."""
+    refuse_masked(name, value)
+    try:
+        array = np.atleast_1d(np.asarray(value))
+    except ValueError:
+        array = np.empty(0)
+    numeric = array.dtype.kind in "iuf" and array.ndim == 1 and array.size > 0
+    if numeric and (name in INPUTS or np.isfinite(array).all()):
+        return array.astype(np.float64)
+    mistakes.add_broken(name, "must be a finite number or a 1-D array of finite numbers", value)
+    return np.zeros(1)
 
 
 def _tables(given: Mapping[str, Any], homes: tuple[str, ...], mistakes: Mistakes) -> dict[str, Any]:
@@ -52,7 +109,8 @@ def _tables(given: Mapping[str, Any], homes: tuple[str, ...], mistakes: Mistakes
             continue
         home = _home(name, value, homes)
         if home is None:
-            _note_unknown(name, value, homes, mistakes)
+            known = dict.fromkeys(key for one in homes for key in SECTIONS[one])
+            _note_unknown(name, value, known, mistakes)
         elif name in data.setdefault(home, {}):
             mistakes.add_broken(name, f"is given in {home} too", value, "keep one of the two")
         else:
@@ -88,11 +146,11 @@ def _choose_design(given: Mapping[str, Any], data: dict[str, Any], mistakes: Mis
         rule = f"is an axis of a grid, but {ranges[0]} is a range"
         mistakes.add_broken(axes[0], rule, given[axes[0]], "give all as lists, or as tuples")
     elif axes and design is None:
-        data["sample"]["design"] = "grid"
-    elif axes and isinstance(design, str) and design in DRAWN:
+        data["sample"]["design"] = GRID
+    elif axes and isinstance(design, str) and design in DESIGNS:
         rule = f'is an axis of a grid, but design = "{design}" draws'
         mistakes.add_broken(axes[0], rule, given[axes[0]], ("give a tuple ", RANGE))
-    elif ranges and design == "grid":
+    elif ranges and design == GRID:
         rule = 'is a range, but design = "grid" takes the values of an axis'
         mistakes.add_broken(ranges[0], rule, given[ranges[0]], "give them as a list")
 
@@ -102,14 +160,13 @@ def _title(given: Mapping[str, Any]) -> str:
     return f"Sweep over {', '.join(varied)}" if varied else "A sweep"
 
 
-def _note_unknown(name: str, value: object, homes: tuple[str, ...], mistakes: Mistakes) -> None:
-    known = dict.fromkeys(key for home in homes for key in SECTIONS[home])
-    guess = nearest(name, known) or likely_parameter(name)
+def _note_unknown(name: str, value: object, known: Iterable[str], mistakes: Mistakes) -> None:
+    guess = "launch" if name == "launch_time" else nearest(name, known) or likely_parameter(name)
     hint = f'; did you mean "{guess}"?' if guess else "."
     text = f"is not a known keyword{hint} Known keywords: {', '.join(known)}"
     mistakes.add_broken(name, text, value)
     if guess:  # the keyword that was meant is neither missing nor at its default
-        mistakes.broken |= {f"{home}.{guess}" for home in homes}
+        mistakes.broken |= {f"{home}.{guess}" for home in HOMES}
 
 
 def _plain(name: str, value: Any) -> Any:

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.model.times import Periods
-from vibrosweep.spec.keywords import keyword_spec
-from vibrosweep.spec.rules import Axis, Range
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.design import Axis, Range
+from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.sweep import parse_spec
 
 DRAWN = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "realizations": 20}
 
@@ -54,7 +54,7 @@ def test_keywords_are_a_sweep_file():
         """
     )
     assert same(by_keywords, by_file)
-    assert by_keywords.duration == Periods(40.0)
+    assert by_keywords.scene.duration == Periods(40.0)
 
 
 @pytest.mark.parametrize(
@@ -68,23 +68,23 @@ def test_keywords_are_a_sweep_file():
 )
 def test_a_list_is_an_axis_and_makes_a_grid(values):
     spec = keyword_spec({"restitution": values, "frequency": np.float64(2.0)})
-    assert spec.design == "grid"
-    assert spec.sampled == {"restitution": Axis((0.5, 0.7, 0.9))}
-    assert spec.fixed["frequency"] == 2.0
+    assert spec.design.name == "grid"
+    assert spec.design.sampled == {"restitution": Axis((0.5, 0.7, 0.9))}
+    assert spec.scene.inputs["frequency"] == 2.0
 
 
 def test_a_tuple_is_a_range():
     spec = keyword_spec(DRAWN)
-    assert spec.design == "uniform"
-    assert spec.sampled == {"restitution": Range(0.8, 0.98), "amplitude": Range(0.2, 3.5)}
+    assert spec.design.name == "uniform"
+    assert spec.design.sampled == {"restitution": Range(0.8, 0.98), "amplitude": Range(0.2, 3.5)}
 
 
 def test_tables_of_a_file_mean_what_they_mean_there():
     spec = keyword_spec(
         {"sample": {"restitution": [0.8, 0.9], "realizations": 4}, "particles": 3, "title": "x"}
     )
-    assert spec.sampled == {"restitution": Range(0.8, 0.9)}
-    assert spec.particles == 3
+    assert spec.design.sampled == {"restitution": Range(0.8, 0.9)}
+    assert spec.scene.particles == 3
 
 
 AXES = st.lists(st.floats(0.0, 1.0), min_size=1, max_size=30, unique=True)
@@ -101,11 +101,11 @@ def test_even_axes_are_written_shortly_and_exactly():
     even = np.linspace(0.1, 0.7, 101)
     spec = keyword_spec({"restitution": even})
     assert "num = 101" in spec.text
-    assert spec.sampled["restitution"].values == tuple(even.tolist())
+    assert spec.design.sampled["restitution"].values == tuple(even.tolist())
     uneven = np.geomspace(0.1, 0.7, 101)
     spec = keyword_spec({"restitution": uneven})
     assert "num" not in spec.text
-    assert parse_spec(spec.text).sampled["restitution"].values == tuple(uneven.tolist())
+    assert parse_spec(spec.text).design.sampled["restitution"].values == tuple(uneven.tolist())
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ import xarray as xr
 
 import vibrosweep as vs
 from vibrosweep.errors import ExistingOutputError, ParameterError, SpecError, TableError
-from vibrosweep.spec.columns import GivenTable
-from vibrosweep.spec.design import open_design
-from vibrosweep.spec.keywords import keyword_spec
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.columns import GivenTable
+from vibrosweep.scene.keywords import keyword_spec
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.sweep import parse_spec
 
 PAIRS = {"restitution": [0.5, 0.9, 0.7], "amplitude": [1.0, 2.0, 0.5], "ball": ["a", "", "b"]}
 

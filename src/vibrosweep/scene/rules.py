@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass
-from typing import NamedTuple
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -24,83 +24,49 @@ from vibrosweep.model.forcing import (
 from vibrosweep.model.measures import MEASURES, Measures
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, mount_mistakes
 from vibrosweep.model.parameters import (
-    HIGH_BOUNCE,
-    LAWS,
     MOUNT,
     SPRUNG,
-    STAGGERED,
     dimensionless,
     launches,
 )
 from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
-from vibrosweep.spec.schema import DRAWN, MAX_REALIZATIONS, SampleTable, SceneTable, Steps
+from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Axis, Range
+from vibrosweep.scene.keys import MAX_REALIZATIONS, Steps, inputs_in
+from vibrosweep.scene.scene import Scene
+
+Table = Mapping[str, Any]  # of a sweep file: its sound values by their keys
 
 
-@dataclass(frozen=True)
-class Range:
-    """A parameter is drawn from [low, high], low < high, in the parameter's unit."""
-
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Axis:
-    """The distinct values that a parameter takes along an axis of a grid, in its unit."""
-
-    values: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class RecordSpec:
-    """A scene of which every landing is recorded, in addition to the sweep."""
-
-    parameters: dict[str, float]  # what `vibrosweep.model.forcing.inputs_of` names, in their units
-    particles: int
-    launch: str | tuple[float, ...]  # ``"staggered"`` or the launch times of all particles in s
-    duration: Time  # end of the observation
-    rebound: str  # one of `vibrosweep.model.parameters.LAWS`
-    base: str  # one of `vibrosweep.model.parameters.BASES`
-
-
-class Setting(NamedTuple):
-    """Settings that all realizations share, apart from physical parameters."""
-
-    particles: int = 1
-    launch: str | tuple[float, ...] = STAGGERED
-    duration: Time = 12.0
-    rebound: str = LAWS[0]
-    base: str = HIGH_BOUNCE
-
-
-def kind(sample: SampleTable) -> str:
+def kind(sample: Table) -> str:
     """Return the kind of design; a path means ``"table"``."""
-    known = isinstance(sample.design, str) and sample.design in (*DRAWN, "grid")
-    return str(sample.design) if known else "table"
+    design = sample.get("design", "uniform")
+    known = isinstance(design, str) and design in (*DESIGNS, GRID)
+    return str(design) if known else TABLE
 
 
-def setting(name: str, table: SceneTable, shared: Setting, mistakes: Mistakes) -> Setting:
-    """Return the settings of the table ``name`` ([scene] or [record]), completed by ``shared``."""
-    listed = len(table.launch) if isinstance(table.launch, tuple) else None
-    particles = table.particles or listed or shared.particles
-    launch = shared.launch if table.launch is None else table.launch
-    if table.particles and isinstance(launch, tuple) and len(launch) != particles:
-        holder = "scene.launch" if table.launch is None else f"{name}.launch"
+def settings(name: str, table: Table, shared: Table, mistakes: Mistakes) -> dict[str, Any]:
+    """Return what the table ``name`` ([scene] or [record]), completed by ``shared``, says.
+
+    These are the fields of a `Scene`, apart from its inputs and measures.
+    """
+    own = {key: table.get(key, value) for key, value in shared.items()}
+    launch = own["launch"]
+    if "launch" in table and "particles" not in table and isinstance(launch, tuple):
+        own["particles"] = len(launch)
+    if "particles" in table and isinstance(launch, tuple) and len(launch) != own["particles"]:
+        holder = f"{name}.launch" if "launch" in table else "scene.launch"
         mistakes.add(
             f"{name}.particles",
             (f"contradicts the {len(launch)} launch times of ", Key(holder)),
-            particles,
+            own["particles"],
             "give one for each particle",
             involves=[f"{name}.launch", "scene.launch"],
         )
-    base, rebound = table.base or shared.base, table.rebound or shared.rebound
-    if table.base or table.rebound:
-        own = [f"{name}.{key}" for key in ("base", "rebound")]
-        wrong = refusal(base, law=rebound)
-        if wrong:
-            mistakes.add(f"{name}.", wrong, involves=[*own, "scene.base", "scene.rebound"])
-    duration = shared.duration if table.duration is None else table.duration
-    return Setting(particles, launch, duration, rebound, base)
+    wrong = refusal(own["base"], law=own["rebound"])
+    if wrong and not {"base", "rebound"}.isdisjoint(table):
+        involved = [f"{t}.{key}" for t in (name, "scene") for key in ("base", "rebound")]
+        mistakes.add(f"{name}.", wrong, involves=involved)
+    return own
 
 
 def check_window(
@@ -124,15 +90,15 @@ def check_measures(base: str, measures: Measures, mistakes: Mistakes) -> None:
             mistakes.add(f"measure.{key}", wrong, True, involves=["scene.base"])
 
 
-def check_forcing(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> None:
+def check_forcing(scene: Table, sample: Table, mistakes: Mistakes) -> None:
     """Report if the forcing is given in two ways."""
     given: list[tuple[str, str, object]] = [
         (f"{table}.{name}", name, parameters[name])
-        for table, parameters in (("scene", scene.parameters), ("sample", sample.parameters))
+        for table, parameters in (("scene", scene), ("sample", sample))
         for name in FORCINGS
         if name in parameters
     ]
-    named = sample.columns or ()
+    named = sample.get("columns", ())
     given += [("sample.columns", name, named) for name in FORCINGS if name in named]
     for key, name, value in given[1:]:
         first, before, _ = given[0]
@@ -142,25 +108,25 @@ def check_forcing(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) ->
             mistakes.add(key, rule, value, "keep one of the two", involves=[first])
 
 
-def check_mount(base: str, scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> None:
+def check_mount(base: str, scene: Table, sample: Table, mistakes: Mistakes) -> None:
     """Report what is lacking of the mount of a base of finite mass, or is given for another base.
 
     Columns of a table that the file does not name are judged when the table is read.
     """
-    if kind(sample) == "table" and sample.columns is None:
+    if kind(sample) == TABLE and "columns" not in sample:
         return
-    homes = dict.fromkeys(sample.columns or (), "sample.columns")
-    homes |= {name: f"sample.{name}" for name in sample.parameters}
-    homes |= {name: f"scene.{name}" for name in scene.parameters}
+    homes = dict.fromkeys(sample.get("columns", ()), "sample.columns")
+    homes |= {name: f"sample.{name}" for name in inputs_in(sample)}
+    homes |= {name: f"scene.{name}" for name in inputs_in(scene)}
     involved = [f"{t}.{name}" for t in ("scene", "sample") for name in ("base", *OF_MOUNT)]
     for name, text in mount_mistakes(base, homes).items():
         key = homes.get(name, f"scene.{name}")
         mistakes.add(key, text if key.endswith(name) else f"{name} {text}", involves=involved)
 
 
-def fixed_numbers(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) -> dict[str, float]:
+def fixed_numbers(scene: Table, sample: Table, mistakes: Mistakes) -> dict[str, float]:
     """Return the parameters that are given as a number, in [scene] or in [sample], not in both."""
-    in_scene, in_sample = scene.parameters, sample.parameters
+    in_scene, in_sample = inputs_in(scene), inputs_in(sample)
     for name in in_sample:
         if name in in_scene:
             rule = ("is given as ", Key(f"scene.{name}"), f" = {in_scene[name]} too")
@@ -168,16 +134,16 @@ def fixed_numbers(scene: SceneTable, sample: SampleTable, mistakes: Mistakes) ->
     return {**in_scene} | {n: v for n, v in in_sample.items() if isinstance(v, float)}
 
 
-def sampled(sample: SampleTable, mistakes: Mistakes) -> dict[str, Range | Axis]:
+def sampled(sample: Table, mistakes: Mistakes) -> dict[str, Range | Axis]:
     """Ranges under a drawn design, axes under a grid; in the order of `INPUTS`."""
     found: dict[str, Range | Axis] = {}
-    for name, value in sample.parameters.items():
+    for name, value in inputs_in(sample).items():
         if isinstance(value, float):
             continue
         key = f"sample.{name}"
-        if kind(sample) == "table":
+        if kind(sample) == TABLE:
             mistakes.add(key, "must be a number, because the table lists what is sampled", value)
-        elif kind(sample) == "grid":
+        elif kind(sample) == GRID:
             found[name] = _axis(key, value, mistakes)
         else:
             found[name] = _range(key, value, kind(sample), mistakes)
@@ -212,32 +178,28 @@ def _range(key: str, value: tuple[float, ...] | Steps, design: str, mistakes: Mi
     return Range(low, high)
 
 
-def columns(
-    sample: SampleTable, numbers: Collection[str], mistakes: Mistakes
-) -> tuple[str, ...] | None:
+def columns(sample: Table, numbers: Collection[str], mistakes: Mistakes) -> tuple[str, ...] | None:
     """Columns of the table to use; none of them may be a fixed number too."""
-    if sample.columns is None:
-        return None
-    if kind(sample) != "table":
+    named: tuple[str, ...] | None = sample.get("columns")
+    if named is not None and kind(sample) != TABLE:
         remedy = 'give its path as the design, as in design = "table.csv"'
-        mistakes.add(
-            "sample.columns", "needs a table", sample.columns, remedy, involves=["sample.design"]
-        )
-    for name in sample.columns:
+        involved = ["sample.design"]
+        mistakes.add("sample.columns", "needs a table", named, remedy, involves=involved)
+    for name in named or ():
         if name in numbers:
             rule = f"{name} is a fixed number too"
-            mistakes.add("sample.columns", rule, sample.columns, "keep one of the two")
-    return sample.columns
+            mistakes.add("sample.columns", rule, named, "keep one of the two")
+    return named
 
 
 def realizations(
-    sample: SampleTable, spreads: Mapping[str, Range | Axis], mistakes: Mistakes
+    sample: Table, spreads: Mapping[str, Range | Axis], mistakes: Mistakes
 ) -> int | None:
     """Return the number of realizations; None for a table when the file does not state it."""
-    key, number, design = "sample.realizations", sample.realizations, kind(sample)
-    if design == "table":
+    key, number, design = "sample.realizations", sample.get("realizations"), kind(sample)
+    if design == TABLE:
         return number
-    if design == "grid":
+    if design == GRID:
         sizes = [len(axis.values) for axis in spreads.values() if isinstance(axis, Axis)]
         product = math.prod(sizes)
         if number is not None and number != product:
@@ -257,17 +219,18 @@ def realizations(
 
 
 def record(
-    table: SceneTable,
-    shared: Setting,
+    table: Table,
+    shared: Table,
     values: Mapping[str, float],
     varied: Collection[str] | None,
     mistakes: Mistakes,
-) -> RecordSpec:
-    """Return the recorded scene: [record] over the sweep's own ``values``.
+) -> dict[str, Any]:
+    """Return the fields of the recorded scene: [record] over the sweep's own ``values``.
 
     ``varied`` names the sampled parameters, None where only the table knows them.
     """
-    given, own = table.parameters, setting("record", table, shared, mistakes)
+    given, own = inputs_in(table), settings("record", table, shared, mistakes)
+    base = own["base"]
     if varied is None:
         rule = "the recorded scene must state what the table samples"
         names = Value(["restitution", "amplitude"])
@@ -282,7 +245,7 @@ def record(
     replaced = {*FORCINGS} if forcings else set()
     replaced |= {*MASSES} if MASS_RATIO in given else set()
     replaced |= set() if MASSES.keys().isdisjoint(given) else {MASS_RATIO}
-    replaced |= {*OF_MOUNT} if own.base != SPRUNG else set()
+    replaced |= {*OF_MOUNT} if base != SPRUNG else set()
     for name in varied or ():
         if name in INPUTS and name not in given and name not in replaced:
             state = f"so state the value of the recorded scene (allowed: {INPUTS[name].allowed})"
@@ -290,29 +253,30 @@ def record(
     found = {n: v for n, v in values.items() if n not in replaced} | {**given}
     tables = ("scene", "sample", "record")
     involved = [f"{t}.{name}" for t in tables for name in ("base", *OF_MOUNT)]
-    for name, text in mount_mistakes(own.base, found).items():
+    for name, text in mount_mistakes(base, found).items():
         mistakes.add(f"record.{name}", text, involves=involved)
-    if own.base == SPRUNG:
+    if base == SPRUNG:
         found = {"mount_damping": MOUNT["mount_damping"].default, **found}
-    return RecordSpec({name: found[name] for name in INPUTS if name in found}, *own)
+    return {**own, "inputs": inputs_in(found), "given": frozenset(found)}
 
 
 def check_extremes(
-    key: str, spreads: Mapping[str, Collection[float]], shared: Setting, mistakes: Mistakes
+    key: str, scene: Scene, sampled: Mapping[str, Range | Axis], mistakes: Mistakes
 ) -> None:
-    """Report if a realization of the sweep, whose parameters have these values, is too extreme.
+    """Report if a realization of a scene, with its extreme parameters, is too extreme.
 
     The amplitude may follow from a forcing that makes it too large, and the mass ratio from masses;
     forcing periods may be too many to be counted exactly.
     """
-    ends = [sorted({min(values), max(values)}) for values in spreads.values()]
-    corners = np.array([*itertools.product(*ends)]).T
-    values = completed(dict(zip(spreads, corners, strict=True)))
+    ends: dict[str, tuple[float, ...]] = {name: (value,) for name, value in scene.inputs.items()}
+    ends |= {name: tuple(sorted({*spread.ends})) for name, spread in sampled.items()}
+    corners = np.array([*itertools.product(*ends.values())]).T
+    values = completed(dict(zip(ends, corners, strict=True)))
     # the phase does not affect the number of periods
     arrays = only_parameters(values) | {"phase": np.zeros(corners.shape[1])}
     try:
-        refuse_large(values, forcing_of(spreads))
-        dimensionless(arrays, shared.duration)
-        launches(shared.launch, 1, np.max(arrays["frequency"], keepdims=True))
+        refuse_large(values, forcing_of(ends))
+        dimensionless(arrays, scene.duration)
+        launches(scene.launch, 1, np.max(arrays["frequency"], keepdims=True))
     except ParameterError as error:
         mistakes.add(f"{key}.", str(error))

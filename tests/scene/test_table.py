@@ -6,8 +6,8 @@ import xarray as xr
 
 from vibrosweep.errors import TableError
 from vibrosweep.runs.retry import retry_failed
-from vibrosweep.spec.design import open_design
-from vibrosweep.spec.sweep import parse_spec
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.sweep import parse_spec
 
 
 def opened(path, extra=""):

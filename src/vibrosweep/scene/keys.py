@@ -1,7 +1,8 @@
-"""Structure of a sweep file: its tables and keys, their types and ranges, each by itself.
+"""Tables and keys of a sweep file, which are the keywords of Python: types and ranges of each.
 
-What several keys say together is judged in `spec_rules`.  The checks are plain functions: building
-the models of a validation library took longer than reading, computing and writing a small sweep.
+What several keys say together is judged in `vibrosweep.scene.rules`.  The checks are plain
+functions: building the models of a validation library took longer than reading, computing and
+writing a small sweep.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import PurePath
 from typing import Any, Final
@@ -28,14 +29,13 @@ from vibrosweep.mistakes import (
 )
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.likely import likely_parameter
-from vibrosweep.model.measures import KEYS, OPTIONS, Measures, Option
+from vibrosweep.model.measures import KEYS, OPTIONS, Option
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED, Parameter
-from vibrosweep.model.times import Periods, Time
-from vibrosweep.spec.columns import GivenTable
-from vibrosweep.spec.windows import WindowsTable, condition_names, tolerance
+from vibrosweep.model.times import Periods
+from vibrosweep.scene.columns import GivenTable
+from vibrosweep.scene.design import DESIGNS, GRID
 
-DRAWN: Final = ("uniform", "latin", "sobol")
-TABLES: Final = (".csv", ".nc")
+SUFFIXES: Final = (".csv", ".nc")
 
 # Far beyond any disk or memory; indices of realizations and of drawn values stay far below 2**63.
 MAX_REALIZATIONS: Final = 10**12
@@ -60,43 +60,11 @@ class Steps:
 Spread = float | tuple[float, ...] | Steps
 
 
-@dataclass(frozen=True)
-class SceneTable:
-    """[scene], and [record] whose keys override it.  None: not given."""
-
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    particles: int | None = None
-    launch: str | tuple[float, ...] | None = None
-    duration: Time | None = None
-    base: str | None = None
-    rebound: str | None = None
+Tables = dict[str, dict[str, Any]]
 
 
-@dataclass(frozen=True)
-class SampleTable:
-    """[sample].  None: not given."""
-
-    parameters: Mapping[str, Spread] = field(default_factory=dict)
-    design: str | GivenTable = "uniform"
-    realizations: int | None = None
-    seed: int = 0
-    columns: tuple[str, ...] | None = None
-
-
-@dataclass(frozen=True)
-class SpecFile:
-    """The whole file.  None: not given."""
-
-    title: str | None
-    scene: SceneTable
-    sample: SampleTable
-    measures: Measures
-    record: SceneTable | None
-    windows: WindowsTable | None
-
-
-def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
-    """Check each key of a parsed file by itself.
+def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> tuple[str | None, Tables]:
+    """Check each key of a parsed file by itself; return its title, and its tables.
 
     Keys with a mistake are noted in ``mistakes`` and then left out, so that the rules between
     the remaining keys can still be judged.
@@ -109,17 +77,14 @@ def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> SpecFile:
         for name, checks in SECTIONS.items()
         if name in top
     }
-    for name in ("scene", "record"):
-        _one_time(name, "duration", tables.get(name, {}), mistakes)
-    _one_time("measure", "transient", tables.get("measure", {}), mistakes)
-    return SpecFile(
-        title=top.get("title"),
-        scene=SceneTable(**_grouped(tables.get("scene", {}))),
-        sample=SampleTable(**_grouped(tables.get("sample", {}))),
-        measures=Measures(**tables.get("measure", {})),
-        record=SceneTable(**_grouped(tables["record"])) if "record" in tables else None,
-        windows=WindowsTable(**tables["windows"]) if "windows" in tables else None,
-    )
+    for name, time in (("scene", "duration"), ("record", "duration"), ("measure", "transient")):
+        _one_time(name, time, tables.get(name, {}), mistakes)
+    return top.get("title"), tables
+
+
+def inputs_in(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the physical parameters of a table, in the order of `INPUTS`."""
+    return {name: table[name] for name in INPUTS if name in table}
 
 
 def _sound(
@@ -168,13 +133,6 @@ def _one_time(home: str, key: str, values: dict[str, Any], mistakes: Mistakes) -
         mistakes.broken.add(f"{home}.{key}")
     else:
         values[key] = Periods(number)
-
-
-def _grouped(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Gather the physical parameters of a table under one name."""
-    own = {name: value for name, value in values.items() if name not in INPUTS}
-    physical = {name: values[name] for name in INPUTS if name in values}
-    return {**own, "parameters": physical}
 
 
 def _title(value: object) -> str:
@@ -253,17 +211,31 @@ def _spread(parameter: Parameter, value: object) -> Spread:
 def _design(value: object) -> str | GivenTable:
     if isinstance(value, GivenTable):
         return value
-    known = (*DRAWN, "grid")
+    known = (*DESIGNS, GRID)
     guess = None
     if isinstance(value, str):
-        if value in known or PurePath(value).suffix.lower() in TABLES:
+        if value in known or PurePath(value).suffix.lower() in SUFFIXES:
             return value
         guess = nearest(value, known)
     hint = f'; did you mean "{guess}"?' if guess else ""
     raise ValueError(
         f"is not a known design; it must be {quoted(known)}, or the path of a table that ends "
-        f"in {quoted(TABLES)}{hint}"
+        f"in {quoted(SUFFIXES)}{hint}"
     )
+
+
+def _conditions(value: object) -> tuple[Any, ...]:
+    """Return names of conditions, or what judges as `vibrosweep.analysis.Condition` does."""
+    listed = value if isinstance(value, list) else []
+    if listed and all(isinstance(one, str) or hasattr(one, "judge") for one in listed):
+        return tuple(dict.fromkeys(listed))
+    raise ValueError('must be a list of one or more names of conditions, as in ["locked(1)"]')
+
+
+def _bracket(value: object) -> float:
+    if isinstance(value, float) and 1e-14 <= value < 1.0:
+        return value
+    raise ValueError("must be a number, at least 1e-14 and below 1")
 
 
 def _columns(value: object) -> tuple[str, ...]:
@@ -346,5 +318,5 @@ SECTIONS: Final[Mapping[str, Mapping[str, Check]]] = {
         for key, default in KEYS.items()
     },
     "record": _SCENE,
-    "windows": {"conditions": condition_names, "continuation": flag, "tolerance": tolerance},
+    "windows": {"conditions": _conditions, "continuation": flag, "tolerance": _bracket},
 }

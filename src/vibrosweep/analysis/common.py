@@ -1,0 +1,116 @@
+"""What analyses that ask the engine again share: axes, attributes and variables of a result."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vibrosweep.abilities import refusal
+from vibrosweep.arrays import Array
+from vibrosweep.errors import ParameterError
+from vibrosweep.mistakes import ABSENT, Mistake, Word
+from vibrosweep.model.forcing import FORCINGS, INPUTS, differing
+from vibrosweep.model.parameters import refuse_masked
+from vibrosweep.model.times import in_seconds
+from vibrosweep.runs.notes import short_observation
+from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
+from vibrosweep.scene.design import GRID
+from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import Sweep
+from vibrosweep.system import physical_memory
+
+# Of the forcings, what a result holds in any case
+KEPT: Final = ("amplitude", "base_acceleration")
+
+
+def note_of(scene: Scene, restitution: float | None = None) -> str:
+    """Say where orbits of up to that restitution may not be recognised in time; else empty."""
+    highest = scene.inputs["restitution"] if restitution is None else restitution
+    return short_observation(scene.base, highest, scene.inputs["frequency"], scene.duration)
+
+
+def attributes(scene: Scene, title: str) -> dict[str, Any]:
+    """Attributes of a dataset, without those parameters that it holds as coordinates."""
+    return {
+        "title": title,
+        "particles": scene.particles,
+        "launch": scene.launch if isinstance(scene.launch, str) else np.asarray(scene.launch),
+        "base": scene.base,
+        "rebound": scene.rebound,
+        "forcing": scene.forcing(),
+        "impact_budget": scene.measures.impact_budget,
+        **periods_given(scene.duration, scene.measures.transient),
+    }
+
+
+def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:
+    """Variables without dimensions: times, and what is not varied nor follows from that."""
+    values = {name: np.array([INPUTS[name].low]) for name in varied if name not in scene.inputs}
+    found = scene.quantities(values)
+    differ = {*differing(varied, scene.forcing(varied))}
+    differ |= FORCINGS.keys() - {*KEPT, scene.forcing(varied)}
+    fixed: dict[str, Any] = {
+        name: ((), values[0], coordinate_attributes(INPUTS[name]))
+        for name, values in found.items()
+        if name not in differ
+    }
+    for name, time in scene.times.items():
+        fixed[name] = ((), in_seconds(time, found["frequency"])[0], TIMES[name])
+    return fixed
+
+
+def require_ability(analysis: str, base: str) -> None:
+    """Refuse a base over which an analysis cannot be had."""
+    wrong = refusal(base, analysis=analysis)
+    if wrong:
+        raise ParameterError(f"{analysis}: {wrong}")
+
+
+def axis(name: str, values: ArrayLike) -> Array:
+    """Values of a physical parameter as a 1-D array; a ParameterError unless all are in range."""
+    parameter = INPUTS[name]
+    refuse_masked(name, values)
+    try:
+        array = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f"{name} = {values!r}: must be {parameter.allowed}") from error
+    bad = array[~parameter.accepts(array)]
+    if bad.size or array.ndim != 1 or not array.size:
+        shown = float(bad.flat[0]) if bad.size else values
+        raise ParameterError(f"{name} = {shown!r}: must be {parameter.allowed}")
+    return array
+
+
+def grid_axes(
+    spec: Sweep, purpose: str, needed: str, allowed: tuple[str, ...] = ()
+) -> dict[str, Array]:
+    """Axes of a sweep's grid, ascending, by the names of parameters.
+
+    Raises a SpecError that names the purpose unless the design is a grid with the axis that is
+    needed, and no others than those allowed.
+    """
+    axes = {name: np.sort(values) for name, values in spec.design.axes.items()}
+    other = [name for name in axes if name not in (needed, *allowed)]
+    if spec.design.name != GRID or needed not in axes or other:
+        also = f" and, if need be, of {' or '.join(allowed)}" if allowed else " and no other"
+        grid = Word('design = "grid" with an axis of', "a list of values for")
+        wrong = Mistake(
+            f"sample.{other[0]}" if other else "sample.design",
+            (f"{purpose} need ", grid, f" {needed}{also}"),
+            ABSENT if other else spec.design.name,
+        )
+        raise spec.refusal(wrong)
+    return axes
+
+
+def require_memory(what: str, count: int, bytes_each: int) -> None:
+    """Refuse, with a ParameterError, what has too many points to fit into this machine's memory."""
+    available = physical_memory()
+    if count * bytes_each > available:
+        raise ParameterError(
+            f"{count} {what} need {count * bytes_each / 2**30:.3g} GiB of memory, but this machine "
+            f"has {available / 2**30:.3g} GiB: take fewer of them"
+        )

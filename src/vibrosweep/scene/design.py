@@ -1,0 +1,211 @@
+"""Which realizations are computed: ranges or axes, and how values are drawn from them.
+
+`DESIGNS` holds the designs that draw, each with the points of the unit cube that it takes and the
+way in which a coordinate of a point becomes a value; `register_design` adds one.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from vibrosweep.arrays import Array
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.functions import parts
+from vibrosweep.scene.columns import GivenTable
+
+# (start, stop) -> points start, ..., stop - 1 of the unit cube, shape (stop - start, parameters)
+Rows = Callable[[int, int], Array]
+# (realizations, parameters, seed) -> rows; a ValueError with what is allowed where there are none
+Points = Callable[[int, int, int], Rows]
+# (coordinates in [0, 1], low, high) -> values in [low, high]
+Place = Callable[[Array, float, float], Array]
+
+GRID: Final = "grid"
+TABLE: Final = "table"
+# A Latin hypercube permutes all rows at once: 160 MB, and four times that while it is drawn.
+MAX_LATIN_VALUES: Final = 20_000_000
+# Points are multiples of 2**-32 of the range; scipy cannot skip points of more bits (1.11 to 1.17).
+_SOBOL_BITS: Final = 32
+
+
+@dataclass(frozen=True)
+class Range:
+    """A parameter is drawn from [low, high], low < high, in the parameter's unit."""
+
+    low: float
+    high: float
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest value."""
+        return self.low, self.high
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The distinct values that a parameter takes along an axis of a grid, in its unit."""
+
+    values: tuple[float, ...]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest value."""
+        return min(self.values), max(self.values)
+
+
+@dataclass(frozen=True)
+class Design:
+    """Which realizations of a scene are computed."""
+
+    name: str = "uniform"  # a key of `DESIGNS`, ``"grid"`` or ``"table"``
+    # What varies, in the order of `vibrosweep.model.forcing.INPUTS`: a `Range` where values are
+    # drawn, an `Axis` under a grid; empty for a table, which decides by itself
+    sampled: Mapping[str, Range | Axis] = field(default_factory=dict)
+    realizations: int | None = 1  # None for a table whose length the sweep does not state
+    seed: int = 0
+    table: Path | GivenTable | None = None  # the table, or its path; None for other designs
+    # The columns of the table to use, parameters first and then labels; None for all
+    columns: tuple[str, ...] | None = None
+
+    @property
+    def axes(self) -> dict[str, tuple[float, ...]]:
+        """Values along the axes of a grid."""
+        return {name: s.values for name, s in self.sampled.items() if isinstance(s, Axis)}
+
+    @property
+    def source(self) -> str:
+        """Code of the functions that draw, where others than this package's do."""
+        return DESIGNS[self.name].source if self.name in DESIGNS else ""
+
+
+class Drawn(NamedTuple):
+    """A design that draws values from ranges."""
+
+    points: Points
+    place: Place
+    source: str = ""  # code of the functions, where others than this package's
+
+
+def linear(unit: Array, low: float, high: float) -> Array:
+    """Place coordinates evenly in a range."""
+    # clipped, because low + u (high - low) may round to just above high
+    return np.minimum(low + unit * (high - low), high)
+
+
+def _uniform(count: int, width: int, seed: int) -> Rows:
+    def rows(start: int, stop: int) -> Array:
+        # one float64 takes one step of the generator, so a chunk can skip to its place
+        bits = np.random.PCG64(seed).advance(start * width)
+        return np.random.Generator(bits).random((stop - start, width))
+
+    return rows
+
+
+def _sobol(count: int, width: int, seed: int) -> Rows:
+    if count > 2**_SOBOL_BITS:
+        raise ValueError(
+            f"is more than the {2**_SOBOL_BITS} points of a Sobol' sequence; lower it, or use "
+            f'design = "uniform"'
+        )
+    from scipy.stats import qmc
+
+    engine = _seeded(qmc.Sobol, width, seed, bits=_SOBOL_BITS)
+    lock = threading.Lock()
+
+    def rows(start: int, stop: int) -> Array:
+        found = [np.empty((0, width))]
+        with lock:
+            if start < engine.num_generated:
+                engine.reset()
+            if start > engine.num_generated:
+                engine.fast_forward(start - engine.num_generated)
+            elif start == 0 and stop > 0:
+                # the first point separately: scipy warns of lost balance if the first draw is not a
+                # power of two, which does not matter for a chunk
+                found.append(engine.random(1))
+            rest = stop - start - (len(found) - 1)
+            if rest > 0:
+                found.append(engine.random(rest))
+        return np.concatenate(found)
+
+    return rows
+
+
+def _latin(count: int, width: int, seed: int) -> Rows:
+    if count * width > MAX_LATIN_VALUES:
+        raise ValueError(
+            f"makes a Latin hypercube of {count * width} values, which must be held in memory; at "
+            f"most {MAX_LATIN_VALUES} are allowed: lower it, or use "
+            f'design = "sobol" or "uniform"'
+        )
+    from scipy.stats import qmc
+
+    cube = _seeded(qmc.LatinHypercube, width, seed).random(count)
+    return lambda start, stop: cube[start:stop]
+
+
+def _seeded(engine: Callable[..., Any], width: int, seed: int, **options: int) -> Any:
+    generator = np.random.default_rng(seed)
+    try:
+        return engine(width, rng=generator, **options)
+    except TypeError:  # the keyword's name before scipy 1.15
+        return engine(width, seed=generator, **options)
+
+
+DESIGNS: Final[dict[str, Drawn]] = {
+    "uniform": Drawn(_uniform, linear),
+    "latin": Drawn(_latin, linear),
+    "sobol": Drawn(_sobol, linear),
+}
+
+
+def register_design(name: str, place: Place, points: str | Points = "uniform") -> Place:
+    """Register a design that draws realizations in a way of its own.
+
+    Parameters
+    ----------
+    name
+        What ``design`` is then set to.
+    place
+        ``place(unit, low, high)``, which turns coordinates, an array of numbers in [0, 1], into
+        values in the range of a parameter.
+    points
+        Points of the unit cube: those of ``"uniform"``, ``"latin"``, ``"sobol"`` or another design,
+        or ``points(realizations, parameters, seed)``, which gives a function of the first row and
+        the one after the last; the same rows whatever slices are asked for.
+
+    Returns
+    -------
+    function
+        The same `place`.
+
+    Raises
+    ------
+    ParameterError
+        The name is taken, or `points` is not the name of a design.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> def log_uniform(unit, low, high):
+    ...     return low * (high / low) ** unit
+    >>> registered = vs.register_design("log-uniform", log_uniform)
+    >>> found = vs.sweep(amplitude=(0.01, 1.0), design="log-uniform", realizations=100)
+    >>> bool(0.05 < found.amplitude.median() < 0.2)
+    True
+    """
+    own = [place] if isinstance(points, str) else [place, points]
+    code = "\n".join(part for one in own for part in parts(one, f"design {name!r}"))  # type: ignore[arg-type]
+    if name in (GRID, TABLE) or (name in DESIGNS and not DESIGNS[name].source):
+        raise ParameterError(f"design {name!r}: is there already; choose another name")
+    if isinstance(points, str) and points not in DESIGNS:
+        raise ParameterError(f"points = {points!r}: must be one of {', '.join(DESIGNS)}")
+    taken = DESIGNS[points].points if isinstance(points, str) else points
+    DESIGNS[name] = Drawn(taken, place, code)
+    return place

@@ -1,0 +1,118 @@
+"""Realizations of a sweep: their parameters, chunk by chunk, in bounded memory.
+
+The values of a realization depend on the sweep and on its index alone: any chunking gives the same
+bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vibrosweep.arrays import Array
+from vibrosweep.errors import TableError
+from vibrosweep.mistakes import Mistake
+from vibrosweep.scene.columns import Label
+from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design
+from vibrosweep.scene.sweep import Sweep
+from vibrosweep.scene.table import read_table
+
+# (start, stop) -> one array of shape (stop - start,) for each sampled parameter
+Columns = Callable[[int, int], Sequence[Array]]
+
+
+@dataclass(frozen=True)
+class Realizations:
+    """The realizations of a sweep."""
+
+    realizations: int
+    # Names of the sampled parameters, in the order of `vibrosweep.model.forcing.INPUTS`
+    sampled: tuple[str, ...]
+    _columns: Columns
+    # Other columns of a table, which are copied to the result only
+    labels: Mapping[str, Label] = field(default_factory=dict)
+
+    def take(self, start: int, stop: int) -> dict[str, Array]:
+        """Return the sampled parameters of the realizations start, ..., stop - 1, in their units.
+
+        Thread-safe; fastest for increasing `start`.  An IndexError unless 0 <= start <= stop <=
+        realizations.
+        """
+        if not 0 <= start <= stop <= self.realizations:
+            raise IndexError(f"no realizations {start} to {stop} among {self.realizations}")
+        return dict(zip(self.sampled, self._columns(start, stop), strict=True))
+
+
+def open_design(sweep: Sweep) -> Realizations:
+    """Open the design of a sweep.
+
+    ``uniform`` draws independent values; ``latin`` puts one value of each parameter into each of as
+    many equal slices as there are realizations; ``sobol`` is a scrambled low-discrepancy sequence,
+    balanced best when the number of realizations is a power of two; ``grid`` takes all
+    combinations, the last parameter varying fastest; ``table`` reads them.  Raises a TableError
+    where the table cannot be used, and a SpecError for more realizations than a Sobol' sequence has
+    points, or than a Latin hypercube in memory.
+    """
+    design = sweep.design
+    if design.name == TABLE:
+        return _open_table(sweep)
+    names, count = tuple(design.sampled), design.realizations or 1
+    if not names:
+        return Realizations(count, names, lambda start, stop: ())
+    if design.name == GRID:
+        return Realizations(count, names, _grid([*design.axes.values()]))
+    try:
+        return Realizations(count, names, _drawn(design, count))
+    except ValueError as error:
+        raise sweep.refusal(Mistake("sample.realizations", error.args, count)) from error
+
+
+def chosen(design: Realizations, rows: Sequence[int]) -> Realizations:
+    """Return the design of some realizations of another, given by their growing indices."""
+    places = np.asarray(rows, dtype=np.int64)
+
+    def columns(start: int, stop: int) -> list[Array]:
+        wanted = places[start:stop]
+        spans = np.split(wanted, np.flatnonzero(np.diff(wanted) > 1) + 1) if wanted.size else []
+        found = [design.take(int(span[0]), int(span[-1]) + 1) for span in spans]
+        return [np.concatenate([np.empty(0), *(f[n] for f in found)]) for n in design.sampled]
+
+    return Realizations(places.size, design.sampled, columns)
+
+
+def _drawn(design: Design, count: int) -> Columns:
+    kind, ends = DESIGNS[design.name], [spread.ends for spread in design.sampled.values()]
+    rows = kind.points(count, len(ends), design.seed)
+
+    def columns(start: int, stop: int) -> list[Array]:
+        unit = rows(start, stop)
+        return [kind.place(unit[:, j], low, high) for j, (low, high) in enumerate(ends)]
+
+    return columns
+
+
+def _grid(axes: Sequence[tuple[float, ...]]) -> Columns:
+    values = [np.array(axis, dtype=np.float64) for axis in axes]
+    shape = [len(axis) for axis in axes]
+
+    def columns(start: int, stop: int) -> list[Array]:
+        places = np.unravel_index(np.arange(start, stop), shape)
+        return [axis[place] for axis, place in zip(values, places, strict=True)]
+
+    return columns
+
+
+def _open_table(sweep: Sweep) -> Realizations:
+    table, design = read_table(sweep), sweep.design
+    count = len(next(iter(table.parameters.values())))
+    if design.realizations not in (None, count):
+        asks = f"realizations = {design.realizations}"
+        key = f"sample.{asks} in {sweep.source}" if sweep.source else asks
+        raise TableError(f"{design.table}: holds {count} rows, but {key}; leave that out")
+    return Realizations(count, tuple(table.parameters), _slices(table.parameters), table.labels)
+
+
+def _slices(table: Mapping[str, Array]) -> Columns:
+    return lambda start, stop: [values[start:stop].copy() for values in table.values()]

@@ -1,0 +1,150 @@
+"""What moves, and what is looked at: the one description of it, whatever computes it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from vibrosweep.abilities import refusal
+from vibrosweep.arrays import Array
+from vibrosweep.errors import ParameterError
+from vibrosweep.model.forcing import (
+    FORCINGS,
+    completed,
+    differing,
+    forcing_of,
+    inputs_of,
+    only_parameters,
+)
+from vibrosweep.model.measures import Measures
+from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, STAGGERED
+from vibrosweep.model.times import Periods, Time, amount, in_seconds
+
+Launch = str | tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What moves and what is looked at: shared by all realizations of a sweep or an analysis.
+
+    Raises
+    ------
+    ParameterError
+        The base does not implement the law of rebound.
+    """
+
+    particles: int = 1  # number of particles per realization
+    launch: Launch = STAGGERED  # ``"staggered"`` or the launch times of all particles in s
+    duration: Time = 12.0  # end of the observation: a number in s, or `Periods`
+    rebound: str = LAWS[0]  # one of `vibrosweep.model.parameters.LAWS`
+    measures: Measures = field(default_factory=Measures)
+    # Whether what is known already is counted instead of followed; off where every landing is kept,
+    # and to compare
+    skip: bool = True
+    base: str = HIGH_BOUNCE  # one of `vibrosweep.model.parameters.BASES`
+    # Physical parameters by the names of `vibrosweep.model.forcing.INPUTS`, in their units: those
+    # that do not vary, defaults included; of the forcings no more than one, and those of a mount
+    # for a sprung base only.  The engine takes arrays of all parameters instead.
+    inputs: Mapping[str, float] = field(default_factory=dict)
+    given: frozenset[str] = frozenset()  # names of the inputs that are no defaults
+
+    def __post_init__(self) -> None:
+        wrong = refusal(self.base, law=self.rebound)
+        if wrong:
+            raise ParameterError(wrong)
+
+    def measuring(self, **changes: float | Periods) -> Scene:
+        """Return the same scene with other values of some keys of [measure]."""
+        asked: dict[str, Any] = changes
+        return replace(self, measures=replace(self.measures, **asked))
+
+    def recorded(self) -> Scene:
+        """Return the same scene, of which every landing is looked at, and nothing measured."""
+        budget = self.measures.impact_budget
+        every = Measures(transient=-math.inf, tolerance=math.inf, impact_budget=budget)
+        return replace(self, measures=every)
+
+    def only(self, **measured: bool) -> Scene:
+        """Return the same scene with the measures that are named, and no others."""
+        kept = {"transient": self.measures.transient, "impact_budget": self.measures.impact_budget}
+        return replace(self, measures=Measures(**kept, **measured))  # type: ignore[arg-type]
+
+    @property
+    def budget(self) -> int:
+        """Impacts after which a particle is given up: the budget up to a whole number of looks."""
+        from vibrosweep.kernels.advance import LOOK_AFTER  # slow to import
+
+        return -(-self.measures.impact_budget // LOOK_AFTER) * LOOK_AFTER
+
+    @property
+    def windowed(self) -> bool:
+        """Whether landings before the window are possible."""
+        # a launch before a window that begins at 0 is early in any unit
+        begin = amount(self.measures.transient)
+        early_launch = not isinstance(self.launch, str) and min(self.launch) < begin
+        return begin > 0.0 or early_launch
+
+    @property
+    def times(self) -> dict[str, Time]:
+        """End of the observation, and beginning of the window of measures where it has one."""
+        begin = self.measures.transient
+        windowed = {"transient": begin} if math.isfinite(amount(begin)) else {}
+        return {"duration": self.duration, **windowed}
+
+    def forcing(self, varied: Collection[str] = ()) -> str:
+        """Name of the forcing that is given; one that varies takes the place of the own one."""
+        return forcing_of([name for name in varied if name in FORCINGS] or self.given)
+
+    def quantities(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
+        """Say all of realizations in which some of `INPUTS` vary, each of shape (realization,).
+
+        By default there are as many as values of what varies, or one.  The result holds what is
+        given, all of `vibrosweep.model.parameters.PARAMETERS`, of a sprung base also of
+        `vibrosweep.model.parameters.MOUNT`, and the acceleration of the base.
+        """
+        size = size or max((values.size for values in varied.values()), default=1)
+        others = [name for name in (*varied, *self.given) if name not in FORCINGS]
+        names = inputs_of([self.forcing(varied), *others], self.base)
+        return completed(
+            {
+                n: np.ascontiguousarray(varied[n]) if n in varied else np.full(size, self.inputs[n])
+                for n in names
+            }
+        )
+
+    def parameters(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
+        """What the engine takes of these realizations, each of shape (realization,)."""
+        return only_parameters(self.quantities(varied, size))
+
+    def timed(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
+        """What a result says of these realizations: `quantities`, and both times in s."""
+        found = self.quantities(varied, size)
+        return found | {n: in_seconds(t, found["frequency"]) for n, t in self.times.items()}
+
+    def varied(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
+        """Those of `timed` that `varying` names."""
+        found = self.timed(varied, size)
+        return {name: found[name] for name in self.varying(varied)}
+
+    def varying(self, varied: Collection[str]) -> tuple[str, ...]:
+        """Names of what differs between realizations: what varies, and what follows from it."""
+        times = [name for name, time in self.times.items() if isinstance(time, Periods)]
+        found = differing(varied, self.forcing(varied))
+        return (*found, *times) if "frequency" in varied else found
+
+
+def bare_scene(
+    particles: int,
+    launch: Launch,
+    duration: Time,
+    rebound: str,
+    impact_budget: int,
+    base: str = HIGH_BOUNCE,
+) -> Scene:
+    """Return a scene without inputs, of which every landing is looked at."""
+    scene = Scene(particles=particles, launch=launch, duration=duration, rebound=rebound, base=base)
+    return scene.measuring(impact_budget=impact_budget).recorded()

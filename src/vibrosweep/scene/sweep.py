@@ -1,0 +1,188 @@
+"""A checked sweep, from TOML or keywords: every mistake is found before anything runs."""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from vibrosweep.abilities import refusal
+from vibrosweep.errors import SpecError, refuse
+from vibrosweep.mistakes import TOML, Mistakes, Text
+from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
+from vibrosweep.model.measures import Measures
+from vibrosweep.model.observables import Observable, observables_of
+from vibrosweep.scene import rules
+from vibrosweep.scene.design import TABLE, Design
+from vibrosweep.scene.keys import Tables, read_tables
+from vibrosweep.scene.scene import Scene
+
+# Fields of a scene that [record] takes from [scene], beside the inputs
+SHARED: Final = ("particles", "launch", "duration", "rebound", "base")
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A scene and the design of its realizations, checked together."""
+
+    title: str  # what the sweep shows
+    text: str  # the whole TOML text; for keywords, one that asks for the same
+    source: Path | None  # the file it was read from, None for a text and for keywords
+    scene: Scene
+    design: Design
+    record: Scene | None  # the scene of which every landing is recorded beside it, or None
+    # How the stability windows are found that are asked for, by the keys of [windows], or None
+    windows: Mapping[str, Any] | None
+
+    def measuring(self, **changes: Any) -> Sweep:
+        """Return the same sweep with other values of some keys of [measure]."""
+        record = self.record
+        if record is not None and "impact_budget" in changes:
+            record = record.measuring(impact_budget=changes["impact_budget"])
+        return replace(self, scene=self.scene.measuring(**changes), record=record)
+
+    def observing(self, observables: Iterable[Observable]) -> Sweep:
+        """Return the same sweep with observables.
+
+        Raises a ParameterError as `vibrosweep.model.observables.observables_of` does, and a
+        SpecError where no observable sees the landings on the base.
+        """
+        found = observables_of(observables)
+        wrong = refusal(self.scene.base, analysis="observables")
+        if found and wrong:
+            raise self.refusal(f"observables: {wrong}")
+        return self.measuring(observables=found)
+
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """Files that the sweep is read from."""
+        return tuple(path for path in (self.source, self.design.table) if isinstance(path, Path))
+
+    def refusal(self, text: Text) -> SpecError:
+        """Return the error that says why an analysis cannot use this sweep."""
+        if self.source is None:
+            return SpecError(text)
+        return SpecError(f"{self.source}: ", text, dialect=TOML)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Lengths of the dimensions of a result, apart from that of realizations."""
+        own = {along: len(values) for along, values in self.scene.measures.own_dims.items()}
+        return {"particle": self.scene.particles, **own}
+
+
+def read_spec(path: str | os.PathLike[str]) -> Sweep:
+    """Read and validate a sweep file; a SpecError lists all mistakes."""
+    source = Path(path)
+    return parse_spec(read_text(source), source)
+
+
+def read_text(source: Path) -> str:
+    """Read the text of a TOML file; a SpecError where it cannot be read."""
+    try:
+        # utf-8-sig: editors on Windows put a byte order mark first, which TOML does not know
+        return source.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError as error:
+        raise SpecError(f"{source}: there is no such sweep file; check the path") from error
+    except IsADirectoryError as error:
+        raise SpecError(f"{source}: is a directory; give the path of a .toml file") from error
+    except UnicodeDecodeError as error:
+        raise SpecError(
+            f"{source}: is not UTF-8 text (byte {error.start}); save it as UTF-8"
+        ) from error
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise SpecError(f"{source}: cannot be read: {reason}") from error
+
+
+def parse_spec(text: str, source: Path | None = None) -> Sweep:
+    """Validate the TOML text of a sweep file; a SpecError lists all mistakes.
+
+    Messages name its path `source`, and the path of a table is relative to its folder.
+    """
+    mistakes = Mistakes("the sweep's text" if source is None else str(source))
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # too many digits, too deep
+        raise SpecError(f"{mistakes.where}: is not valid TOML: {error}") from error
+    return checked(data, text, source, mistakes)
+
+
+def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: Mistakes) -> Sweep:
+    """Validate what a sweep file holds, as `tomllib` reads it.
+
+    `text` and `source` are those of `Sweep`; `mistakes` takes the mistakes, and words them for the
+    SpecError that lists all.
+    """
+    title, tables = read_tables(data, mistakes)
+    if title is None:
+        remedy = 'begin with title = "..." that says what the sweep shows'
+        mistakes.add("title", "is missing", remedy=remedy)
+    sweep = _assembled(tables, source, mistakes)
+    sweep = replace(sweep, title=title or "", text=text)
+    # a table is judged when it is computed, for only then its values are known
+    if sweep.design.name != TABLE:
+        rules.check_extremes("scene", sweep.scene, sweep.design.sampled, mistakes)
+    if sweep.record is not None:
+        rules.check_extremes("record", sweep.record, {}, mistakes)
+    refuse(mistakes)
+    return sweep
+
+
+def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep:
+    """Apply the rules between keys; a SpecError lists all mistakes until then."""
+    scene, sample = tables.get("scene", {}), tables.get("sample", {})
+    sampled = rules.sampled(sample, mistakes)
+    numbers = rules.fixed_numbers(scene, sample, mistakes)
+    columns = rules.columns(sample, numbers, mistakes)
+    rules.check_forcing(scene, sample, mistakes)
+    varied = (*sampled, *(columns or ()))
+    defaults = {key: getattr(Scene, key) for key in SHARED}
+    own = rules.settings("scene", scene, defaults, mistakes)
+    base = own["base"]
+    rules.check_mount(base, scene, sample, mistakes)
+    measures = Measures(**tables.get("measure", {}))
+    rules.check_measures(base, measures, mistakes)
+    # one forcing only, for where two were reported
+    forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
+    given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]
+    values = {name: numbers.get(name, INPUTS[name].default) for name in inputs_of(given, base)}
+    frequencies: Collection[float]
+    frequencies = sampled["frequency"].ends if "frequency" in sampled else ()
+    if "frequency" not in varied:
+        frequencies = (values["frequency"],)
+    rules.check_window(measures.transient, own["duration"], frequencies, mistakes)
+    recorded = None
+    if "record" in tables:
+        known = varied if rules.kind(sample) != TABLE or columns is not None else None
+        recorded = rules.record(tables["record"], own, values, known, mistakes)
+    realizations = rules.realizations(sample, sampled, mistakes)
+    refuse(mistakes)
+    fixed = {
+        name: value
+        for name, value in values.items()
+        if name not in varied and not math.isnan(value)  # one that only the table knows
+    }
+    kind, asked = rules.kind(sample), sample.get("design")
+    if isinstance(asked, str) and kind == TABLE:
+        asked = (source or Path()).parent / asked
+    return Sweep(
+        title="",
+        text="",
+        source=source,
+        scene=Scene(**own, measures=measures.over(base), inputs=fixed, given=frozenset(numbers)),
+        design=Design(
+            kind,
+            sampled,
+            realizations,
+            sample.get("seed", 0),
+            asked if kind == TABLE else None,
+            columns,
+        ),
+        record=None if recorded is None else Scene(**recorded, measures=measures).recorded(),
+        windows=tables.get("windows"),
+    )

@@ -1,1 +1,0 @@
-"""A sweep file to one checked, frozen description; designs and tables of realizations."""
