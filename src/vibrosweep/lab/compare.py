@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 
+from vibrosweep.arrays import Array, Flags
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.comparison import (
@@ -23,7 +24,7 @@ from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import check_method, impacts_of
 from vibrosweep.lab.oscillation import Trace
-from vibrosweep.lab.prediction import DRAWS, draw, predict
+from vibrosweep.lab.prediction import DRAWS, Prediction, draw, predict
 from vibrosweep.lab.twin import Comparison, camera_shares
 from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.parameters import LAWS, PARAMETERS
@@ -37,15 +38,13 @@ SHARES: Final = ("frames", "pixels", "parameters")
 
 
 class _Compared(NamedTuple):
-    """Measured means, predictions, errors and shares of one recording, by quantity."""
+    """Comparison of one recording with its prediction."""
 
-    compared: float
-    measured: dict[str, float]
-    predicted: dict[str, float]
-    error: dict[str, dict[str, float]]
-    share: dict[str, dict[str, dict[str, float]]]
-    parameters: dict[str, float]
-    deviation: dict[str, float]
+    # Error and its contributions in per cent, shape (1 + len(SHARES), quantity, reading)
+    errors: Array
+    means: Array  # measured and predicted, m and s; shape (2, quantity)
+    # Share of the particles that were compared, parameters of the prediction and their errors
+    numbers: dict[str, float]
     favoured: str
     motion: str
     warning: str
@@ -170,65 +169,52 @@ def _check(recordings: Sequence[xr.Dataset], how: Comparison) -> None:
 
 def _errors(rows: Sequence[Sequence[_Compared]]) -> dict[str, Any]:
     """Variables of dims (case, quantity, reading): the errors and their contributions."""
-    found = np.empty((1 + len(SHARES), len(rows), len(QUANTITIES), len(READINGS)))
-    for i, row in enumerate(rows):
-        for j, q in enumerate(QUANTITIES):
-            for k, reading in enumerate(READINGS):
-                found[0, i, j, k] = np.mean([one.error[q][reading] for one in row])
-                for m, name in enumerate(SHARES, start=1):
-                    # contributions add as squares, so their squares are averaged
-                    parts = [one.share[name][q][reading] ** 2 for one in row]
-                    found[m, i, j, k] = np.sqrt(np.mean(parts))
+    repeats = [np.stack([one.errors for one in row], axis=-1) for row in rows]
+    # contributions add as squares, so their squares are averaged
+    shares = [np.sqrt(np.mean(found[1:] ** 2, axis=-1)) for found in repeats]
+    errors = [np.mean(found[:1], axis=-1) for found in repeats]
+    columns = np.concatenate([errors, shares], axis=1).swapaxes(0, 1)
     words = ["|measured - predicted| / measured", *(f"error due to {name}" for name in SHARES)]
     return {
         name: (("case", "quantity", "reading"), values, {"units": "percent", "long_name": text})
-        for name, values, text in zip(("error", *SHARES), found, words, strict=True)
+        for name, values, text in zip(("error", *SHARES), columns, words, strict=True)
     }
 
 
 def _means(rows: Sequence[Sequence[_Compared]]) -> dict[str, Any]:
     """Variables of dims (case, quantity) and (case): measured and predicted means, parameters."""
-    measured, spread, predicted = np.empty((3, len(rows), len(QUANTITIES)))
-    for i, row in enumerate(rows):
-        for j, q in enumerate(QUANTITIES):
-            values = np.array([one.measured[q] for one in row])
-            measured[i, j] = values.mean()
-            spread[i, j] = values.std(ddof=1) if len(row) > 1 else np.nan
-            predicted[i, j] = np.mean([one.predicted[q] for one in row])
+    repeats = [np.stack([one.means for one in row], axis=-1) for row in rows]
+    measured, predicted = np.array([found.mean(axis=-1) for found in repeats]).swapaxes(0, 1)
+    spread = [
+        found[0].std(axis=-1, ddof=1) if len(row) > 1 else np.full(len(QUANTITIES), np.nan)
+        for found, row in zip(repeats, rows, strict=True)
+    ]
     dims = ("case", "quantity")
-    used = {
-        name: (
-            "case",
-            [float(np.mean([one.parameters[name] for one in row])) for row in rows],
-            {"units": PARAMETERS[name].units, "long_name": PARAMETERS[name].long_name},
-        )
-        for name in USED
+    compared = {"units": "1", "long_name": "share of the particles that could be compared"}
+    gamma = {"units": "1", "long_name": "peak acceleration of the base in units of gravity"}
+    about: dict[str, dict[str, str]] = {
+        "compared": compared,
+        **{n: {"units": PARAMETERS[n].units, "long_name": PARAMETERS[n].long_name} for n in USED},
+        ACCELERATION: gamma,
+        **{
+            f"{name}_error": {"long_name": f"typical standard error of the {name} of one recording"}
+            for name in (*USED, ACCELERATION)
+        },
     }
-    errors = {
-        f"{name}_error": (
-            "case",
-            [float(np.sqrt(np.mean([one.deviation[name] ** 2 for one in row]))) for row in rows],
-            {"long_name": f"typical standard error of the {name} of one recording"},
-        )
-        for name in (*USED, ACCELERATION)
-    }
+
+    def average(name: str, row: Sequence[_Compared]) -> float:
+        values = np.array([one.numbers[name] for one in row])
+        return float(np.sqrt(np.mean(values**2)) if name.endswith("_error") else np.mean(values))
+
     return {
         "measured": (dims, measured, {"long_name": "measured mean"}),
         "measured_sd": (dims, spread, {"long_name": "standard deviation over the repeats"}),
         "predicted": (dims, predicted, {"long_name": "predicted mean"}),
         "repeats": ("case", [len(row) for row in rows], {"units": "1"}),
-        "compared": (
-            "case",
-            [float(np.mean([one.compared for one in row])) for row in rows],
-            {"units": "1", "long_name": "share of the particles that could be compared"},
-        ),
-        **used,
-        ACCELERATION: (
-            "case",
-            [float(np.mean([one.deviation["gamma"] for one in row])) for row in rows],
-            {"units": "1", "long_name": "peak acceleration of the base in units of gravity"},
-        ),
-        **errors,
+        **{
+            name: ("case", [average(name, row) for row in rows], attributes)
+            for name, attributes in about.items()
+        },
     }
 
 
@@ -247,50 +233,46 @@ def _one(tracks: xr.Dataset, how: Comparison, workers: Workers) -> _Compared:
     sets, refused = draw(scene, estimated, how.draws, how.seed)
     found = predict(by_fit, sets, workers, how.rebound)
     best = {"height": found.height[0], "period": found.period[0]}
-    error = prediction_errors(impacts, best, among)
     means = measured_means(impacts, among)
-    one = {name: float(values[0]) for name, values in sets.items()}
-    spread = {
-        q: 100.0 * np.std(values[1:, among], axis=0) / means[q][among]
-        if len(values) > 1
-        else np.zeros(int(among.sum()))
-        for q, values in (("height", found.height), ("period", found.period))
-    }
-    share = camera_shares(tracks, by_fit, one, how)
-    share["parameters"] = {
+    used = {name: float(values[0]) for name, values in sets.items()}
+    shares = camera_shares(tracks, by_fit, used, how)
+    shares["parameters"] = {
         q: dict.fromkeys(READINGS, float(values.mean())) | {"worst": float(values.max())}
-        for q, values in spread.items()
+        for q, values in _spreads(found, means, among).items()
     }
-    warning = f"{refused} drawn sets were not physical and were drawn anew" if refused else ""
+    parts = [prediction_errors(impacts, best, among), *(shares[name] for name in SHARES)]
+    errors = [[[part[q][reading] for reading in READINGS] for q in QUANTITIES] for part in parts]
     return _Compared(
-        float(among.mean()),
-        {q: float(np.nanmean(means[q])) for q in QUANTITIES},
-        {q: float(np.nanmean(best[q][among])) for q in QUANTITIES},
-        error,
-        share,
-        one,
-        _deviations(estimated, one),
+        np.array(errors),
+        np.array([[np.nanmean(each[q][among]) for q in QUANTITIES] for each in (means, best)]),
+        {"compared": float(among.mean()), **_used(estimated, used)},
         fitted.favoured_base,
         impacts.attrs["base_motion"],
-        warning,
+        f"{refused} drawn sets were not physical and were drawn anew" if refused else "",
     )
 
 
-def _deviations(estimated: xr.Dataset | None, used: dict[str, float]) -> dict[str, float]:
-    """Standard errors of the parameters, NaN for known ones, and the acceleration of the base."""
-    errors = dict.fromkeys((*USED, ACCELERATION), float("nan"))
+def _spreads(found: Prediction, means: dict[str, Array], among: Flags) -> dict[str, Array]:
+    """Spread of the predictions over the draws in per cent of the measured means, by quantity."""
+    return {
+        q: 100.0 * np.std(values[1:, among], axis=0) / means[q][among]
+        if len(values) > 1
+        else np.zeros(int(among.sum()))
+        for q, values in found._asdict().items()
+    }
+
+
+def _used(estimated: xr.Dataset | None, used: dict[str, float]) -> dict[str, float]:
+    """Parameters of a prediction, Gamma among them, and their standard errors, NaN if known."""
     velocity = used["amplitude"] / (1.0 + used["restitution"])
     gamma = 2.0 * np.pi * used["frequency"] * velocity / used["gravity"]
+    errors = {f"{name}_error": float("nan") for name in (*USED, ACCELERATION)}
     if estimated is not None:
-        errors |= {
-            str(name): float(error)
-            for name, error in zip(
-                estimated["parameter"].values, estimated["error"].values, strict=True
-            )
-        }
+        names = estimated["parameter"].values
+        errors |= {f"{n}_error": float(estimated["error"].sel(parameter=n)) for n in names}
         if "base_acceleration_error" in estimated:
-            errors[ACCELERATION] = float(estimated["base_acceleration_error"])
-    return {**errors, "gamma": gamma}
+            errors[f"{ACCELERATION}_error"] = float(estimated["base_acceleration_error"])
+    return {**used, ACCELERATION: gamma, **errors}
 
 
 def _parameters(impacts: xr.Dataset, how: Comparison) -> tuple[dict[str, float], xr.Dataset | None]:

@@ -46,10 +46,10 @@ def flights_on_levels(
     shift = np.where(known, off, 0.0)
     moved = replace(samples, height=samples.height - shift[samples.particle])
     found = find_flights(moved, gravity, None, exposure)
-    own, joint = shift[found.particle], found.junctions
+    by_flight, joint = shift[found.particle], found.junctions
     return found._replace(
-        fits=found.fits._replace(level=found.fits.level + own),
-        junctions=joint._replace(height=joint.height + own[joint.before]),
+        fits=found.fits._replace(level=found.fits.level + by_flight),
+        junctions=joint._replace(height=joint.height + by_flight[joint.before]),
         levels=found.levels + shift,
         base=float(np.mean(found.levels + shift)),
         base_error=float(np.mean(error[known])),
@@ -65,14 +65,14 @@ def _levels(contacts: Contacts, count: int) -> tuple[Array, Array, NDArray[np.bo
 
     NaN for a particle with too few bounces.
     """
-    seen = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
-    spread = contacts.noise * np.sqrt(seen.height_variance)
+    met = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
+    spread = contacts.noise * np.sqrt(met.height_variance)
     level, error = np.full((2, count), np.nan)
-    alike = np.zeros(count, np.bool_)
+    alike, closing = np.zeros(count, np.bool_), contacts.departure - contacts.arrival
     for p in range(count):
-        own = contacts.particle == p
-        height, speed = contacts.height[own], (contacts.departure - contacts.arrival)[own]
-        level[p], error[p] = base_level(height, spread[own], np.nan)
-        speed = speed[np.abs(height - level[p]) < ON_BASE * spread[own]]
+        chosen = contacts.particle == p
+        height, speed = contacts.height[chosen], closing[chosen]
+        level[p], error[p] = base_level(height, spread[chosen], np.nan)
+        speed = speed[np.abs(height - level[p]) < ON_BASE * spread[chosen]]
         alike[p] = speed.size > 0 and speed.std() < DIFFERENT * speed.mean()
     return level, error, alike

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -116,38 +116,24 @@ def table_to_tracks(
         )
     names, index = np.unique(owner, return_inverse=True)
     order = np.argsort(index, kind="stable")
-    steps = np.diff(times[order])
-    inside = np.diff(index[order]) == 0
-    _refuse_order(source, names, index[order], times[order], inside & (steps <= 0.0), steps)
+    steps, same = np.diff(times[order]), np.diff(index[order]) == 0
+    wrong = np.flatnonzero(same & (steps <= 0.0))
+    if wrong.size:
+        first, after = order[wrong[0]], order[wrong[0] + 1]
+        who = f"{source}: particle {names[index[first]]}"
+        if times[first] == times[after]:
+            raise TrackError(
+                f"{who} has two positions at {times[first]:.6g} s{_more(wrong)}; keep one position "
+                f"a frame, or give particles different names"
+            )
+        raise TrackError(
+            f"{who} goes back in time, from {times[first]:.6g} s to {times[after]:.6g} s"
+            f"{_more(wrong)}; sort the rows by time, or give particles different names"
+        )
     axis, frame = np.unique(times, return_inverse=True)
     grid = np.full((axis.size, names.size), np.nan)
     grid[frame, index] = heights
     return make_tracks(axis, grid, names, source)
-
-
-def _refuse_order(
-    source: str,
-    names: NDArray[Any],
-    owner: NDArray[np.intp],
-    times: Array,
-    wrong: NDArray[np.bool_],
-    steps: Array,
-) -> None:
-    """Raise a TrackError if times of a particle decrease or appear twice."""
-    places = np.flatnonzero(wrong)
-    if not places.size:
-        return
-    first = int(places[0])
-    who = f"{source}: particle {names[owner[first]]}"
-    if steps[first] == 0.0:
-        raise TrackError(
-            f"{who} has two positions at {times[first]:.6g} s{_more(places)}; keep one position a "
-            f"frame, or give particles different names"
-        )
-    raise TrackError(
-        f"{who} goes back in time, from {times[first]:.6g} s to {times[first + 1]:.6g} s"
-        f"{_more(places)}; sort the rows by time, or give particles different names"
-    )
 
 
 def rate_of(times: Array, source: str) -> float:

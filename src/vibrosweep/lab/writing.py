@@ -37,28 +37,23 @@ def write_experiments(
         (
             experiment,
             [
-                directory / f"{name}_{experiment.particles:03d}_trial{k + 1}"
+                directory / f"{name}_{experiment.particles:03d}_trial{k + 1}{end}"
                 for k in range(experiment.repeats)
+                for end in (".csv", "_truth.csv")
             ],
         )
         for experiment in experiments
     ]
-    for _, stems in planned:
-        for stem in stems:
-            for path in _paths(stem):
-                check_output(path, force=force)
-    written = []
-    for experiment, stems in planned:
-        for trial, stem in zip(perform_trials(experiment), stems, strict=True):
-            tracks, truth = _paths(stem)
+    paths = [path for _, files in planned for path in files]
+    for path in paths:
+        check_output(path, force=force)
+    for experiment, files in planned:
+        for trial, tracks, truth in zip(
+            perform_trials(experiment), files[::2], files[1::2], strict=True
+        ):
             _write_table(_track_table(trial.tracks), tracks)
             _write_table(_truth_table(trial.record._asdict()), truth)
-            written += [tracks, truth]
-    return written
-
-
-def _paths(stem: Path) -> tuple[Path, Path]:
-    return stem.with_name(f"{stem.name}.csv"), stem.with_name(f"{stem.name}_truth.csv")
+    return paths
 
 
 def _write_table(table: pd.DataFrame, path: Path) -> None:
@@ -67,17 +62,8 @@ def _write_table(table: pd.DataFrame, path: Path) -> None:
 
 
 def _track_table(tracks: xr.Dataset) -> pd.DataFrame:
-    import pandas as pd
-
-    height = tracks["height"].values
-    frames, particles = height.shape
-    return pd.DataFrame(
-        {
-            "time": np.tile(tracks["time"].values, particles),
-            "particle": np.repeat(tracks["particle"].values, frames),
-            "height": height.ravel(order="F"),
-        }
-    )
+    by_particle = tracks["height"].transpose("particle", "frame").to_dataframe().reset_index()
+    return by_particle[["time", "particle", "height"]]
 
 
 def _truth_table(record: dict[str, np.ndarray]) -> pd.DataFrame:
