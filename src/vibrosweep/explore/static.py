@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import pickle
 from pathlib import Path
 from typing import Any, Final
 
@@ -89,7 +90,7 @@ class _Page:
             choice = self.points.choice(index).shortened(PERIODS)
             self.motion.show(choice.simulate(), named(choice))
             found = self.motion.content
-            left -= _bytes(found)
+            left -= len(pickle.dumps(found))
             if self.motions and (left < 0 or len(self.motions) == most):
                 break
             self.kept.append(index)
@@ -176,16 +177,3 @@ class _Page:
             one.js_on_change("value", script)
         self.plane.source.selected.js_on_change("indices", script)
         self.save.js_on_click(script)
-
-
-def _bytes(columns: dict[str, Any]) -> int:
-    """Total size of all arrays."""
-    sizes = 0
-    for value in columns.values():
-        if isinstance(value, dict):
-            sizes += _bytes(value)
-        elif hasattr(value, "nbytes"):
-            sizes += value.nbytes
-        elif isinstance(value, list):
-            sizes += sum(getattr(one, "nbytes", 8) for one in value)
-    return sizes
