@@ -18,7 +18,7 @@ class Judgement:
     error: float
     claim: float | None  # largest error that the dataset admits; None where it claims nothing
     # Certified decimal digits: of the claim and the reference's radius together, relative to the
-    # value; 0 where they exceed it.  None for what is exact, zero or undefined.
+    # value; 0 where they exceed it.  None for exact, zero or undefined values.
     digits: float | None = None
     # Description of the failure; empty if the number is within its claim or nothing is claimed
     complaint: str = ""

@@ -31,7 +31,7 @@ from vibrosweep.proof.statistics import (
 )
 
 GUARD_BITS: Final = 64
-# Order parameters by what they multiply the forcing frequency with.
+# Frequency of each order parameter, in units of the forcing frequency.
 HARMONICS: Final = {
     "order_1": Fraction(1),
     "order_2": Fraction(2),

@@ -38,7 +38,7 @@ def read_sample(
     """Draw realizations without replacement; all where there are no more than `size`.
 
     The second sample is the dataset's record of every landing, where it holds one; then comes what
-    its sweep file asks for, and what is said of the axes.  Raises a ParameterError for a size or a
+    its sweep file asks for, and judgements of the axes.  Raises a ParameterError for a size or a
     seed that cannot be used, and a DataError where there is no such file, or it is not a result
     that can be read.
     """

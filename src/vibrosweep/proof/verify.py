@@ -128,7 +128,7 @@ def verify(
 
 
 def _names(sample: Sample, record: Sample | None) -> list[str]:
-    """Every variable of the dataset, those of the record with a name that says so."""
+    """List every variable of the dataset; names of the record begin with ``record/``."""
     names = [*sample.coordinates, *sample.stored]
     if record is not None:
         names += [f"record/{name}" for name in (*record.coordinates, *record.stored)]
@@ -149,7 +149,7 @@ def _checked(
     max_landings: int,
     workers: Workers,
 ) -> Outcome:
-    """Judge one realization as far as it can be."""
+    """Judge one realization as far as possible."""
     judged = [
         judge(name, None, float(sample.coordinates[name][row]), float(values[row]), 0.0)
         for name, values in setting.sampled.items()
@@ -179,7 +179,7 @@ def _checked(
 def _checked_record(
     record: Sample, setting: Setting, max_landings: int, workers: Workers
 ) -> Outcome:
-    """Judge the record of every landing, whose bounds a dataset does not hold."""
+    """Judge the record of every landing; its error bounds are recomputed."""
     again, realization = measure_bounds(record, workers), record.realization(0)
     bounds = _bounds(again, 0)
     judged = list(_coordinates(record, setting, "record/"))
@@ -192,7 +192,7 @@ def _checked_record(
 
 
 def _coordinates(sample: Sample, setting: Setting, prefix: str) -> Iterator[Judgement]:
-    """Judge the coordinates that all realizations share, or those of the record."""
+    """Judge the coordinates that all realizations share, or the coordinates of the record."""
     for name, values in sample.coordinates.items():
         if not prefix and values.shape != setting.sampled.get(name, values).shape:
             yield Judgement(name, None, math.nan, 0.0, None, "has no value for each realization")

@@ -83,7 +83,7 @@ def _entries(path: str, key: str, value: Any) -> Iterator[tuple[str, object]]:
     """Yield every value of the field at a path as a sweep file gives it, with its key there."""
     members: Mapping[str, Any] = {}
     if isinstance(value, Sweep | Scene | Design | Measures | Observable):
-        # of what is not compared, as a function, another field holds a digest
+        # a field that is not compared, such as a function, has its digest in another field
         members = {f.name: getattr(value, f.name) for f in fields(value) if f.compare}
     elif isinstance(value, Mapping):
         members = value

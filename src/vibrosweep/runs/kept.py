@@ -132,7 +132,7 @@ class KeptRun:
 
     @contextmanager
     def _kept(self) -> Iterator[None]:
-        """Add to any error that ends the run what was kept and how to resume."""
+        """Add to any error that ends the run which chunks are kept, and how to resume."""
         try:
             yield
         except KeyboardInterrupt as error:

@@ -22,7 +22,7 @@ from vibrosweep.store.writer import Attributes, Writer
 # to write them; level 9 gains nothing more.  The digits of measured doubles are random: deflate
 # saves 14 % and takes 16 times as long, so doubles are stored uncompressed.
 COMPRESSION: Final = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-# Small enough that a chunk stays in HDF5's cache until it is full, whatever the size of the writes.
+# Small enough that a chunk stays in HDF5's cache until it is full, for writes of any size.
 CHUNK_VALUES: Final = 1 << 13
 
 

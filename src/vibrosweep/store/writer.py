@@ -1,6 +1,6 @@
-"""The writer of a result: what it declares and its rows, whether in a file or in memory.
+"""The writer of a result: its declarations and its rows, whether in a file or in memory.
 
-Every declared array is to be filled by `Writer.write`; a result with a gap is refused.
+`Writer.write` must fill every declared array; a result with a gap is refused.
 """
 
 from __future__ import annotations

@@ -22,11 +22,11 @@ class UndecidableError(VibrosweepError, ArithmeticError):
     Attributes
     ----------
     decision
-        What could not be decided, in words.
+        The open decision, in words.
     impact
         Number of the impact, from 1.
     bits
-        Precision at which it was given up.
+        Largest precision that was tried.
     """
 
     def __init__(self, decision: str, impact: int, bits: int) -> None:

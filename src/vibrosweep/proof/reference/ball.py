@@ -66,13 +66,13 @@ def trajectory(
 ) -> Trajectory:
     """Every landing of one particle, with proved error bounds.
 
-    The dimensionless trajectory (e, a, r, x0, u0) over so many periods is the physical one with
+    The dimensionless trajectory (e, a, r, x0, u0) over some periods is the physical one with
     restitution e, amplitude a, frequency 1, phase 0, gravity 2, launch_velocity u0, contact_time r,
     launch_time x0 and duration in periods: velocities are then flight times.
 
-    Landings at t <= duration (s) count; a `Fraction` is a time that no double is.  `digits` asks
-    for radii of 10**-digits of a velocity, or of v_rest where that is larger; of a time, or of the
-    contact time where that is larger; and of a turn for a phase.
+    Landings at t <= duration (s) count; a `Fraction` gives a time exactly.  Radii are at most
+    10**-digits of a velocity or of v_rest, of a time or of the contact time, whichever is larger,
+    and of a turn for a phase.
 
     Raises a ParameterError that names an argument outside its range, and an UndecidableError where
     a decision stays uncertain at `max_bits`: a tie, or an orbit that loses more digits.

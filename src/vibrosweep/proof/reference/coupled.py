@@ -137,14 +137,13 @@ def coupled(
     """Every landing of all particles, with proved error bounds.
 
     Parameters are those of `vibrosweep.model.parameters.PARAMETERS` and of the mount.  Landings at
-    t <= duration (s) count; a `Fraction` is a time that no double is.  `digits` asks for radii of
-    10**-digits of a velocity, or of v_rest where that is larger; of a time, or of the contact time
-    where that is larger; and of a turn for a phase.  The precision `bits` is tried first, where
-    that asked for by `digits` is less.
+    t <= duration (s) count; a `Fraction` gives a time exactly.  Radii are at most 10**-digits of a
+    velocity or of v_rest, of a time or of the contact time, whichever is larger, and of a turn for
+    a phase.  The first precision is `bits`, or more if `digits` needs it.
 
     Raises a ParameterError that names a number outside its range, and an UndecidableError where a
-    decision stays uncertain at `max_bits`: a tie, or motion that loses more digits.  The number of
-    its impact is that among all particles.
+    decision stays uncertain at `max_bits`: a tie, or motion that loses more digits.  Its impact is
+    numbered among those of all particles.
     """
     values = {name: float(value) for name, value in parameters.items()}
     launched = tuple(_exact("launch_time", time) for time in launch_times)
@@ -165,13 +164,13 @@ def _exact(name: str, time: float | Fraction) -> Fraction:
 class _Course:
     """Events of one particle: `counted` of them up to the end of the observation, then others.
 
-    A lift-off that no longer counts is left out, with all that comes later.
+    A lift-off that no longer counts is left out, with all later events.
     """
 
     def __init__(self) -> None:
         self.events: list[Event] = []
         self.counted = 0
-        self.complete = False  # whether nothing that happens after the end is left to know
+        self.complete = False  # True once no later event is needed
 
     def add(self, event: Event, after: bool, late: bool) -> None:
         """Add the next event, which may be after the end, or later than lift-offs count."""

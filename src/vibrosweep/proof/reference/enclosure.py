@@ -43,7 +43,7 @@ class Enclosure:
         self.bits = ctx.prec
 
     def change(self, by_flown: arb, by_speed: arb) -> arb:
-        """Ball of the changes, within the set, of what has these derivatives over it."""
+        """Ball of the changes, within the set, of a quantity with these derivatives over it."""
         along, across = self._columns(by_flown, by_speed)
         return along * self._r1 + across * self._r2
 
@@ -56,7 +56,7 @@ class Enclosure:
         """Map the set: `flown` and `speed` hold the image of the centre, `rows` all Jacobians.
 
         The new frame lies along the image of the first axis.  It may be any pair of exact numbers;
-        its determinant, 1 up to rounding, is divided out, so nothing is assumed of it.
+        its determinant, 1 up to rounding, is divided out, so that it need not be orthogonal.
         """
         (p1, q1), (p2, q2) = (self._columns(*row) for row in rows)
         r1, r2 = self._r1, self._r2

@@ -68,15 +68,15 @@ class Launch(NamedTuple):
 
 
 class Riders(NamedTuple):
-    """Those that ride the base and may leave it."""
+    """Particles that ride the base and may leave it."""
 
     particles: tuple[int, ...]
 
 
 class Next(NamedTuple):
-    """An event that may be the next one, so long after the present instant.
+    """An event that may be the next one, `s` periods after the present instant.
 
-    `course` is what then has its first root; None where the time is known.
+    The function `course` has its first root at that time; None where the time is known.
     """
 
     s: arb

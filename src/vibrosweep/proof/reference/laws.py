@@ -1,4 +1,4 @@
-"""Laws of rebound in ball arithmetic: what an impact keeps of the speed, and who is turned back.
+"""Laws of rebound in ball arithmetic: the speed kept at an impact, and the turning back.
 
 The speed after an impact is w = kept + kick.  Where w is negative the particle is pushed into the
 base: it rests, or the law turns it back with the speed -w.
@@ -15,14 +15,14 @@ from vibrosweep.proof.reference._flint import arb
 class Law(NamedTuple):
     """A law of rebound."""
 
-    # Speed kept of a restitution, a speed of arrival, and the speed whose flight lasts one forcing
-    # period in the same unit
+    # Speed kept, from restitution, speed of arrival, and the speed whose flight lasts one forcing
+    # period, in the same unit
     kept: Callable[[arb, arb, arb], arb]
-    slope: Callable[[arb, arb, arb], arb]  # derivative of that by the speed of arrival
-    # Bound of the modulus of the second derivative, of a restitution and speeds in units of that
-    # whose flight lasts one forcing period
+    slope: Callable[[arb, arb, arb], arb]  # derivative of `kept` by the speed of arrival
+    # Bound of the modulus of the second derivative, from the restitution; speeds are in units of
+    # that whose flight lasts one forcing period
     bend: Callable[[float], float]
-    turns_back: bool  # whether a particle that is pushed into the base is turned back
+    turns_back: bool  # True if a particle that is pushed into the base is turned back
 
 
 def _share(restitution: arb, speed: arb, unit: arb) -> arb:

@@ -21,7 +21,7 @@ Contraction: TypeAlias = tuple[arb | float, float]
 
 @dataclass(frozen=True)
 class Problem:
-    """One trajectory's exact inputs and the radii asked for."""
+    """Exact inputs of one trajectory, and the accuracy of its results."""
 
     parameters: dict[str, float]
     launch_time: Fraction
@@ -57,7 +57,7 @@ class Landed(NamedTuple):
     flown: arb  # time since the launch, in the unit of the base
     half_turns: arb  # phase of the forcing, not reduced
     duration: arb  # of the flight that ends with it, forcing periods
-    # Derivatives of that by phase and speed of its beginning; None where it is that speed
+    # Derivatives of the duration by phase and speed of lift-off; None where it equals that speed
     slopes: tuple[float, float] | None
 
 
