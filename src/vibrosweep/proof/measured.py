@@ -145,8 +145,8 @@ def _overlap(landings: Sequence[Landing], begin: arb) -> arb | None:
             if particle != landing.particle:
                 common = end.min(landing.stay_end) - start
                 overlap = common if overlap is None else overlap.max(common)
-        own = longest.get(landing.particle, landing.stay_end)
-        longest[landing.particle] = own.max(landing.stay_end)
+        before = longest.get(landing.particle, landing.stay_end)
+        longest[landing.particle] = before.max(landing.stay_end)
         if len(longest) > 2:
             del longest[min(longest, key=lambda particle: longest[particle].mid())]
     return overlap
@@ -192,7 +192,7 @@ def _out_of_turn(landings: Sequence[Landing], begin: arb) -> int:
     turn: dict[int, int] = {}
     found = 0
     for number, landing in enumerate(landings):
-        own = turn.get(landing.particle)
-        found += own is not None and own > min(turn.values()) and bool(landing.time >= begin)
+        last = turn.get(landing.particle)
+        found += last is not None and last > min(turn.values()) and bool(landing.time >= begin)
         turn[landing.particle] = number
     return found

@@ -41,7 +41,7 @@ EXEMPT: Final[Mapping[str, str]] = {
 # enters every realization
 LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
 # Sources that could affect the drawing, computing or storing of a sweep.
-ROOMS: Final = ("model", "theory", "kernels", "engine", "scene", "store", "runs")
+SUBPACKAGES: Final = ("model", "theory", "kernels", "engine", "scene", "store", "runs")
 # Fields whose keys in the sweep file are other ones
 KEYS: Final[Mapping[str, str]] = {
     "scene.inputs": "",
@@ -126,7 +126,7 @@ def _digest(table: Path | GivenTable) -> str:
 def sources() -> list[Path]:
     """Source files that could affect a sweep."""
     package = Path(__file__).parents[1]
-    inside = (path for room in ROOMS for path in (package / room).rglob("*.py"))
+    inside = (path for name in SUBPACKAGES for path in (package / name).rglob("*.py"))
     return sorted([*package.glob("*.py"), *inside])
 
 

@@ -2,9 +2,9 @@
 
 Parameters are taken as the exact doubles that they are, as in `vibrosweep.proof.reference.ball`;
 `vibrosweep.proof.reference.sprung` states what happens at each event.  A landing at t' counts if
-and only if t' <= duration; the motion is followed further until all that fly then have landed.  A
-particle that rides the base at the end has no lift-off; it is at rest for good if all particles do,
-and the forced oscillation with the envelope of the free one can then no longer throw them off.
+and only if t' <= duration; the motion is followed until all particles in flight have landed.  A
+particle that rides the base at the end has no lift-off.  It is at rest for good if all particles
+ride and the forced oscillation, with the envelope of the free one, can no longer throw them off.
 """
 
 from __future__ import annotations
