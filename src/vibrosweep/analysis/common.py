@@ -1,4 +1,4 @@
-"""What analyses that ask the engine again share: axes, attributes and variables of a result."""
+"""Tools of analyses that call the engine: axes, attributes and variables of a result."""
 
 from __future__ import annotations
 

@@ -52,10 +52,10 @@ def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Setting:
         return Setting({}, {}, dict.fromkeys(names, reason))
     shared: dict[str, Any] = {}
     if spec.record is not None:
-        own = spec.record
-        known = {name: values[0] for name, values in own.timed({}).items()}
-        frequency = own.inputs["frequency"]
-        known["launch_time"] = launch_times(own.launch, own.particles, frequency)
+        record = spec.record
+        known = {name: values[0] for name, values in record.timed({}).items()}
+        frequency = record.inputs["frequency"]
+        known["launch_time"] = launch_times(record.launch, record.particles, frequency)
         shared = {f"record/{name}": value for name, value in known.items()}
     drawn, reason = _drawn(spec, identity_in(file), rows)
     found, varied = spec.scene.timed(drawn, rows.size), spec.scene.varying(drawn)
