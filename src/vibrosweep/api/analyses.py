@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import xarray as xr
 
@@ -21,6 +21,7 @@ from vibrosweep.analysis.separations import (
 )
 from vibrosweep.analysis.windows import windows_of_spec
 from vibrosweep.api.asking import Asked, asked
+from vibrosweep.api.keyword_types import RealizationKeywords, SweepKeywords, WindowKeywords
 from vibrosweep.api.sweeps import sweep
 from vibrosweep.errors import ParameterError, ShortObservationWarning
 from vibrosweep.model.forcing import INPUTS
@@ -33,7 +34,7 @@ SOBOL_SAMPLE = 1024
 
 
 def windows(
-    spec: Asked | None = None, /, *, threads: int | None = None, **keywords: Any
+    spec: Asked | None = None, /, *, threads: int | None = None, **keywords: Unpack[WindowKeywords]
 ) -> xr.Dataset:
     """Find the intervals of the forcing in which conditions hold, for every restitution.
 
@@ -105,7 +106,7 @@ def bifurcation(
     observable: str | Observable = "rebound_velocity",
     samples: int = 64,
     threads: int | None = None,
-    **keywords: Any,
+    **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
     """Follow orbits up and down the forcing, each from the state reached before.
 
@@ -158,7 +159,7 @@ def bifurcation(
 
 
 def basins(
-    spec: Asked | None = None, /, *, threads: int | None = None, **keywords: Any
+    spec: Asked | None = None, /, *, threads: int | None = None, **keywords: Unpack[SweepKeywords]
 ) -> xr.Dataset:
     """Tell which attractor each launch leads to.
 
@@ -211,7 +212,7 @@ def sobol(
     outputs: Sequence[str] | None = None,
     confidence: float = 0.95,
     threads: int | None = None,
-    **keywords: Any,
+    **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
     """First-order and total Sobol' indices: on which parameters measured variables depend.
 
@@ -276,7 +277,7 @@ def separations(
     measure: str = "dt_min",
     quantiles: Sequence[float] = QUANTILES,
     threads: int | None = None,
-    **keywords: Any,
+    **keywords: Unpack[RealizationKeywords],
 ) -> xr.Dataset:
     """Distribution of the smallest separation between landings of different particles.
 
@@ -329,7 +330,7 @@ def separations(
             raise ParameterError(f"{', '.join(keywords)}: cannot be given beside a result")
         result = spec
     else:
-        asks = {"separation": True, **keywords} if spec is None else {}
+        asks: dict[str, Any] = {"separation": True, **keywords} if spec is None else {}
         result = sweep(spec, threads=threads, **asks)
     if against is None:
         return separation_distribution(result, measure=measure, quantiles=quantiles)

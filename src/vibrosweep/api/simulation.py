@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import xarray as xr
 
+from vibrosweep.api.keyword_types import BatchKeywords
 from vibrosweep.engine.landings import launch_times, record_landings, require_room
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.forcing import only_parameters, refuse_large
@@ -17,7 +18,7 @@ from vibrosweep.scene.keywords import batch
 __all__ = ["simulate"]
 
 
-def simulate(*, threads: int | None = None, **keywords: Any) -> xr.Dataset:
+def simulate(*, threads: int | None = None, **keywords: Unpack[BatchKeywords]) -> xr.Dataset:
     """Every landing of a small scene.
 
     Parameters

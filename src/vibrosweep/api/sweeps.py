@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from typing import Any
+from typing import Unpack
 
 import xarray as xr
 
 from vibrosweep.api.asking import Asked, asked
+from vibrosweep.api.keyword_types import SweepKeywords
 from vibrosweep.api.results import open_sweep
 from vibrosweep.errors import ExistingOutputError, ParameterError
 from vibrosweep.kernels.observing import compiled
@@ -31,7 +32,7 @@ def sweep(
     observables: Iterable[Observable] = (),
     threads: int | None = None,
     progress: bool | None = None,
-    **keywords: Any,
+    **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
     """Compute realizations in memory.
 

@@ -1,0 +1,97 @@
+"""Types of the keywords of public functions, by which an editor completes and checks them.
+
+They are the keys of a sweep file.  What a value may be is judged when the function is called.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
+
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+__all__ = ["BatchKeywords", "RealizationKeywords", "SweepKeywords", "WindowKeywords"]
+
+# A number; a tuple as a range, a list, an array, or start, stop and num as an axis
+Values = ArrayLike | Mapping[str, float] | None
+# Of the words, those that are always known
+Base = Literal["high-bounce", "moving", "sprung"] | str | None
+Law = Literal["rest", "reflect"] | str | None
+Launch = Literal["staggered"] | Sequence[float] | ArrayLike | None
+Design = Literal["uniform", "latin", "sobol", "grid"] | str
+
+
+class MotionKeywords(TypedDict, total=False):
+    """What bounces on what, and for how long."""
+
+    restitution: Values
+    amplitude: Values
+    base_velocity: Values
+    base_displacement: Values
+    base_acceleration: Values
+    frequency: Values
+    phase: Values
+    gravity: Values
+    launch_velocity: Values
+    contact_time: Values
+    mass_ratio: Values
+    particle_mass: Values
+    base_mass: Values
+    mount_frequency: Values
+    mount_damping: Values
+    particles: int | None
+    launch: Launch
+    duration: float | None
+    duration_periods: float | None
+    base: Base
+    rebound: Law
+
+
+class BatchKeywords(MotionKeywords, total=False):
+    """A scene, and what is known of it before it is followed."""
+
+    launch_time: ArrayLike | None
+    impact_budget: int | None
+
+
+class RealizationKeywords(MotionKeywords, total=False):
+    """A scene, its realizations, and what is measured of them."""
+
+    title: str | None
+    design: Design | os.PathLike[str] | Mapping[str, ArrayLike] | xr.Dataset | pd.DataFrame | None
+    realizations: int | None
+    seed: int | None
+    columns: Sequence[str] | None
+    transient: float | None
+    transient_periods: float | None
+    separation: bool | None
+    per_particle: bool | None
+    regimes: bool | None
+    lyapunov: bool | None
+    trust: bool | None
+    ordering: bool | None
+    joint: bool | None
+    tolerance: float | None
+    impact_budget: int | None
+
+
+class SweepKeywords(RealizationKeywords, total=False):
+    """The same, or whole tables of a sweep file."""
+
+    scene: Mapping[str, Any] | None
+    sample: Mapping[str, Any] | None
+    measure: Mapping[str, Any] | None
+    record: Mapping[str, Any] | None
+    windows: Mapping[str, Any] | None
+
+
+class WindowKeywords(SweepKeywords, total=False):
+    """A sweep, and the conditions that are looked for."""
+
+    conditions: Sequence[str] | None
+    continuation: bool | None
