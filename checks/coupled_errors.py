@@ -49,7 +49,7 @@ def compare(parameters, launches, duration, most=MOST):
 
     The error comes in units of the estimate, and of what verify grants each number.
     """
-    found = simulate(base="sprung", launch_time=launches, duration=duration, **parameters)
+    found = simulate(base="sprung", launch_time=list(launches), duration=duration, **parameters)
     landings = int(found.impact_count.sum())
     realization = Realization(
         parameters=parameters,

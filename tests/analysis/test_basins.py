@@ -26,7 +26,7 @@ def test_every_launch_is_on_the_attractor_that_a_sweep_finds(workers):
             "restitution": 0.95,
             "phase": 0.7,
             "particles": 16,
-            "launch": tuple(TIMES.tolist()),
+            "launch": TIMES.tolist(),
         }
     ).scene
     observation = launch.only(regimes=True)

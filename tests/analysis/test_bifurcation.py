@@ -10,7 +10,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.scene.keywords import keyword_spec
 
 # launched close to the locked orbit at the end of its window
-LOCKED = keyword_spec({"duration": 20_000.0, "launch": (0.47,), "launch_velocity": 4.905}).scene
+LOCKED = keyword_spec({"duration": 20_000.0, "launch": [0.47], "launch_velocity": 4.905}).scene
 
 
 def test_the_locked_orbit_doubles_its_period_and_is_lost_on_the_way_down():
@@ -58,11 +58,11 @@ def observed(record, name):
     "scene",
     [
         # ten impacts in each period, one of them followed by a rest
-        keyword_spec({"duration": 1500.0, "launch": (0.0,)}).scene,
+        keyword_spec({"duration": 1500.0, "launch": [0.0]}).scene,
         keyword_spec(
             {
                 "duration": 1500.0,
-                "launch": (0.0,),
+                "launch": [0.0],
                 "base": "moving",
                 "restitution": 0.3,
                 "amplitude": 3.0,
@@ -71,7 +71,7 @@ def observed(record, name):
         keyword_spec(
             {
                 "duration": 1500.0,
-                "launch": (0.1,),
+                "launch": [0.1],
                 "base": "moving",
                 "restitution": 0.9,
                 "amplitude": 1.2,
@@ -85,7 +85,7 @@ def test_observables_are_those_of_the_landings(name, scene):
     amplitude = float(scene.parameters({})["amplitude"][0])
     found = bifurcation(scene, [amplitude], observable=name, samples=20)
     record = simulate(
-        launch_time=scene.launch,
+        launch_time=list(scene.launch),
         duration=1600.0,
         base=scene.base,
         restitution=scene.inputs["restitution"],

@@ -101,7 +101,7 @@ def test_booleans_of_ones_own_are_undetermined_where_nothing_is_known(measured, 
         ("ordered", {"duration": 60.0}),
         ("periodic", {"duration": 60.0, "base": "moving"}),
         ("regular", {"duration": 150.0}),
-        ("collision_free", {"duration": 12.0, "launch": (0.0, 0.3), "impact_budget": 24}),
+        ("collision_free", {"duration": 12.0, "launch": [0.0, 0.3], "impact_budget": 24}),
         ("separated", {"duration": 12.0, "base": "moving", "impact_budget": 18}),
     ],
 )

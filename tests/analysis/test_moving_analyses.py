@@ -67,7 +67,7 @@ def test_a_continued_orbit_stays_locked_down_to_the_end_of_its_window():
             "restitution": 0.8,
             "duration": 3000.0,
             "launch_velocity": 4.905,
-            "launch": (middle,),
+            "launch": [middle],
         }
     ).scene
     axis = np.linspace(0.7, 1.3, 25)

@@ -233,7 +233,7 @@ def sides_of(found, condition, scene, workers):
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
-        ("ordered", {"duration": 800.0, "launch": (0.125, 0.3), "particles": 2}),
+        ("ordered", {"duration": 800.0, "launch": [0.125, 0.3], "particles": 2}),
         ("periodic", {"duration": 300.0, "particles": 3}),
         ("separated", {"duration": 12.0, "particles": 6}),
         ("collision_free", {"duration": 12.0, "particles": 6}),
@@ -273,7 +273,7 @@ def test_a_condition_holds_inside_every_edge_and_fails_outside(name, changes, wo
 def test_continuation_sees_the_hysteresis_of_the_locked_orbit():
     # a particle that rests in every period does so until 2.26 m/s; one that is locked stays locked
     # down to the end of its window
-    scene = keyword_spec({"duration": 20_000.0, "launch_velocity": 4.905, "launch": (0.473,)}).scene
+    scene = keyword_spec({"duration": 20_000.0, "launch_velocity": 4.905, "launch": [0.473]}).scene
     axis = np.linspace(0.3, 2.9, 400)
     found = find_windows(scene, [0.9], axis, ["ordered"], continuation=True, tolerance=1e-6)
     up, down = (

@@ -80,7 +80,7 @@ def test_threads_do_not_change_a_record(threads):
 def test_numbers_of_any_kind_are_taken():
     given = simulate(
         amplitude=np.float32(1.5),
-        launch_time=(0, 1),
+        launch_time=[0, 1],
         duration=np.int32(12),
         frequency=xr.DataArray([1.0, 2.0]),
         impact_budget=np.int64(1000),
@@ -99,7 +99,9 @@ ARRAY = "a finite number or a 1-D array of finite numbers"
         ("restitution", -0.1, ALLOWED["restitution"]),
         ("restitution", 1.0 + 1e-13, ALLOWED["restitution"]),
         ("restitution", [0.5, np.nan], ALLOWED["restitution"]),
-        ("restitution", (0.8, 0.9), "give a list, an entry for each realization"),
+        ("restitution", (0.8, 0.9), "give a list"),
+        ("launch_time", (0.0, 0.1), "give a list"),
+        ("launch", (0.0, 0.1), "give a list"),
         ("amplitude", [1.0, -2.0, 3.0], ALLOWED["amplitude"]),
         ("amplitude", np.inf, ALLOWED["amplitude"]),
         ("frequency", 0, ALLOWED["frequency"]),

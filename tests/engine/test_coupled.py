@@ -25,7 +25,7 @@ MOUNT = {"mass_ratio": 0.02, "mount_frequency": 0.37, "mount_damping": 0.05}
     [(0.9, 0.4), (0.85, 0.97), (0.5, 2.5), (0.0, 2.2), (0.3, 3.7), (1.0, 0.2)],
 )
 def test_without_mass_particles_do_not_act_on_each_other(restitution, gamma):
-    scene = {"restitution": restitution, "base_acceleration": gamma, "launch_time": LAUNCHES}
+    scene = {"restitution": restitution, "base_acceleration": gamma, "launch_time": list(LAUNCHES)}
     alone = vs.simulate(base="moving", duration=6.0, **scene)
     mount = {"mass_ratio": 0.0, "mount_frequency": 0.6, "mount_damping": 0.1}
     coupled = vs.simulate(base="sprung", duration=6.0, **scene, **mount)
@@ -43,7 +43,7 @@ def recorded(parameters, particles=4, duration=8.0):
         track = base_track(parameters, scene, workers)
     found = vs.simulate(
         base="sprung",
-        launch_time=LAUNCHES[:particles],
+        launch_time=list(LAUNCHES[:particles]),
         duration=duration,
         **{name: float(values[0]) for name, values in parameters.items()},
     )
@@ -109,7 +109,7 @@ def test_statistics_are_those_of_the_landings():
     }
     asked = Measures(separation=True, per_particle=True, ordering=True, transient=2.0)
     found = measured(Scene(4, LAUNCHES, 7.0, "rest", asked, base="sprung"), **given)
-    record = vs.simulate(base="sprung", launch_time=LAUNCHES, duration=7.0, **given)
+    record = vs.simulate(base="sprung", launch_time=list(LAUNCHES), duration=7.0, **given)
     for i in range(6):
         one = record.isel(realization=i)
         seen = one.landing_time.values >= 2.0
@@ -187,7 +187,7 @@ def test_a_realization_without_budget_or_finite_numbers_gets_a_status():
 def test_a_budget_of_just_the_landings_in_the_window_is_enough():
     """Flights that end after the window are followed to their landing, which is not counted."""
     scene = {"restitution": [0.9], "amplitude": [1.2]} | {n: [v] for n, v in MOUNT.items()}
-    landed = vs.simulate(base="sprung", launch_time=(0.0, 0.4), duration=8.0, **scene)
+    landed = vs.simulate(base="sprung", launch_time=[0.0, 0.4], duration=8.0, **scene)
     sixth, seventh = landed.landing_time.values[0, 0, 5:7]
     asked = Measures(per_particle=True, impact_budget=6)
     for end, status in ((0.5 * (sixth + seventh), 0), (seventh + 1e-3, 1)):
@@ -229,7 +229,11 @@ def test_a_separation_of_equal_numbers_once_unknown_stays_unknown():
 
 def test_a_stiff_overdamped_mount_moves_nearly_as_its_foot():
     """The recoil has gone after 1e-6 periods, and steps along a ride need not resolve that."""
-    scene = {"restitution": [0.0, 0.6], "base_acceleration": [1.5, 2.0], "launch_time": LAUNCHES}
+    scene = {
+        "restitution": [0.0, 0.6],
+        "base_acceleration": [1.5, 2.0],
+        "launch_time": list(LAUNCHES),
+    }
     mount = {"mass_ratio": 1e-3, "mount_frequency": 1e3, "mount_damping": 100.0}
     found = vs.simulate(base="sprung", duration=3.0, **scene, **mount)
     assert np.all(found.status == 0)
@@ -248,7 +252,7 @@ def test_a_mount_too_stiff_to_be_followed_is_given_up():
         mount_frequency=1e9,
         mount_damping=1e3,
         restitution=0.0,
-        launch_time=LAUNCHES,
+        launch_time=list(LAUNCHES),
         duration=3.0,
     )
     assert np.all(found.status != 0)

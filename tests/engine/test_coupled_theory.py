@@ -55,7 +55,7 @@ def test_without_mass_the_base_is_the_moving_one():
         restitution=E,
         base_acceleration=GAMMA,
         launch_velocity=UNIT,
-        launch_time=launch,
+        launch_time=list(launch),
         duration=60.0,
     )["landing_time"].values
     for one, other in zip(light[0], moving[0], strict=True):

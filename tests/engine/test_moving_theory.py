@@ -33,7 +33,7 @@ def test_locked_orbits_contract_as_the_multipliers_say(workers):
                 "base": "moving",
                 "restitution": e[i],
                 "amplitude": amplitude[i],
-                "launch": (phase[i] + 1e-3,),
+                "launch": [phase[i] + 1e-3],
                 "launch_velocity": float(theory.locked_velocity(k[i])),
                 "duration_periods": float(theory.recognition_periods(e[i], k[i], "moving"))
                 + 400.0 * k[i],

@@ -20,7 +20,7 @@ HALF_ULP = 2.0**-53
 SINE_ERROR = 2.4e-16  # see test_sine.py
 LARGEST = 1e-7  # turns; squared, it is below a rounding
 SECOND_ORDER = 1.0 + 1e-4
-TIMES = (0.0, 0.3371, -7.25)
+TIMES = [0.0, 0.3371, -7.25]
 
 PUBLISHED = [
     (0.125, 1, 1.144367991845056, 5.445257903944113),

@@ -130,7 +130,9 @@ def test_estimate_holds_where_a_recoil_decays_at_once(launches, duration, restin
     stiff = {"mass_ratio": 1e-3, "mount_damping": 1e3}
     one = realization(launches, duration, **changes, **stiff)
     trajectories, estimate = prove(one, 100)
-    found = vs.simulate(base="sprung", launch_time=launches, duration=duration, **one.parameters)
+    found = vs.simulate(
+        base="sprung", launch_time=list(launches), duration=duration, **one.parameters
+    )
     assert found.rested.sum() == resting
     for p, proved in enumerate(trajectories):
         own = found.isel(realization=0, particle=p, impact=slice(len(proved.impacts)))

@@ -24,6 +24,7 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep, checked
 
 # Where a keyword is looked for, in this order
+_RANGE: Final = "is a range, because it is a tuple, and no range is drawn from here"
 BUDGET: Final = "impact_budget"
 HOMES: Final = ("scene", "sample", "measure")
 # Evenly spaced values of at least this number are written as start, stop and num.
@@ -62,11 +63,7 @@ def batch(given: Mapping[str, Any]) -> tuple[Scene, dict[str, Array]]:
         own["launch"] = times.ravel().tolist()
     varied = {}
     for name in [name for name in INPUTS if name in own]:
-        kind = _kind(own[name])
-        if kind == "range":
-            rule = "is a range, of which vibrosweep.sweep draws"
-            mistakes.add_broken(name, rule, own[name], "give a list, an entry for each realization")
-        if kind is None:
+        if _kind(own[name]) is None:
             continue
         values = _numbers(name, own[name], mistakes)
         wrong = values[~INPUTS[name].accepts(values)]
@@ -75,6 +72,8 @@ def batch(given: Mapping[str, Any]) -> tuple[Scene, dict[str, Array]]:
     sizes = {name: values.size for name, values in varied.items()}
     if len({*sizes.values()} - {1}) > 1:
         mistakes.add("", f"arrays of realizations must have one length, or length 1: {sizes}")
+    for name in [name for name, value in own.items() if isinstance(value, tuple)]:
+        mistakes.add_broken(name, _RANGE, own.pop(name), "give a list")
     measure = {BUDGET: _plain(BUDGET, own.pop(BUDGET))} if BUDGET in own else {}
     data = {"title": "A scene", "scene": {n: _plain(n, own[n]) for n in own}, "measure": measure}
     scene = checked(data, "", None, mistakes).scene
@@ -86,6 +85,9 @@ def batch(given: Mapping[str, Any]) -> tuple[Scene, dict[str, Array]]:
 def _numbers(name: str, value: object, mistakes: Mistakes) -> Array:
     """Return finite numbers of a 1-D array, or of one of length 1; report what is none."""
     refuse_masked(name, value)
+    if isinstance(value, tuple):
+        mistakes.add_broken(name, _RANGE, value, "give a list")
+        return np.zeros(1)
     try:
         array = np.atleast_1d(np.asarray(value))
     except ValueError:
@@ -111,6 +113,8 @@ def _tables(given: Mapping[str, Any], homes: tuple[str, ...], mistakes: Mistakes
         if home is None:
             known = dict.fromkeys(key for one in homes for key in SECTIONS[one])
             _note_unknown(name, value, known, mistakes)
+        elif isinstance(value, tuple) and name not in INPUTS:
+            mistakes.add_broken(name, _RANGE, value, "give a list")
         elif name in data.setdefault(home, {}):
             mistakes.add_broken(name, f"is given in {home} too", value, "keep one of the two")
         else:
