@@ -54,8 +54,9 @@ def decay(plan: Plan) -> Outcome:
         [
             Picture(
                 "claim01_energy_decay",
-                "Energy of a particle at e = 0.9 without excitation: a straight line against the "
-                "number of impacts (left), not against time (right).",
+                "Energy of a particle (N = 1) at e = 0.9 without excitation (A = 0, where f, law "
+                "and motion of the base do not enter): a straight line against the number of "
+                "impacts (left), not against time (right).",
                 energy_decay(pictured),
             )
         ],
@@ -132,9 +133,10 @@ def balance(plan: Plan) -> Outcome:
         [
             Picture(
                 "claim02_energy_balance",
-                "Imbalance of each particle against the share of its landings that end in a rest, "
-                "with the study's equations: without rests what is left is the effect of the ends "
-                "of the window.",
+                "Imbalance of each particle (N = 10 in each of 60 realizations) against the share "
+                "of its landings that end in a rest, with the study's equations (law rest), e "
+                "0.80 to 0.98, A 0.2 to 3.5 m/s, f = 1 Hz: without rests what is left is the "
+                "effect of the ends of the window.",
                 balance_against_rests(energy_balance(record, since=30.0)),
             )
         ],

@@ -84,8 +84,9 @@ def preserved(plan: Plan) -> Outcome:
         [
             Picture(
                 "claim03_separations",
-                "Separations of three particles launched 25 ms apart at Table 1, impact by "
-                "impact, with the study's equations; dashed, their separations at launch.",
+                "Separations of N = 3 particles launched 25 ms apart, impact by impact, with the "
+                "study's equations (law rest) at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz); "
+                "dashed, their separations at launch.",
                 separations_in_time(table_1),
             )
         ],

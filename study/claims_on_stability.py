@@ -1,4 +1,4 @@
-"""Claims 6 and 8: the linearised update, and the period-2 orbit."""
+"""Claims 6, 8 and 26: the linearised update, the period-2 orbit, and fixed points."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from study.verdict import (
     check,
     nearly_all,
     number,
+    without_exception,
 )
 from vibrosweep import Regime, simulate, theory
 from vibrosweep.analysis import slot_decay
@@ -44,8 +45,8 @@ def linearised_update(plan: Plan) -> Outcome:
             Picture(
                 "claim06_decay_per_impact",
                 "Factor by which a small offset from the locked orbit of mode 1 changes per impact "
-                "(e = 0.9, the study's equations): measured, from the full multipliers, and from "
-                "the update without the timing term.",
+                "against A (e = 0.9, f = 1 Hz, N = 2, the study's equations, law rest): measured, "
+                "from the full multipliers, and from the update without the timing term.",
                 decay_per_impact(0.9, fitted),
             )
         ],
@@ -125,7 +126,8 @@ def period_two(plan: Plan) -> Outcome:
         [
             Picture(
                 "claim08_return_map",
-                "Return map of twenty launches at Table 1, the study's equations. Late points, "
+                "Return map of N = 20 launches at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz), the "
+                "study's equations, law rest. Late points, "
                 "darker, are those of the locked orbit (on the diagonal) and of the orbit that "
                 "rests once in each period.",
                 return_map(pictured),
@@ -187,6 +189,27 @@ def _period_two(plan: Plan, base: str) -> Evidence:
             ),
             number("the same for a sine at random phase", 1.0 - 2.0 / np.pi * np.arcsin(0.9)),
         ),
+    )
+
+
+def no_fixed_point(plan: Plan) -> Outcome:
+    """No stable fixed point of the return map is observed, Fig. 4."""
+    return Outcome([_no_fixed_point(plan, base) for base in FIXED])
+
+
+def _no_fixed_point(plan: Plan, base: str) -> Evidence:
+    checks = []
+    for law in laws(base):
+        there = law.over(launch_velocity=LAUNCH_SPEEDS, phase=ANY_PHASE)
+        regime, impacts, _, rests = _ended(plan, base, there)
+        fixed = (regime == Regime.LOCKED) & (impacts == 1) & (rests == 0)
+        what = "launches that end on one: locked, each impact at the same speed"
+        checks.append(without_exception(what, ~fixed, there))
+    modulus = float(np.abs(theory.multipliers(1, 0.9, 1.2, base=base)).max())
+    return Evidence(
+        base,
+        readings=(Reading("at Table 1", checks),),
+        numbers=(number("decay per impact towards mode 1, from its multipliers", modulus),),
     )
 
 

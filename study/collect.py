@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from study import (
     claims_on_attraction,
+    claims_on_chance,
     claims_on_contact,
     claims_on_energy,
     claims_on_heights,
@@ -16,7 +17,9 @@ from study import (
     claims_on_order,
     claims_on_repeats,
     claims_on_scheme,
+    claims_on_setup,
     claims_on_stability,
+    claims_on_transients,
     claims_on_windows,
 )
 from study.samples import Plan
@@ -47,6 +50,13 @@ TESTS: Final[Mapping[str, Callable[[Plan], Outcome]]] = {
     "21": claims_on_contact.grooves,
     "22": claims_on_laboratory.masses,
     "23": claims_on_laboratory.camera_from_above,
+    "24": claims_on_chance.repulsion,
+    "25": claims_on_transients.transient_decays,
+    "26": claims_on_stability.no_fixed_point,
+    "27": claims_on_setup.timing_within_a_frame,
+    "28": claims_on_setup.configuration,
+    "29": claims_on_transients.replenished,
+    "30": claims_on_setup.eccentric_motor,
 }
 
 

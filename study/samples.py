@@ -18,7 +18,7 @@ from study.bases import BASES, HIGH_BOUNCE, SPRUNG
 from vibrosweep import LANDINGS_OF_AN_EXPONENT, PARAMETERS, Regime, Status, simulate, sweep
 from vibrosweep.errors import DataError
 
-IMPACT_BUDGET: Final = 1_000_000
+IMPACT_BUDGET: Final = 10_000_000
 # Part of the realizations where every landing is looked at
 FOLLOWED: Final = 0.1
 TOGETHER: Final = 100  # realizations in a record
@@ -78,6 +78,10 @@ class Setting:
         """The same with further or other constants, which are not drawn."""
         ranges = {name: ends for name, ends in self.ranges.items() if name not in constants}
         return replace(self, ranges=ranges, constants={**self.constants, **constants})
+
+    def against(self, null_model: str) -> Setting:
+        """The same, where a number is compared with a model of chance."""
+        return replace(self, null_model=null_model)
 
     @property
     def law(self) -> str:

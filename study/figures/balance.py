@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from vibrosweep.figures import style
 
@@ -28,6 +29,7 @@ def energy_decay(record: xr.Dataset) -> Figure:
     ):
         axes.semilogy(x, energy, color=style.OKABE_ITO[0], marker="o", markersize=2.0)
         axes.set_xlabel(label)
+    left.xaxis.set_major_locator(MaxNLocator(integer=True))
     # the exponential in time that has the slope of the first flights
     time = one["landing_time"].values
     rate = np.log(energy[1] / energy[0]) / (time[1] - time[0])

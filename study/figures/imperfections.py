@@ -19,7 +19,8 @@ LARGEST_SHOWN: Final = 30.0  # per cent
 def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
     """Draw the errors that each imperfection makes by itself, in every case.
 
-    From the result of `study.table4.study_imperfections`, by one reading and procedure.
+    From the result of `study.table4.study_imperfections`, by one reading and procedure.  Bars are
+    standard errors of the mean over repeats.
     """
     names = [
         f"{name.replace('_', ' ')} {size:g}{'' if unit == '1' else ' ' + unit}"
@@ -33,13 +34,20 @@ def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
     for axes, q in zip(panels, ("height", "period"), strict=True):
         low, high = study.attrs[f"study_{q}"]
         axes.axvspan(low, high, color="0.9")
-        error = study[f"{q}_error"].sel(reading=reading, procedure=procedure)
+        error, spread = (
+            study[f"{q}_error{end}"].sel(reading=reading, procedure=procedure)
+            for end in ("", "_sd")
+        )
+        spread = spread / study.attrs["repeats"] ** 0.5
         for c, case in enumerate(study["case"].values):
             shown = error.sel(case=case).values
-            axes.plot(
+            doubt = spread.sel(case=case).values
+            axes.errorbar(
                 np.minimum(shown, LARGEST_SHOWN),
                 rows + 0.16 * (1.5 - c),
+                xerr=np.where(shown > LARGEST_SHOWN, np.nan, doubt),
                 linestyle="none",
+                elinewidth=0.8,
                 marker="osD^"[c],
                 markersize=3.2,
                 color=style.OKABE_ITO[c],

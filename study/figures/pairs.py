@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from vibrosweep.figures import style
 
@@ -40,6 +41,7 @@ def separations_in_time(record: xr.Dataset) -> Figure:
             label=f"launched {1e3 * launched:g} ms later",
         )
         axes.axhline(launched, color=colour, linestyle=(0, (5, 2)), linewidth=0.8)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("impact $n$")
     axes.set_ylabel("separation $t_j(n) - t_i(n)$ (s)")
     rest = f"; the first {PARTNERS} of {partners} partners" if partners > PARTNERS else ""

@@ -9,6 +9,7 @@ from study import (
     claims_on_heights,
     claims_on_laboratory,
     claims_on_order,
+    claims_on_transients,
     claims_on_windows,
     claims_page,
     collect,
@@ -22,6 +23,7 @@ ON_EVERY_BASE = (
     claims_on_energy,
     claims_on_heights,
     claims_on_order,
+    claims_on_transients,
     claims_on_windows,
 )
 SMALL = {"seeds": 3, "realizations": 8}

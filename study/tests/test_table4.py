@@ -49,7 +49,11 @@ def test_imperfections_are_rows():
     dims = ("trial", "procedure", "reading", "case")
     values = np.array([1.0, 2.0, 40.0, 3.0]).reshape(2, 1, 1, 2)
     study = xr.Dataset(
-        {"height_error": (dims, values), "period_error": (dims, values)},
+        {
+            f"{q}_error{end}": (dims, factor * values)
+            for q in ("height", "period")
+            for end, factor in (("", 1.0), ("_sd", 0.1))
+        },
         coords={
             "imperfection": ("trial", ["pixel", "scale_error"]),
             "size": ("trial", [1e-4, 0.05]),
@@ -59,10 +63,13 @@ def test_imperfections_are_rows():
             "case": ["A", "D"],
             "particles": ("case", [1, 50]),
         },
-        attrs={"study_height": (3.8, 7.1), "study_period": (2.9, 6.0)},
+        attrs={"study_height": (3.8, 7.1), "study_period": (2.9, 6.0), "repeats": 4},
     )
     figure = imperfections(study, "flight", "fit")
     axes = figure.axes[0]
     assert [t.get_text() for t in axes.get_yticklabels()] == ["pixel 0.0001 m", "scale error 0.05"]
     # what exceeds the axis stands at its end, which says so
     assert axes.lines[0].get_xdata().tolist() == [1.0, 30.0]
+    # standard error of the mean of four repeats
+    bar = axes.containers[0].lines[2][0].get_segments()[0]
+    assert bar[:, 0].tolist() == pytest.approx([0.95, 1.05])
