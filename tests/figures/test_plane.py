@@ -103,6 +103,12 @@ def test_without_separation_the_height_gives_the_colour(sweep):
     assert not isinstance(dots.norm, LogNorm)
 
 
+def test_a_scale_of_counts_has_no_halves(sweep):
+    counted = sweep.assign(slots=("realization", np.arange(60) % 4, {"long_name": "slots"}))
+    bar = parameter_plane(counted, "slots").axes[-1]
+    assert all(tick == round(tick) for tick in bar.get_yticks())
+
+
 def test_a_sweep_that_shares_the_base_everywhere(sweep):
     everywhere = sweep.assign(base_shared=("realization", np.ones(60, np.int8)))
     figure = parameter_plane(everywhere)

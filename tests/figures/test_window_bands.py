@@ -38,7 +38,8 @@ def labels(axes):
 def test_every_window_is_a_bar_between_its_ends(windows):
     locked, periodic = stability_windows(windows).axes
     assert labels(locked) == ["locked(1)", "locked(4)"]
-    assert labels(periodic) == ["undetermined", "periodic, up", "periodic, down"]
+    both = ["undetermined", "in both directions"]
+    assert labels(periodic) == [*both, "periodic, up", "periodic, down"]
     bars = [bar for bar in locked.patches if bar.get_height() > 0.0]
     lower = windows["A_min"].sel(condition=["locked(1)", "locked(4)"], direction="up")
     upper = windows["A_max"].sel(condition=["locked(1)", "locked(4)"], direction="up")

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize, to_rgba
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import ColorType
 
 from vibrosweep.arrays import Array
@@ -61,7 +62,12 @@ def paint_numbers(
         mappable = _paint(axes, points, drawn, colormaps[style.SEQUENTIAL_MAP], norm)
         words = f"{label}, cell median" if points.repeated else label
         extend = "min" if known.min() < (norm.vmin or 0.0) else "neither"
-        figure.colorbar(mappable, ax=axes, label=words, pad=0.02, aspect=30, extend=extend)
+        # a scale of counts has no halves
+        counts = zero is None and bool(np.all(known == np.rint(known)))
+        ticks = MaxNLocator(integer=True) if counts else None
+        figure.colorbar(
+            mappable, ax=axes, label=words, pad=0.02, aspect=30, extend=extend, ticks=ticks
+        )
 
 
 def paint_codes(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import ListedColormap, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
@@ -89,11 +89,14 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     directions = windows["direction"].values[: 1 if is_locked else None]
     shown = [(name, direction) for name in names for direction in directions]
     top = 0.0
-    for (name, direction), colour in zip(shown, style.colours(len(shown)), strict=True):
+    colours = style.colours(len(shown))
+    for (name, direction), colour in zip(shown, colours, strict=True):
         chosen = windows.sel(condition=name, direction=direction)
         label = name.replace("_", " ") + ("" if len(directions) == 1 else f", {direction}")
         top = max(top, _bands(axes, chosen, scan, colour, label))
         _undetermined(axes, chosen)
+    if len(directions) == 2 and top > 0.0:
+        axes.plot([], [], "s", color=_over(*colours), label="in both directions")
     axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
     name = _scanned(windows)
     scanned = FORCINGS[name]
@@ -113,7 +116,16 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
     lack = any(text.endswith(NONE_FOUND) for text in axes.get_legend_handles_labels()[1])
     turned = is_locked and windows.attrs.get("rebound") == "reflect"
     remark = "; curves: orbits without reflection" if turned else ""
-    style.head(axes, _conditions(windows) + remark, columns=2 if lack else 4)
+    few = lack or len(directions) == 2
+    style.head(axes, _conditions(windows) + remark, columns=2 if few else 4)
+
+
+def _over(lower: ColorType, upper: ColorType) -> Array:
+    """Colour of a band that is drawn over another one on white."""
+    seen = np.ones(3)
+    for colour in (lower, upper):
+        seen += BAND["alpha"] * (np.array(to_rgb(colour)) - seen)
+    return seen
 
 
 def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label: str) -> float:
