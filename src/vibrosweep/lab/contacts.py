@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibrosweep.arrays import Array, Flags, Indices
-from vibrosweep.lab.flights import Fits, fit, meet, well_seen_gravity
+from vibrosweep.lab.flights import Fits, fit, gravity_of_high_flights, meet
 from vibrosweep.lab.segments import Samples
 from vibrosweep.lab.stretches import clear_flights, stretches
 
@@ -64,7 +64,7 @@ def find_contacts(samples: Samples, gravity: float) -> Cut:
     start = np.flatnonzero(np.diff(member, prepend=-1))
     extent = np.maximum.reduceat(samples.height, start)
     extent -= np.minimum.reduceat(samples.height, start)
-    found = well_seen_gravity(samples, member, extent, noise)  # high stretches are no stays
+    found = gravity_of_high_flights(samples, member, extent, noise)  # high stretches are no stays
     fits = fit(samples, member, start.size, gravity)
     every = np.flatnonzero(np.diff(samples.piece[start]) == 0)
     return Cut(contacts_between(samples, member, fits, every, (noise, gravity)), member, *found)

@@ -19,8 +19,8 @@ from vibrosweep.lab.flights import (
     contradicts,
     crossings,
     fit,
-    seen_gravity,
-    well_seen,
+    high_flights,
+    measured_gravity,
 )
 from vibrosweep.lab.junctions import Junctions, base_level, join
 from vibrosweep.lab.oscillation import Shaken
@@ -129,7 +129,7 @@ def _settle(
             junctions = join(fits, piece, ends, noise, gravity)
         if turn < ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
-    apparent, apparent_error = seen_gravity(
+    apparent, apparent_error = measured_gravity(
         samples, member, fits.top(gravity) - base, noise, gravity
     )
     return Flights(
@@ -173,7 +173,7 @@ def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
     """Raise a TrackError if the highest flights fall with an acceleration far from gravity."""
     noise = first_noise(samples)
     member, _, base, tops = _first_members(samples, FIRST_SHARE * noise, base)
-    high = well_seen(tops - base, noise)
+    high = high_flights(tops - base, noise)
     refuse_gravity(
         *apparent_gravity(samples, np.where(high[member], member, -1), tops.size), gravity
     )

@@ -24,7 +24,7 @@ WRONG_SCALE: Final = 0.2
 FEWEST: Final = 5
 # Least height, in units of the noise, of a flight whose curvature shows gravity: many times that of
 # a wave of noise between two low points.
-WELL_SEEN: Final = 7.0
+HIGH_ABOVE_NOISE: Final = 7.0
 # Well-seen flights are at least half as high as this quantile.
 HIGH: Final = 0.95
 TRIMMED: Final = 0.25  # share of the curvatures trimmed on either side
@@ -61,20 +61,20 @@ def fit(samples: Samples, flight: Indices, flights: int, gravity: float) -> Fits
     `flight` is the number of the flight of each sample; -1 for none.
     """
     used = flight >= 0
-    of, time = flight[used], samples.time[used]
+    owner, time = flight[used], samples.time[used]
 
     def total(values: Array) -> Array:
-        return np.bincount(of, values, flights).astype(np.float64)
+        return np.bincount(owner, values, flights).astype(np.float64)
 
     with np.errstate(invalid="ignore", divide="ignore"):
-        count = total(np.ones(of.size))
+        count = total(np.ones(owner.size))
         centre = total(time) / count
-        since = time - centre[of]
+        since = time - centre[owner]
         straight = samples.height[used] + 0.5 * gravity * since**2
         spread = total(since**2)
         level = total(straight) / count
         slope = total(since * straight) / spread
-        residue = total((straight - level[of] - slope[of] * since) ** 2)
+        residue = total((straight - level[owner] - slope[owner] * since) ** 2)
     return Fits(count, centre, spread, level, slope, residue)
 
 
@@ -85,21 +85,21 @@ def curvatures(samples: Samples, flight: Indices, flights: int) -> tuple[Array, 
     samples.
     """
     used = flight >= 0
-    of, time, height = flight[used], samples.time[used], samples.height[used]
-    count = np.bincount(of, minlength=flights)
+    owner, time, height = flight[used], samples.time[used], samples.height[used]
+    count = np.bincount(owner, minlength=flights)
 
     def project(values: Array, since: Array) -> Array:
         """Subtract from the heights the straight line of each flight."""
-        level = np.bincount(of, values, flights) / count
-        slope = np.bincount(of, since * values, flights) / np.bincount(of, since**2, flights)
-        return values - level[of] - slope[of] * since
+        level = np.bincount(owner, values, flights) / count
+        slope = np.bincount(owner, since * values, flights) / np.bincount(owner, since**2, flights)
+        return values - level[owner] - slope[owner] * since
 
     with np.errstate(invalid="ignore", divide="ignore"):
-        since = time - (np.bincount(of, time, flights) / count)[of]
+        since = time - (np.bincount(owner, time, flights) / count)[owner]
         square, line = project(since**2, since), project(height, since)
-        weight = np.bincount(of, square**2, flights)
-        seen = -2.0 * np.bincount(of, square * line, flights) / weight
-    return seen, np.where(count > 3, weight / 4.0, 0.0)
+        weight = np.bincount(owner, square**2, flights)
+        acceleration = -2.0 * np.bincount(owner, square * line, flights) / weight
+    return acceleration, np.where(count > 3, weight / 4.0, 0.0)
 
 
 def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[float, float]:
@@ -109,30 +109,30 @@ def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[f
     there are none.  Stretches that are no flights do not disturb it, nor do positions in whole
     pixels, which would disturb a median.
     """
-    seen, weight = curvatures(samples, flight, flights)
-    seen = seen[weight > 0.0]
-    if not seen.size:
+    acceleration, weight = curvatures(samples, flight, flights)
+    acceleration = acceleration[weight > 0.0]
+    if not acceleration.size:
         return float("nan"), float("nan")
     # standard error of a trimmed mean (Tukey and McLaughlin 1963, Sankhya A 25, 331)
-    held = np.clip(seen, *np.quantile(seen, [TRIMMED, 1.0 - TRIMMED]))
-    error = float(held.std()) / ((1.0 - 2.0 * TRIMMED) * float(np.sqrt(seen.size)))
-    return float(trim_mean(seen, TRIMMED)), error
+    held = np.clip(acceleration, *np.quantile(acceleration, [TRIMMED, 1.0 - TRIMMED]))
+    error = float(held.std()) / ((1.0 - 2.0 * TRIMMED) * float(np.sqrt(acceleration.size)))
+    return float(trim_mean(acceleration, TRIMMED)), error
 
 
-def contradicts(seen: float, error: float, gravity: float) -> bool:
+def contradicts(acceleration: float, error: float, gravity: float) -> bool:
     """Return whether the acceleration of flights contradicts an assumed one, both in m s-2.
 
     It does not if flights do not show their curvature and it is NaN.
     """
-    return abs(seen - gravity) > SCALE_OFF * error
+    return abs(acceleration - gravity) > SCALE_OFF * error
 
 
-def correctable(seen: float, gravity: float) -> bool:
+def correctable(acceleration: float, gravity: float) -> bool:
     """Return whether the acceleration of flights may be gravity in tracks of a wrong scale."""
-    return abs(seen - gravity) < WRONG_SCALE * gravity
+    return abs(acceleration - gravity) < WRONG_SCALE * gravity
 
 
-def seen_gravity(
+def measured_gravity(
     samples: Samples, member: Indices, rise: Array, noise: float, gravity: float
 ) -> tuple[float, float]:
     """Acceleration with which flights fall, and its standard error, m s-2.
@@ -141,27 +141,27 @@ def seen_gravity(
     low flights are cut and selected by the assumed acceleration.  `rise` is the height of each
     flight, m.
     """
-    seen = apparent_gravity(samples, member, rise.size)
-    if not contradicts(*seen, gravity):
-        return seen
-    high = well_seen_gravity(samples, member, rise, noise)
+    acceleration = apparent_gravity(samples, member, rise.size)
+    if not contradicts(*acceleration, gravity):
+        return acceleration
+    high = gravity_of_high_flights(samples, member, rise, noise)
     # too few: low flights give no scale, but tracks that hardly fall are refused
-    return seen if np.isnan(high[0]) and not correctable(seen[0], gravity) else high
+    return acceleration if np.isnan(high[0]) and not correctable(acceleration[0], gravity) else high
 
 
-def well_seen_gravity(
+def gravity_of_high_flights(
     samples: Samples, member: Indices, rise: Array, noise: float
 ) -> tuple[float, float]:
     """The same, of the flights that are high enough to show it; NaN if they are too few."""
-    high = well_seen(rise, noise)
+    high = high_flights(rise, noise)
     if high.sum() < FEWEST:
         return float("nan"), float("nan")
     return apparent_gravity(samples, np.where(high[member], member, -1), rise.size)
 
 
-def well_seen(rise: Array, noise: float) -> Flags:
+def high_flights(rise: Array, noise: float) -> Flags:
     """Return which flights are among the highest and stand out of the noise; all in m."""
-    return np.asarray(rise > np.fmax(WELL_SEEN * noise, np.quantile(rise, HIGH) / 2.0))
+    return np.asarray(rise > np.fmax(HIGH_ABOVE_NOISE * noise, np.quantile(rise, HIGH) / 2.0))
 
 
 def line_variance(fits: Fits, one: Array, other: Array | None = None) -> Array:

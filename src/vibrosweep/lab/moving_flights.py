@@ -16,7 +16,7 @@ from vibrosweep.lab.flight_search import (
     keep,
     poor_flights,
 )
-from vibrosweep.lab.flights import Ends, Fits, fit, seen_gravity
+from vibrosweep.lab.flights import Ends, Fits, fit, measured_gravity
 from vibrosweep.lab.junctions import join
 from vibrosweep.lab.oscillation import Shaken, Trace, fit_shaken
 from vibrosweep.lab.segments import Samples
@@ -70,9 +70,11 @@ def flights_over(
         shaken = fit_shaken(
             contacts, shaken.oscillation.frequency, free=free, moves=True, trace=trace
         )
-    seen, seen_error = seen_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall)
-    own = slice(shaken.values.size - shaken.levels.size, None)
-    spread = shaken.covariance[own, own]
+    acceleration, acceleration_error = measured_gravity(
+        samples, member, fits.top(fall) - levels[owner], noise, fall
+    )
+    of_levels = slice(shaken.values.size - shaken.levels.size, None)
+    spread = shaken.covariance[of_levels, of_levels]
     flights = Flights(
         fits,
         piece,
@@ -85,8 +87,8 @@ def flights_over(
         float(np.mean(shaken.levels)),
         float(np.sqrt(spread.sum())) / shaken.levels.size,
         noise,
-        seen,
-        seen_error,
+        acceleration,
+        acceleration_error,
         fall,
         shaken,
     )
@@ -122,10 +124,10 @@ def _ends(
     """Ends of each flight at the base, outwards from its sample farthest above it."""
     base = shaken.oscillation
     used = member >= 0
-    of, when = member[used], samples.time[used]
-    clear = samples.height[used] - level[of] - base.height(when)
-    order = np.lexsort((clear, of))
-    top = when[order[np.searchsorted(of[order], np.arange(fits.number.size), side="right") - 1]]
+    flight, when = member[used], samples.time[used]
+    clear = samples.height[used] - level[flight] - base.height(when)
+    order = np.lexsort((clear, flight))
+    top = when[order[np.searchsorted(flight[order], np.arange(fits.number.size), side="right") - 1]]
 
     def above(time: Array) -> Array:
         return np.asarray(fits.height(time, fall) - level - base.height(time))

@@ -126,12 +126,12 @@ def predict(
     """
     draws = parameters["frequency"].size
     height, period = np.full((2, draws, impacts.sizes["particle"]), np.nan)
-    there, start, _, sets = first_flights(impacts, parameters)
-    if there.size:
+    flown, start, _, sets = first_flights(impacts, parameters)
+    if flown.size:
         length = impacts.attrs["end"] - float(start.min())
         base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
         observation = bare_scene(1, (0.0,), length, rebound, Measures.impact_budget, base)
         found = measure(all_parameters(sets), observation, workers)
-        height[:, there] = found["rebound_height_mean"].reshape(draws, -1)
-        period[:, there] = found["flight_time_mean"].reshape(draws, -1)
+        height[:, flown] = found["rebound_height_mean"].reshape(draws, -1)
+        period[:, flown] = found["flight_time_mean"].reshape(draws, -1)
     return Prediction(height, period)

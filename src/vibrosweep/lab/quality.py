@@ -20,12 +20,12 @@ def coverage(tracks: xr.Dataset) -> xr.Dataset:
     """Count seen and lost frames and gaps of each particle; variables of dimension particle."""
     height, time = tracks["height"].values, tracks["time"].values
     interval = 1.0 / tracks.attrs["frame_rate"]
-    there = np.isfinite(height)
-    count = there.sum(axis=0)
-    first, last = there.argmax(axis=0), len(there) - 1 - there[::-1].argmax(axis=0)
+    present = np.isfinite(height)
+    count = present.sum(axis=0)
+    first, last = present.argmax(axis=0), len(present) - 1 - present[::-1].argmax(axis=0)
     lost = np.rint((time[last] - time[first]) / interval).astype(np.int64) + 1 - count
     gaps = [
-        int((np.diff(time[there[:, p]]) > GAP_FRAMES * interval).sum()) for p in range(len(count))
+        int((np.diff(time[present[:, p]]) > GAP_FRAMES * interval).sum()) for p in range(len(count))
     ]
     variables = {
         "frames_seen": (count, "1", "frames in which the particle was seen"),

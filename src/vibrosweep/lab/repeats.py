@@ -80,14 +80,14 @@ def quantities(
     good = impacts["quality"].values == BOUNCED
     flight = impacts["flight_time"].values
     height = impacts["rebound_height"].values
-    seen = np.isfinite(flight)
+    whole = np.isfinite(flight)
     nan = float("nan")
     found = dict.fromkeys(QUANTITY_UNITS, nan)
-    if seen.any():
-        found["flight_time"] = float(flight[seen].mean())
-        found["rebound_height_max"] = float(height[seen].max())
-        found["rebound_height_mean"] = float(height[seen].mean())
-        found["impact_speed"] = float(impacts["impact_speed"].values[seen].mean())
+    if whole.any():
+        found["flight_time"] = float(flight[whole].mean())
+        found["rebound_height_max"] = float(height[whole].max())
+        found["rebound_height_mean"] = float(height[whole].mean())
+        found["impact_speed"] = float(impacts["impact_speed"].values[whole].mean())
     if frequency is not None and good.any():
         vector = np.where(good, np.exp(2j * np.pi * phases(impacts, frequency, phase)), 0.0)
         mean = vector.sum() / good.sum()
@@ -120,10 +120,10 @@ def _closest(impacts: xr.Dataset) -> float:
     known = (impacts["quality"].values >= BOUNCED) & (impacts["quality"].values != DOUBTFUL)
     time = np.where(known, impacts["landing_time"].values, np.nan)
     owner = np.broadcast_to(np.arange(time.shape[0])[:, np.newaxis], time.shape)
-    there = np.isfinite(time)
-    order = np.argsort(time[there])
-    times, owners = time[there][order], owner[there][order]
-    errors = impacts["landing_time_error"].values[there][order]
+    landed = np.isfinite(time)
+    order = np.argsort(time[landed])
+    times, owners = time[landed][order], owner[landed][order]
+    errors = impacts["landing_time_error"].values[landed][order]
     # the closest landings of different particles are neighbours in time
     different = np.flatnonzero(np.diff(owners) != 0)
     if not different.size:

@@ -85,8 +85,8 @@ def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indi
     ]
     low = np.concatenate(found).astype(np.intp)
     if base is None:
-        seen = samples.height[low] if low.size else samples.height
-        base = float(np.quantile(seen, LOW_QUANTILE))
+        lowest = samples.height[low] if low.size else samples.height
+        base = float(np.quantile(lowest, LOW_QUANTILE))
     # a point not well below the flights beside it is noise near a top
     edges = np.unique(np.concatenate([bounds[:-1], low]))
     tops = np.maximum.reduceat(samples.height, edges)

@@ -100,7 +100,7 @@ def clear_flights(
     `member` is that of `stretches`, `noise` the standard deviation of a sample (m), `fall` the
     acceleration of free flight (m s-2).
     """
-    seen, weight = curvatures(samples, member, fits.number.size)
+    acceleration, weight = curvatures(samples, member, fits.number.size)
     with np.errstate(invalid="ignore", divide="ignore"):
         error = noise / np.sqrt(weight)
-    return np.asarray((np.abs(seen - fall) < FALLS * error) & (fall > SEEN * error))
+    return np.asarray((np.abs(acceleration - fall) < FALLS * error) & (fall > SEEN * error))

@@ -85,22 +85,22 @@ def make_trace(
     messages.  Raises a TrackError where there are too few values, the times do not rise, or no sine
     describes them.
     """
-    when, seen = (np.asarray(v, dtype=np.float64) for v in (time, values))
+    when, measured = (np.asarray(v, dtype=np.float64) for v in (time, values))
     if quantity not in QUANTITIES:
         raise TrackError(f"quantity = {quantity!r}: must be one of {', '.join(QUANTITIES)}")
-    if when.size < FEWEST or not (np.diff(when) > 0.0).all() or not np.isfinite(seen).all():
+    if when.size < FEWEST or not (np.diff(when) > 0.0).all() or not np.isfinite(measured).all():
         raise TrackError(
             f"{source}: must hold at least {FEWEST} finite values at rising times, but has "
             f"{when.size}"
         )
     sampled = rate_of(when, source)
-    check_size(quantity, seen, source)
-    if not np.ptp(seen) > LEAST:
+    check_size(quantity, measured, source)
+    if not np.ptp(measured) > LEAST:
         raise TrackError(
             f"{source}: the {quantity} does not change: leave the trace out, and say that the base "
             f"stays at its level"
         )
-    rates, power = periodogram(seen - seen.mean(), sampled)
+    rates, power = periodogram(measured - measured.mean(), sampled)
     first = float(rates[1:][np.argmax(power[1:])])
     middle = float(when.mean())  # the errors of phase and frequency are then almost independent
 
@@ -109,10 +109,10 @@ def make_trace(
         return np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle)], axis=1)
 
     def left(values: np.ndarray) -> np.ndarray:
-        return np.asarray(design(float(values[3])) @ values[:3] - seen)
+        return np.asarray(design(float(values[3])) @ values[:3] - measured)
 
-    start = np.append(np.linalg.lstsq(design(first), seen, rcond=None)[0], first)
-    scale = np.append(np.full(3, np.ptp(seen)), 0.1 / np.ptp(when))
+    start = np.append(np.linalg.lstsq(design(first), measured, rcond=None)[0], first)
+    scale = np.append(np.full(3, np.ptp(measured)), 0.1 / np.ptp(when))
     found = least_squares(left, start, x_scale=scale, xtol=1e-14)
     variance = 2.0 * found.cost / (when.size - 4)
     periods = float(found.x[3]) * float(np.ptp(when))
@@ -121,9 +121,9 @@ def make_trace(
             f"{source}: the {quantity} goes through no whole period of a sine: check the columns, "
             f"take a longer trace, or leave it out and let the landings tell"
         )
-    if not variance < NO_SINE * seen.var():
+    if not variance < NO_SINE * measured.var():
         raise TrackError(
-            f"{source}: a sine leaves {100.0 * variance / seen.var():.0f} % of the variance of the "
+            f"{source}: a sine leaves {100.0 * variance / measured.var():.0f} % of the variance of the "
             f"{quantity}; at most {100.0 * NO_SINE:.0f} % is taken for noise. Only a base that "
             f"moves as a sine can be used: check the columns, or leave the trace out and let the "
             f"landings tell"
@@ -137,11 +137,11 @@ def make_trace(
     size = sign * omega**power_of
     turned = TURN * middle * rate
     cosine, sine = np.cos(turned), np.sin(turned)
-    there = size * np.array([q, -p])  # S and C on the clock that is zero in the middle
+    centred = size * np.array([q, -p])  # S and C on the clock that is zero in the middle
     turn = np.array([[cosine, sine], [-sine, cosine]])
     change = np.zeros((3, 4))
     change[:2, :2] = size * turn @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-    turning = np.array([[-sine, cosine], [-cosine, -sine]]) @ there
-    change[:2, 3] = TURN * middle * turning + turn @ there * power_of / rate
+    turning = np.array([[-sine, cosine], [-cosine, -sine]]) @ centred
+    change[:2, 3] = TURN * middle * turning + turn @ centred * power_of / rate
     change[2, 3] = 1.0
-    return Trace(np.append(turn @ there, rate), change @ covariance @ change.T)
+    return Trace(np.append(turn @ centred, rate), change @ covariance @ change.T)
