@@ -25,7 +25,7 @@ FEWEST: Final = 5
 # Least height, in units of the noise, of a flight whose curvature shows gravity: many times that of
 # a wave of noise between two low points.
 HIGH_ABOVE_NOISE: Final = 7.0
-# Well-seen flights are at least half as high as this quantile.
+# High flights are at least half as high as this quantile.
 HIGH: Final = 0.95
 TRIMMED: Final = 0.25  # share of the curvatures trimmed on either side
 

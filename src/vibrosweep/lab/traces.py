@@ -123,8 +123,8 @@ def make_trace(
         )
     if not variance < NO_SINE * measured.var():
         raise TrackError(
-            f"{source}: a sine leaves {100.0 * variance / measured.var():.0f} % of the variance of the "
-            f"{quantity}; at most {100.0 * NO_SINE:.0f} % is taken for noise. Only a base that "
+            f"{source}: a sine leaves {100.0 * variance / measured.var():.0f} % of the variance of "
+            f"the {quantity}; at most {100.0 * NO_SINE:.0f} % is taken for noise. Only a base that "
             f"moves as a sine can be used: check the columns, or leave the trace out and let the "
             f"landings tell"
         )
