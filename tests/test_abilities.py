@@ -1,9 +1,11 @@
 """Every cell of the table of abilities is refused, with its sentence, or not refused at all."""
 
+from pathlib import Path
+
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.abilities import ANALYSES, BASES, cells, refusal
+from vibrosweep.abilities import ANALYSES, BASES, cells, refusal, table
 from vibrosweep.analysis import energy_balance, heights_against_restitution, slot_decay
 from vibrosweep.errors import SpecError, VibrosweepError
 from vibrosweep.kernels.impact import BASE_OF, base_of
@@ -87,3 +89,8 @@ def test_a_law_that_somebody_adds_is_refused_where_no_base_implements_it(base, m
 
 def test_every_analysis_can_be_had_over_some_base():
     assert all(set(ability.bases) <= set(BASES) and ability.bases for ability in ANALYSES.values())
+
+
+def test_the_page_shows_the_table():
+    page = Path(__file__).parents[1] / "docs" / "sweep-files.md"
+    assert "\n".join(table()) in page.read_text("utf-8")

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from vibrosweep.analysis.conditions import Condition
+
 __all__ = ["BatchKeywords", "RealizationKeywords", "SweepKeywords", "WindowKeywords"]
 
 # A number; a tuple as a range, a list, an array, or start, stop and num as an axis
@@ -93,5 +95,5 @@ class SweepKeywords(RealizationKeywords, total=False):
 class WindowKeywords(SweepKeywords, total=False):
     """A sweep, and the conditions that are looked for."""
 
-    conditions: Sequence[str] | None
+    conditions: Sequence[str | Condition] | None
     continuation: bool | None

@@ -23,7 +23,7 @@ from vibrosweep.proof.sample import Sample
 from vibrosweep.proof.setting import (
     RECORD_COORDINATES,
     SWEEP_COORDINATES,
-    Setting,
+    Expected,
     asked,
 )
 from vibrosweep.scene.scene import Scene, bare_scene
@@ -34,7 +34,7 @@ from vibrosweep.store.rows import read_rows, row_count, row_dims
 
 def read_sample(
     path: Path, size: int, seed: int
-) -> tuple[Sample, Sample | None, Setting, list[Judgement]]:
+) -> tuple[Sample, Sample | None, Expected, list[Judgement]]:
     """Draw realizations without replacement; all where there are no more than `size`.
 
     The second sample is the dataset's record of every landing, where it holds one; then comes what

@@ -28,8 +28,8 @@ DRAWN_BY_SCIPY: Final = ("latin", "sobol")
 
 
 @dataclass(frozen=True)
-class Setting:
-    """Expected coordinates of a dataset."""
+class Expected:
+    """Coordinates that the sweep file in a dataset specifies."""
 
     # Coordinates of all realizations: numbers, or arrays over the particles; those of the record
     # have a name that begins with ``record/``
@@ -39,7 +39,7 @@ class Setting:
     unknown: Mapping[str, str]  # reasons why other coordinates are not known, by name
 
 
-def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Setting:
+def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Expected:
     """Return the coordinates of rows, growing, that the sweep file stored in a dataset specifies.
 
     A table with a relative path is looked for beside the dataset.
@@ -49,7 +49,7 @@ def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Setting:
         spec = parse_spec(str(file.attrs["sweep_file"]), path)
     except (KeyError, SpecError):
         reason = "the dataset holds no sweep file that this version reads"
-        return Setting({}, {}, dict.fromkeys(names, reason))
+        return Expected({}, {}, dict.fromkeys(names, reason))
     shared: dict[str, Any] = {}
     if spec.record is not None:
         record = spec.record
@@ -65,8 +65,8 @@ def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Setting:
         shared["launch_time"] = launch_times(spec.scene.launch, spec.scene.particles, frequency)
     if reason:
         unknown = [name for name in SWEEP_COORDINATES if name not in shared]
-        return Setting(shared, {}, dict.fromkeys(unknown, reason))
-    return Setting(shared, {name: found[name] for name in varied}, {})
+        return Expected(shared, {}, dict.fromkeys(unknown, reason))
+    return Expected(shared, {name: found[name] for name in varied}, {})
 
 
 def _drawn(

@@ -35,7 +35,7 @@ from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Realization, Sample
 from vibrosweep.proof.sampling import read_sample
-from vibrosweep.proof.setting import Setting
+from vibrosweep.proof.setting import Expected
 from vibrosweep.proof.tolerances import Bounds
 from vibrosweep.proof.verification import Outcome, Report, State
 from vibrosweep.runs.progress import Advance, silent
@@ -142,7 +142,7 @@ def _others(sample: Sample, record: Sample | None) -> list[str]:
 
 def _checked(
     sample: Sample,
-    setting: Setting,
+    setting: Expected,
     again: Mapping[str, NDArray[Any]],
     row: int,
     claimed: bool,
@@ -177,7 +177,7 @@ def _checked(
 
 
 def _checked_record(
-    record: Sample, setting: Setting, max_landings: int, workers: Workers
+    record: Sample, setting: Expected, max_landings: int, workers: Workers
 ) -> Outcome:
     """Judge the record of every landing; its error bounds are recomputed."""
     again, realization = measure_bounds(record, workers), record.realization(0)
@@ -191,7 +191,7 @@ def _checked_record(
     return Outcome(None, State.COMPARED, _landings(proof.trajectories), judged)
 
 
-def _coordinates(sample: Sample, setting: Setting, prefix: str) -> Iterator[Judgement]:
+def _coordinates(sample: Sample, setting: Expected, prefix: str) -> Iterator[Judgement]:
     """Judge the coordinates that all realizations share, or the coordinates of the record."""
     for name, values in sample.coordinates.items():
         if not prefix and values.shape != setting.sampled.get(name, values).shape:
