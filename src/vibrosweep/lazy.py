@@ -7,8 +7,12 @@ from importlib import import_module
 from typing import Any
 
 
-def lazily(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+def lazily(
+    package: str, homes: Mapping[str, str], replaced: Mapping[str, str] | None = None
+) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a package from the module in which each public name stands.
+
+    `replaced` says what to write instead of a name that is public no more.
 
     A name with which that of its module ends is the module itself.  No name may be that of another
     module of the package: once that is imported, Python finds it first.
@@ -16,7 +20,8 @@ def lazily(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
 
     def find(name: str) -> Any:
         if name not in homes:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            advice = f"; {replaced[name]}" if replaced and name in replaced else ""
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{advice}")
         home = import_module(homes[name])
         return home if homes[name].endswith(f".{name}") else getattr(home, name)
 

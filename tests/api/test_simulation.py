@@ -219,6 +219,11 @@ def test_public_names_are_loaded_lazily():
         _ = vibrosweep.absent
 
 
+def test_what_is_public_no_more_names_what_is():
+    with pytest.raises(AttributeError, match=r"vibrosweep\.windows"):
+        _ = vibrosweep.analysis.Scene
+
+
 WAYS = {
     "base_velocity": [0.3, 1.0],
     "base_displacement": [0.02, 0.1],

@@ -76,4 +76,8 @@ _HOMES: Final = {
         "vibrosweep.analysis.separations",
     ),
 }
-__getattr__ = lazily(__name__, _HOMES)
+_REPLACED: Final = {
+    "Scene": "vibrosweep.windows, bifurcation and basins take its keywords themselves",
+    "find_windows": "call vibrosweep.windows, with the keywords of a scene",
+}
+__getattr__ = lazily(__name__, _HOMES, _REPLACED)
