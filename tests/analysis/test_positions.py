@@ -99,6 +99,18 @@ def test_particles_that_cross_are_at_one_height_and_realizations_are_apart():
     np.testing.assert_array_equal(alone.height.values[0], found.height.values)
 
 
+def test_the_record_of_a_sweep_gives_the_same_as_the_scene(tmp_path):
+    scene = {"amplitude": 1.1, "particles": 3, "duration": 8.0}
+    vs.run({"record": scene}, tmp_path / "out.h5").close()
+    times = np.linspace(0.0, 8.0, 100)
+    with vs.open_record(tmp_path / "out.h5") as record:
+        kept = vs.positions(record, times).height.values
+    direct = vs.positions(
+        vs.simulate(amplitude=1.1, launch_time=np.arange(3) / 3, duration=8.0), times
+    )
+    np.testing.assert_allclose(kept, direct.height.values, atol=1e-9)
+
+
 @pytest.mark.parametrize("times", [[[0.0]], [np.nan], 1.0])
 def test_what_is_no_list_of_times_is_refused(times):
     with pytest.raises(ParameterError, match="times"):
