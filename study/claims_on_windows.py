@@ -224,7 +224,7 @@ def cycles(found: xr.Dataset) -> list[NDArray[Any]]:
 
 def strong_excitation(plan: Plan) -> Outcome:
     """Excessive excitation may make the motion irregular."""
-    taus = np.geomspace(1e-7, 1e-3, 9)
+    taus = np.geomspace(1e-6, 1e-3, 4)
     each = {law: np.array([_time_to_rest(plan, law, tau) for tau in taus]) for law in LAWS}
     return Outcome(
         [_strong(plan, base) for base in FIXED],
