@@ -19,10 +19,12 @@ from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels._jit import uncached
 from vibrosweep.kernels.advance import Options, _step, advance, room_around
 from vibrosweep.kernels.bases import constants, put
+from vibrosweep.kernels.cycles import Chosen
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.lanes import LANES as LANES_OF_KERNEL
 from vibrosweep.kernels.lanes import ROW
-from vibrosweep.kernels.statistics import empty_statistics, scratch
+from vibrosweep.kernels.statistics import KINDS, empty_statistics
+from vibrosweep.kernels.totals import scratch
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import dimensionless, launches
 from vibrosweep.scene.scene import Scene
@@ -110,9 +112,9 @@ def test_bare_map_against_the_sine_alone(race):
 
 
 @njit(nogil=True, error_model="numpy")
-def passes(s, repetitions, base):
+def passes(s, repetitions, chosen):
     for _ in range(repetitions):
-        _step(s, LANES_OF_KERNEL, base, np.inf, None, None, LANES_OF_KERNEL)
+        _step(s, LANES_OF_KERNEL, chosen, np.inf, None, None, LANES_OF_KERNEL)
 
 
 def filled(law, flight, e, a, r):
@@ -146,7 +148,7 @@ def test_speed_does_not_depend_on_how_small_flights_are(law):
     for _ in range(15):
         for kind, room in rooms.items():
             began = time.thread_time()
-            passes(room, 5000, base)
+            passes(room, 5000, Chosen(base, KINDS))
             times[kind].append(time.thread_time() - began)
     medians = {kind: statistics_of.median(values[1:]) for kind, values in times.items()}
     print("\n", {kind: round(t / medians["locked"], 3) for kind, t in medians.items()})

@@ -20,10 +20,12 @@ from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import _step
 from vibrosweep.kernels.bases import constants, fitted, leave, put
+from vibrosweep.kernels.cycles import Chosen
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.lanes import LANES as LANES_OF_KERNEL
 from vibrosweep.kernels.lanes import ROW
-from vibrosweep.kernels.statistics import scratch
+from vibrosweep.kernels.statistics import KINDS
+from vibrosweep.kernels.totals import scratch
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches
 from vibrosweep.scene.scene import Scene
@@ -125,9 +127,9 @@ def test_an_impact_of_the_moving_base_against_one_of_the_high_bounce_base(
 
 
 @njit(nogil=True, error_model="numpy")
-def passes(s, repetitions, base):
+def passes(s, repetitions, chosen):
     for _ in range(repetitions):
-        _step(s, LANES_OF_KERNEL, base, np.inf, None, None, LANES_OF_KERNEL)
+        _step(s, LANES_OF_KERNEL, chosen, np.inf, None, None, LANES_OF_KERNEL)
 
 
 def filled(ranges):
@@ -151,7 +153,7 @@ def test_a_pass_against_the_sine_alone(race, ranges, record_property):
     base, s = filled(ranges)
     for made in (30, 500, repetitions):
         before = s[ROW.AGE : ROW.AGE + LANES_OF_KERNEL].copy()
-        passes(s, made, base)
+        passes(s, made, Chosen(base, KINDS))
         impacts = s[ROW.AGE : ROW.AGE + LANES_OF_KERNEL] - before
         alive = impacts > 0.0  # some are at rest for good
         each = made * np.count_nonzero(alive) / impacts.sum()
@@ -159,7 +161,7 @@ def test_a_pass_against_the_sine_alone(race, ranges, record_property):
         print(f"\n{each:.2f} passes per impact over {made}, {moving:.2f} of the lanes in motion")
     record_property("passes_per_impact", each)
     race(
-        lambda: passes(s, repetitions, base),
+        lambda: passes(s, repetitions, Chosen(base, KINDS)),
         lambda: sine_only(t, repetitions),
         work_subject=repetitions * LANES_OF_KERNEL,
         work_reference=repetitions * LANES,

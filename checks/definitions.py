@@ -348,12 +348,12 @@ def one_by_one(parameters, watched, i):
 @contextmanager
 def remembering(size: int):
     """Let the coupled engine begin with room for so many impact numbers."""
-    before = coupled.room
-    coupled.room = lambda n: before(n)._replace(landings=landings(n, size))
+    before = coupled.work_for
+    coupled.work_for = lambda n: before(n)._replace(landings=landings(n, size))
     try:
         yield
     finally:
-        coupled.room = before
+        coupled.work_for = before
 
 
 def campaign(scenes: int, seed: int) -> tuple[dict[str, int], list[str]]:

@@ -95,12 +95,13 @@ def _require_one_orbit(scene, orbits, workers, counts, phases) -> list[np.ndarra
     found = every_landing(scene, scene.sample, workers)
     streamed = stream(scene, scene.sample, workers)
     times = found["landing_time"][0]
+    fastest = streamed.total("height_max")
     unit = scene.parameters["gravity"] / (2.0 * scene.parameters["frequency"])
     fastest_rebound = np.nanmax(found["rebound_velocity"][0], axis=1)
     sizes = [orbit.size for orbit in orbits]
     same = (
         np.array_equal(streamed.landings, found["impact_count"][0])
-        and (scene.base == "moving" or np.array_equal(streamed.flight_max * unit, fastest_rebound))
+        and (scene.base == "moving" or np.array_equal(fastest * unit, fastest_rebound))
         and sizes == streamed.landings.tolist()
         and all(np.array_equal((counts + phases)[i, :n], times[i, :n]) for i, n in enumerate(sizes))
     )
@@ -173,8 +174,8 @@ def naive_trajectories(first, last, table, duration, reflect, times, out):
             total += v
             squares += v * v
             largest = max(largest, v)
-        out.landings[i], out.rests[i] = landings, rests
-        out.flight_sum[i], out.flight_squares[i], out.flight_max[i] = total, squares, largest
+        for k, value in enumerate((landings, rests, total, squares, largest)):
+            out.totals[k, i] = value
 
 
 def count_landings(rows: np.ndarray, duration: float, reflect: int | None) -> np.ndarray:

@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from vibrosweep.api.results import open_record, open_sweep
     from vibrosweep.api.simulation import simulate
     from vibrosweep.api.sweeps import run, sweep
-    from vibrosweep.model.observables import Landing, Observable
+    from vibrosweep.model.landing import Landing
+    from vibrosweep.model.observables import Observable
+    from vibrosweep.model.outside_laws import Law, register_law
     from vibrosweep.model.parameters import PARAMETERS, Parameter
     from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime, Status
     from vibrosweep.scene.design import register_design
@@ -36,6 +38,7 @@ __all__ = [
     "LANDINGS_OF_AN_EXPONENT",
     "PARAMETERS",
     "Landing",
+    "Law",
     "Observable",
     "Parameter",
     "Regime",
@@ -53,6 +56,7 @@ __all__ = [
     "positions",
     "register_design",
     "register_kind",
+    "register_law",
     "run",
     "save_result",
     "separations",
@@ -65,7 +69,9 @@ __all__ = [
 
 _HOMES: Final = {
     **{name: f"vibrosweep.{name}" for name in ("analysis", "errors", "figures", "lab", "theory")},
-    **dict.fromkeys(("Landing", "Observable"), "vibrosweep.model.observables"),
+    "Landing": "vibrosweep.model.landing",
+    **dict.fromkeys(("Law", "register_law"), "vibrosweep.model.outside_laws"),
+    "Observable": "vibrosweep.model.observables",
     **dict.fromkeys(("PARAMETERS", "Parameter"), "vibrosweep.model.parameters"),
     **dict.fromkeys(("LANDINGS_OF_AN_EXPONENT", "Regime", "Status"), "vibrosweep.model.status"),
     **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.errors import ExistingOutputError, ParameterError, RunError, SpecError, TableError
+from vibrosweep.errors import ExistingOutputError, ParameterError, RunError, TableError
 from vibrosweep.proof.sampling import read_sample
 from vibrosweep.runs import chunks
 from vibrosweep.runs.describe import describe
@@ -114,8 +114,6 @@ def test_one_that_cannot_be_compiled_leaves_nothing(tmp_path):
 def test_where_they_are_refused(tmp_path):
     with pytest.raises(ParameterError, match="the name of two things"):
         vs.sweep(SWEEP, observables=[phases(), phases()])
-    with pytest.raises(SpecError, match="observables: see no landings on a base of finite mass"):
-        vs.sweep(base="sprung", mass_ratio=0.1, mount_frequency=5.0, observables=[phases()])
     table = tmp_path / "pairs.csv"
     table.write_text("restitution,amplitude,landing_phase\n0.9,1.2,3\n", encoding="utf-8")
     with pytest.raises(TableError, match="landing_phase"):

@@ -10,9 +10,9 @@ from vibrosweep.engine import coupled
 from vibrosweep.engine.coupled import base_track, measure_coupled
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.workers import Workers
+from vibrosweep.kernels.coupled.counting import work_for
 from vibrosweep.kernels.coupled.neighbours import clear, landings, note
 from vibrosweep.kernels.coupled.state import NOW, system
-from vibrosweep.kernels.coupled.tally import room
 from vibrosweep.model.measures import Measures
 from vibrosweep.scene.scene import Scene, bare_scene
 
@@ -207,9 +207,9 @@ def test_results_do_not_depend_on_how_many_impact_numbers_are_remembered_at_firs
 
     def small(particles):
         asked_for.append(particles)
-        return room(particles)._replace(landings=landings(particles, 1))
+        return work_for(particles)._replace(landings=landings(particles, 1))
 
-    monkeypatch.setattr(coupled, "room", small)
+    monkeypatch.setattr(coupled, "work_for", small)
     again = measured(scene, **given)
     assert asked_for
     for name, values in found.items():

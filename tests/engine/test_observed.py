@@ -11,7 +11,8 @@ from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.observing import compiled
-from vibrosweep.model.observables import Landing, Observable
+from vibrosweep.model.landing import Landing
+from vibrosweep.model.observables import Observable
 
 QUANTITIES = ("count", "phase", "flight_time", "arrival", "rebound", "rests")
 LANDING = Landing(0.1, 1.0, 1.0, 0.9, False)

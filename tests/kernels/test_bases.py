@@ -20,7 +20,7 @@ from vibrosweep.kernels.impact import base_of, impact
 from vibrosweep.kernels.lanes import LANES, ROW, STRIDE
 from vibrosweep.kernels.rounding import HALF_ULP, ROUNDING
 from vibrosweep.kernels.sine import COSINE_ERROR
-from vibrosweep.kernels.statistics import RUNNING, scratch
+from vibrosweep.kernels.totals import OF_LANDINGS, scratch
 from vibrosweep.model.parameters import LAWS
 from vibrosweep.proof.reference.ball import step
 
@@ -106,8 +106,8 @@ def test_constants_in_scratch_memory_are_taken_back(constants_of, law, drawn):
         if a > r:
             assert taken == fixed
     assert not memory[: ROW.CONSTANTS].any()
-    assert not memory[RUNNING.LANDINGS :].any()
-    rows = memory[ROW.CONSTANTS : RUNNING.LANDINGS].reshape(-1, STRIDE)
+    assert not memory[OF_LANDINGS:].any()
+    rows = memory[ROW.CONSTANTS : OF_LANDINGS].reshape(-1, STRIDE)
     assert not rows[:, len(several) :].any()
 
 
@@ -119,7 +119,7 @@ from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.lanes import ROW
-from vibrosweep.kernels.statistics import scratch
+from vibrosweep.kernels.totals import scratch
 from vibrosweep.model.parameters import LAWS, PARAMETERS, dimensionless
 
 KINDS = [("high-bounce", law) for law in LAWS] + [("moving", "rest")]

@@ -121,7 +121,9 @@ def test_fma_rounds_once(a, b, c):
 PROBE = """
 from vibrosweep.kernels._jit import kernel
 from vibrosweep.kernels.sine import sin_turns
-from vibrosweep.kernels.statistics import BUDGET_EXCEEDED
+from vibrosweep.model.status import Status
+
+BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
 
 @kernel
 def probe(x):
@@ -201,7 +203,7 @@ import sys
 import numpy as np
 from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.separation import separate
-from vibrosweep.kernels.statistics import combine
+from vibrosweep.kernels.totals import combine
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.engine.landings import all_parameters

@@ -55,9 +55,11 @@ from numba import njit, typeof, types
 from vibrosweep.kernels._jit import OPTIONS
 from vibrosweep.kernels.advance import _step
 from vibrosweep.kernels.impact import base_of
-base = typeof(base_of("BASE", "rest"))
+from vibrosweep.kernels.cycles import Chosen
+from vibrosweep.kernels.statistics import KINDS
+chosen = typeof(Chosen(base_of("BASE", "rest"), KINDS))
 none = types.none
-signature = (types.float64[::1], types.int64, base, types.float64, none, none, types.int64)
+signature = (types.float64[::1], types.int64, chosen, types.float64, none, none, types.int64)
 # without references there is nothing for numba to remove before loops become vector code
 step = njit(signature, _nrt=False, **OPTIONS)(_step.__wrapped__)
 """

@@ -31,7 +31,7 @@ from vibrosweep.kernels.record import record
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.settle import settle
 from vibrosweep.kernels.shortest import shortest_flights
-from vibrosweep.kernels.statistics import combine
+from vibrosweep.kernels.totals import combine
 from vibrosweep.kernels.trust import trust
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import LAWS, SPRUNG

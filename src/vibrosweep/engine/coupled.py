@@ -10,21 +10,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
+from vibrosweep.engine.in_units import height_unit, of_particles, of_realizations
 from vibrosweep.engine.observation import launched_in_window
+from vibrosweep.engine.observed import kinds_of, observed, observer_of, raised
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.coupled.counting import (
+    CoupledStatistics,
+    empty_coupled,
+    more_numbers,
+    work_for,
+)
 from vibrosweep.kernels.coupled.follow import (
     Coupled,
     Whole,
     Written,
     empty_whole,
     follow,
+    follow_observing,
 )
 from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
-from vibrosweep.kernels.coupled.tally import Each, empty_each, room, roomier
 from vibrosweep.kernels.coupled.written import Scale, Track, empty_track, trace
+from vibrosweep.kernels.observing import Observer
 from vibrosweep.kernels.record import Record, Units, empty_record
+from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.status import Regime
@@ -44,22 +54,27 @@ def measure_coupled(
     Parameters and result are those of `vibrosweep.engine.measure.measure`; the parameters of the
     mount are among them.
     """
-    each, sums, whole, _ = _followed(parameters, observation, workers, 0)
+    (each, sums, launched, _), whole, _ = _followed(parameters, observation, workers, 0)
     frequency, particles = parameters["frequency"], observation.particles
-    unit = parameters["gravity"] / (2.0 * frequency**2)
-    found = _physical(sums, frequency, unit)
-    launched = each.launch_height.reshape(-1, particles)
+    found = of_realizations(sums, parameters)
+    launched = launched.reshape(-1, particles)
     launched = np.where(launched_in_window(observation, frequency), launched, -np.inf).max(axis=1)
-    launched = np.where(launched > -np.inf, launched * unit, np.nan)
-    found |= {
-        "at_rest_count": sums.at_rest,
-        "status": sums.status,
-        "flight_height_max": np.fmax(found["rebound_height_max"], launched),
-    }
+    launched = np.where(launched > -np.inf, launched * height_unit(parameters), np.nan)
+    found["flight_height_max"] = np.fmax(found["rebound_height_max"], launched)
     if observation.measures.per_particle:
-        per_particle = _physical(each, np.repeat(frequency, particles), np.repeat(unit, particles))
-        per_particle |= {"at_rest": each.at_rest.astype(np.int8), "status": each.status}
-        found |= {f"particle_{n}": v.reshape(-1, particles) for n, v in per_particle.items()}
+        found |= of_particles(each, parameters, particles)
+    for one in observation.measures.observables:
+        if one.landings:
+            found[one.name] = observed(one, parameters, each)
+            continue
+        observer = observer_of(one, frequency.size * particles)
+        try:
+            followed, *_ = _followed(parameters, observation, workers, 0, observer)
+        except MemoryError:
+            raise
+        except Exception as error:
+            raise raised(one, error) from error
+        found[one.name] = observed(one, parameters, followed.each, observer.totals)
     found |= _separations(whole, sums, frequency) | _order(whole, frequency)
     if observation.measures.joint:
         found |= _joint(parameters, observation, workers)
@@ -72,31 +87,34 @@ def _followed(
     observation: Scene,
     workers: Workers,
     capacity: int,
-) -> tuple[Each, Each, Whole, Written]:
-    """Statistics of particles and of realizations, and what realizations have one number of.
+    observer: Observer | None = None,
+) -> tuple[CoupledStatistics, Whole, Written]:
+    """Statistics of particles and of realizations, and their separations and order.
 
     And at most `capacity` landings of each particle, with the motion of the base; 0 for none.
     """
     particles, size = observation.particles, parameters["frequency"].size
     batch = _batch(parameters, observation)
-    each, sums, whole = empty_each(size * particles), empty_each(size), empty_whole(size)
-    rooms = [room(particles) for _ in range(min(size, workers.threads))]
+    kinds = (*KINDS_COUPLED, *kinds_of(observation))
+    statistics, whole = empty_coupled(size, particles, kinds, observer), empty_whole(size)
+    kernel = follow if observer is None else follow_observing
+    idle = [work_for(particles) for _ in range(min(size, workers.threads))]
     # a launch of each particle; each landing is followed by no more than one lift-off of riders
     track = empty_track(size, particles * (1 + 2 * capacity) if capacity > 0 else 0)
     units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
     written = Written(empty_record(size * particles, capacity), track, units)
 
     def task(first: int, last: int) -> None:
-        own, budget = rooms.pop(), observation.budget
+        work, budget = idle.pop(), observation.budget
         while True:
-            first = follow(first, last, batch, budget, own, (each, sums), whole, written)
+            first = kernel(first, last, batch, budget, work, statistics, whole, written)
             if first == last:
                 break
-            own = roomier(own)
-        rooms.append(own)
+            work = more_numbers(work)
+        idle.append(work)
 
     workers.each(task, size, _per_task(batch, particles))
-    return each, sums, whole, written
+    return statistics, whole, written
 
 
 def _per_task(batch: Coupled, particles: int) -> int:
@@ -112,20 +130,7 @@ def _batch(parameters: Mapping[str, Array], observation: Scene) -> Coupled:
     return Coupled(problem, mounts(parameters), launch)
 
 
-def _physical(found: Each, frequency: Array, unit: Array) -> Measured:
-    """Statistics in physical units; `unit` is that of height, in m."""
-    flights = found.flights
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        of_flights = {
-            "rebound_height_mean": unit * (found.height_sum / flights),
-            "rebound_height_max": unit * found.height_max,
-            "flight_time_mean": found.flight_sum / flights / frequency,
-        }
-    known = {name: np.where(flights > 0, v, np.nan) for name, v in of_flights.items()}
-    return {"impact_count": found.landings, "rest_count": found.rests, **known}
-
-
-def _separations(whole: Whole, sums: Each, frequency: Array) -> Measured:
+def _separations(whole: Whole, sums: Statistics, frequency: Array) -> Measured:
     """Separations; undetermined where not every landing up to the end was found."""
     complete = sums.status == 0
     gap = np.where(complete, whole.gap, np.nan)
@@ -271,20 +276,22 @@ class BaseTrack:
         return out[0] * velocity / frequency, out[1] * velocity
 
 
-def count_coupled(parameters: Mapping[str, Array], observation: Scene, workers: Workers) -> Each:
+def count_coupled(
+    parameters: Mapping[str, Array], observation: Scene, workers: Workers
+) -> Statistics:
     """Statistics of every particle, ordered by realization; arguments as of `measure_coupled`."""
-    return _followed(parameters, observation, workers, 0)[0]
+    return _followed(parameters, observation, workers, 0)[0].each
 
 
 def record_coupled(
     parameters: Mapping[str, Array], observation: Scene, workers: Workers, capacity: int
 ) -> Record:
     """Every landing until the end of the observation, at most `capacity` of each particle."""
-    return _followed(parameters, observation, workers, capacity)[3].record
+    return _followed(parameters, observation, workers, capacity)[2].record
 
 
 def base_track(parameters: Mapping[str, Array], observation: Scene, workers: Workers) -> BaseTrack:
     """Motion of a base while particles land on it; arguments as of `measure_coupled`."""
     capacity = int(count_coupled(parameters, observation, workers).landings.max())
-    written = _followed(parameters, observation, workers, max(capacity, 1))[3]
+    written = _followed(parameters, observation, workers, max(capacity, 1))[2]
     return BaseTrack(dict(parameters), _batch(parameters, observation), written.track)

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
+from vibrosweep.engine.in_units import Measured, height_unit, of_particles, of_realizations
 from vibrosweep.engine.observation import launched_in_window
-from vibrosweep.engine.observed import observed
+from vibrosweep.engine.observed import observed, observer_of, raised
 from vibrosweep.engine.orbits import orbit_variables
-from vibrosweep.engine.trajectories import follow
+from vibrosweep.engine.trajectories import follow, statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.bases import lifts, lowest
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.separation import Separations
-from vibrosweep.kernels.statistics import Statistics, physical
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.parameters import SPRUNG, Dimensionless, Launches, dimensionless, launches
 from vibrosweep.model.times import in_seconds
 from vibrosweep.scene.scene import Scene
-
-Measured = dict[str, NDArray[Any]]
 
 
 def measure(parameters: Mapping[str, Array], observation: Scene, workers: Workers) -> Measured:
@@ -46,15 +42,13 @@ def measure(parameters: Mapping[str, Array], observation: Scene, workers: Worker
     found = follow(problem, launch, measures.tolerance * frequency, observation, workers)
     base = base_of(observation.base, observation.rebound)
     of_base = lifts(base, problem), lowest(base, problem)
-    measured = physical(found.whole, frequency, parameters["gravity"], *of_base)
-    measured["at_rest_count"] = found.whole.at_rest
-    measured["status"] = found.whole.status
+    measured = of_realizations(found.whole, parameters, *of_base)
     measured["flight_height_max"] = np.fmax(
         measured["rebound_height_max"],
         _launch_height_max(parameters, problem, launch, observation, of_base[1]),
     )
     if measures.per_particle and found.each is not None:
-        measured |= _per_particle(found.each, parameters, of_base, particles)
+        measured |= of_particles(found.each, parameters, particles, *of_base)
     if found.orbits is not None:
         of_orbits = orbit_variables(found.orbits, frequency)
         asked = {variable.name for variable in measures.variables}
@@ -64,25 +58,19 @@ def measure(parameters: Mapping[str, Array], observation: Scene, workers: Worker
     if found.bounds is not None:
         measured |= _error_bounds(found.bounds, observation, parameters)
     for one in measures.observables:
-        batch = (problem, launch)
-        measured[one.name] = observed(one, parameters, batch, observation, workers)
+        if one.landings and found.each is not None:
+            measured[one.name] = observed(one, parameters, found.each)
+    for one in measures.observables:  # the memory of statistics is written over from here on
+        if not one.landings:
+            observer = observer_of(one, frequency.size * particles)
+            try:
+                each = statistics(problem, launch, observation, workers, observer=observer)
+            except MemoryError:
+                raise
+            except Exception as error:
+                raise raised(one, error) from error
+            measured[one.name] = observed(one, parameters, each, observer.totals)
     return measured
-
-
-def _per_particle(
-    each: Statistics,
-    parameters: Mapping[str, Array],
-    of_base: tuple[NDArray[np.bool_], Array | None],
-    particles: int,
-) -> Measured:
-    frequency, gravity = (np.repeat(parameters[n], particles) for n in ("frequency", "gravity"))
-    lifted, low = of_base
-    lifted, low = np.repeat(lifted, particles), None if low is None else np.repeat(low, particles)
-    measured = physical(each, frequency, gravity, lifted, low)
-    measured["at_rest"] = each.at_rest.astype(np.int8)
-    measured["status"] = each.status
-    # copies: `each` is written over by the next batch
-    return {f"particle_{n}": v.reshape(-1, particles).copy() for n, v in measured.items()}
 
 
 def _launch_height_max(
@@ -107,7 +95,7 @@ def _launch_height_max(
         flies = problem.launch_flight[:, np.newaxis] >= 0.5 * np.pi * low[:, np.newaxis] * np.sin(
             angle
         )
-        unit = parameters["gravity"] / (8.0 * parameters["frequency"] ** 2)
+        unit = height_unit(parameters)
         base = -(unit * low)[:, np.newaxis] * np.cos(angle)
         heights = np.where(flies, thrown[:, np.newaxis] + base, base)
     highest = np.where(launched, heights, -np.inf).max(axis=1)

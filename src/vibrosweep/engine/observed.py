@@ -1,51 +1,61 @@
-"""Observables of a batch: each in a pass of its own, which follows every landing.
+"""Observables of a batch.
 
-Other measures therefore keep their bits, and their cycles that are counted instead of followed.
+The number of a landing is a statistic like those of the kernels, and is computed with them.  A
+function that changes totals has a pass of its own, which follows every landing: other measures keep
+their cycles, which are counted instead of followed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.trajectories import statistics
-from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.observing import Observer, compiled
+from vibrosweep.kernels.statistics import Kinds, Statistics, statistic_of
 from vibrosweep.model.observables import Observable
-from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
+
+
+def kinds_of(observation: Scene) -> Kinds:
+    """Statistics of the observables that give a number of each landing."""
+    return tuple(compiled(one) for one in observation.measures.observables if one.landings)
+
+
+def observer_of(observable: Observable, trajectories: int) -> Observer:
+    """What is called for each landing where an observable changes totals, and its totals."""
+    initial = float(observable.initial)
+    totals = np.full((trajectories, observable.width), initial)
+    return Observer(compiled(observable), totals, initial)
+
+
+def raised(observable: Observable, error: Exception) -> ParameterError:
+    """Return the error that tells what an observable's function raised."""
+    return ParameterError(
+        f"observable {observable.name!r}: its function raised {type(error).__name__}: {error}"
+    )
 
 
 def observed(
     observable: Observable,
     parameters: Mapping[str, Array],
-    batch: tuple[Dimensionless, Launches],
-    observation: Scene,
-    workers: Workers,
+    each: Statistics,
+    totals: Array | None = None,
 ) -> Array:
     """Values of an observable: NaN where a trajectory does not stay finite.
 
-    They have the dims of the observable's variable.  `batch` holds the parameters, those of
-    `vibrosweep.engine.measure.measure`, in dimensionless form, and their launches.  Raises a
-    ParameterError where the function raises anything.
+    They have the dims of the observable's variable.  The statistics are those of trajectories, and
+    `totals` those of a function that changes them.
     """
-    problem, launch = batch
-    size, particles = problem.kick.size, observation.particles
-    totals = np.full((size * particles, observable.width), float(observable.initial))
-    observer = Observer(compiled(observable), totals)
-    try:
-        found = statistics(problem, launch, observation, workers, observer=observer)
-    except MemoryError:
-        raise
-    except Exception as error:
-        raise ParameterError(
-            f"observable {observable.name!r}: its function raised {type(error).__name__}: {error}"
-        ) from error
-    totals[found.status == Status.NON_FINITE] = np.nan
-    values = observable.combined(totals.reshape(size, particles, observable.width))
-    scale = observable.scale(parameters["frequency"], parameters["gravity"])
+    if totals is None:
+        totals = each.total(statistic_of(type(compiled(observable))).name).copy()
+    size = parameters["frequency"].size
+    totals = totals.reshape(each.status.size, observable.width)
+    totals[each.status == Status.NON_FINITE] = np.nan
+    values = observable.combined(totals.reshape(size, -1, observable.width))
+    scale: Any = observable.scale(parameters["frequency"], parameters["gravity"])
     return np.asarray(values * scale.reshape((size,) + (1,) * (values.ndim - 1)))

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.duplicates import find_equal
+from vibrosweep.engine.observed import kinds_of
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance, advance_observing, room_around
 from vibrosweep.kernels.bases import fitted
@@ -24,13 +25,12 @@ from vibrosweep.kernels.observing import Observer, observing_scratch
 from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.separation import Separations, empty_separations, separate
 from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
-from vibrosweep.kernels.statistics import Statistics, combine, empty_statistics, scratch
+from vibrosweep.kernels.statistics import KINDS, Statistics, empty_statistics
+from vibrosweep.kernels.totals import combine, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
 from vibrosweep.model.parameters import Dimensionless, Launches
 from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
-
-Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
 # In fewer periods hardly any orbit repeats early enough for cycle detection to save time.
 PERIODS_TO_RECUR = 32.0
@@ -90,7 +90,7 @@ def _follow(
     if measures.regimes or (observation.skip and _lasts(problem, launch, PERIODS_TO_RECUR)):
         cycles = workers.cycles(size * particles)
     each = statistics(problem, launch, observation, workers, cycles)
-    whole = empty_statistics(size)._replace(at_rest=np.empty(size, np.int64))
+    whole = empty_statistics(size, each.kinds)._replace(at_rest=np.empty(size, np.int64))
     workers.each(
         lambda first, last: combine(first, last, particles, each, whole),
         size,
@@ -103,7 +103,8 @@ def _follow(
         separations = _separations(problem, launch, observation, whole, cycles, workers)
     if measures.trust:
         bounds = _error_bounds(problem, launch, tolerance, observation, workers)
-    return Followed(each if measures.per_particle else None, whole, orbits, separations, bounds)
+    keeps = measures.per_particle or measures.observables
+    return Followed(each if keeps else None, whole, orbits, separations, bounds)
 
 
 def statistics(
@@ -121,7 +122,8 @@ def statistics(
     landing, takes no cycles.
     """
     total = problem.kick.size * observation.particles
-    each = workers.statistics(total)
+    kinds = KINDS if observer is not None else (*KINDS, *kinds_of(observation))
+    each = workers.statistics(total, kinds)
     windowed = observation.windowed  # loops over all launches
     base = fitted(base_of(observation.base, observation.rebound), problem)
     batch = Batch(base, problem, launch)
@@ -135,8 +137,8 @@ def statistics(
     kernel = advance if observer is None else advance_observing
 
     def begin() -> Callable[[int, int], None]:
-        room = room_around(scratch() if observer is None else observing_scratch())
-        rests = None if cycles is None else empty_rests()
+        room = room_around(scratch(kinds) if observer is None else observing_scratch())
+        rests = None if cycles is None else empty_rests(each.kinds)
         lanes = 0
 
         def task(first: int, last: int) -> None:
@@ -174,9 +176,10 @@ def _orbits(
 
     batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
     exponents = int(observation.measures.lyapunov)
+    own = each._replace(kinds=())  # the others are none of its business
 
     def task(first: int, last: int) -> None:
-        settle(first, last, batch, each, cycles, observation.budget, exponents, orbits)
+        settle(first, last, batch, own, cycles, observation.budget, exponents, orbits)
 
     workers.each(task, each.status.size, TRAJECTORIES_PER_TASK // 64)
     return orbits
@@ -248,17 +251,18 @@ def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
 def _repeated(found: Followed, source: NDArray[np.intp], observation: Scene) -> Followed:
     """Copy the results of distinct realizations to all their duplicates."""
 
-    def realizations(values: Fields) -> Fields:
-        return type(values)(*(v[source] for v in values))
+    def taken(values: Any, places: NDArray[np.intp]) -> Any:
+        if values is None:
+            return None
+        arrays = (v[..., places] if isinstance(v, np.ndarray) else v for v in values)
+        return type(values)(*arrays)
 
-    def trajectories(values: Fields) -> Fields:
-        return type(values)(*(v.reshape(-1, particles)[source].ravel() for v in values))
-
-    particles = observation.particles
+    first = source[:, np.newaxis] * observation.particles
+    each = (first + np.arange(observation.particles)).ravel()
     return Followed(
-        None if found.each is None else trajectories(found.each),
-        realizations(found.whole),
-        None if found.orbits is None else trajectories(found.orbits),
-        None if found.separations is None else realizations(found.separations),
-        None if found.bounds is None else trajectories(found.bounds),
+        taken(found.each, each),
+        taken(found.whole, source),
+        taken(found.orbits, each),
+        taken(found.separations, source),
+        taken(found.bounds, each),
     )

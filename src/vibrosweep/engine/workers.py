@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Self
 
 from vibrosweep.kernels.cycles import Cycles, empty_cycles
-from vibrosweep.kernels.statistics import Statistics, empty_statistics
+from vibrosweep.kernels.statistics import KINDS, UNWRITTEN, Kinds, Statistics, empty_statistics
 
 TRAJECTORIES_PER_TASK = 1 << 16
 # Range size of a stream: large against the cost of a call, small enough to balance the threads.
@@ -40,11 +40,15 @@ class Workers:
         self._interrupted = kind is not None
         self._pool.shutdown(wait=kind is None, cancel_futures=True)
 
-    def statistics(self, trajectories: int) -> Statistics:
+    def statistics(self, trajectories: int, kinds: Kinds = KINDS) -> Statistics:
         """Memory for statistics, reused at each call: fresh pages cost a third of the time."""
-        if self._statistics.status.size < trajectories:
-            self._statistics = empty_statistics(trajectories)
-        return Statistics._make(values[:trajectories] for values in self._statistics)
+        if self._statistics.status.size < trajectories or self._statistics.kinds != kinds:
+            self._statistics = empty_statistics(trajectories, kinds)
+        _, totals, at_rest, status = self._statistics
+        shape = len(kinds), trajectories
+        totals = totals.ravel()[: shape[0] * shape[1]].reshape(shape)
+        status[:trajectories] = UNWRITTEN
+        return Statistics(kinds, totals, at_rest[:trajectories], status[:trajectories])
 
     def cycles(self, trajectories: int) -> Cycles:
         """Memory for cycles, reused at each call."""

@@ -15,6 +15,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
+from types import CellType, FunctionType
 from typing import Any, TypeVar
 
 import numba
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.kernels._cache import KernelCache
 from vibrosweep.kernels.vectors import vector_bits
+from vibrosweep.model.functions import is_own, outside, plain
 
 F = TypeVar("F", bound=Callable[..., Any])
 Floats = NDArray[np.float64]
@@ -145,6 +147,31 @@ def _piece(function: F, options: dict[str, Any]) -> F:
         return function
 
     return piece  # type: ignore[return-value]
+
+
+def compiled_anew(
+    function: Any, compiler: Callable[[Any], Any], done: dict[Any, Any] | None = None
+) -> Any:
+    """Compile a function from outside the package together with those that it calls.
+
+    What numba has compiled of them before may hold earlier values of the numbers that they use, and
+    other options.  `done` holds those that have been compiled.
+    """
+    function, done = plain(function), {} if done is None else done
+    if function not in done:
+        names, code = dict(function.__globals__), function.__code__
+        cells = {name: CellType() for name in code.co_freevars}
+        enclosed, given = tuple(cells.values()), function.__defaults__
+        fresh = FunctionType(code, names, function.__name__, given, enclosed)
+        fresh.__kwdefaults__ = function.__kwdefaults__
+        done[function] = compiler(fresh)
+        for name, value in outside(function).items():
+            own = compiled_anew(value, compiler, done) if is_own(value) else value
+            if name in cells:
+                cells[name].cell_contents = own
+            else:
+                names[name] = own
+    return done[function]
 
 
 def kernel(function: F) -> F:

@@ -15,15 +15,20 @@ from vibrosweep.kernels._jit import Floats, Integers, jit, kernel, uncached, wid
 from vibrosweep.kernels.bases import (
     Base,
     Constants,
+    Counted,
+    Flight,
     approach,
     common_age,
     constants,
+    counted,
     counted_now,
+    fly,
     gives_up,
     keep,
     leave,
     lift_off,
     may_land,
+    pending,
     prepare,
     put,
     rebound,
@@ -31,6 +36,7 @@ from vibrosweep.kernels.bases import (
 )
 from vibrosweep.kernels.cycles import (
     FIRST_ANCHOR,
+    Chosen,
     Cycles,
     Rests,
     close_cycle,
@@ -47,23 +53,20 @@ from vibrosweep.kernels.lanes import (
     RETURNED,
     ROW,
     SPENT,
-    STRIDE,
     VECTOR,
+    close_gaps,
+    find_done,
 )
 from vibrosweep.kernels.observing import Observer, note, observe
-from vibrosweep.kernels.statistics import (
-    OF_LANE,
-    RUNNING,
-    Statistics,
-    clear,
-    count,
-    expect,
-    sum_up,
-    write,
-)
-from vibrosweep.model.observables import Landing
+from vibrosweep.kernels.statistics import RESTS, Kinds, Statistics
+from vibrosweep.kernels.totals import OF_RESTS, clear, count, expect, sum_up, totals_of, with_flight
+from vibrosweep.model.landing import Landing
 from vibrosweep.model.parameters import Dimensionless
+from vibrosweep.model.status import Status
 
+COMPLETED = int(Status.COMPLETED)
+BUDGET_EXCEEDED = int(Status.BUDGET_EXCEEDED)
+NON_FINITE = int(Status.NON_FINITE)
 LOOK_AFTER = 6  # impacts between two checks of which lanes are done
 
 
@@ -105,7 +108,7 @@ class Watch(NamedTuple):
 def _step(
     s: Floats,
     lanes: int,
-    base: Base,
+    chosen: Chosen,
     budget: float,
     window: int | None,
     observer: Observer | None,
@@ -117,9 +120,9 @@ def _step(
     landings of the lanes that are live without an observer.
     """
     wide_vectors()
-    prepare(base, s, lanes)
+    prepare(chosen.base, s, lanes)
     for j in range(lanes):
-        fixed = take(base, s, j)
+        fixed = take(chosen.base, s, j)
         n_from, x_from, u_from = s[ROW.N + j], s[ROW.X + j], s[ROW.U + j]
         time, v, landed = approach(fixed, s, j)
         x, passed = land(x_from, time)
@@ -134,11 +137,12 @@ def _step(
             # not counted after the end; a phase of 1/2 is never before an end with x behind it
             x_off = 0.5 if n > s[ROW.X_END + j] - x else x_off
             seen = seen & (s[ROW.N_BEGIN + j] - n <= x - s[ROW.X_BEGIN + j])
+        landing = Landing(x, time, v, u, not leaves)
         if observer is not None:
-            note(s, j, Landing(x, time, v, u, not leaves), seen)
+            note(s, j, landing, seen)
         flight = counted_now(fixed, s, j, time, u)
         ends = keep(fixed, s, j, time, landed, seen)
-        count(s, j, flight, ends, leaves, seen)
+        count(chosen.kinds, s, j, landing, flight, seen, ends)
         s[ROW.N + j] = n_off if landed else n_from
         s[ROW.X + j] = x_off if landed else x_from
         s[ROW.U + j] = u if landed else u_from
@@ -147,12 +151,11 @@ def _step(
 
 
 @jit
-def _mark(s: Floats, lanes: int, base: Base, budget: int, cycles: Cycles | None) -> None:
+def _mark(s: Floats, lanes: int, chosen: Chosen, budget: int, cycles: Cycles | None) -> None:
     """Mark lanes that have ended, recur, or have spent their budget; save anchors that are due."""
     wide_vectors()
     for j in range(lanes):
-        s[ROW.AGE + j] += LOOK_AFTER * common_age(base)
-        sum_up(s, j)
+        s[ROW.AGE + j] += LOOK_AFTER * common_age(chosen.base)
         why = SPENT if s[ROW.AGE + j] >= budget else GOES_ON
         if cycles is not None:
             # exactly the same state: from here on the orbit repeats, whole periods later
@@ -162,22 +165,12 @@ def _mark(s: Floats, lanes: int, base: Base, budget: int, cycles: Cycles | None)
                 s[ROW.X_ANCHOR + j] = s[ROW.X + j]
                 s[ROW.N_ANCHOR + j] = s[ROW.N + j]
                 s[ROW.U_ANCHOR + j] = s[ROW.U + j]
-                s[ROW.RESTS_ANCHOR + j] = s[RUNNING.RESTS + j]
+                s[ROW.RESTS_ANCHOR + j] = s[OF_RESTS + j]
                 s[ROW.NEXT_ANCHOR + j] = 2.0 * s[ROW.AGE + j]
         goes_on = s[ROW.N + j] <= s[ROW.X_END + j] - s[ROW.X + j]
-        lost = gives_up(base, s, j, LOOK_AFTER)
-        s[RUNNING.SUM + j] = np.nan if lost else s[RUNNING.SUM + j]
+        lost = gives_up(chosen.base, s, j, LOOK_AFTER)
+        sum_up(chosen.kinds, s, j, lost)
         s[ROW.DONE + j] = why if goes_on & (not lost) else ENDED
-
-
-@jit
-def _find_done(s: Floats, lanes: int, places: Integers) -> int:
-    """List the marked lanes; return their number."""
-    done = 0
-    for j in range(lanes):  # branch-free: the branch would be unpredictable
-        places[done] = j
-        done += 1 if s[ROW.DONE + j] != GOES_ON else 0
-    return done
 
 
 @jit
@@ -197,7 +190,7 @@ def _load(
     lane: int,
     start: Instant,
     watch: Watch,
-    windowed: bool,
+    kinds: Kinds,
     cycles: Cycles | None,
     patience: float,
 ) -> None:
@@ -209,13 +202,12 @@ def _load(
     s[ROW.U + j] = leave(watch.fixed, x, watch.speed)
     put(watch.fixed, s, j)
     s[ROW.X_END + j] = x_end
-    if windowed:
-        n_begin, x_begin = watch.begin
-        s[ROW.N_BEGIN + j] = n_begin - n_end
-        s[ROW.X_BEGIN + j] = x_begin
+    n_begin, x_begin = watch.begin
+    s[ROW.N_BEGIN + j] = n_begin - n_end
+    s[ROW.X_BEGIN + j] = x_begin
     s[ROW.AGE + j] = 0.0
     s[ROW.LANE + j] = lane
-    clear(s, j)
+    clear(kinds, s, j)
     if cycles is not None:
         s[ROW.X_ANCHOR + j] = np.nan
         s[ROW.NEXT_ANCHOR + j] = FIRST_ANCHOR if n_end - n > patience else np.inf
@@ -223,13 +215,34 @@ def _load(
 
 
 @jit
-def _close_gaps(s: Floats, lanes: int, places: Integers, fresh: int, done: int) -> int:
-    """Move the last lanes into the gaps that were not refilled; return the number of lanes left."""
-    for q in range(done - 1, fresh - 1, -1):  # from the last gap to the first
-        lanes -= 1
-        for row in range(OF_LANE):
-            s[row * STRIDE + places[q]] = s[row * STRIDE + lanes]
-    return lanes
+def _write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> None:
+    """Write the statistics of the trajectory in place j to its own slot."""
+    # arrays are used last where no branch is: else numba counts references at every call
+    lane = int(s[ROW.LANE + j]) if j >= 0 else -1
+    if lane < 0:  # never, which spares the compiler the look at it for each index below
+        return
+    over = False
+    fixed = take(base, s, j)
+    # a flight that begins after the end, when a rest does, is in progress here
+    waits = pending(base, s, j)
+    last = Counted(0.0, 0.0, 0.0)
+    if waits or s[ROW.DONE + j] == SPENT:
+        x_off, u = s[ROW.X + j], s[ROW.U + j]
+        time, v = fly(fixed, x_off, u)
+        x, passed = land(x_off, time)
+        over = s[ROW.DONE + j] == SPENT and s[ROW.N + j] + passed <= s[ROW.X_END + j] - x
+        if waits:
+            last = counted(fixed, Flight(x_off, u, time, x, v), 0.0)
+    totals, sums = with_flight(out.kinds, totals_of(out.kinds, s, j), last)
+    for k in range(len(totals)):
+        out.totals[k, lane] = totals[k]
+    for_good = np.isnan(s[ROW.X + j])
+    if not windowed:  # it may have come after the end, but not where it was counted
+        for_good = for_good and totals[RESTS] > 0.0
+    out.at_rest[lane] = 1 if for_good else 0
+    out.status[lane] = BUDGET_EXCEEDED if over else COMPLETED
+    if not np.isfinite(sums):
+        out.status[lane] = NON_FINITE
 
 
 @kernel
@@ -258,6 +271,7 @@ def advance(
     """
     base, problem, launches = batch
     s, places = room
+    chosen = Chosen(base, out.kinds)
     budget = float(options.budget)
     first, last, lanes = span
     particles = launches.whole.shape[1]
@@ -276,25 +290,25 @@ def advance(
             if i < 0 or p < 0 or places[q] < 0:  # never, see `write`
                 return 0
             start = launch(launches, i, p, problem.phase[i])
-            _load(s, places[q], lane, start, watch, windowed, cycles, patience)
-            expect(out, lane)
+            _load(s, places[q], lane, start, watch, out.kinds, cycles, patience)
+            expect(out.kinds, out, lane)
             p += 1
             if p == particles:
                 i, p = i + 1, 0
                 watch = _watch(base, problem, min(i, problem.kick.size - 1))
         following += fresh
-        lanes = _close_gaps(s, lanes, places, fresh, done)
+        lanes = close_gaps(s, lanes, places, fresh, done)
         if lanes < LANES and first < last:
             return lanes
         # whole vectors only: lanes behind the last one hold stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
         for _ in range(LOOK_AFTER):
             if windowed:
-                _step(s, padded, base, budget, 1, options.observer, lanes)
+                _step(s, padded, chosen, budget, 1, options.observer, lanes)
             else:
-                _step(s, padded, base, budget, None, options.observer, lanes)
-        _mark(s, padded, base, options.budget, cycles)
-        done = _find_done(s, lanes, places)
+                _step(s, padded, chosen, budget, None, options.observer, lanes)
+        _mark(s, padded, chosen, options.budget, cycles)
+        done = find_done(s, lanes, places)
         if cycles is not None and rests is not None:
             # not in a function of its own: numba would count references to all its array arguments
             listed, done = done, 0
@@ -303,8 +317,8 @@ def advance(
                 if s[ROW.DONE + j] == RETURNED:
                     later = recurs(s, j)
                     if later and (options.all_cycles == 1 or saves_work(s, j, options.jump)):
-                        realization = int(s[ROW.LANE + j]) // particles
-                        close_cycle(s, j, realization, base, windowed, options.jump, cycles, rests)
+                        where = int(s[ROW.LANE + j]) // particles
+                        close_cycle(s, j, where, chosen, windowed, options.jump, cycles, rests)
                     elif later:
                         stop_search(s, j)
                     if s[ROW.AGE + j] < options.budget:
@@ -313,7 +327,7 @@ def advance(
                 places[done] = j
                 done += 1
         for q in range(done):
-            write(s, places[q], base, windowed, out)
+            _write(s, places[q], base, windowed, out)
     return 0
 
 

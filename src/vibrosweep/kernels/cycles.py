@@ -13,10 +13,24 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.bases import Base, Constants, after_rest, take
+from vibrosweep.kernels.bases import Base, Constants, after_rest, counted, take
 from vibrosweep.kernels.impact import impact
-from vibrosweep.kernels.lanes import ROW, STRIDE
-from vibrosweep.kernels.statistics import OF_CYCLE, RUNNING, Cycle, add, no_impacts, repeat
+from vibrosweep.kernels.lanes import ROW
+from vibrosweep.kernels.statistics import Kinds
+from vibrosweep.kernels.totals import (
+    CYCLE_LANDINGS,
+    CYCLE_RESTS,
+    OF_RESTS,
+    Cycle,
+    added,
+    cycle_of,
+    keep_cycle,
+    kept_cycle,
+    no_impacts,
+    repeat,
+    set_cycle,
+)
+from vibrosweep.model.landing import Landing
 
 FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
 # A cycle saves work if the remaining time is this many times the time since the anchor.
@@ -24,9 +38,7 @@ WORTH = 4.0
 # Distance kept from the ends of the window, where rounding might decide what is inside.
 MARGIN = 2.0**-20  # periods
 
-Found = tuple[float, float, float]  # impacts, periods and rests of a cycle
-
-
+Found = tuple[float, float, float]  # periods, impacts and rests of a cycle
 Cycles = Floats
 
 
@@ -49,6 +61,13 @@ class CycleRows(NamedTuple):
 CYCLE: Final = CycleRows()
 
 
+class Chosen(NamedTuple):
+    """Choices by type, for which kernels are compiled: the base with its law, the statistics."""
+
+    base: Base
+    kinds: Kinds
+
+
 def empty_cycles(trajectories: int) -> Cycles:
     """Allocate the cycles of a batch."""
     return np.empty((len(CYCLE), trajectories))
@@ -65,7 +84,7 @@ def _note(
     cycles: Cycles, lane: int, found: Found, state: tuple[float, float, float], age: float
 ) -> None:
     """Store the cycle of trajectory `lane`, and a state on it."""
-    impacts, periods, rests = found
+    periods, impacts, rests = found
     cycles[CYCLE.IMPACTS, lane], cycles[CYCLE.PERIODS, lane] = impacts, periods
     cycles[CYCLE.RESTS, lane], cycles[CYCLE.AGE, lane] = rests, age
     whole, phase, flight = state
@@ -78,56 +97,56 @@ def _note(
 # the line; the orbit is then computed again.
 Rests = Floats
 ROOM_FOR_RESTS = 1024
-WHOSE = OF_CYCLE  # behind the totals
+WHOSE = 0  # before the totals
 
 
-def empty_rests() -> Rests:
+def empty_rests(kinds: Kinds) -> Rests:
     """Memory of which nothing is known."""
-    return np.full((ROOM_FOR_RESTS, WHOSE + 1), -1.0)
+    return np.full((ROOM_FOR_RESTS, len(kinds) + 2), -1.0)
 
 
 @jit
-def once_round(fixed: Constants, x_start: float, u_start: float) -> Cycle:
+def once_round(kinds: Kinds, fixed: Constants, x_start: float, u_start: float) -> Cycle:
     """Totals of the cycle through a state; those of no impacts where a rest lies on the way."""
     n, x, u = 0.0, x_start, u_start
-    found = no_impacts()
-    while found.impacts == 0.0 or x != x_start or u != u_start:
+    found: Cycle = no_impacts(kinds)
+    while found[CYCLE_LANDINGS] == 0.0 or x != x_start or u != u_start:
         hit = impact(fixed, n, x, u)
         n, x, u = hit.n_off, hit.x_off, hit.u
-        found = add(found, fixed, hit)
+        landing = Landing(hit.x, hit.flight.time, hit.v, hit.u, not hit.leaves)
+        found = added(kinds, found, n, landing, counted(fixed, hit.flight, hit.u))
         if not hit.leaves and (x != x_start or u != u_start):
-            return no_impacts()
+            found = no_impacts(kinds)
+            break
     return found
 
 
 @jit
-def _count_cycle(s: Floats, j: int, realization: int, fixed: Constants, rests: Rests) -> None:
+def _count_cycle(
+    kinds: Kinds, s: Floats, j: int, realization: int, fixed: Constants, rests: Rests
+) -> None:
     """Note the totals of the cycle that lane j has entered."""
-    found = no_impacts()
-    if s[RUNNING.RESTS + j] == s[ROW.RESTS_ANCHOR + j]:  # no rest is known on the way
-        found = once_round(fixed, s[ROW.X + j], s[ROW.U + j])
-    if found.impacts > 0.0 and found.rests == 0.0:
-        for k in range(OF_CYCLE):
-            s[RUNNING.CYCLE_IMPACTS + k * STRIDE + j] = found[k]
+    found = no_impacts(kinds)
+    if s[OF_RESTS + j] == s[ROW.RESTS_ANCHOR + j]:  # no rest is known on the way
+        found = once_round(kinds, fixed, s[ROW.X + j], s[ROW.U + j])
+    if found[CYCLE_LANDINGS] > 0.0 and found[CYCLE_RESTS] == 0.0:
+        set_cycle(kinds, s, j, found)
         return
     line = realization % ROOM_FOR_RESTS
     if rests[line, WHOSE] != realization:
         x_lift, u_lift = after_rest(fixed)
-        found = once_round(fixed, x_lift, u_lift)
-        for k in range(OF_CYCLE):
-            rests[line, k] = found[k]
+        found = once_round(kinds, fixed, x_lift, u_lift)
+        keep_cycle(kinds, rests, line, found)
         rests[line, WHOSE] = realization
-    for k in range(OF_CYCLE):
-        s[RUNNING.CYCLE_IMPACTS + k * STRIDE + j] = rests[line, k]
+    set_cycle(kinds, s, j, kept_cycle(kinds, rests, line))
 
 
 @jit
-def _jump(s: Floats, j: int, windowed: bool) -> bool:
+def _jump(kinds: Kinds, s: Floats, j: int, periods: float, windowed: bool) -> bool:
     """Skip whole cycles of lane j; return whether they were the last ones.
 
     The skipped landings are either all inside the window or all before it.
     """
-    periods = s[RUNNING.CYCLE_PERIODS + j]
     n, x = s[ROW.N + j], s[ROW.X + j]
     if windowed:
         begin = s[ROW.N_BEGIN + j] - n + (s[ROW.X_BEGIN + j] - x)
@@ -138,7 +157,7 @@ def _jump(s: Floats, j: int, windowed: bool) -> bool:
             return False
     times = max(0.0, np.floor(((s[ROW.X_END + j] - x) - n - MARGIN) / periods))
     s[ROW.N + j] = n + times * periods
-    repeat(s, j, times)
+    repeat(kinds, s, j, times)
     return True
 
 
@@ -168,7 +187,7 @@ def close_cycle(
     s: Floats,
     j: int,
     realization: int,
-    base: Base,
+    chosen: Chosen,
     windowed: bool,
     jump: int,
     cycles: Cycles,
@@ -178,24 +197,22 @@ def close_cycle(
 
     `jump` is 1 to skip them.  `cycles` are filled with the cycle, unless they hold one already.
     """
+    kinds = chosen.kinds
     age, state = s[ROW.AGE + j], (s[ROW.N + j], s[ROW.X + j], s[ROW.U + j])
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
-    rested = s[RUNNING.RESTS + j] - s[ROW.RESTS_ANCHOR + j]
+    rested = s[OF_RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
     if not windowed and rested > 0.0 and not jumps:
         # the orbit from rest to rest is unique, and was passed `rested` times since the anchor
         impacts = age - 0.5 * s[ROW.NEXT_ANCHOR + j]
-        found = impacts / rested, since / rested, 1.0
+        found = since / rested, impacts / rested, 1.0
     else:
-        if s[RUNNING.CYCLE_IMPACTS + j] == 0.0:
-            _count_cycle(s, j, realization, take(base, s, j), rests)
-        found = (
-            s[RUNNING.CYCLE_IMPACTS + j],
-            s[RUNNING.CYCLE_PERIODS + j],
-            s[RUNNING.CYCLE_RESTS + j],
-        )
+        found = cycle_of(kinds, s, j)
+        if found[1] == 0.0:
+            _count_cycle(kinds, s, j, realization, take(chosen.base, s, j), rests)
+            found = cycle_of(kinds, s, j)
         if jumps:
-            last = _jump(s, j, windowed)
+            last = _jump(kinds, s, j, found[0], windowed)
             if last:
                 s[ROW.AGE + j] = -np.inf  # less than a cycle is left
     lane = int(s[ROW.LANE + j])

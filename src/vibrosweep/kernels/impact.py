@@ -26,7 +26,7 @@ from vibrosweep.kernels.bases import (
 )
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
-from vibrosweep.kernels.laws import LAW_OF
+from vibrosweep.kernels.laws import law_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
 
 Instant = tuple[float, float]  # whole periods and phase
@@ -71,7 +71,7 @@ def base_of(base: str, rebound: str) -> Base:
         )
     if wrong := refusal(base, law=rebound):
         raise ParameterError(wrong)
-    return BASE_OF[base](LAW_OF[rebound])
+    return BASE_OF[base](law_of(rebound))
 
 
 @jit

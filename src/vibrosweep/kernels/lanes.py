@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats
+from vibrosweep.kernels._jit import Floats, Integers, jit
 
 LANES: Final = 96
 VECTOR: Final = 8
@@ -79,3 +79,23 @@ def aligned(numbers: int) -> Floats:
     memory = np.zeros(numbers + VECTOR)
     offset = (-memory.ctypes.data // memory.itemsize) % VECTOR
     return memory[offset : offset + numbers]
+
+
+@jit
+def find_done(s: Floats, lanes: int, places: Integers) -> int:
+    """List the marked lanes; return their number."""
+    done = 0
+    for j in range(lanes):  # branch-free: the branch would be unpredictable
+        places[done] = j
+        done += 1 if s[ROW.DONE + j] != GOES_ON else 0
+    return done
+
+
+@jit
+def close_gaps(s: Floats, lanes: int, places: Integers, fresh: int, done: int) -> int:
+    """Move the last lanes into the gaps that were not refilled; return the number of lanes left."""
+    for q in range(done - 1, fresh - 1, -1):  # from the last gap to the first
+        lanes -= 1
+        for row in range(s.size // STRIDE):
+            s[row * STRIDE + places[q]] = s[row * STRIDE + lanes]
+    return lanes

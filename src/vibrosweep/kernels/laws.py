@@ -1,18 +1,23 @@
 """Laws of rebound: the speed after an impact, from the arrival speed and the kick.
 
 A law is an empty named tuple, whose type numba knows when it compiles.  A new one is a class here
-with its implementations, and its name, here and in `vibrosweep.model.parameters.LAWS_OF`.
+with its implementations, and its name, here and in `vibrosweep.model.parameters.LAWS_OF`; or a
+`vibrosweep.model.outside_laws.Law`.
 
 Speeds are the durations of the flights that they begin, in forcing periods.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-from vibrosweep.kernels._jit import fma, generic, implements
+from vibrosweep.kernels._jit import compiled_anew, fma, generic, implements, jit
+from vibrosweep.kernels.markers import kind
 from vibrosweep.kernels.rounding import HALF_ULP, SMALLEST
+from vibrosweep.model.outside_laws import OUTSIDE
+from vibrosweep.model.outside_laws import Law as OutsideLaw
 
 Law = Any
 
@@ -88,3 +93,38 @@ def kick_to_repeat_linear(law: Law, e: float, v: float, sign: float) -> float:
 
 
 LAW_OF: Final[Mapping[str, Law]] = {"rest": Rest(), "reflect": Reflect()}
+
+
+def law_of(name: str) -> Law:
+    """Return a law by its name, one from outside the package with the code of this moment."""
+    return LAW_OF[name] if name in LAW_OF else _from_outside(OUTSIDE[name].code, OUTSIDE[name])
+
+
+@functools.cache
+def _from_outside(code: str, law: OutsideLaw) -> Law:
+    """Implement a law from outside the package."""
+    own = kind(f"{law.name}_{code}")
+    kept, slope, bend = (compiled_anew(f, jit) for f in (law.kept, law.slope, law.bend))
+    rounding = law.roundings * HALF_ULP
+
+    @implements(speed_after, own)
+    def speed_after_outside(law: Law, e: float, v: float, kick: float) -> float:
+        return kept(e, v) + kick  # type: ignore[no-any-return]
+
+    @implements(slopes, own)
+    def slopes_outside(law: Law, e: float, v: float, kick: float) -> tuple[float, float]:
+        return slope(e, v), 1.0
+
+    @implements(curvature, own)
+    def curvature_outside(law: Law, e: float) -> float:
+        return 0.5 * bend(e)  # type: ignore[no-any-return]
+
+    @implements(speed_rounding, own)
+    def speed_rounding_outside(law: Law, e: float, v: float, w: float) -> float:
+        return HALF_ULP * abs(w) + rounding * abs(kept(e, v)) + SMALLEST  # type: ignore[no-any-return]
+
+    @implements(kick_to_repeat, own)
+    def kick_to_repeat_outside(law: Law, e: float, v: float, sign: float) -> float:
+        return sign * v - kept(e, v)  # type: ignore[no-any-return]
+
+    return own()

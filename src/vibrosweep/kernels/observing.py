@@ -7,18 +7,18 @@ one calls the function for those lanes that have landed in the window.
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import CellType, FunctionType
 from typing import Any, Final, NamedTuple
 
 import numba
-from numba import njit
+from numba import njit, types
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels._jit import OPTIONS, Floats, jit
-from vibrosweep.kernels.lanes import ROW, STRIDE, aligned
-from vibrosweep.kernels.statistics import OF_LANE
-from vibrosweep.model.functions import is_own, outside, plain
-from vibrosweep.model.observables import Landing, Observable
+from vibrosweep.kernels._jit import OPTIONS, Floats, compiled_anew, jit
+from vibrosweep.kernels.lanes import ROW, ROWS, STRIDE
+from vibrosweep.kernels.statistics import KINDS, declare
+from vibrosweep.kernels.totals import scratch
+from vibrosweep.model.landing import Landing
+from vibrosweep.model.observables import Observable
 
 
 class Observer(NamedTuple):
@@ -26,6 +26,7 @@ class Observer(NamedTuple):
 
     function: Callable[[Any, Any], None]
     totals: Floats
+    initial: float  # what totals begin with
 
 
 class Noted(NamedTuple):
@@ -39,12 +40,13 @@ class Noted(NamedTuple):
     SEEN: int
 
 
-NOTED: Final = Noted(*((OF_LANE + row) * STRIDE for row in range(len(Noted._fields))))
+BEHIND: Final = ROWS + 3 * len(KINDS) + 1  # an observer takes no other statistics
+NOTED: Final = Noted(*((BEHIND + row) * STRIDE for row in range(len(Noted._fields))))
 
 
 def observing_scratch() -> Floats:
-    """Scratch memory of `vibrosweep.kernels.statistics.scratch`, with the rows of a landing."""
-    return aligned((OF_LANE + len(Noted._fields)) * STRIDE)
+    """Scratch memory of `vibrosweep.kernels.totals.scratch`, with the rows of a landing."""
+    return scratch(KINDS, len(Noted._fields))
 
 
 @jit
@@ -74,50 +76,47 @@ def observe(s: Floats, lanes: int, observer: Observer) -> None:
 # A user's function does what it does in plain Python: what that raises is raised.
 OF_A_USER: Final = OPTIONS | {"error_model": "python", "boundscheck": True}
 
-_compiled: dict[str, Callable[[Any, Any], None]] = {}  # by the `code` of observables
+_compiled: dict[tuple[str, str], Any] = {}  # by code of observables, and how landings combine
 
 
-def compiled(observable: Observable) -> Callable[[Any, Any], None]:
+def compiled(observable: Observable) -> Any:
     """Compile an observable's function, once in a process.
 
-    An index beyond its totals raises an IndexError instead of spoiling memory; a ParameterError
-    tells that numba cannot compile it.
+    Where it changes totals, an index beyond them raises an IndexError instead of spoiling memory.
+    Where it gives a number of a landing, what is returned stands for it among the statistics.  A
+    ParameterError tells that numba cannot compile it.
     """
+    key = observable.code, observable.landings
+    if key not in _compiled:
+        if not numba.config.DISABLE_JIT:
+            _require_compilable(observable)
+        _compiled[key] = _made(observable)
+    return _compiled[key]
+
+
+def _made(observable: Observable) -> Any:
+    if observable.landings:
+        # numba keeps machine code by the names of types: this one changes with the function
+        name = f"{observable.name}_{observable.landings}_{observable.code}"
+        return declare(name, compiled_anew(observable.function, jit), observable.landings)
     if numba.config.DISABLE_JIT:
         return observable.function
-    if observable.code in _compiled:
-        return _compiled[observable.code]
-    function = _compiled_anew(observable.function, {})
+    return compiled_anew(observable.function, njit(**OF_A_USER))
+
+
+def _require_compilable(observable: Observable) -> None:
+    landing = numba.typeof(Landing(0.0, 0.0, 0.0, 0.0, False))
+    function = compiled_anew(observable.function, njit(**OF_A_USER))
     try:
-        function.compile((numba.float64[::1], numba.typeof(Landing(0.0, 0.0, 0.0, 0.0, False))))
+        function.compile((landing,) if observable.landings else (types.float64[::1], landing))
     except Exception as error:  # not all that numba raises has one base
         reason = next(filter(str.strip, [*str(error).splitlines()[1:], str(error)])).strip()
         raise ParameterError(
             f"observable {observable.name!r}: numba cannot compile its function: {reason}; "
-            f"call it as plain Python with np.zeros({observable.width}) and a vibrosweep.Landing "
-            f"to look for the mistake"
+            f"call it as plain Python with a vibrosweep.Landing to look for the mistake"
         ) from error
-    _compiled[observable.code] = function
-    return function  # type: ignore[no-any-return]
-
-
-def _compiled_anew(function: Any, done: dict[Any, Any]) -> Any:
-    """Compile a function together with those that it calls.
-
-    What numba has compiled of them before may hold earlier values of the numbers that they use, and
-    does not check indices.
-    """
-    if function not in done:
-        names, code = dict(function.__globals__), function.__code__
-        cells = {name: CellType() for name in code.co_freevars}
-        enclosed, given = tuple(cells.values()), function.__defaults__
-        fresh = FunctionType(code, names, function.__name__, given, enclosed)
-        fresh.__kwdefaults__ = function.__kwdefaults__
-        done[function] = njit(**OF_A_USER)(fresh)
-        for name, value in outside(function).items():
-            own = _compiled_anew(plain(value), done) if is_own(value) else value
-            if name in cells:
-                cells[name].cell_contents = own
-            else:
-                names[name] = own
-    return done[function]
+    returned = function.nopython_signatures[0].return_type
+    if observable.landings and not isinstance(returned, types.Number | types.Boolean):
+        raise ParameterError(
+            f"observable {observable.name!r}: its function returns {returned}; it must be a number"
+        )

@@ -27,7 +27,7 @@ from vibrosweep.kernels.cycles import CYCLE, FIRST_ANCHOR, Cycles
 from vibrosweep.kernels.exponents import State, cycle_exponents
 from vibrosweep.kernels.impact import Batch, Instant, impact, launch, launch_speed
 from vibrosweep.kernels.rounding import HALF_ULP
-from vibrosweep.kernels.statistics import Statistics
+from vibrosweep.kernels.statistics import LANDINGS, RESTS, Statistics
 from vibrosweep.kernels.tangent import stretch
 from vibrosweep.kernels.trust import is_certain
 from vibrosweep.model.status import Regime
@@ -312,8 +312,8 @@ def settle(
         end = problem.end_count[i], problem.end_phase[i]
         if exponents == 0:
             # rests before the window are not counted
-            rests_again = recurs or each.rests[t] > 1 or begin[0] - n > x - begin[1]
-            if at_rest or not (rests_again or each.landings[t] >= FIRST_ANCHOR):
+            rests_again = recurs or each.totals[RESTS, t] > 1.0 or begin[0] - n > x - begin[1]
+            if at_rest or not (rests_again or each.totals[LANDINGS, t] >= FIRST_ANCHOR):
                 continue
         launched = (n, x, launch_speed(fixed, problem, i, x))
         state, rests, area, slack = _follow(fixed, launched, begin, end, budget, g)

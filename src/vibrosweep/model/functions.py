@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dis
+import hashlib
 from collections.abc import Iterable, Iterator
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, Final
@@ -49,6 +50,13 @@ def parts(function: FunctionType, where: str) -> Iterator[str]:
     outside whose value could change without notice, or numbers at random.
     """
     yield from _parts(function, where, set())
+
+
+def digest_of(functions: Iterable[FunctionType], where: str, *texts: str) -> str:
+    """Return a digest of what functions compute, and of texts; errors are those of `parts`."""
+    every = [part for function in functions for part in parts(function, where)]
+    text = "\n".join([*every, *texts])
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
 def _parts(function: FunctionType, where: str, seen: set[FunctionType]) -> Iterator[str]:

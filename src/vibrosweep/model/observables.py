@@ -2,60 +2,27 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from types import FunctionType
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.functions import changes_its_arguments, parts, plain
+from vibrosweep.model.functions import changes_its_arguments, digest_of, plain
 from vibrosweep.model.measures import RESERVED, Variable
 
 # How the totals of particles make those of a realization.
 COMBINED: Final = {"sum": np.add, "max": np.fmax, "min": np.fmin, "each": None}
+# How numbers of landings combine, and what changes nothing.
+NEUTRAL: Final = {"sum": 0.0, "max": -np.inf, "min": np.inf}
 UNIT: Final = re.compile(r"(m|s)(-?\d+)?")
-
-
-class Landing(NamedTuple):
-    """A landing in the window, as an observable's function is given it.
-
-    Attributes
-    ----------
-    phase
-        Of the forcing, in turns: -1/2 to 1/2, 0 where the velocity of the base rises through zero.
-    flight_time
-        Of the flight that ends here, in forcing periods.
-    arrival, rebound
-        Speeds relative to the base before the impact, and with which the particle leaves it, in
-        units of g / (2 f), so that a flight with rebound 1 from a base at rest lasts one forcing
-        period.  After a rest, the rebound is the speed at its end.
-    rests
-        Whether the particle stays on the base.
-
-    Examples
-    --------
-    >>> import numpy as np, vibrosweep as vs
-    >>> def rests(totals, landing):
-    ...     totals[0] += landing.rests
-    >>> totals = np.zeros(1)
-    >>> rests(totals, vs.Landing(phase=0.1, flight_time=0.5, arrival=0.5, rebound=0.0, rests=True))
-    >>> totals
-    array([1.])
-    """
-
-    phase: float
-    flight_time: float
-    arrival: float
-    rebound: float
-    rests: bool
 
 
 @dataclass(frozen=True)
@@ -67,10 +34,11 @@ class Observable:
     name
         Of the variable in the result.
     function
-        ``function(totals, landing)``, plain Python that numba compiles.  It is called for every
-        landing in the window, in the order of each particle's landings, with a `Landing` and with
-        the particle's own `totals`, a float64 array of one number for each of `values`, or of one
-        number; it changes `totals` and returns nothing.
+        ``function(landing)``, plain Python that numba compiles: a number of each `Landing` in the
+        window, in vector code where it has no branch; ``landings`` says how the numbers of a
+        particle's landings combine.  Or ``function(totals, landing)``, which is called in the order
+        of each particle's landings, with the particle's own `totals`, a float64 array of one number
+        for each of `values`, or of one number; it changes `totals` and returns nothing.
     meaning
         In a few words.
     units
@@ -79,12 +47,16 @@ class Observable:
     along, values
         Name of a dimension of the variable, and its coordinate: increasing numbers, such as the
         middles of the bins of a histogram.  None by default.
+    landings
+        How the numbers of landings combine: ``"sum"``, ``"max"`` or ``"min"``; nothing for a
+        function that changes totals.  The repetitions of a cycle are then counted without being
+        followed, as those of every statistic.  NaN for a maximum or minimum of no landings.
     particles
         How the totals of particles become one: ``"sum"``, ``"max"``, ``"min"``; or ``"each"`` to
-        keep them apart.
+        keep them apart.  By default as those of landings, else ``"sum"``.
     initial
-        What totals begin with, ``float("inf")`` for a minimum; a particle without a landing in the
-        window keeps it.
+        What `totals` begin with, ``float("inf")`` for a minimum; a particle without a landing in
+        the window keeps it.
 
     Raises
     ------
@@ -110,24 +82,25 @@ class Observable:
     units: str = "1"
     along: str = ""
     values: tuple[float, ...] = ()
-    particles: str = "sum"
+    particles: str = ""
     initial: float = 0.0
+    landings: str = ""
     code: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "function", plain(self.function))
         object.__setattr__(self, "values", _numbers(self.name, self.values))
+        object.__setattr__(self, "particles", self.particles or self.landings or "sum")
         wrong = next(self._mistakes(), "")
         if wrong:
             raise ParameterError(f"observable {self.name!r}: {wrong}")
-        text = "\n".join(parts(plain(self.function), f"observable {self.name!r}"))
-        digest = hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+        digest = digest_of([plain(self.function)], f"observable {self.name!r}")
         object.__setattr__(self, "code", digest)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let `code` be that of the function that a process has."""
         given = (self.name, self.function, self.meaning, self.units, self.along, self.values)
-        return type(self), (*given, self.particles, self.initial)
+        return type(self), (*given, self.particles, self.initial, self.landings)
 
     def _mistakes(self) -> Iterator[str]:
         for key, word in {"name": self.name, "along": self.along or "none"}.items():
@@ -139,10 +112,8 @@ class Observable:
             yield f"along = {self.along!r} must be another word than the name"
         if not isinstance(self.function, FunctionType):
             yield f"function = {self.function!r} must be a Python function"
-        elif len(inspect.signature(self.function).parameters) != 2:
-            yield "function must take two arguments, as in function(totals, landing)"
-        elif not changes_its_arguments(self.function):
-            yield "function must change totals, as in totals[0] += 1.0; it changes nothing"
+        else:
+            yield from self._mistakes_of_function()
         if not isinstance(self.meaning, str) or not self.meaning.strip():
             yield f"meaning = {self.meaning!r} must say in words what it is"
         if self.units != "1" and not all(map(UNIT.fullmatch, str(self.units).split(" "))):
@@ -156,6 +127,24 @@ class Observable:
             yield f"particles = {self.particles!r} must be one of {', '.join(COMBINED)}"
         if not isinstance(self.initial, int | float):
             yield f"initial = {self.initial!r} must be a number"
+
+    def _mistakes_of_function(self) -> Iterator[str]:
+        arguments = len(inspect.signature(self.function).parameters)
+        if not self.landings:
+            if arguments != 2:
+                yield (
+                    "function must take two arguments, as in function(totals, landing), or one, "
+                    "with landings, as in function(landing)"
+                )
+            elif not changes_its_arguments(plain(self.function)):
+                yield "function must change totals, as in totals[0] += 1.0; it changes nothing"
+            return
+        if self.landings not in NEUTRAL:
+            yield f"landings = {self.landings!r} must be one of {', '.join(NEUTRAL)}"
+        if arguments != 1:
+            yield "function must take one argument with landings, as in function(landing)"
+        if self.along or self.initial != 0.0:
+            yield "along and initial are of functions that change totals, without landings"
 
     @property
     def source(self) -> str:
@@ -180,6 +169,8 @@ class Observable:
 
     def combined(self, totals: Array) -> Array:
         """Combine totals of shape (realization, particle, total), in the order of particles."""
+        if self.landings in ("max", "min"):
+            totals = np.where(totals == NEUTRAL[self.landings], np.nan, totals)
         rule = COMBINED[self.particles]
         if rule is not None:
             whole = totals[:, 0].copy()

@@ -24,13 +24,14 @@ MOVING: Final = "moving"
 SPRUNG: Final = "sprung"
 
 # The laws of rebound that each base implements; over any other base a law is refused
-LAWS_OF: Final[Mapping[str, tuple[str, ...]]] = {
+LAWS_OF: Final[dict[str, tuple[str, ...]]] = {
     HIGH_BOUNCE: ("rest", "reflect"),
     MOVING: ("rest",),
     SPRUNG: ("rest",),
 }
 BASES: Final = tuple(LAWS_OF)
-LAWS: Final = tuple(dict.fromkeys(law for laws in LAWS_OF.values() for law in laws))
+# Those of `vibrosweep.model.outside_laws.register_law` are appended
+LAWS: Final = list(dict.fromkeys(law for laws in LAWS_OF.values() for law in laws))
 STAGGERED: Final = "staggered"
 
 # Whole periods are counted in float64, exactly up to 2**53; this leaves room for the flights.

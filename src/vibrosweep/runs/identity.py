@@ -17,6 +17,7 @@ from vibrosweep.errors import TableError
 from vibrosweep.mistakes import toml
 from vibrosweep.model.measures import Measures
 from vibrosweep.model.observables import Observable
+from vibrosweep.model.outside_laws import OUTSIDE
 from vibrosweep.model.times import Periods, unit_of
 from vibrosweep.scene.columns import GivenTable
 from vibrosweep.scene.design import Axis, Design, Range
@@ -65,6 +66,9 @@ def identity(spec: Sweep) -> dict[str, str]:
         found["contents of the table"] = _digest(spec.design.table)
     if spec.design.source:
         found["code of the design"] = _short(spec.design.source)
+    laws = {getattr(scene, "rebound", "") for scene in (spec.scene, spec.record)}
+    for law in sorted(laws & {*OUTSIDE}):
+        found[f"code of the law {law}"] = OUTSIDE[law].code
     found["programs"] = programs()
     return found | {library: version(library) for library in LIBRARIES}
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import unicodedata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import PurePath
@@ -187,7 +187,7 @@ def _launch(value: object) -> str | tuple[float, ...]:
     raise ValueError(f'must be "{STAGGERED}" or a list of finite launch times in s')
 
 
-def one_of(names: tuple[str, ...], value: object) -> str:
+def one_of(names: Sequence[str], value: object) -> str:
     """Return one of some words."""
     if isinstance(value, str) and value in names:
         return value

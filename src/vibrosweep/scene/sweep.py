@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from vibrosweep.abilities import refusal
 from vibrosweep.errors import SpecError, refuse
 from vibrosweep.mistakes import TOML, Mistakes, Text
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
@@ -48,14 +47,9 @@ class Sweep:
     def observing(self, observables: Iterable[Observable]) -> Sweep:
         """Return the same sweep with observables.
 
-        Raises a ParameterError as `vibrosweep.model.observables.observables_of` does, and a
-        SpecError where no observable sees the landings on the base.
+        Raises a ParameterError as `vibrosweep.model.observables.observables_of` does.
         """
-        found = observables_of(observables)
-        wrong = refusal(self.scene.base, analysis="observables")
-        if found and wrong:
-            raise self.refusal(f"observables: {wrong}")
-        return self.measuring(observables=found)
+        return self.measuring(observables=observables_of(observables))
 
     @property
     def inputs(self) -> tuple[Path, ...]:

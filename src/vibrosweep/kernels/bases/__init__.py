@@ -65,7 +65,6 @@ __all__ = [
 
 Base = Any  # an empty named tuple: its type is what numba compiles for
 Constants = Any  # the named tuple of one base
-Counted = tuple[float, float, float]  # duration, and height as a product of two factors
 # the rows, then the sum of the moduli of the terms that the rows are sums of
 Jacobian = tuple[float, float, float, float, float]
 
@@ -78,6 +77,14 @@ class Flight(NamedTuple):
     time: float
     landing: float
     v: float
+
+
+class Counted(NamedTuple):
+    """A flight as statistics count it: duration, and height as a product of two factors."""
+
+    time: float
+    height: float
+    factor: float
 
 
 @generic

@@ -135,14 +135,14 @@ def common_age_high_bounce(base: HighBounce) -> float:
 
 @implements(bases.counted, Constants)
 def counted_high_bounce(fixed: Constants, flight: Flight, u_off: float) -> Counted:
-    return u_off, u_off, u_off
+    return Counted(u_off, u_off, u_off)
 
 
 @implements(bases.counted_now, Constants)
 def counted_now_high_bounce(
     fixed: Constants, s: Floats, j: int, time: float, u_off: float
 ) -> Counted:
-    return u_off, u_off, u_off
+    return Counted(u_off, u_off, u_off)
 
 
 @bases.fitted.register(HighBounce)

@@ -129,7 +129,7 @@ def speed_moving(fixed: MovingConstants, x: float, u: float) -> float:
 @implements(bases.counted, MovingConstants)
 def counted_moving(fixed: MovingConstants, flight: Flight, u_off: float) -> Counted:
     begin = start(fixed.alpha, fixed.x_lift, flight.x, flight.u)
-    return flight.time, apex(begin), 1.0
+    return Counted(flight.time, apex(begin), 1.0)
 
 
 @bases.lifts.register(Moving)

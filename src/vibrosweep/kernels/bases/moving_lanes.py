@@ -212,7 +212,7 @@ def pending_moving(base: Moving, s: Floats, j: int) -> bool:
 def counted_now_moving(
     fixed: MovingConstants, s: Floats, j: int, time: float, u_off: float
 ) -> Counted:
-    return time, apex(_begun(fixed, s, j)), 1.0
+    return Counted(time, apex(_begun(fixed, s, j)), 1.0)
 
 
 @implements(bases.common_age, Moving)

@@ -6,8 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, part, uncounted
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, part, uncached, uncounted
 from vibrosweep.kernels.bases.sprung import Load, bounds, mount
+from vibrosweep.kernels.coupled.counting import (
+    CoupledStatistics,
+    Work,
+    apex,
+    begin_statistics,
+    count_landing,
+    judge,
+    take_off,
+)
 from vibrosweep.kernels.coupled.events import next_event
 from vibrosweep.kernels.coupled.neighbours import (
     HARMONICS,
@@ -25,20 +34,10 @@ from vibrosweep.kernels.coupled.state import (
     EVENT,
     MODE,
     NOW,
-    PARTICLE,
     Event,
     begin,
     motion_after,
     since_now,
-)
-from vibrosweep.kernels.coupled.tally import (
-    Each,
-    Room,
-    add_up,
-    apex,
-    count_flight,
-    end_flight,
-    forget,
 )
 from vibrosweep.kernels.coupled.written import (
     Scale,
@@ -49,6 +48,8 @@ from vibrosweep.kernels.coupled.written import (
 )
 from vibrosweep.kernels.impact import Instant
 from vibrosweep.kernels.record import Record, Units
+from vibrosweep.kernels.statistics import Statistics
+from vibrosweep.kernels.totals import add_up
 from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
 from vibrosweep.model.status import Status
 
@@ -113,32 +114,8 @@ def _windows(begin: Instant, now: Floats, left: float) -> tuple[bool, bool]:
 
 
 @part
-def _count(work: Room, event: Event, seen: bool, first: int, each: Each) -> None:
-    """Count a landing, where it is seen, and the flight that begins with it; it has been noted."""
-    j = event.who
-    t = first + j
-    sticks = event.kind == EVENT.STICK
-    if seen:
-        each.landings[t] += 1
-        each.rests[t] += 1 if sticks else 0
-    work.counts[j] = 1 if seen else 0
-    if not sticks:
-        count_flight(work, t, j, each)
-
-
-@jit
-def _launched(work: Room, j: int, t: int, each: Each) -> None:
-    """Count a launch."""
-    of = work.of
-    work.lifted[0, j], work.lifted[1, j] = of.now[NOW.N], of.now[NOW.X]
-    each.launch_height[t] = apex(
-        of.now[NOW.HEIGHT], of.now[NOW.SPEED], of.particle[PARTICLE.SPEED, j]
-    )
-
-
-@part
 def _launched_at_the_end(
-    work: Room, load: Load, left: float, launch_speed: float, first: int, each: Each
+    work: Work, load: Load, left: float, launch_speed: float, first: int, launch_height: Floats
 ) -> None:
     """Count launches at the very end, which is `left` from now and rounding puts after it."""
     of = work.of
@@ -147,23 +124,24 @@ def _launched_at_the_end(
     speed = of.now[NOW.SPEED] + motion.gain
     for j in range(of.mode.size):
         if of.mode[j] == MODE.WAITING and since_now(of, j) - left <= SAME_INSTANT:
-            each.launch_height[first + j] = apex(height, speed, launch_speed - speed)
+            launch_height[first + j] = apex(height, speed, launch_speed - speed)
 
 
 @part
 def _write(
-    work: Room, load: Load, event: Event, scale: Scale, place: tuple[int, int], out: Written
+    work: Work, load: Load, event: Event, scale: Scale, place: tuple[int, int], out: Written
 ) -> None:
     """Write an event up to the end; `place`: the realization, and how many events came before."""
     i, number = place
     write_base(work.of, load, scale, i, number, out.track)
     if event.kind == EVENT.BOUNCE or event.kind == EVENT.STICK:
-        write_landing(work, scale, i * work.rides.size + event.who, event, out.record)
+        k = work.landings.total[event.who] - 1
+        write_landing(work.of, scale, i * work.rides.size + event.who, k, event, out.record)
 
 
 @part
 def _lift_off(
-    work: Room, first: int, least: float, counts: bool, scale: Scale, out: Written, each: Each
+    work: Work, first: int, least: float, counts: bool, scale: Scale, out: Written
 ) -> None:
     """Let the riders leave, and count and write it where it `counts`.
 
@@ -172,14 +150,15 @@ def _lift_off(
     for j in range(work.rides.size):
         if work.rides[j] == 1 and counts:
             end_stay(work.of, work.landings, j, least)
-            count_flight(work, first + j, j, each)
+            take_off(work, j)
             if out.track.time.shape[1] > 0:
-                write_lift_off(work, scale, first + j, j, out.record)
+                k = work.landings.total[j] - 1
+                write_lift_off(work.of, scale, first + j, k, j, out.record)
         work.rides[j] = 0
 
 
 @part
-def _conclude(work: Room, memory: Landings, order: Order, i: int, out: Whole) -> None:
+def _conclude(work: Work, memory: Landings, order: Order, i: int, out: Whole) -> None:
     """Write what a realization has one number of."""
     out.gap[i] = order.gap if order.gap < np.inf else np.nan
     out.same[i] = order.same if order.same < np.inf else np.nan
@@ -200,7 +179,7 @@ def _any(flags: Integers) -> bool:
 
 
 @jit
-def _horizon(work: Room, until: float, past: bool) -> float:
+def _horizon(work: Work, until: float, past: bool) -> float:
     """Return how far to look for the next event; minus infinity where none counts any more."""
     if not past:
         return until
@@ -215,19 +194,10 @@ def _scale(problem: Dimensionless, units: Units, i: int) -> Scale:
     return Scale(units.frequency[i], units.velocity[i], problem.end_count[i], problem.phase[i])
 
 
-@jit
-def _judge(first: int, particles: int, status: int, each: Each) -> None:
-    """Write the status of all particles, which are coupled: that of the worst."""
-    for t in range(first, first + particles):
-        total = each.flight_sum[t] + each.height_sum[t]
-        if each.landings[t] > 0 and not np.isfinite(total):
-            status = NON_FINITE
-    for t in range(first, first + particles):
-        each.status[t] = status
-
-
 @part
-def _resting(work: Room, load: Load, weighs: bool, first: int, left: float, each: Each) -> None:
+def _resting(
+    work: Work, load: Load, weighs: bool, first: int, left: float, each: Statistics
+) -> None:
     """Note which particles rest for good at the end, which is `left` periods from now.
 
     All of them, or any where none moves the base, once the energy of the free oscillation is too
@@ -247,8 +217,8 @@ def follow(
     last: int,
     batch: Coupled,
     budget: int,
-    work: Room,
-    statistics: tuple[Each, Each],
+    work: Work,
+    statistics: CoupledStatistics,
     whole: Whole,
     written: Written,
 ) -> int:
@@ -260,16 +230,16 @@ def follow(
     realization that is to be begun again with a roomier `work`.
     """
     problem, mounts, launches = batch
-    each, sums = statistics
+    each, sums, launch_height, observer = statistics
     of, memory = work.of, work.landings
     particles, writes = of.mode.size, written.track.time.shape[1] > 0
     for i in range(first, last):
         fixed, place = mount(problem, mounts, i), i * particles
         load = begin(of, fixed, problem, launches, i)
-        forget(work, place, each)
+        begin_statistics(work, place, each, launch_height, observer)
         order = clear(memory)
         opening = problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i]
-        scale = _scale(problem, written.units, i)
+        scale, speed = _scale(problem, written.units, i), problem.launch_flight[i]
         past, events, late = False, 0, 0
         status = COMPLETED if np.isfinite(fixed.alpha) else NON_FINITE
         while status == COMPLETED:
@@ -277,7 +247,7 @@ def follow(
             horizon = _horizon(work, until, past)
             if horizon == -np.inf:
                 break
-            event, load = next_event(of, fixed, load, problem.launch_flight[i], horizon)
+            event, load = next_event(of, fixed, load, speed, horizon)
             if event.kind == EVENT.LOST or late >= AFTER_THE_END:
                 status = BUDGET_EXCEEDED
                 break
@@ -286,13 +256,14 @@ def follow(
                     break
                 left, past = max(until, 0.0), True
                 order = close(memory, order, opening)
-                _launched_at_the_end(work, load, left, problem.launch_flight[i], place, each)
+                _launched_at_the_end(work, load, left, speed, place, launch_height)
                 _resting(work, load, fixed.mu > 0.0, place, left, each)
                 continue
             left = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
             if event.kind == EVENT.LAUNCH:
                 if not past:
-                    _launched(work, event.who, place + event.who, each)
+                    take_off(work, event.who)
+                    launch_height[place + event.who] = work.lifted[2, event.who]
             elif event.kind != EVENT.LIFT:
                 windows = _windows(opening, of.now, left)
                 if not past and memory.total[event.who] >= budget:
@@ -300,22 +271,25 @@ def follow(
                     break
                 if not past and lacks_room(memory, event.who, windows[0]):
                     return i
-                end_flight(work, place + event.who, event.who, each)
-                if past:
-                    work.counts[event.who] = 0
-                else:
+                counts = windows[0] and not past
+                count_landing(work, event, counts, place + event.who, each, observer)
+                if not past:
                     stay = np.inf if event.kind == EVENT.STICK else fixed.r
                     order = note(of, memory, order, event.who, windows, opening, stay)
-                    _count(work, event, windows[0], place, each)
+                    if event.kind != EVENT.STICK:
+                        take_off(work, event.who)
             if writes and not past:
                 _write(work, load, event, scale, (i, events), written)
             if event.kind == EVENT.LIFT or event.dropped:
-                _lift_off(work, place, fixed.r, left >= -PATIENCE, scale, written, each)
+                _lift_off(work, place, fixed.r, left >= -PATIENCE, scale, written)
             if event.kind == EVENT.STICK and not past:
                 work.rides[event.who] = 1
-            events += 1
-            late += 1 if past else 0
+            events, late = events + 1, late + (1 if past else 0)
         _conclude(work, memory, order, i, whole)
-        _judge(place, particles, status, each)
-        add_up(i, particles, each, sums)
+        judge(place, particles, status, each)
+        add_up(each.kinds, i, particles, each, sums)
     return last
+
+
+# Machine code for a function that exists in this process alone is not kept on disk.
+follow_observing = uncached(follow)

@@ -10,7 +10,6 @@ import numpy as np
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
 from vibrosweep.kernels.bases.sprung import Load, loaded, mount, move, velocity
 from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System
-from vibrosweep.kernels.coupled.tally import Room
 from vibrosweep.kernels.record import Record
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless, Mounts
@@ -52,23 +51,21 @@ def _time(of: System, scale: Scale) -> float:
 
 
 @part
-def write_landing(work: Room, scale: Scale, t: int, event: Event, out: Record) -> None:
-    """Write the last landing of a particle, in place t."""
-    j, k = event.who, work.landings.total[event.who] - 1
+def write_landing(of: System, scale: Scale, t: int, k: int, event: Event, out: Record) -> None:
+    """Write landing k of a particle, in place t."""
     if k < out.rested.shape[1]:
-        out.landing_time[t, k] = _time(work.of, scale)
+        out.landing_time[t, k] = _time(of, scale)
         out.rested[t, k] = 1 if event.kind == EVENT.STICK else 0
         if event.kind == EVENT.BOUNCE:
-            write_lift_off(work, scale, t, j, out)
+            write_lift_off(of, scale, t, k, event.who, out)
 
 
 @part
-def write_lift_off(work: Room, scale: Scale, t: int, j: int, out: Record) -> None:
-    """Write the lift-off of particle j, in place t, after its last landing."""
-    k = work.landings.total[j] - 1
+def write_lift_off(of: System, scale: Scale, t: int, k: int, j: int, out: Record) -> None:
+    """Write the lift-off of particle j, in place t, after landing k."""
     if k < out.rested.shape[1]:
-        speed = work.of.now[NOW.SPEED] + work.of.particle[PARTICLE.SPEED, j]
-        out.liftoff_time[t, k] = _time(work.of, scale)
+        speed = of.now[NOW.SPEED] + of.particle[PARTICLE.SPEED, j]
+        out.liftoff_time[t, k] = _time(of, scale)
         out.rebound_velocity[t, k] = speed * scale.velocity
 
 

@@ -27,7 +27,7 @@ from typing import NamedTuple
 from vibrosweep.proof.reference._flint import arb, ctx
 from vibrosweep.proof.reference.decisions import UncertainError, certain_above
 from vibrosweep.proof.reference.enclosure import FRAME_BITS, Enclosure
-from vibrosweep.proof.reference.laws import LAW_OF, Law
+from vibrosweep.proof.reference.laws import LAW_OF, Law, law_of
 from vibrosweep.proof.reference.motion import (
     EPS,
     Carried,
@@ -67,7 +67,7 @@ class BallMap:
             half_turns_at_launch=2 * p["frequency"] * launch_time + p["phase"] / arb.pi(),
             half_turn_rate=4 * p["frequency"],
             gravity=p["gravity"],
-            law=LAW_OF[rebound],
+            law=law_of(rebound),
         )
 
     @cached_property
@@ -201,7 +201,7 @@ class PeriodMap(NamedTuple):
         """Map of physical parameters, at the current precision."""
         p = {name: arb(value) for name, value in parameters.items()}
         kick = 2 * p["frequency"] / p["gravity"] * p["amplitude"]
-        return cls(p["restitution"], kick, p["frequency"] * p["contact_time"], LAW_OF[rebound])
+        return cls(p["restitution"], kick, p["frequency"] * p["contact_time"], law_of(rebound))
 
     def speed(self, x: arb, u: arb) -> arb:
         """Speed w after the landing at phase x of the flight u."""

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
+from vibrosweep.model.outside_laws import OUTSIDE
+from vibrosweep.model.outside_laws import Law as OutsideLaw
 from vibrosweep.proof.reference._flint import arb
 
 
@@ -35,6 +37,21 @@ def _restitution(restitution: arb, speed: arb, unit: arb) -> arb:
 
 def _straight(restitution: float) -> float:
     return 0.0
+
+
+def law_of(name: str) -> Law:
+    """Return a law by its name, one from outside the package as it is at this moment."""
+    return LAW_OF[name] if name in LAW_OF else _from_outside(OUTSIDE[name])
+
+
+def _from_outside(law: OutsideLaw) -> Law:
+    kept, slope = law.ball_kept or law.kept, law.ball_slope or law.slope
+    return Law(
+        lambda e, v, unit: kept(e, v / unit) * unit,
+        lambda e, v, unit: slope(e, v / unit),
+        law.bend,
+        turns_back=False,
+    )
 
 
 LAW_OF: Final[Mapping[str, Law]] = {

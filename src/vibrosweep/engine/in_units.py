@@ -1,0 +1,79 @@
+"""Totals of the kernels in physical units, whatever base they are of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vibrosweep.arrays import Array
+from vibrosweep.kernels.statistics import Statistics
+
+Measured = dict[str, NDArray[Any]]
+
+
+def height_unit(parameters: Mapping[str, Array]) -> Array:
+    """Height in m of a flight that lasts one forcing period: g / (8 f^2)."""
+    frequency = parameters["frequency"]
+    return np.asarray(parameters["gravity"] / (8.0 * frequency * frequency))
+
+
+def of_realizations(
+    found: Statistics,
+    parameters: Mapping[str, Array],
+    lifts: NDArray[np.bool_] | None = None,
+    lowest: Array | None = None,
+) -> Measured:
+    """Statistics of realizations, by the names of `vibrosweep.model.measures`.
+
+    `lifts` tells whether the base ever lifts a resting particle, where flights are not counted;
+    `lowest` is what heights are counted from, below the mean level.  A base that stays at that
+    level counts the roots of heights.
+    """
+    measured = _physical(found, parameters, lifts, lowest)
+    return measured | {"at_rest_count": found.at_rest, "status": found.status}
+
+
+def of_particles(
+    found: Statistics,
+    parameters: Mapping[str, Array],
+    particles: int,
+    lifts: NDArray[np.bool_] | None = None,
+    lowest: Array | None = None,
+) -> Measured:
+    """Statistics of each particle, of shape (realization, particle); see `of_realizations`."""
+
+    def repeated(values: Any) -> Any:
+        return None if values is None else np.repeat(values, particles)
+
+    units = {name: repeated(parameters[name]) for name in ("frequency", "gravity")}
+    measured = _physical(found, units, repeated(lifts), repeated(lowest))
+    measured |= {"at_rest": found.at_rest.astype(np.int8), "status": found.status}
+    # copies: the memory is written over by the next batch
+    return {f"particle_{n}": v.reshape(-1, particles).copy() for n, v in measured.items()}
+
+
+def _physical(
+    found: Statistics,
+    parameters: Mapping[str, Array],
+    lifts: NDArray[np.bool_] | None,
+    lowest: Array | None,
+) -> Measured:
+    unit, frequency = height_unit(parameters), parameters["frequency"]
+    landings, rests = found.landings, found.total("rests").astype(np.int64)
+    # where nothing lifts a resting particle, its last landing is followed by no flight
+    flights = found.total("flights") if lifts is None else landings - np.where(lifts, 0, rests)
+    level = lifts is not None and lowest is None
+    ground = 0.0 if lowest is None else lowest
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        mean, largest = found.total("height_sum") / flights, found.total("height_max")
+        of_flights = {
+            "rebound_height_mean": unit * (mean - ground),
+            "rebound_height_max": unit * (largest * largest if level else largest - ground),
+            "flight_time_mean": found.total("flight_sum") / flights / frequency,
+        }
+    # one NaN for all: that of 0 / 0 has a sign which depends on the length of the batch
+    known = {name: np.where(flights > 0, v, np.nan) for name, v in of_flights.items()}
+    return {"impact_count": landings, "rest_count": rests, **known}

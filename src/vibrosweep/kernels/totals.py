@@ -1,0 +1,286 @@
+"""Totals of the statistics that are asked for, composed into the code of each kernel.
+
+A function here is given the tuple of `kernels.statistics` kinds, and is compiled once for each such
+tuple from a text that names every statistic: no loop over statistics is left, nothing is chosen
+at run time.  In a block of lanes each statistic k has three rows behind those of `kernels.lanes`:
+
+    ROWS + k            what every impact changes; of a sum, what came since the last look
+    ROWS + n + k        of a sum, what came before
+    ROWS + 2 n + 1 + k  of the cycle that the lane has entered; ROWS + 2 n holds its periods
+"""
+
+from __future__ import annotations
+
+import functools
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from numba.extending import overload
+
+from vibrosweep.kernels._jit import OF_A_PIECE, Floats, fma, kernel, prefetch
+from vibrosweep.kernels.bases import Counted
+from vibrosweep.kernels.lanes import ROWS, STRIDE, aligned
+from vibrosweep.kernels.statistics import (
+    COUNT,
+    KINDS,
+    LANDINGS,
+    MAX,
+    PRODUCTS,
+    RESTS,
+    START,
+    SUM,
+    UNWRITTEN,
+    Kinds,
+    Statistic,
+    Statistics,
+    statistic_of,
+)
+from vibrosweep.model.landing import Landing
+
+Cycle = tuple[float, ...]  # periods of a cycle, then the totals of its statistics
+
+LINE = 8  # numbers in a cache line
+OF_LANDINGS, OF_RESTS = (ROWS + LANDINGS) * STRIDE, (ROWS + RESTS) * STRIDE
+PERIODS, CYCLE_LANDINGS, CYCLE_RESTS = 0, 1 + LANDINGS, 1 + RESTS  # places in a `Cycle`
+
+
+def scratch(kinds: Kinds = KINDS, more: int = 0) -> Floats:
+    """Scratch memory of one caller of `vibrosweep.kernels.advance.advance`, with `more` rows."""
+    return aligned((ROWS + 3 * len(kinds) + 1 + more) * STRIDE)
+
+
+def _composed(write: Callable[..., Iterator[str]]) -> Callable[..., Any]:
+    """Turn a writer of the lines of a function into that function.
+
+    Its parameters are those of the writer, whose first one is given the statistics.
+    """
+    parameters = ", ".join(write.__code__.co_varnames[: write.__code__.co_argcount])
+    others = write.__code__.co_argcount - 1
+
+    @functools.cache
+    def composed(kinds: tuple[type, ...]) -> Any:
+        asked = [statistic_of(kind) for kind in kinds]
+        names: dict[str, Any] = {f"number_{k}": one.number for k, one in enumerate(asked)}
+        names |= {"fma": fma, "prefetch": prefetch, "nan": float("nan"), "inf": float("inf")}
+        body = textwrap.indent("\n".join(write(asked, *(None,) * others)), "    ")
+        exec(f"def {write.__name__}({parameters}):\n{body}\n", names)
+        return names[write.__name__]
+
+    @functools.wraps(write)
+    def call(kinds: Kinds, *arguments: Any) -> Any:
+        return composed(tuple(map(type, kinds)))(kinds, *arguments)
+
+    @overload(call, jit_options=OF_A_PIECE, strict=False)
+    def chosen(kinds: Any, *arguments: Any) -> Any:
+        return composed(tuple(kind.instance_class for kind in kinds))
+
+    return call
+
+
+def _numbers(asked: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, str]]:
+    """Yield the place of each statistic, it, and the text of the number of a landing or flight.
+
+    A sum of products that begins with one landing is its product, rounded.
+    """
+    for k, one in enumerate(asked):
+        argument = "flight" if one.of_flights else "landing"
+        if one.combine == PRODUCTS:
+            yield k, one, f"number_{k}({argument})[0] * number_{k}({argument})[1]"
+        else:
+            yield k, one, f"1.0 * number_{k}({argument})"
+
+
+def _row(asked: Sequence[Statistic], k: int) -> str:
+    """Return the text of the place where the total of statistic k ends up."""
+    return f"s[{(ROWS + k + (len(asked) if asked[k].summed else 0)) * STRIDE} + j]"
+
+
+@_composed
+def clear(kinds: Kinds, s: Floats, j: int) -> Iterator[str]:
+    """Begin the statistics of the trajectory in place j."""
+    for k, one in enumerate(kinds):
+        yield f"s[{(ROWS + k) * STRIDE} + j] = {START[one.combine]}"
+        if one.summed:
+            yield f"{_row(kinds, k)} = 0.0"
+    yield f"s[{(ROWS + 2 * len(kinds) + CYCLE_LANDINGS) * STRIDE} + j] = 0.0  # no cycle is known"
+
+
+@_composed
+def count(
+    kinds: Kinds, s: Floats, j: int, landing: Landing, flight: Counted, seen: bool, ends: bool
+) -> Iterator[str]:
+    """Count a landing in place j where it is seen, and a flight where it ends."""
+    for k, one in enumerate(kinds):
+        row = f"s[{(ROWS + k) * STRIDE} + j]"
+        counts = "ends" if one.of_flights else "seen"
+        number = f"number_{k}({'flight' if one.of_flights else 'landing'})"
+        if one.combine == COUNT:
+            yield f"{row} += 1.0 if {number} & {counts} else 0.0"
+        elif one.combine == SUM:
+            yield f"{row} += {number} if {counts} else 0.0"
+        elif one.combine == PRODUCTS:
+            yield f"a, b = {number}"
+            yield f"{row} = fma(a if {counts} else 0.0, b if {counts} else 0.0, {row})"
+        else:
+            # the sum, which changes nothing, keeps the compiler from choosing by a masked store:
+            # that takes processors of AMD without AVX-512 as long as ten others
+            yield f"v, w = 1.0 * {number}, {row} + 0.0"
+            yield f"{row} = v if (v {'>' if one.combine == MAX else '<'} w) & {counts} else w"
+
+
+@_composed
+def sum_up(kinds: Kinds, s: Floats, j: int, lost: bool) -> Iterator[str]:
+    """Add to the sums what came since the last look; NaN of flights where a lane is `lost`."""
+    yield "pass"
+    for k, one in enumerate(kinds):
+        if one.summed:
+            # sums of sums, which over a long orbit are rounded a sixth as often
+            row, total = f"s[{(ROWS + k) * STRIDE} + j]", _row(kinds, k)
+            both = f"{total} + {row}"
+            yield f"{total} = " + (f"nan if lost else {both}" if one.of_flights else both)
+            yield f"{row} = 0.0"
+
+
+@_composed
+def no_impacts(kinds: Kinds) -> Iterator[str]:
+    """Totals of no impacts."""
+    starts = "".join(f", {START[one.combine]}" for one in kinds)
+    yield f"return (0.0{starts})"
+
+
+@_composed
+def added(
+    kinds: Kinds, to: Cycle, periods: float, landing: Landing, flight: Counted
+) -> Iterator[str]:
+    """Add an impact to the totals of a cycle, in which so many periods have passed."""
+    sums = (one.joined(f"to[{k + 1}]", number) for k, one, number in _numbers(kinds))
+    yield f"return (periods, {', '.join(sums)})"
+
+
+@_composed
+def set_cycle(kinds: Kinds, s: Floats, j: int, found: Cycle) -> Iterator[str]:
+    """Keep the totals of the cycle that lane j has entered."""
+    for k in range(1 + len(kinds)):
+        yield f"s[{(ROWS + 2 * len(kinds) + k) * STRIDE} + j] = found[{k}]"
+
+
+@_composed
+def cycle_of(kinds: Kinds, s: Floats, j: int) -> Iterator[str]:
+    """Return periods, landings and rests of the cycle of lane j; without landings of none."""
+    rows = [ROWS + 2 * len(kinds) + k for k in (PERIODS, CYCLE_LANDINGS, CYCLE_RESTS)]
+    yield f"return {', '.join(f's[{row * STRIDE} + j]' for row in rows)}"
+
+
+@_composed
+def keep_cycle(kinds: Kinds, rests: Floats, line: int, found: Cycle) -> Iterator[str]:
+    """Keep the totals of a cycle in a line of `rests`."""
+    for k in range(1 + len(kinds)):
+        yield f"rests[line, {1 + k}] = found[{k}]"
+
+
+@_composed
+def kept_cycle(kinds: Kinds, rests: Floats, line: int) -> Iterator[str]:
+    """Return the totals of a cycle that were kept in a line of `rests`."""
+    yield f"return ({', '.join(f'rests[line, {1 + k}]' for k in range(1 + len(kinds)))})"
+
+
+@_composed
+def repeat(kinds: Kinds, s: Floats, j: int, times: float) -> Iterator[str]:
+    """Count the landings of so many whole cycles in place j."""
+    for k, one in enumerate(kinds):
+        row, cycle = _row(kinds, k), f"s[{(ROWS + 2 * len(kinds) + 1 + k) * STRIDE} + j]"
+        if one.summed or one.combine == COUNT:
+            yield f"{row} += times * {cycle}"
+        else:
+            yield f"v = {cycle} if times > 0.0 else {START[one.combine]}"
+            yield f"{row} = {one.joined(row, 'v')}"
+
+
+@_composed
+def totals_of(kinds: Kinds, s: Floats, j: int) -> Iterator[str]:
+    """Return the totals of place j."""
+    yield f"return ({''.join(f'{_row(kinds, k)}, ' for k in range(len(kinds)))})"
+
+
+@_composed
+def with_flight(kinds: Kinds, totals: tuple[float, ...], flight: Counted) -> Iterator[str]:
+    """Return totals with a flight added, and a sum that is not finite where flights are not.
+
+    A flight of no time and height adds nothing.
+    """
+    names = [f"v{k}" for k in range(len(kinds))]
+    for k, one, number in _numbers(kinds):
+        total = f"totals[{k}]"
+        yield f"{names[k]} = {one.joined(total, number) if one.of_flights else total}"
+    sums = [names[k] for k, one in enumerate(kinds) if one.of_flights and one.summed]
+    yield f"return ({''.join(f'{name}, ' for name in names)}), {' + '.join(sums) or '0.0'}"
+
+
+@_composed
+def expect(kinds: Kinds, out: Statistics, lane: int) -> Iterator[str]:
+    """Prefetch the memory of statistics that will be written a block of lanes later."""
+    yield f"if lane % {LINE} > 0:  # the previous trajectory has prefetched this cache line"
+    yield "    return"
+    for k in range(len(kinds)):
+        yield f"prefetch(out.totals, {k} * out.status.size + lane)"
+    yield "prefetch(out.at_rest, lane)"
+    yield "prefetch(out.status, lane)"
+
+
+@_composed
+def forget(kinds: Kinds, totals: Floats, t: int) -> Iterator[str]:
+    """Begin the totals in place t with no landings."""
+    for k, one in enumerate(kinds):
+        yield f"totals[{k}, t] = {START[one.combine]}"
+
+
+@_composed
+def add_landing(kinds: Kinds, totals: Floats, t: int, landing: Landing) -> Iterator[str]:
+    """Add a landing to the totals in place t."""
+    for k, one, number in _numbers(kinds):
+        if not one.of_flights:
+            yield f"totals[{k}, t] = {one.joined(f'totals[{k}, t]', number)}"
+
+
+@_composed
+def add_flight(kinds: Kinds, totals: Floats, t: int, flight: Counted) -> Iterator[str]:
+    """Add a flight to the totals in place t."""
+    for k, one, number in _numbers(kinds):
+        if one.of_flights:
+            yield f"totals[{k}, t] = {one.joined(f'totals[{k}, t]', number)}"
+
+
+@_composed
+def flight_sums(kinds: Kinds, totals: Floats, t: int) -> Iterator[str]:
+    """Return a sum that is not finite where the flights of place t are not."""
+    sums = (f"totals[{k}, t]" for k, one in enumerate(kinds) if one.of_flights and one.summed)
+    yield f"return {' + '.join(['0.0', *sums])}"
+
+
+@_composed
+def add_up(
+    kinds: Kinds, i: int, particles: int, each: Statistics, out: Statistics
+) -> Iterator[str]:
+    """Combine the particles of realization i, always in the same order.
+
+    Their totals, the number of particles at rest for good and the worst status; `UNWRITTEN` where
+    one is.
+    """
+    yield "at_rest, status, least = 0, 0, 0"
+    yield from (f"v{k} = {START[one.combine]}" for k, one in enumerate(kinds))
+    yield "for t in range(i * particles, (i + 1) * particles):"
+    for k, one in enumerate(kinds):
+        yield f"    v{k} = {one.joined(f'v{k}', f'each.totals[{k}, t]')}"
+    yield "    at_rest += each.at_rest[t]"
+    yield "    status, least = max(status, each.status[t]), min(least, each.status[t])"
+    yield from (f"out.totals[{k}, i] = v{k}" for k in range(len(kinds)))
+    yield "out.at_rest[i] = at_rest"
+    yield f"out.status[i] = status if least >= 0 else {UNWRITTEN}"
+
+
+@kernel
+def combine(first: int, last: int, particles: int, each: Statistics, out: Statistics) -> None:
+    """Combine the particles of realizations first ... last - 1."""
+    for i in range(first, last):
+        add_up(out.kinds, i, particles, each, out)

@@ -1,0 +1,39 @@
+"""A landing, as statistics are given it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Landing(NamedTuple):
+    """A landing in the window, as an observable's function is given it.
+
+    Attributes
+    ----------
+    phase
+        Of the forcing, in turns: -1/2 to 1/2, 0 where the velocity of the base rises through zero.
+    flight_time
+        Of the flight that ends here, in forcing periods.
+    arrival, rebound
+        Speeds relative to the base before the impact, and with which the particle leaves it, in
+        units of g / (2 f), so that a flight with rebound 1 from a base at rest lasts one forcing
+        period.  After a rest, the rebound is the speed at its end.
+    rests
+        Whether the particle stays on the base.
+
+    Examples
+    --------
+    >>> import numpy as np, vibrosweep as vs
+    >>> def rests(totals, landing):
+    ...     totals[0] += landing.rests
+    >>> totals = np.zeros(1)
+    >>> rests(totals, vs.Landing(phase=0.1, flight_time=0.5, arrival=0.5, rebound=0.0, rests=True))
+    >>> totals
+    array([1.])
+    """
+
+    phase: float
+    flight_time: float
+    arrival: float
+    rebound: float
+    rests: bool

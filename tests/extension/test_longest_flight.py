@@ -1,0 +1,88 @@
+"""A statistic of another package: over every base, where cycles are counted, and after an edit."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vibrosweep as vs
+from tests.extension.longest_flight import LONGEST_FLIGHT
+
+SOURCE = Path(__file__).with_name("longest_flight.py")
+LAUNCHES = [0.0, 0.13, 0.4]
+SCENE = {"restitution": [0.6, 0.8], "amplitude": [1.2, 3.0], "duration": 9.0}
+SPRUNG = {"mass_ratio": 0.05, "mount_frequency": 4.0, "mount_damping": 0.1}
+BASES = {"high-bounce": {}, "moving": {}, "sprung": SPRUNG}
+
+
+def flight_times(landings, begin):
+    """Flights that end in the window, from all landings."""
+    first = np.tile(np.array(LAUNCHES)[:, np.newaxis], (landings.sizes["realization"], 1, 1))
+    lifts = np.concatenate([first, landings.liftoff_time.values[..., :-1]], axis=-1)
+    return np.where(landings.landing_time >= begin, landings.landing_time - lifts, np.nan)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_it_is_that_of_all_landings(base):
+    found = vs.sweep(
+        **SCENE,
+        **BASES[base],
+        base=base,
+        launch=LAUNCHES,
+        transient=2.0,
+        particles=3,
+        observables=[LONGEST_FLIGHT],
+    ).flight_time_max
+    assert found.attrs == {"long_name": "longest flight", "units": "s"}
+    for e in SCENE["restitution"]:
+        for a in SCENE["amplitude"]:
+            one = SCENE | {"restitution": e, "amplitude": a} | BASES[base]
+            every = vs.simulate(**one, base=base, launch_time=LAUNCHES)
+            here = found.sel(restitution=e, amplitude=a).values
+            np.testing.assert_allclose(
+                here, np.nanmax(flight_times(every, 2.0)[0], axis=-1), rtol=1e-12
+            )
+
+
+def test_cycles_are_counted_and_give_the_same():
+    total = vs.Observable("flown", LONGEST_FLIGHT.function, "sum of flights", "s", landings="sum")
+    scene = {"restitution": 0.8, "amplitude": [1.2, 2.0, 3.0], "duration": 2000.0}
+    found = vs.sweep(**scene, launch=LAUNCHES, particles=3, transient=100.0, observables=[total])
+    every = vs.simulate(**scene, launch_time=LAUNCHES)
+    expected = np.nansum(flight_times(every, 100.0), axis=(1, 2))
+    np.testing.assert_allclose(found.flown.values.ravel(), expected, rtol=1e-10)
+
+
+SCRIPT = """
+import json, sys
+sys.path.insert(0, sys.argv[1])
+import vibrosweep as vs
+from longest_flight import LONGEST_FLIGHT
+found = vs.sweep(restitution=0.9, amplitude=1.2, observables=[LONGEST_FLIGHT])
+print(json.dumps(found.flight_time_max.values.ravel().tolist()))
+"""
+
+
+def test_an_edit_never_runs_stale_machine_code(tmp_path):
+    text = SOURCE.read_text()
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def run():
+        words = [sys.executable, "-W", "ignore", "-c", SCRIPT, str(tmp_path)]
+        done = subprocess.run(words, env={**os.environ, **cache}, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    (tmp_path / SOURCE.name).write_text(text)
+    first = run()
+    edited = text.replace("return landing.flight_time", "return -1.0 * landing.flight_time")
+    assert edited != text
+    (tmp_path / SOURCE.name).write_text(edited)
+    second = run()
+    assert max(first) > 0.0 > max(second)
+    (tmp_path / SOURCE.name).write_text(text)
+    assert run() == first

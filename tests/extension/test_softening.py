@@ -1,0 +1,108 @@
+"""A law of another package: its orbit, its proof, other bases, and an edit."""
+
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vibrosweep as vs
+from vibrosweep.errors import ParameterError, SpecError
+from vibrosweep.model.outside_laws import OUTSIDE
+from vibrosweep.model.parameters import LAWS, LAWS_OF
+
+SOURCE = Path(__file__).with_name("softening.py")
+SCENE = {"restitution": 0.9, "amplitude": 1.2, "rebound": "softening"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def law():
+    """The law, which no other test knows."""
+    others = list(LAWS), dict(LAWS_OF)
+    yield import_module("tests.extension.softening").SOFTENING
+    LAWS[:], _ = others
+    LAWS_OF.update(others[1])
+    OUTSIDE.clear()
+
+
+def test_each_impact_keeps_what_the_law_says(law):
+    found = vs.simulate(**SCENE, duration=12.0).isel(realization=0, particle=0)
+    unit = 9.81 / 2.0
+    speeds = np.concatenate([[5.0], found.rebound_velocity.values]) / unit
+    kicks = 1.2 * np.sin(2.0 * np.pi * found.landing_time.values) / unit
+    for v, w, kick, rested in zip(speeds, speeds[1:], kicks, found.rested.values, strict=False):
+        expected = law.kept(0.9, v) + kick
+        assert rested == (expected <= 1e-4)
+        if not rested:
+            assert w == pytest.approx(expected, rel=1e-10)
+
+
+def test_verification_passes(tmp_path):
+    sweep = {
+        **SCENE,
+        "amplitude": (0.2, 3.5),
+        "restitution": (0.3, 0.98),
+        "realizations": 4,
+        "seed": 1,
+        "particles": 2,
+        "duration": 6.0,
+        "trust": True,
+    }
+    vs.run(sweep, tmp_path / "out.h5").close()
+    words = [sys.executable, "-c", VERIFY, str(SOURCE.parent), str(tmp_path / "out.h5")]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+VERIFY = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import softening
+from vibrosweep.cli import main
+raise SystemExit(main(["verify", sys.argv[2]]))
+"""
+
+
+@pytest.mark.parametrize("base", ["moving", "sprung"])
+def test_other_bases_refuse_it(base):
+    more = {"mass_ratio": 0.1, "mount_frequency": 3.0} if base == "sprung" else {}
+    with pytest.raises(SpecError, match=f'not implemented with base = "{base}"'):
+        vs.sweep({**SCENE, "base": base, **more})
+
+
+def test_what_is_no_law_is_refused(law):
+    with pytest.raises(ParameterError, match="is a law of this package"):
+        vs.register_law(vs.Law("rest", law.kept, law.slope, law.bend))
+    with pytest.raises(ParameterError, match="kept must take 2 arguments"):
+        vs.Law("other", law.bend, law.slope, law.bend)
+
+
+SCRIPT = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import softening
+import vibrosweep as vs
+found = vs.sweep(restitution=0.9, amplitude=1.2, rebound="softening")
+print(int(found.impact_count.sum()))
+"""
+
+
+def test_an_edit_never_runs_stale_machine_code(tmp_path):
+    text = SOURCE.read_text()
+
+    def run(source, cache):
+        (tmp_path / SOURCE.name).write_text(source)
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / cache)}
+        words = [sys.executable, "-W", "ignore", "-c", SCRIPT, str(tmp_path)]
+        done = subprocess.run(words, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return int(done.stdout)
+
+    edited = text.replace("e * v / (1.0 + v)", "0.5 * e * v")
+    assert edited != text
+    before = run(text, "kept")
+    after = run(edited, "kept")
+    assert after == run(edited, "fresh") != before
