@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.kernels.statistics import Statistics
+from vibrosweep.kernels.statistics import UNWRITTEN, Statistics
 
 Measured = dict[str, NDArray[Any]]
 
@@ -32,6 +32,8 @@ def of_realizations(
     `lowest` is what heights are counted from, below the mean level.  A base that stays at that
     level counts the roots of heights.
     """
+    if np.any(found.status == UNWRITTEN):
+        raise RuntimeError("a kernel has left realizations unwritten")
     measured = _physical(found, parameters, lifts, lowest)
     return measured | {"at_rest_count": found.at_rest, "status": found.status}
 
