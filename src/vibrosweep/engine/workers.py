@@ -13,7 +13,7 @@ from vibrosweep.kernels.statistics import KINDS, UNWRITTEN, Kinds, Statistics, e
 TRAJECTORIES_PER_TASK = 1 << 16
 # Range size of a stream: large against the cost of a call, small enough to balance the threads.
 PIECES_PER_THREAD = 16
-SMALLEST_PIECE, LARGEST_PIECE = 1 << 9, 1 << 13
+SMALLEST_PIECE, LARGEST_PIECE = 1 << 12, 1 << 14
 
 
 class Workers:
