@@ -202,7 +202,7 @@ def work(spec: Sweep) -> float:
     scenes = spec.scene.particles * open_design(spec).realizations
     if spec.record is not None:
         scenes += spec.record.particles
-        frequency = max(frequency, spec.record.parameters["frequency"])
+        frequency = max(frequency, spec.record.inputs["frequency"])
     times = [spec.scene.duration, *([spec.record.duration] if spec.record else [])]
     longest = max(float(in_periods(time, np.array([frequency]))[0]) for time in times)
     return scenes * min(10.0 * longest + 10.0, 4.0 * spec.scene.measures.impact_budget)
