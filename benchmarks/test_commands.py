@@ -121,7 +121,7 @@ def test_million_realizations_against_their_floors(race, million, tmp_path):
     memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
     with h5py.File(output) as file:
         own = {n: d for n, d in file.items() if isinstance(d, h5py.Dataset)}
-        arrays = {n: d[...] for n, d in own.items() if d.shape == (million.realizations,)}
+        arrays = {n: d[...] for n, d in own.items() if d.shape == (million.design.realizations,)}
     with Workers(THREADS) as workers:
         iterate = iterations(million, workers)
 
