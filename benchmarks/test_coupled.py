@@ -12,8 +12,8 @@ from methods.sweeps import paper_parameters
 from test_kernels import THREADS
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import dimensionless, launches, mounts
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
 
 DURATION = 12.0  # s, at 1 Hz

@@ -13,7 +13,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.counting import work_for
 from vibrosweep.kernels.coupled.neighbours import clear, landings, note
 from vibrosweep.kernels.coupled.state import NOW, system
-from vibrosweep.model.measures import Measures
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene, bare_scene
 
 LAUNCHES = (0.0, 0.125, 0.3, 0.55)

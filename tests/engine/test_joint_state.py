@@ -19,8 +19,8 @@ from vibrosweep.kernels.coupled.settling import (
 )
 from vibrosweep.model.coupled_cycles import CoupledBase, monodromy, spectral_radius, staggered
 from vibrosweep.model.forcing import completed, only_parameters
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS, dimensionless, launches, mounts
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene
 
 

@@ -11,7 +11,8 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.orbits import NO_ORBIT
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.measures import MEASURES, Measures
+from vibrosweep.model.measures import MEASURES
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.status import Regime
 from vibrosweep.scene.scene import Scene
 

@@ -9,8 +9,8 @@ import pytest
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.status import Regime
 from vibrosweep.scene.scene import Scene
 

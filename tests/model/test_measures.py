@@ -12,15 +12,14 @@ from vibrosweep.kernels.advance import LOOK_AFTER
 from vibrosweep.model.markdown import TABLES, insert
 from vibrosweep.model.measures import (
     ALWAYS,
-    KEYS,
     MEASURE_OF,
     MEASURES,
     OPTIONS,
     RECORD,
     TRANSIENT_PERIODS,
     VARIABLES,
-    Measures,
 )
+from vibrosweep.model.scene_measures import KEYS, Measures
 from vibrosweep.proof.judgement import Judgement
 from vibrosweep.proof.verification import VariableReport
 from vibrosweep.runs.summary import Summary

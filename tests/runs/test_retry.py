@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from vibrosweep.errors import DataError, Interruption, RunError
-from vibrosweep.model.measures import Measures
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.runs.chunks import in_process
 from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.errors import SpecError
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.design import Axis, Range
 from vibrosweep.scene.keys import SECTIONS
 from vibrosweep.scene.sweep import parse_spec, read_spec

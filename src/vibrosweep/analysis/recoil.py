@@ -16,8 +16,8 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.coupled import BaseTrack, base_track, count_coupled
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import MOUNT, PARAMETERS, SPRUNG, STAGGERED
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.status import Status
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import bare_scene

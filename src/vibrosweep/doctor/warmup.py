@@ -33,8 +33,8 @@ from vibrosweep.kernels.settle import settle
 from vibrosweep.kernels.shortest import shortest_flights
 from vibrosweep.kernels.totals import combine
 from vibrosweep.kernels.trust import trust
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import LAWS, SPRUNG
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.keywords import batch
 from vibrosweep.scene.scene import bare_scene
 

@@ -25,7 +25,6 @@ from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
 from vibrosweep.lab.surfaces import LEVEL, Surface, oscillating, recoiling
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import phase_walk, wandering_record
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.mount import require_mount
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
@@ -35,6 +34,7 @@ from vibrosweep.model.parameters import (
     dimensionless,
     launches,
 )
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import bare_scene
 
 __all__ = [

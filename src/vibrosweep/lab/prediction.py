@@ -13,8 +13,8 @@ from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import bare_scene
 
 DRAWS: Final = 64

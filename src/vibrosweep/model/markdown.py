@@ -11,15 +11,8 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final
 
-from vibrosweep.model.measures import (
-    ALWAYS,
-    KEYS,
-    MEASURES,
-    OF_EACH,
-    OPTIONS,
-    RECORD,
-    Variable,
-)
+from vibrosweep.model.measures import ALWAYS, MEASURES, OF_EACH, OPTIONS, RECORD, Variable
+from vibrosweep.model.scene_measures import KEYS
 
 LONG: Final = 40  # characters of a comment that is not repeated
 _ALL: Final = (*ALWAYS, *(v for measure in MEASURES.values() for v in measure.variables))

@@ -1,26 +1,21 @@
 """Every measure once: its key in a sweep file, its variables, what it requires and what it costs.
 
-Whatever else names a measure derives from here: the keys of [measure], what a spec and the engine's
-observation ask for (both hold a `Measures`), what a result declares, what stands where nothing
-could be computed, how `vibrosweep verify` judges, reserved names, and tables of the pages.
+Whatever else names a measure derives from here: the keys of [measure], what a scene asks for
+(`vibrosweep.model.scene_measures`), what a result declares, what stands where nothing could be
+computed, how `vibrosweep verify` judges, reserved names, and tables of the pages.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.model.status import Regime, Status
-from vibrosweep.model.times import Time
-
-if TYPE_CHECKING:
-    from vibrosweep.model.observables import Observable
 
 UNDETERMINED: Final = -1
 OF_EACH: Final = ", of each particle"  # ends the long name of a statistic by particle
@@ -544,111 +539,46 @@ _TRUST: Final = Measure(
 )
 
 
-def _key(default: Any, entry: Measure | Option) -> Any:
-    return field(default=default, metadata={"entry": entry})
-
-
-@dataclass(frozen=True)
-class Measures:
-    """What is measured: the keys of [measure] with their defaults, each with its entry.
-
-    What a measure requires is measured with it.  Observables, which are functions, have no key.
-    """
-
-    transient: Time = _key(  # noqa: RUF009 - a time is never changed
-        0.0,
-        Option(
-            "beginning of the window that measures cover",
-            "s",
-            "a number, finite and at least 0 s",
-            lambda time: time >= 0.0,
-        ),
-    )
-    separation: bool = _key(False, _SEPARATION)
-    per_particle: bool = _key(False, _PER_PARTICLE)
-    regimes: bool = _key(False, _REGIMES)
-    lyapunov: bool = _key(False, _LYAPUNOV)
-    trust: bool = _key(False, _TRUST)
-    ordering: bool = _key(False, _ORDERING)
-    joint: bool = _key(False, _JOINT)
-    tolerance: float = _key(
-        1e-9,
-        Option(
-            "error of a landing time up to which it is trusted",
-            "s",
-            "a number, finite and above 0 s",
-            lambda error: error > 0.0,
-        ),
-    )
-    impact_budget: int = _key(
-        10_000_000,
-        Option(
-            "impacts after which a particle is given up, rounded up to a multiple of 6",
-            "1",
-            "a whole number of impacts per particle, at least 1 and at most 2**62",
-            lambda number: 1 <= number <= 2**62,
-        ),
-    )
-    observables: tuple[Observable, ...] = ()
-
-    def __post_init__(self) -> None:
-        for key in MEASURES:
-            if getattr(self, key):
-                self._ask(key)
-
-    def _ask(self, key: str) -> None:
-        object.__setattr__(self, key, True)
-        for other in MEASURES[key].requires:
-            self._ask(other)
-
-    def over(self, base: str) -> Measures:
-        """Return the same measures, with those that a base brings with it."""
-        return replace(self, ordering=True) if base == SPRUNG else self
-
-    @property
-    def variables(self) -> tuple[Variable, ...]:
-        """What is measured, in the order of a result."""
-        asked = (measure for key, measure in MEASURES.items() if getattr(self, key))
-        own = (one.variable for one in self.observables)
-        return (*ALWAYS, *(variable for measure in asked for variable in measure.variables), *own)
-
-    @property
-    def own_names(self) -> set[str]:
-        """Names that observables bring into a result."""
-        return {one.name for one in self.observables}.union(self.own_dims)
-
-    @property
-    def own_dims(self) -> dict[str, tuple[float, ...]]:
-        """Dimensions of observables, with their coordinates."""
-        return {one.along: one.values for one in self.observables if one.along}
-
-
-_ENTRIES: Final = {
-    one.name: one.metadata["entry"] for one in fields(Measures) if "entry" in one.metadata
-}
 MEASURES: Final[Mapping[str, Measure]] = {
-    key: entry for key, entry in _ENTRIES.items() if isinstance(entry, Measure)
+    "separation": _SEPARATION,
+    "per_particle": _PER_PARTICLE,
+    "regimes": _REGIMES,
+    "lyapunov": _LYAPUNOV,
+    "trust": _TRUST,
+    "ordering": _ORDERING,
+    "joint": _JOINT,
 }
 OPTIONS: Final[Mapping[str, Option]] = {
-    key: entry for key, entry in _ENTRIES.items() if isinstance(entry, Option)
-} | {
+    "transient": Option(
+        "beginning of the window that measures cover",
+        "s",
+        "a number, finite and at least 0 s",
+        lambda time: time >= 0.0,
+    ),
+    "tolerance": Option(
+        "error of a landing time up to which it is trusted",
+        "s",
+        "a number, finite and above 0 s",
+        lambda error: error > 0.0,
+    ),
+    "impact_budget": Option(
+        "impacts after which a particle is given up, rounded up to a multiple of 6",
+        "1",
+        "a whole number of impacts per particle, at least 1 and at most 2**62",
+        lambda number: 1 <= number <= 2**62,
+    ),
     TRANSIENT_PERIODS: Option(
         "the same in forcing periods, instead of `transient`",
         "1",
         "a number of forcing periods, finite and at least 0",
         lambda number: number >= 0.0,
-    )
-}
-# The keys of [measure] with their defaults; None where another key has one
-KEYS: Final[Mapping[str, bool | float | None]] = {
-    "transient": 0.0,
-    TRANSIENT_PERIODS: None,
-    **{key: getattr(Measures(), key) for key in _ENTRIES},
+    ),
 }
 
 # Every variable that a sweep may measure
-_ALL: Final[dict[str, Any]] = dict.fromkeys(MEASURES, True)
-VARIABLES: Final[Mapping[str, Variable]] = {v.name: v for v in Measures(**_ALL).variables}
+VARIABLES: Final[Mapping[str, Variable]] = {
+    v.name: v for v in (*ALWAYS, *(v for one in MEASURES.values() for v in one.variables))
+}
 # The key that has a variable measured, of those that are not always
 MEASURE_OF: Final[Mapping[str, str]] = {
     v.name: key for key, measure in MEASURES.items() for v in measure.variables

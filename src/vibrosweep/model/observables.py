@@ -179,12 +179,12 @@ class Observable:
             totals = whole
         return totals if self.along else totals[..., 0]
 
-    def scale(self, frequency: Array, gravity: Array) -> Array:
-        """What one of the function's units is in `units`, for each realization."""
-        size = np.ones_like(frequency)
+    def scale(self, frequency: Any, gravity: Any) -> Any:
+        """Value in `units` of one of the function's units; of arrays, for each realization."""
+        size = 1.0 + 0.0 * frequency
         for unit, power in UNIT.findall(self.units):
             one = 1.0 / frequency if unit == "s" else gravity / (2.0 * frequency * frequency)
-            size *= one ** int(power or 1)
+            size = size * one ** int(power or 1)
         return size
 
 

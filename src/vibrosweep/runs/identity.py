@@ -15,9 +15,9 @@ from typing import Any, Final
 
 from vibrosweep.errors import TableError
 from vibrosweep.mistakes import toml
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.outside_laws import OUTSIDE
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.times import Periods, unit_of
 from vibrosweep.scene.columns import GivenTable
 from vibrosweep.scene.design import Axis, Design, Range

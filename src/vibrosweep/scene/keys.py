@@ -29,8 +29,9 @@ from vibrosweep.mistakes import (
 )
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.likely import likely_parameter
-from vibrosweep.model.measures import KEYS, OPTIONS, Option
+from vibrosweep.model.measures import OPTIONS, Option
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED, Parameter
+from vibrosweep.model.scene_measures import KEYS
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.columns import GivenTable
 from vibrosweep.scene.design import DESIGNS, GRID

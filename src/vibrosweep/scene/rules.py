@@ -21,7 +21,7 @@ from vibrosweep.model.forcing import (
     only_parameters,
     refuse_large,
 )
-from vibrosweep.model.measures import MEASURES, Measures
+from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, mount_mistakes
 from vibrosweep.model.parameters import (
     MOUNT,
@@ -29,6 +29,7 @@ from vibrosweep.model.parameters import (
     dimensionless,
     launches,
 )
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Axis, Range
 from vibrosweep.scene.keys import MAX_REALIZATIONS, Steps, inputs_in

@@ -20,8 +20,8 @@ from vibrosweep.model.forcing import (
     inputs_of,
     only_parameters,
 )
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, STAGGERED
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.times import Periods, Time, amount, in_seconds
 
 Launch = str | tuple[float, ...]

@@ -13,8 +13,8 @@ from typing import Any, Final
 from vibrosweep.errors import SpecError, refuse
 from vibrosweep.mistakes import TOML, Mistakes, Text
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
-from vibrosweep.model.measures import Measures
 from vibrosweep.model.observables import Observable, observables_of
+from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene import rules
 from vibrosweep.scene.design import TABLE, Design
 from vibrosweep.scene.keys import Tables, read_tables
