@@ -2,26 +2,24 @@
 
     python checks/sine_error.py [--phases 10000000] [--seed 1] [--write]
 
-The bound follows every rounding of the evaluation as a noise of its own, over a fine partition of
-the folded phase (affine arithmetic around ball arithmetic): an error that two operations inherit
-from the same rounding is counted with its sign, which a bound by absolute values cannot do.
+The bound follows every rounding of the evaluation as a noise of its own (`rounded`), over a fine
+partition of the folded phase.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import NamedTuple
 
 import numpy as np
-from flint import arb, arb_poly, arb_series, ctx
+from flint import arb, ctx
 from numba import njit
 
 from accuracy import options_of, provenance, show, table
+from rounded import HALF_ULP, Rounded, constant, distance, exact_fma, rounded_fma, upper
 from vibrosweep.kernels import sine
 from vibrosweep.kernels._jit import _fma_exact
 from vibrosweep.kernels.sine import sin_turns
@@ -30,7 +28,6 @@ BITS = 192
 TERMS = 12  # of the Taylor polynomial that bounds the approximation on one part
 PARTS = 256  # of each factor of two of the phase
 SMALLEST = -30  # below 2**SMALLEST turns one estimate serves
-HALF_ULP = 2.0**-53
 HIGHER = (sine.C1, sine.C2, sine.C3, sine.C4, sine.C5, sine.C6, sine.C7, sine.C8)
 
 
@@ -54,61 +51,15 @@ def check_scheme() -> None:
             raise SystemExit(f"sin_turns({y!r}) is not what the proof is about")
 
 
-def upper(ball: arb) -> float:
-    """A double not below the ball's largest absolute value."""
-    return math.nextafter(float(ball.abs_upper()), math.inf)
-
-
-def half_ulp(largest: float) -> float:
-    """Largest rounding error of a result up to that size."""
-    return math.ldexp(1.0, math.frexp(largest)[1] - 54)
-
-
-_names = itertools.count()
-
-
-@dataclass
-class Rounded:
-    """All exact values of a quantity on a part, and its rounding error: noises, and a rest."""
-
-    exact: arb
-    noises: dict[int, arb]
-    rest: float
-
-    def error(self) -> float:
-        return sum(map(upper, self.noises.values())) + self.rest
-
-
-def constant(value: float) -> Rounded:
-    return Rounded(arb(value), {}, 0.0)
-
-
-def rounded_fma(a: Rounded, b: Rounded, c: Rounded) -> Rounded:
-    """A b + c, rounded once: the rounding is a new noise."""
-    noises: dict[int, arb] = {}
-    for term, factor in ((a, b.exact), (b, a.exact), (c, arb(1))):
-        for name, noise in term.noises.items():
-            noises[name] = noises.get(name, arb(0)) + noise * factor
-    rest = upper(a.exact) * b.rest + upper(b.exact) * a.rest + a.error() * b.error() + c.rest
-    result = Rounded(a.exact * b.exact + c.exact, noises, rest)
-    noises[next(_names)] = arb(half_ulp(upper(result.exact) + result.error()))
-    return result
-
-
 def approximation(middle: float, half_width: float) -> float:
     """Largest distance of the polynomial, in exact arithmetic, from the sine on one part."""
-    ctx.cap = TERMS + 1
-    first = arb(sine.C0_HIGH) + arb(sine.C0_LOW)
-    polynomial = arb_poly([c for pair in zip([0] * 9, [first, *HIGHER], strict=True) for c in pair])
-
-    def taylor(centre: arb) -> list[arb]:
-        angle = arb_series([2 * arb.pi() * centre, 2 * arb.pi()], prec=TERMS + 1)
-        wave, power = angle.sin(), polynomial(arb_poly([centre, 1]))
-        return [power[k] - wave[k] for k in range(TERMS + 1)]
-
-    near, remainder = taylor(arb(middle)), taylor(arb(middle, half_width))[TERMS]
-    powers = [half_width**k for k in range(TERMS + 1)]
-    return sum(upper(near[k]) * powers[k] for k in range(TERMS)) + upper(remainder) * powers[TERMS]
+    return distance(
+        lambda y: scheme(y, arb, exact_fma),
+        lambda y: (2 * arb.pi() * y).sin(),
+        middle,
+        half_width,
+        TERMS,
+    )
 
 
 class Bound(NamedTuple):
