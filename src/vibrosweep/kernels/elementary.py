@@ -1,4 +1,4 @@
-"""Logarithm, exponential and arcsine as arithmetic that is written out.
+"""Logarithm and exponential as arithmetic that is written out.
 
 A library's functions differ in the last bit between processors and versions, and a call stops a
 loop from becoming vector code.  The polynomials are those of least largest relative error, by the
@@ -7,7 +7,6 @@ Remez exchange at 60 digits.  checks/elementary_error.py proves the bounds that 
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
@@ -20,7 +19,6 @@ ERRORS: Final = {
     "log": 2.6 * HALF_ULP,
     "exp": 1.8 * HALF_ULP,
     "expm1": 3.7 * HALF_ULP,
-    "arcsin_turns": 4.8 * HALF_ULP,
 }
 
 ONE = np.int64(0x3FF0000000000000)  # bits of 1.0
@@ -42,14 +40,6 @@ E0, E1, E2 = 0.16666666666666677, 0.04166666666666669, 0.008333333333321745
 E3, E4, E5 = 0.0013888888888870206, 0.00019841269885874285, 2.4801587355996754e-05
 E6, E7, E8 = 2.7557244437459772e-06, 2.7557245673645776e-07, 2.5108963688916518e-08
 E9 = 2.0923730942550706e-09
-# (arcsin(x) / x - 1) / x^2 in turns on x^2 <= 1/4, in powers of x^2; 9.8e-19 of the arcsine.  Its
-# first coefficient, 1 / (2 pi), is a sum of two doubles: a single one would cost half an ulp.
-A_HIGH, A_LOW = 0.15915494309189535, -9.839338337591243e-18
-A0, A1, A2 = 0.026525823848649373, 0.011936620731844823, 0.007105131393165858
-A3, A4, A5 = 0.004835436358835583, 0.003560648710192094, 0.002761592926005343
-A6, A7, A8 = 0.002225139116032715, 0.0018140124485332078, 0.0017167290890160065
-A9, A10 = 0.0005861756317760742, 0.003463765046412365
-A11, A12 = -0.0033545498665686958, 0.005200684761607661
 
 
 @jit
@@ -89,7 +79,7 @@ def exp_near_zero(r: float) -> float:
 @jit
 def _power_of_two(k: int) -> float:
     """Two to the power of k, from -1022 to 1023."""
-    return np.int64((k << 52) + ONE).view(np.float64)  # type: ignore[no-any-return]
+    return np.int64((k << 52) + ONE).view(np.float64)
 
 
 @jit
@@ -98,7 +88,7 @@ def _reduced(x: float) -> tuple[float, int]:
     shifted = np.float64(fma(x, LOG2_E, SHIFT))
     k = shifted - SHIFT
     r = fma(-k, LN2_LOW, fma(-k, LN2_HIGH, x))
-    return r, shifted.view(np.int64) - SHIFT_BITS
+    return r, shifted.view(np.int64) - SHIFT_BITS  # type: ignore[return-value]
 
 
 @jit
@@ -119,21 +109,3 @@ def expm1(x: float) -> float:
     power = _power_of_two(k)
     found = fma(power, exp_near_zero(r), power - 1.0)
     return found if x == x else x
-
-
-@jit
-def _arcsin_terms(x: float, z: float) -> float:
-    """Arcsine in turns of x = sqrt(z) <= 1/2."""
-    higher = fma(z, fma(z, fma(z, fma(z, fma(z, fma(z, A12, A11), A10), A9), A8), A7), A6)
-    higher = fma(z, fma(z, fma(z, fma(z, fma(z, fma(z, higher, A5), A4), A3), A2), A1), A0)
-    return fma(x, A_HIGH, x * fma(z, higher, A_LOW))
-
-
-@jit
-def arcsin_turns(x: float) -> float:
-    """arcsin(x) / 2 pi, the phase in [-1/4, 1/4] in turns whose sine is x; NaN beyond 1."""
-    size = abs(x)
-    far = size > 0.5
-    z = 0.5 * (1.0 - size) if far else size * size
-    near = _arcsin_terms(np.sqrt(z) if far else size, z)
-    return math.copysign(0.25 - 2.0 * near if far else near, x)

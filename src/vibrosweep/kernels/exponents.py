@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from vibrosweep.kernels import growth
+from vibrosweep.kernels import elementary, growth
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import (
     Constants,
@@ -141,7 +141,7 @@ def cycle_exponents(
         area += growth.logarithm(along * across)
         slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
     exponent += alike * growth.logarithm(shrunk) - 2.0 * scale
-    determinant = turned * math.exp(exponent)
+    determinant = turned * elementary.exp(exponent)
     value = leading_eigenvalue(m00 + m11, determinant)
     modulus = abs(value)
     trace_error = _spread(frame_0, box_0)[0] + _spread(frame_1, box_1)[1]
@@ -154,4 +154,10 @@ def cycle_exponents(
     relative += HALF_ULP * impacts * (abs(scale) + 2.0)  # of the sum of logarithms
     if not relative < np.inf:  # a state that is lost at a multiplier of 1
         relative = np.inf
-    return value * math.exp(scale), largest, relative / impacts, area / impacts, slack / impacts
+    return (
+        value * elementary.exp(scale),
+        largest,
+        relative / impacts,
+        area / impacts,
+        slack / impacts,
+    )

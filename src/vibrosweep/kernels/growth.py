@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import Floats, jit
 
 BLOCKS = 32
@@ -37,7 +38,7 @@ ROOM: Final = BLOCKS + len(AT)
 @jit
 def logarithm(grown: float) -> float:
     """Logarithm of a growth, -inf of 0."""
-    return math.log(grown) if grown > 0.0 else -np.inf
+    return elementary.log(grown) if grown > 0.0 else -np.inf
 
 
 @jit

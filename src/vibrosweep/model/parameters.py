@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.arcsine import arcsin_turns
 from vibrosweep.model.times import Periods, Time, amount, unit_of
 from vibrosweep.model.turns import reduced_turns, turns_of_radians
 
@@ -183,7 +184,7 @@ def dimensionless(
         kick=kick,
         launch_flight=per_velocity * parameters["launch_velocity"],
         rest_flight=rest_flight,
-        liftoff_phase=np.arcsin(ratio) / (2.0 * math.pi),
+        liftoff_phase=arcsin_turns(ratio),
         phase=turns,
         begin_count=begin_count,
         begin_phase=begin_phase,

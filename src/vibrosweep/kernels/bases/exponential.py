@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import fma, jit
 
 TAYLOR = tuple(1.0 / math.factorial(k) for k in range(16))  # of the exponential up to 1/2
@@ -13,7 +14,7 @@ TAYLOR = tuple(1.0 / math.factorial(k) for k in range(16))  # of the exponential
 def bend(z: float) -> float:
     """Return exp(-z) - 1 + z for z >= 0 to some roundings."""
     if z > 0.5:
-        return math.exp(-z) - 1.0 + z
+        return elementary.exp(-z) - 1.0 + z
     z2 = z * z
     even, odd = fma(z2, TAYLOR[14], TAYLOR[12]), fma(z2, TAYLOR[15], TAYLOR[13])
     even, odd = fma(z2, even, TAYLOR[10]), fma(z2, odd, TAYLOR[11])
@@ -28,7 +29,7 @@ def bend(z: float) -> float:
 def decayed(z: float) -> tuple[float, float, float]:
     """Return exp(-z), 1 - exp(-z) and 1 - (1 + z) exp(-z) for z >= 0, each to some roundings."""
     if z > 0.5:
-        left = math.exp(-z)
+        left = elementary.exp(-z)
         return left, 1.0 - left, 1.0 - left - z * left
     bent = bend(z)
     lost = z - bent

@@ -36,14 +36,13 @@ from vibrosweep.kernels.laws import (
 )
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
+from vibrosweep.model.arcsine import ARCSINE_ERROR
 from vibrosweep.model.parameters import Dimensionless
 
 # A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
 LANDING_ERROR = 0.5 * HALF_ULP
-# x_lift = asin(r / a) / 2 pi: four roundings of the ratio, then the function, of which libraries
-# promise 4 ulp, then 2 pi and the quotient.
+# x_lift is the arcsine of r / a: four roundings of the ratio, then the function.
 RATIO_ERROR = 4.0 * HALF_ULP
-ARCSINE_ERROR = 10.0 * HALF_ULP
 CURVATURE = 2.0 * math.pi * math.pi  # half the second derivative of sin(2 pi x)
 
 

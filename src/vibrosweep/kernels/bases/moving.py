@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels._jit import Floats, fma, implements
+from vibrosweep.kernels._jit import Floats, fma, implements, jit
 from vibrosweep.kernels.bases import Counted, Flight
 from vibrosweep.kernels.bases.landing_search import (
     apex,
@@ -29,9 +29,11 @@ from vibrosweep.kernels.bases.landing_search import (
 )
 from vibrosweep.kernels.laws import Law
 from vibrosweep.kernels.sine import cos_turns, sin_turns
+from vibrosweep.model.arcsine import arcsin_turns
 from vibrosweep.model.parameters import Dimensionless
 
 TWO_PI = 2.0 * math.pi
+_arcsin_turns = jit(arcsin_turns)
 AT_LANDING = 2.0**-20  # periods; a landing on the way is farther than that from the end of a flight
 TRIES = 20000.0  # passes after which the search for a landing is given up
 LARGEST_GAMMA = 1e9  # beyond it a slow particle meets the base more often than can be searched
@@ -69,7 +71,7 @@ def constants_moving(base: Moving, problem: Dimensionless, i: int) -> MovingCons
         alpha = np.nan
     elif gamma > 1.0:
         # half the angle from pi, whose sine loses nothing near Gamma = 1
-        x_lift = 0.5 - math.asin(math.sqrt((gamma - 1.0) / (2.0 * gamma))) / math.pi
+        x_lift = 0.5 - 2.0 * _arcsin_turns(math.sqrt((gamma - 1.0) / (2.0 * gamma)))
     return MovingConstants(base, e, alpha, problem.rest_flight[i], x_lift)
 
 

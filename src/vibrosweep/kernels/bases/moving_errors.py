@@ -50,8 +50,7 @@ GAMMA_ERROR = ALPHA_ERROR + 2.0 * HALF_ULP
 # Of sin t (q - sin q), sin t (1 - cos q) and so on, where the cosine is exact, relative: the
 # functions, 1 - cos q = 2 sin^2(q / 2), the products, their sum, and alpha.
 TERM_ERROR = SINE_ERROR + LAG_ERROR + ALPHA_ERROR + 6.0 * HALF_ULP
-# x_L = 1/2 - asin(...) / pi, absolute: of the argument at most 1 / sqrt(2), and the arcsine, of
-# which libraries promise 4 ulp.
+# x_L, absolute: of the root, of the arcsine of at most 1 / sqrt(2), and of the difference
 ARCSINE_ERROR = 4.0 * HALF_ULP
 SURE = 1.0 + 2.0**-30  # what is compared is itself rounded
 MARCH = 1000  # steps

@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import fma, jit, part
 from vibrosweep.kernels.bases.exponential import bend, decayed
 from vibrosweep.kernels.bases.landing_search import turn
@@ -144,7 +145,7 @@ def loaded(of: Mount, riders: int) -> Load:
         fast = drag + math.sqrt(max(fma(drag, drag, -stiffness), 0.0))
         slow = stiffness / fast
     level = -2.0 * (mass - 1.0) / (of.w * of.w) if mass > 1.0 else 0.0
-    reach, own = math.hypot(p, q), math.sqrt(stiffness)
+    reach, own = math.sqrt(fma(p, p, q * q)), math.sqrt(stiffness)
     grip = math.sqrt(4.0 * drag * drag + stiffness)
     return Load(riders, stiffness, drag, p, q, level, keeps, swing, slow, fast, reach, own, grip)
 
@@ -216,14 +217,14 @@ def _series(load: Load, b: float, s: float) -> tuple[float, float]:
 def _overdamped(load: Load, d: float, b: float, s: float) -> Free:
     """Return what `free_motion` does, of a mount that does not swing."""
     slow, fast, width = load.slow, load.fast, load.fast - load.slow
-    left, ended = math.exp(-slow * s), math.exp(-fast * s)
-    rise, gain = d * bend(slow * s), -slow * d * math.expm1(-slow * s)
+    left, ended = elementary.exp(-slow * s), elementary.exp(-fast * s)
+    rise, gain = d * bend(slow * s), -slow * d * elementary.expm1(-slow * s)
     if s * (2.0 * load.drag + load.own) <= SERIES:
         risen, gained = _series(load, b, s)
         return Free(rise + risen, gain + gained, d * left + (b * s + risen), b * ended)
-    odd = left * (-math.expm1(-width * s) / width if width > 0.0 else s)
+    odd = left * (-elementary.expm1(-width * s) / width if width > 0.0 else s)
     rise += b * (odd - s)
-    gain += b * (math.expm1(-fast * s) - slow * odd)
+    gain += b * (elementary.expm1(-fast * s) - slow * odd)
     return Free(rise, gain, d * left + b * odd, b * ended)
 
 

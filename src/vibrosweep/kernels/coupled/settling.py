@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from vibrosweep.kernels import elementary
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
 from vibrosweep.kernels.bases.sprung import Mount, bounds, loaded, mount, velocity
 from vibrosweep.kernels.coupled.deviations import follow_event, propagate
@@ -172,7 +173,7 @@ def _shrink(deviation: Floats) -> float:
         return -np.inf if length == 0.0 else np.nan
     for row in range(deviation.shape[0]):
         deviation[row, 0] /= length
-    return math.log(length)
+    return elementary.log(length)
 
 
 @jit
