@@ -7,7 +7,6 @@ Bounds are relative to the result, in half ulps (2^-53); each follows every roun
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 
-from accuracy import provenance, table, write_section
+from accuracy import options_of, provenance, show, table
 from rounded import (
     HALF_ULP,
     Rounded,
@@ -264,11 +263,7 @@ def sample(name: str, arguments: np.ndarray) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--numbers", type=int, default=200_000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--write", action="store_true", help="write the bounds into the report")
-    options = parser.parse_args()
+    options = options_of(__doc__, numbers=200_000, seed=1)
     began = time.perf_counter()
     check_schemes()
     proved, rows, within = prove(), [], True
@@ -278,7 +273,7 @@ def main() -> None:
         within = within and found <= proved[name] <= stated
     head = ("function", "stated, half ulps", "proved", f"largest of {options.numbers:,} or more")
     text = f"{table(head, rows)}\n\n{provenance(time.perf_counter() - began, options.seed)}"
-    print(text) if not options.write else write_section("elementary", text)
+    show(options, "elementary", text)
     raise SystemExit(0 if within else 1)
 
 

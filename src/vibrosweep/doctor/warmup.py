@@ -31,6 +31,7 @@ from vibrosweep.kernels.record import record
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.settle import settle
 from vibrosweep.kernels.shortest import shortest_flights
+from vibrosweep.kernels.sine import waves
 from vibrosweep.kernels.totals import combine
 from vibrosweep.kernels.trust import trust
 from vibrosweep.model.parameters import LAWS, SPRUNG
@@ -51,6 +52,7 @@ KERNELS: Final[tuple[Any, ...]] = (
     shortest_flights,
     trace,
     trust,
+    waves,
 )
 
 

@@ -16,6 +16,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.bases import lifts, lowest
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.separation import Separations
+from vibrosweep.kernels.sine import waves
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.parameters import SPRUNG, Dimensionless, Launches, dimensionless, launches
@@ -89,14 +90,14 @@ def _launch_height_max(
         thrown = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
         if low is None:
             return np.where(launched.any(axis=1), thrown, np.nan)
-        angle = 2.0 * np.pi * (launch.phase + problem.phase[:, np.newaxis])
-        # the base has the speed low * pi / 2 sin(angle) and the height -low cos(angle); it pushes
-        # a particle that is slower, which then does not fly
-        flies = problem.launch_flight[:, np.newaxis] >= 0.5 * np.pi * low[:, np.newaxis] * np.sin(
-            angle
-        )
+        turns = np.ascontiguousarray(launch.phase + problem.phase[:, np.newaxis])
+        sine, cosine = np.empty_like(turns), np.empty_like(turns)
+        waves(turns.ravel(), sine.ravel(), cosine.ravel())
+        # the base has the speed low * pi / 2 sine and the height -low cosine; it pushes a particle
+        # that is slower, which then does not fly
+        flies = problem.launch_flight[:, np.newaxis] >= 0.5 * np.pi * low[:, np.newaxis] * sine
         unit = height_unit(parameters)
-        base = -(unit * low)[:, np.newaxis] * np.cos(angle)
+        base = -(unit * low)[:, np.newaxis] * cosine
         heights = np.where(flies, thrown[:, np.newaxis] + base, base)
     highest = np.where(launched, heights, -np.inf).max(axis=1)
     return np.where(launched.any(axis=1), highest, np.nan)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
-from vibrosweep.kernels._jit import fma, jit
+import numpy as np
+
+from vibrosweep.kernels._jit import Floats, fma, jit, kernel
 from vibrosweep.kernels.rounding import HALF_ULP
 
 # Relative error of `sin_turns`, proved: checks/sine_error.py finds 3.42 half ulps at most.
@@ -105,3 +107,11 @@ def rough_lag_and_versine(y: float) -> tuple[float, float]:
 def cos_turns(x: float) -> float:
     """cos(2 pi x) for a phase x in [-1/2, 1/2]."""
     return sin_near(0.25 - abs(x))
+
+
+@kernel
+def waves(turns: Floats, sines: Floats, cosines: Floats) -> None:
+    """Write the sine and the cosine of phases in turns, each an array of shape (phase,)."""
+    for i in range(turns.size):
+        x = turns[i] - np.rint(turns[i])
+        sines[i], cosines[i] = sin_turns(x), cos_turns(x)
