@@ -4,6 +4,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,7 +38,11 @@ OF_MOUNT = {
     "joint": True,
 }
 WIDTHS = {"128": "fma", "256": "avx2", "512": "avx512f"}
-SHOW = "from test_same_bits import of_base\nfor base in ('high-bounce', 'moving'): print(of_base(base))"
+SHOW = """
+from test_same_bits import of_base
+for base in ("high-bounce", "moving"):
+    print(of_base(base))
+"""
 
 
 def of_base(base):
@@ -62,7 +67,7 @@ def test_the_base_of_finite_mass():
 def test_the_hashes_of_each_width(bits):
     if not binding.get_host_cpu_features().get(WIDTHS[bits]):
         pytest.skip(f"this processor has no {WIDTHS[bits]}")
-    path = os.pathsep.join([os.path.dirname(__file__), *sys.path])
+    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     done = subprocess.run(
         [sys.executable, "-c", SHOW],
         env={**os.environ, "VIBROSWEEP_VECTOR_BITS": bits, "PYTHONPATH": path},
