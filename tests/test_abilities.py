@@ -11,7 +11,9 @@ from vibrosweep.errors import SpecError, VibrosweepError
 from vibrosweep.kernels.impact import BASE_OF, base_of
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.lab.experiment import LABORATORY
+from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import LAWS_OF
+from vibrosweep.proof.verify import verify
 from vibrosweep.scene.keywords import keyword_spec
 
 CELLS = list(cells())
@@ -94,3 +96,17 @@ def test_every_analysis_can_be_had_over_some_base():
 def test_the_page_shows_the_table():
     page = Path(__file__).parents[1] / "docs" / "sweep-files.md"
     assert "\n".join(table()) in page.read_text("utf-8")
+
+
+@pytest.mark.parametrize(("base", "law"), [(b, law) for b in BASES for law in LAWS_OF[b]])
+def test_all_that_can_be_had_together_is_computed_and_proved(base, law, tmp_path):
+    """One scene holds every pair of measures that a base with a law has."""
+    wanted = [key for key in MEASURES if not refusal(base, law=law, measure=key)]
+    scene = over(base, rebound=law, restitution=(0.5, 0.9), amplitude=(0.3, 3.0))
+    scene |= {"realizations": 4, "particles": 3, "duration": 6.0, **dict.fromkeys(wanted, True)}
+    path = tmp_path / "out.h5"
+    with vs.run(scene, path) as found:
+        named = {variable.name for key in wanted for variable in MEASURES[key].variables}
+        assert named <= set(found.data_vars)
+    report = verify(path)
+    assert report.passed
