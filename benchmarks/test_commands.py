@@ -84,11 +84,11 @@ def batches(spec):
 
 def iterations(spec, workers):
     """The kernel alone, over all batches."""
-    observation, parts = spec.scene, list(batches(spec))
+    scene, parts = spec.scene, list(batches(spec))
 
     def iterate():
         for problem, launch in parts:
-            statistics(problem, launch, observation, workers)
+            statistics(problem, launch, scene, workers)
 
     return iterate
 

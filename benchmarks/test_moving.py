@@ -59,26 +59,26 @@ RANGES = {
 
 
 class Batch(NamedTuple):
-    """Dimensionless realizations, their launches, and what is watched."""
+    """Dimensionless realizations, their launches, and the scene."""
 
     problem: tuple
     launch: tuple
-    observation: Scene
+    scene: Scene
 
 
 def batch(ranges, realizations, periods, base="moving"):
     parameters = RANGES[ranges](realizations)
     duration = periods / float(parameters["frequency"][0])
-    observation = Scene(PARTICLES, "staggered", duration, "rest", Measures(), base=base)
+    scene = Scene(PARTICLES, "staggered", duration, "rest", Measures(), base=base)
     start = launches("staggered", PARTICLES, parameters["frequency"])
-    return Batch(dimensionless(parameters, duration), start, observation)
+    return Batch(dimensionless(parameters, duration), start, scene)
 
 
 def streaming(given, workers):
     """The kernel's run, and its impacts."""
 
     def run():
-        return statistics(given.problem, given.launch, given.observation, workers)
+        return statistics(given.problem, given.launch, given.scene, workers)
 
     return run, int(run().landings.sum())
 

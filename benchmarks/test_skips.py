@@ -98,14 +98,14 @@ def test_detection_over_a_short_horizon(race, monkeypatch, regimes):
     """Looking for orbits that repeat, and with regimes also counting the few that do in time."""
     monkeypatch.setattr(trajectories, "PERIODS_TO_RECUR", 0.0)
     parameters = drawn(20_000)
-    observation = observed(duration=12.0, regimes=regimes)
+    scene = observed(duration=12.0, regimes=regimes)
     problem = dimensionless(parameters, 12.0, 0.0)
     launch = launches("staggered", 20, parameters["frequency"])
     with Workers(THREADS) as workers:
         cycles = workers.cycles(400_000)
         ratio = race(
-            lambda: trajectories.statistics(problem, launch, observation, workers, cycles),
-            lambda: trajectories.statistics(problem, launch, observation, workers),
+            lambda: trajectories.statistics(problem, launch, scene, workers, cycles),
+            lambda: trajectories.statistics(problem, launch, scene, workers),
         )
     assert ratio >= (0.8 if regimes else 0.85)
 

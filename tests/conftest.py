@@ -64,7 +64,7 @@ def random_scenes(parameters):
 
 @pytest.fixture(scope="session")
 def observe():
-    """An observation of 12 s that measures separations and each particle, unless said otherwise."""
+    """Scenes of 12 s that measure separations and each particle, unless said otherwise."""
     from vibrosweep.scene.scene import bare_scene
 
     def make(launch="staggered", particles=20, **changes):
@@ -84,8 +84,8 @@ def record(workers):
     """Every landing of what is observed, whatever its window."""
     from vibrosweep.engine.landings import record_landings
 
-    def landings(scene, observation):
-        return record_landings(scene, observation.measuring(transient=-np.inf), workers)
+    def landings(values, scene):
+        return record_landings(values, scene.measuring(transient=-np.inf), workers)
 
     return landings
 

@@ -32,16 +32,16 @@ def drawn(seed, size, **given_):
     }
 
 
-def both(parameters, observation):
+def both(parameters, scene):
     """What is measured with everything skipped that can be, and with everything followed."""
     with Workers(2) as workers:
         return [
-            measure(parameters, dataclasses.replace(observation, skip=skip), workers)
+            measure(parameters, dataclasses.replace(scene, skip=skip), workers)
             for skip in (True, False)
         ]
 
 
-def work(parameters, observation, *, skip=True):
+def work(parameters, scene, *, skip=True):
     """Sizes of the tasks that are handed to threads, in their order: first all trajectories."""
     sizes = []
 
@@ -55,7 +55,7 @@ def work(parameters, observation, *, skip=True):
             super().each(task, total, size)
 
     with Counting(1) as workers:
-        measure(parameters, dataclasses.replace(observation, skip=skip), workers)
+        measure(parameters, dataclasses.replace(scene, skip=skip), workers)
     return sizes
 
 
@@ -73,8 +73,8 @@ def assert_same(skipped, followed, *, rtol, rounded=("mean",)):
 @pytest.mark.parametrize("transient", [0.0, 321.4])
 @pytest.mark.parametrize("particles", [2, 5, 20])
 def test_orbits_that_recur(rebound, transient, particles):
-    observation = observed(1500.0, particles, rebound=rebound, transient=transient)
-    skipped, followed = both(drawn(11, 120 // particles), observation)
+    scene = observed(1500.0, particles, rebound=rebound, transient=transient)
+    skipped, followed = both(drawn(11, 120 // particles), scene)
     recurrent = skipped["cycle_impacts"] > 0
     assert recurrent.mean() > 0.2
     # following adds up to 10^5 terms, each time with a rounding of half a unit
@@ -86,9 +86,9 @@ def test_orbits_of_different_pace(particles):
     # resting orbits of hundreds of impacts beside locked ones; those reach the window at impact
     # numbers that are hundreds of times apart
     launch = tuple(np.random.default_rng(5).uniform(0.0, 3.0, particles))
-    observation = observed(700.0, particles, launch=launch, transient=400.0)
+    scene = observed(700.0, particles, launch=launch, transient=400.0)
     parameters = drawn(12, 60, restitution=np.random.default_rng(6).uniform(0.7, 0.9, 60))
-    skipped, followed = both(parameters, observation)
+    skipped, followed = both(parameters, scene)
     regime = skipped["regime"]
     mixed = (regime == Regime.LOCKED).any(axis=1) & (regime == Regime.RESTING).any(axis=1)
     assert mixed.sum() >= 3
@@ -97,10 +97,10 @@ def test_orbits_of_different_pace(particles):
 
 def test_sums_are_closer_to_the_exact_ones_than_those_of_following():
     parameters = drawn(13, 6, restitution=0.85, phase=0.0)
-    observation = observed(4000.0, 4, separation=False)
-    skipped, followed = both(parameters, observation)
+    scene = observed(4000.0, 4, separation=False)
+    skipped, followed = both(parameters, scene)
     with Workers(1) as workers:
-        everything = observation.measuring(transient=-math.inf)
+        everything = scene.measuring(transient=-math.inf)
         record = record_landings(parameters, everything, workers)
     flights = 2.0 * record["rebound_velocity"] / 9.81
     exact = np.array(
@@ -115,13 +115,13 @@ def test_sums_are_closer_to_the_exact_ones_than_those_of_following():
 def test_a_late_end_costs_no_impact():
     # so short a budget ends every trajectory that is followed
     parameters = drawn(14, 30, restitution=np.random.default_rng(1).uniform(0.3, 0.8, 30))
-    observation = observed(1e9, 3, impact_budget=20_000)
-    skipped, followed = both(parameters, observation)
+    scene = observed(1e9, 3, impact_budget=20_000)
+    skipped, followed = both(parameters, scene)
     assert np.all(followed["status"] == 1)
     assert np.mean(skipped["status"] == 0) > 0.9
     known = (skipped["status"] == 0) & ~np.isnan(skipped["dt_min"])
     assert known.mean() > 0.9
-    earlier = both(parameters, dataclasses.replace(observation, duration=6000.0))[0]
+    earlier = both(parameters, dataclasses.replace(scene, duration=6000.0))[0]
     for name in ("dt_min", "base_shared", "regime", "rebound_height_max"):
         np.testing.assert_array_equal(skipped[name][known], earlier[name][known], err_msg=name)
 
@@ -135,9 +135,9 @@ def test_duplicate_realizations_are_computed_once(transient):
     for name in ("amplitude", "launch_velocity"):  # powers of two: the quotients are the same bits
         parameters[name] = parameters[name] * np.repeat([1.0, 2.0, 4.0], 7)
     parameters["gravity"] = 9.81 * np.repeat([1.0, 2.0, 4.0], 7)
-    observation = observed(9.0, 4, transient=transient, trust=True, regimes=False)
-    skipped, followed = both(parameters, observation)
-    assert [work(parameters, observation, skip=skip)[0] for skip in (True, False)] == [28, 84]
+    scene = observed(9.0, 4, transient=transient, trust=True, regimes=False)
+    skipped, followed = both(parameters, scene)
+    assert [work(parameters, scene, skip=skip)[0] for skip in (True, False)] == [28, 84]
     assert_same(skipped, followed, rtol=0.0)
 
 
@@ -147,8 +147,8 @@ def test_problems_with_launches_of_their_own_are_not_confused():
     parameters["frequency"] = np.array([1.0, 2.0])
     parameters["gravity"] = np.array([9.81, 19.62])
     parameters["contact_time"] = np.array([2e-4, 1e-4])
-    observation = observed(5.0, 2, launch=(0.0, 0.3))
-    assert_same(*both(parameters, observation), rtol=0.0)
+    scene = observed(5.0, 2, launch=(0.0, 0.3))
+    assert_same(*both(parameters, scene), rtol=0.0)
 
 
 def test_realizations_without_excitation_have_the_separations_of_their_landings():
@@ -156,11 +156,11 @@ def test_realizations_without_excitation_have_the_separations_of_their_landings(
     rng = np.random.default_rng(18)
     parameters = drawn(18, 40, amplitude=0.0, contact_time=0.01, restitution=0.5)
     parameters["restitution"] = 1.0 - 10.0 ** rng.uniform(-6.0, -0.3, 40)
-    observation = observed(12.0, 2, launch=(0.0, 0.8))
-    skipped, followed = both(parameters, observation)
+    scene = observed(12.0, 2, launch=(0.0, 0.8))
+    skipped, followed = both(parameters, scene)
     assert_same(skipped, followed, rtol=1e-11)
     with Workers(1) as workers:
-        everything = observation.measuring(transient=-math.inf)
+        everything = scene.measuring(transient=-math.inf)
         landing = record_landings(parameters, everything, workers)["landing_time"]
     for i, (one, other) in enumerate(landing):
         gap = np.nanmin(np.abs(one[:, np.newaxis] - other))

@@ -87,13 +87,13 @@ def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) ->
 
 def launched(scene: Scene, condition: Condition, points: Points, workers: Workers) -> Codes:
     """Code of a condition for the scene's launches at each point; shape (point,)."""
-    observation = scene.only(**condition.measures)
+    needed = scene.only(**condition.measures)
     size = max(1, TRAJECTORIES_AT_A_TIME // scene.particles)
     held = []
     for start in range(0, points["restitution"].size, size):
         piece = {name: values[start : start + size] for name, values in points.items()}
         parameters = scene.parameters(piece)
-        measured = measure(parameters, observation, workers)
+        measured = measure(parameters, needed, workers)
         held.append(condition.judge(_dataset(scene, parameters, measured)))
     return np.concatenate(held)
 

@@ -81,7 +81,7 @@ def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
     listed = one.attrs.get("launch") != STAGGERED
     periods = one.attrs.get("duration_periods")
     landings, followed = one["impact_count"].values, np.all(one["status"] == Status.COMPLETED)
-    observation = bare_scene(
+    scene = bare_scene(
         landings.size,
         tuple(times.tolist()) if listed else STAGGERED,
         float(one["duration"]) if periods is None else Periods(float(periods)),
@@ -90,9 +90,9 @@ def _track(one: xr.Dataset, analysis: str) -> BaseTrack:
         SPRUNG,
     )
     with Workers(1) as workers:
-        if not np.array_equal(count_coupled(parameters, observation, workers).landings, landings):
+        if not np.array_equal(count_coupled(parameters, scene, workers).landings, landings):
             raise DataError(
                 f"{analysis}: the landings of the record cannot be repeated, as the motion of the "
                 f"base needs: use a record of all particles, computed by this version"
             )
-        return base_track(parameters, observation, workers)
+        return base_track(parameters, scene, workers)

@@ -38,7 +38,7 @@ BATCH: Final = 4096
 
 def sobol_indices(
     ranges: Mapping[str, tuple[float, float]],
-    observation: Scene,
+    scene: Scene,
     workers: Workers,
     *,
     fixed: Mapping[str, float] | None = None,
@@ -52,7 +52,7 @@ def sobol_indices(
     Each parameter is uniform in its range, independent of the others; the forcing may vary as any
     one of `vibrosweep.model.forcing.FORCINGS`.  The scheme is that of Saltelli (2010) as
     `scipy.stats.sobol_indices`; it takes (parameters + 2) base realizations, `base` a power
-    of 2.  Intervals are percentiles of a bootstrap over the base sample.  The observation must
+    of 2.  Intervals are percentiles of a bootstrap over the base sample.  The scene must
     measure the outputs, variables with one number per realization.  Other parameters are `fixed`,
     by default at Table 1; a base of finite mass needs those of its mount.
 
@@ -66,13 +66,13 @@ def sobol_indices(
 
     _require_ranges(ranges, base)
     _require_asked(outputs, confidence)
-    require_mount(observation.base, {*ranges, *(fixed or {})})
+    require_mount(scene.base, {*ranges, *(fixed or {})})
     low, high = np.array(list(ranges.values()), dtype=np.float64).T
     points = qmc.Sobol(2 * low.size, seed=np.random.default_rng(seed)).random(base)
     a, b = (low + (high - low) * half for half in np.split(points, 2, axis=1))
     mixed = [np.where(np.arange(low.size) == k, b, a) for k in range(low.size)]
     every = dict(zip(ranges, np.concatenate([a, b, *mixed]).T, strict=True))
-    found = _measured(every, fixed or {}, observation, workers, outputs)
+    found = _measured(every, fixed or {}, scene, workers, outputs)
     parts = found.reshape(len(outputs), 2 + low.size, base)
     first, total = _indices(parts)
     random = np.random.default_rng(seed + 1)
@@ -164,7 +164,7 @@ def _require_ranges(ranges: Mapping[str, tuple[float, float]], base: int) -> Non
 def _measured(
     points: Mapping[str, Array],
     fixed: Mapping[str, float],
-    observation: Scene,
+    scene: Scene,
     workers: Workers,
     outputs: Sequence[str],
 ) -> Array:
@@ -174,8 +174,8 @@ def _measured(
         given = {name: np.ascontiguousarray(v[start : start + BATCH]) for name, v in points.items()}
         size = len(next(iter(given.values())))
         others = {n: np.full(size, v) for n, v in fixed.items()}
-        every = _every_parameter(others | given, observation.base)
-        measured = measure(every, observation, workers)
+        every = _every_parameter(others | given, scene.base)
+        measured = measure(every, scene, workers)
         _require_outputs(measured, outputs)
         numbers = [np.where(known(n, measured), measured[n], np.nan) for n in outputs]
         found.append(np.array(numbers, dtype=np.float64))
@@ -217,7 +217,7 @@ def _require_outputs(measured: Mapping[str, NDArray[Any]], outputs: Sequence[str
     absent = [name for name in outputs if name not in measured]
     if absent:
         key = MEASURE_OF.get(absent[0])
-        remedy = f"set {key} = true in the observation" if key else "it is not a measured variable"
+        remedy = f"set {key} = true" if key else "it is not a measured variable"
         raise DataError(f"sobol_indices needs the variable {absent[0]}: {remedy}")
 
 

@@ -46,45 +46,43 @@ LANDINGS_OF_AN_EXPONENT = 64  # fewer tell nothing of how neighbours separate
 LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly
 
 
-def measure_coupled(
-    parameters: Mapping[str, Array], observation: Scene, workers: Workers
-) -> Measured:
+def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
     """Follow a batch of realizations on bases of finite mass and measure them.
 
     Parameters and result are those of `vibrosweep.engine.measure.measure`; the parameters of the
     mount are among them.
     """
-    (each, sums, launched, _), whole, _ = _followed(parameters, observation, workers, 0)
-    frequency, particles = parameters["frequency"], observation.particles
+    (each, sums, launched, _), whole, _ = _followed(parameters, scene, workers, 0)
+    frequency, particles = parameters["frequency"], scene.particles
     found = of_realizations(sums, parameters)
     launched = launched.reshape(-1, particles)
-    launched = np.where(launched_in_window(observation, frequency), launched, -np.inf).max(axis=1)
+    launched = np.where(launched_in_window(scene, frequency), launched, -np.inf).max(axis=1)
     launched = np.where(launched > -np.inf, launched * height_unit(parameters), np.nan)
     found["flight_height_max"] = np.fmax(found["rebound_height_max"], launched)
-    if observation.measures.per_particle:
+    if scene.measures.per_particle:
         found |= of_particles(each, parameters, particles)
-    for one in observation.measures.observables:
+    for one in scene.measures.observables:
         if one.landings:
             found[one.name] = observed(one, parameters, each)
             continue
         observer = observer_of(one, frequency.size * particles)
         try:
-            followed, *_ = _followed(parameters, observation, workers, 0, observer)
+            followed, *_ = _followed(parameters, scene, workers, 0, observer)
         except MemoryError:
             raise
         except Exception as error:
             raise raised(one, error) from error
         found[one.name] = observed(one, parameters, followed.each, observer.totals)
     found |= _separations(whole, sums, frequency) | _order(whole, frequency)
-    if observation.measures.joint:
-        found |= _joint(parameters, observation, workers)
-    asked = {variable.name for variable in observation.measures.variables}
+    if scene.measures.joint:
+        found |= _joint(parameters, scene, workers)
+    asked = {variable.name for variable in scene.measures.variables}
     return {name: values for name, values in found.items() if name in asked}
 
 
 def _followed(
     parameters: Mapping[str, Array],
-    observation: Scene,
+    scene: Scene,
     workers: Workers,
     capacity: int,
     observer: Observer | None = None,
@@ -93,9 +91,9 @@ def _followed(
 
     And at most `capacity` landings of each particle, with the motion of the base; 0 for none.
     """
-    particles, size = observation.particles, parameters["frequency"].size
-    batch = _batch(parameters, observation)
-    kinds = (*KINDS_COUPLED, *kinds_of(observation))
+    particles, size = scene.particles, parameters["frequency"].size
+    batch = _batch(parameters, scene)
+    kinds = (*KINDS_COUPLED, *kinds_of(scene))
     statistics, whole = empty_coupled(size, particles, kinds, observer), empty_whole(size)
     kernel = follow if observer is None else follow_observing
     idle = [work_for(particles) for _ in range(min(size, workers.threads))]
@@ -105,7 +103,7 @@ def _followed(
     written = Written(empty_record(size * particles, capacity), track, units)
 
     def task(first: int, last: int) -> None:
-        work, budget = idle.pop(), observation.budget
+        work, budget = idle.pop(), scene.budget
         while True:
             first = kernel(first, last, batch, budget, work, statistics, whole, written)
             if first == last:
@@ -123,10 +121,10 @@ def _per_task(batch: Coupled, particles: int) -> int:
     return max(1, int(LANDINGS_PER_TASK / (particles * max(periods, 1.0))))
 
 
-def _batch(parameters: Mapping[str, Array], observation: Scene) -> Coupled:
+def _batch(parameters: Mapping[str, Array], scene: Scene) -> Coupled:
     """Return the batch in dimensionless form."""
-    problem = dimensionless(parameters, observation.duration, observation.measures.transient)
-    launch = launches(observation.launch, observation.particles, parameters["frequency"])
+    problem = dimensionless(parameters, scene.duration, scene.measures.transient)
+    launch = launches(scene.launch, scene.particles, parameters["frequency"])
     return Coupled(problem, mounts(parameters), launch)
 
 
@@ -157,12 +155,12 @@ def _order(whole: Whole, frequency: Array) -> Measured:
     }
 
 
-def _joint(parameters: Mapping[str, Array], observation: Scene, workers: Workers) -> Measured:
+def _joint(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
     """What the joint states settle on."""
-    batch, particles = _batch(parameters, observation), observation.particles
+    batch, particles = _batch(parameters, scene), scene.particles
     size, problem = parameters["frequency"].size, batch.problem
     out = empty_joint(size)
-    budget = min(observation.budget * particles, 2**62)
+    budget = min(scene.budget * particles, 2**62)
 
     def task(first: int, last: int) -> None:
         settle_jointly(first, last, batch, budget, notes(particles), out)
@@ -276,22 +274,20 @@ class BaseTrack:
         return out[0] * velocity / frequency, out[1] * velocity
 
 
-def count_coupled(
-    parameters: Mapping[str, Array], observation: Scene, workers: Workers
-) -> Statistics:
+def count_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Statistics:
     """Statistics of every particle, ordered by realization; arguments as of `measure_coupled`."""
-    return _followed(parameters, observation, workers, 0)[0].each
+    return _followed(parameters, scene, workers, 0)[0].each
 
 
 def record_coupled(
-    parameters: Mapping[str, Array], observation: Scene, workers: Workers, capacity: int
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers, capacity: int
 ) -> Record:
     """Every landing until the end of the observation, at most `capacity` of each particle."""
-    return _followed(parameters, observation, workers, capacity)[2].record
+    return _followed(parameters, scene, workers, capacity)[2].record
 
 
-def base_track(parameters: Mapping[str, Array], observation: Scene, workers: Workers) -> BaseTrack:
+def base_track(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> BaseTrack:
     """Motion of a base while particles land on it; arguments as of `measure_coupled`."""
-    capacity = int(count_coupled(parameters, observation, workers).landings.max())
-    written = _followed(parameters, observation, workers, max(capacity, 1))[2]
-    return BaseTrack(dict(parameters), _batch(parameters, observation), written.track)
+    capacity = int(count_coupled(parameters, scene, workers).landings.max())
+    written = _followed(parameters, scene, workers, max(capacity, 1))[2]
+    return BaseTrack(dict(parameters), _batch(parameters, scene), written.track)

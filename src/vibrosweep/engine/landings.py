@@ -34,22 +34,22 @@ def launch_times(launch: str | tuple[float, ...], particles: int, frequency: flo
 
 
 def record_landings(
-    parameters: Mapping[str, Array], observation: Scene, workers: Workers
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers
 ) -> dict[str, NDArray[Any]]:
     """Every landing until the end of the observation, as `vibrosweep.model.measures.RECORD`.
 
     Parameters are of shape (realization,); the transient of the observation is -inf.  Raises a
     ParameterError where the record would not fit into half of this machine's memory.
     """
-    landings, status = _counted(parameters, observation, workers)
+    landings, status = _counted(parameters, scene, workers)
     capacity = int(landings.max())
-    if observation.base == SPRUNG:
+    if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import record_coupled  # slow to import
 
-        out = record_coupled(parameters, observation, workers, capacity)
+        out = record_coupled(parameters, scene, workers, capacity)
     else:
-        out = _recorded(parameters, observation, workers, capacity)
-    shape = (parameters["frequency"].size, observation.particles)
+        out = _recorded(parameters, scene, workers, capacity)
+    shape = (parameters["frequency"].size, scene.particles)
     found: dict[str, NDArray[Any]] = {
         name: values.reshape(*shape, capacity) for name, values in out._asdict().items()
     }
@@ -59,14 +59,14 @@ def record_landings(
 
 
 def _recorded(
-    parameters: Mapping[str, Array], observation: Scene, workers: Workers, capacity: int
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers, capacity: int
 ) -> Record:
     """Record particles that are independent of each other."""
-    problem = dimensionless(parameters, observation.duration, observation.measures.transient)
-    launch = launches(observation.launch, observation.particles, parameters["frequency"])
-    trajectories = parameters["frequency"].size * observation.particles
+    problem = dimensionless(parameters, scene.duration, scene.measures.transient)
+    launch = launches(scene.launch, scene.particles, parameters["frequency"])
+    trajectories = parameters["frequency"].size * scene.particles
     out = empty_record(trajectories, capacity)
-    batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
+    batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
     units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
 
     def task(first: int, last: int) -> None:
@@ -77,17 +77,17 @@ def _recorded(
 
 
 def record_bytes(
-    parameters: Mapping[str, Array], observation: Scene, workers: Workers
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers
 ) -> tuple[int, int]:
     """Bytes of a record of landings, and of memory while it is made.
 
     Arguments and errors are those of `record_landings`.
     """
-    landings, _ = _counted(parameters, observation, workers)
+    landings, _ = _counted(parameters, scene, workers)
     realizations, capacity = parameters["frequency"].size, int(landings.max())
     return (
         BYTES_PER_LANDING * landings.size * capacity,
-        _needed(realizations, observation.particles, capacity),
+        _needed(realizations, scene.particles, capacity),
     )
 
 
@@ -110,24 +110,24 @@ def _needed(realizations: int, particles: int, landings: int) -> int:
 
 
 def _counted(
-    parameters: Mapping[str, Array], observation: Scene, workers: Workers
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers
 ) -> tuple[NDArray[np.int64], NDArray[np.int8]]:
     """Landings of each particle, and its status; raise if a record does not fit into memory."""
-    realizations, particles = parameters["frequency"].size, observation.particles
+    realizations, particles = parameters["frequency"].size, scene.particles
     require_room(realizations, particles)
     most = physical_memory() // (2 * BYTES_PER_LANDING * realizations * particles)
     # a trajectory with more than `most` is followed no further: the record is refused anyway
-    budget = min(observation.measures.impact_budget, most + LOOK_AFTER)
+    budget = min(scene.measures.impact_budget, most + LOOK_AFTER)
     # counted as they will be kept: one by one
-    enough = replace(observation.measuring(impact_budget=budget), skip=False)
-    if observation.base == SPRUNG:
+    enough = replace(scene.measuring(impact_budget=budget), skip=False)
+    if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import count_coupled
 
         coupled = count_coupled(parameters, enough, workers)
         landings, status = coupled.landings, coupled.status
     else:
-        problem = dimensionless(parameters, observation.duration, observation.measures.transient)
-        launch = launches(observation.launch, particles, parameters["frequency"])
+        problem = dimensionless(parameters, scene.duration, scene.measures.transient)
+        launch = launches(scene.launch, particles, parameters["frequency"])
         each = statistics(problem, launch, enough, workers)
         landings, status = each.landings.copy(), each.status.copy()
     require_room(realizations, particles, int(landings.max()))

@@ -24,7 +24,7 @@ from vibrosweep.model.times import in_seconds
 from vibrosweep.scene.scene import Scene
 
 
-def measure(parameters: Mapping[str, Array], observation: Scene, workers: Workers) -> Measured:
+def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
     """Advance a batch of realizations and measure them.
 
     Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of the mount of a sprung
@@ -32,21 +32,21 @@ def measure(parameters: Mapping[str, Array], observation: Scene, workers: Worker
     for measures per particle, named as in `vibrosweep.model.measures`.  Raises a ParameterError
     where more forcing periods are asked for than can be counted exactly.
     """
-    if observation.base == SPRUNG:
+    if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import measure_coupled  # slow to import: it declares kernels
 
-        return measure_coupled(parameters, observation, workers)
-    measures = observation.measures
-    problem = dimensionless(parameters, observation.duration, measures.transient)
-    frequency, particles = parameters["frequency"], observation.particles
-    launch = launches(observation.launch, particles, frequency)
-    found = follow(problem, launch, measures.tolerance * frequency, observation, workers)
-    base = base_of(observation.base, observation.rebound)
+        return measure_coupled(parameters, scene, workers)
+    measures = scene.measures
+    problem = dimensionless(parameters, scene.duration, measures.transient)
+    frequency, particles = parameters["frequency"], scene.particles
+    launch = launches(scene.launch, particles, frequency)
+    found = follow(problem, launch, measures.tolerance * frequency, scene, workers)
+    base = base_of(scene.base, scene.rebound)
     of_base = lifts(base, problem), lowest(base, problem)
     measured = of_realizations(found.whole, parameters, *of_base)
     measured["flight_height_max"] = np.fmax(
         measured["rebound_height_max"],
-        _launch_height_max(parameters, problem, launch, observation, of_base[1]),
+        _launch_height_max(parameters, problem, launch, scene, of_base[1]),
     )
     if measures.per_particle and found.each is not None:
         measured |= of_particles(found.each, parameters, particles, *of_base)
@@ -57,7 +57,7 @@ def measure(parameters: Mapping[str, Array], observation: Scene, workers: Worker
     if found.separations is not None:
         measured |= _separations(found.separations, frequency)
     if found.bounds is not None:
-        measured |= _error_bounds(found.bounds, observation, parameters)
+        measured |= _error_bounds(found.bounds, scene, parameters)
     for one in measures.observables:
         if one.landings and found.each is not None:
             measured[one.name] = observed(one, parameters, found.each)
@@ -65,7 +65,7 @@ def measure(parameters: Mapping[str, Array], observation: Scene, workers: Worker
         if not one.landings:
             observer = observer_of(one, frequency.size * particles)
             try:
-                each = statistics(problem, launch, observation, workers, observer=observer)
+                each = statistics(problem, launch, scene, workers, observer=observer)
             except MemoryError:
                 raise
             except Exception as error:
@@ -78,14 +78,14 @@ def _launch_height_max(
     parameters: Mapping[str, Array],
     problem: Dimensionless,
     launch: Launches,
-    observation: Scene,
+    scene: Scene,
     low: Array | None,
 ) -> Array:
     """Height in m of the highest launch in the window, NaN without any; shape (realization,).
 
     `low` is `vibrosweep.kernels.bases.lowest` of the realizations.
     """
-    launched = launched_in_window(observation, parameters["frequency"])
+    launched = launched_in_window(scene, parameters["frequency"])
     with np.errstate(over="ignore"):
         thrown = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
         if low is None:
@@ -115,10 +115,10 @@ def _separations(found: Separations, frequency: Array) -> Measured:
     }
 
 
-def _error_bounds(bounds: Trust, observation: Scene, parameters: Mapping[str, Array]) -> Measured:
-    frequency, particles = parameters["frequency"], observation.particles
+def _error_bounds(bounds: Trust, scene: Scene, parameters: Mapping[str, Array]) -> Measured:
+    frequency, particles = parameters["frequency"], scene.particles
     until = bounds.until.reshape(-1, particles) / frequency[:, np.newaxis]
-    end = in_seconds(observation.duration, frequency)
+    end = in_seconds(scene.duration, frequency)
     velocity = parameters["gravity"] / (2.0 * frequency)
     return {
         "trusted_until": np.where(until == np.inf, end[:, np.newaxis], until),

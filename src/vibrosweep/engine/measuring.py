@@ -18,7 +18,7 @@ from vibrosweep.scene.scene import Scene
 
 
 def measure_all(
-    parameters: Mapping[str, Array], observation: Scene, workers: Workers
+    parameters: Mapping[str, Array], scene: Scene, workers: Workers
 ) -> dict[str, NDArray[Any]]:
     """Measure a batch; realizations that cannot be computed do not fail the others.
 
@@ -26,22 +26,22 @@ def measure_all(
 
     Parameters and result are those of `vibrosweep.engine.measure.measure`.
     """
-    usable = representable(parameters, _times(observation))
+    usable = representable(parameters, _times(scene))
     if usable.all():
-        return measure(parameters, observation, workers)
-    sizes = {"realization": usable.size, "particle": observation.particles}
-    sizes |= {along: len(values) for along, values in observation.measures.own_dims.items()}
-    found = {v.name: _refused(v, sizes) for v in observation.measures.variables}
+        return measure(parameters, scene, workers)
+    sizes = {"realization": usable.size, "particle": scene.particles}
+    sizes |= {along: len(values) for along, values in scene.measures.own_dims.items()}
+    found = {v.name: _refused(v, sizes) for v in scene.measures.variables}
     if usable.any():
         kept = {name: values[usable] for name, values in parameters.items()}
-        for name, values in measure(kept, observation, workers).items():
+        for name, values in measure(kept, scene, workers).items():
             found[name][usable] = values
     return found
 
 
-def _times(observation: Scene) -> tuple[Time, ...]:
-    launch = () if isinstance(observation.launch, str) else observation.launch
-    return (observation.duration, observation.measures.transient, *launch)
+def _times(scene: Scene) -> tuple[Time, ...]:
+    launch = () if isinstance(scene.launch, str) else scene.launch
+    return (scene.duration, scene.measures.transient, *launch)
 
 
 def _refused(variable: Variable, sizes: Mapping[str, int]) -> NDArray[Any]:

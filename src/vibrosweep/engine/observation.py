@@ -10,17 +10,17 @@ from vibrosweep.model.times import Periods, Time, amount, in_periods
 from vibrosweep.scene.scene import Scene
 
 
-def launched_in_window(observation: Scene, frequency: Array) -> NDArray[np.bool_]:
+def launched_in_window(scene: Scene, frequency: Array) -> NDArray[np.bool_]:
     """Whether particles are launched inside the window; shape (realization or 1, particle)."""
     frequency = frequency[:1] if np.all(frequency == frequency[:1]) else frequency
-    begin, end = observation.measures.transient, observation.duration
-    if isinstance(observation.launch, str):
-        particles = observation.particles
+    begin, end = scene.measures.transient, scene.duration
+    if isinstance(scene.launch, str):
+        particles = scene.particles
         each = np.arange(particles, dtype=np.float64)
         first = _launches_until(begin, particles, frequency)[:, np.newaxis]
         last = _launches_until(end, particles, frequency)[:, np.newaxis]
         return np.asarray((first <= each) & (each <= last))
-    times = np.asarray(observation.launch)[np.newaxis, :]
+    times = np.asarray(scene.launch)[np.newaxis, :]
     if not isinstance(begin, Periods) and not isinstance(end, Periods):
         return np.asarray((begin <= times) & (times <= end))
     first, last = (in_periods(time, frequency)[:, np.newaxis] for time in (begin, end))

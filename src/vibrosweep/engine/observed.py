@@ -21,9 +21,9 @@ from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
 
 
-def kinds_of(observation: Scene) -> Kinds:
+def kinds_of(scene: Scene) -> Kinds:
     """Statistics of the observables that give a number of each landing."""
-    return tuple(compiled(one) for one in observation.measures.observables if one.landings)
+    return tuple(compiled(one) for one in scene.measures.observables if one.landings)
 
 
 def observer_of(observable: Observable, trajectories: int) -> Observer:

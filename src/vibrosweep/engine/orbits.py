@@ -22,16 +22,14 @@ Codes = NDArray[np.int64]
 NO_ORBIT: Final = -1
 
 
-def find_orbits(
-    problem: Dimensionless, launch: Launches, observation: Scene, workers: Workers
-) -> Orbits:
+def find_orbits(problem: Dimensionless, launch: Launches, scene: Scene, workers: Workers) -> Orbits:
     """Orbit that each trajectory settles on, ordered by realization, then by particle.
 
     Shape (realization * particle,), in dimensionless units.  Exponents of orbits that are not
-    cycles are means over the window of the problem.  The observation must agree with the launches
+    cycles are means over the window of the problem.  The scene must agree with the launches
     in the number of particles, and with the problem in whether the window begins after a launch.
     """
-    asked = replace(observation.measuring(lyapunov=True), skip=True)
+    asked = replace(scene.measuring(lyapunov=True), skip=True)
     return settled(problem, launch, asked, workers)
 
 

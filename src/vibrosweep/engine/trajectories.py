@@ -53,7 +53,7 @@ def follow(
     problem: Dimensionless,
     launch: Launches,
     tolerance: Array,
-    observation: Scene,
+    scene: Scene,
     workers: Workers,
 ) -> Followed:
     """Simulate all trajectories of a batch, duplicate realizations only once.
@@ -61,10 +61,10 @@ def follow(
     `tolerance` is the largest error of a trusted landing time in forcing periods, shape
     (realization,).
     """
-    others = [tolerance] if observation.measures.trust else []
-    first = find_equal(problem, launch, *others) if observation.skip else None
+    others = [tolerance] if scene.measures.trust else []
+    first = find_equal(problem, launch, *others) if scene.skip else None
     if first is None:
-        return _follow(problem, launch, tolerance, observation, workers)
+        return _follow(problem, launch, tolerance, scene, workers)
     chosen = np.flatnonzero(first == np.arange(first.size))
     place = np.empty_like(first)
     place[chosen] = np.arange(chosen.size)
@@ -72,24 +72,24 @@ def follow(
         _taken(problem, chosen),
         _launches_of(launch, chosen),
         tolerance[chosen],
-        observation,
+        scene,
         workers,
     )
-    return _repeated(found, place[first], observation)
+    return _repeated(found, place[first], scene)
 
 
 def _follow(
     problem: Dimensionless,
     launch: Launches,
     tolerance: Array,
-    observation: Scene,
+    scene: Scene,
     workers: Workers,
 ) -> Followed:
-    size, particles = tolerance.size, observation.particles
-    measures, cycles = observation.measures, None
-    if measures.regimes or (observation.skip and _lasts(problem, launch, PERIODS_TO_RECUR)):
+    size, particles = tolerance.size, scene.particles
+    measures, cycles = scene.measures, None
+    if measures.regimes or (scene.skip and _lasts(problem, launch, PERIODS_TO_RECUR)):
         cycles = workers.cycles(size * particles)
-    each = statistics(problem, launch, observation, workers, cycles)
+    each = statistics(problem, launch, scene, workers, cycles)
     whole = empty_statistics(size, each.kinds)._replace(at_rest=np.empty(size, np.int64))
     workers.each(
         lambda first, last: combine(first, last, particles, each, whole),
@@ -98,11 +98,11 @@ def _follow(
     )
     orbits = separations = bounds = None
     if measures.regimes and cycles is not None:
-        orbits = _orbits(problem, launch, each, cycles, observation, workers)
+        orbits = _orbits(problem, launch, each, cycles, scene, workers)
     if measures.separation:
-        separations = _separations(problem, launch, observation, whole, cycles, workers)
+        separations = _separations(problem, launch, scene, whole, cycles, workers)
     if measures.trust:
-        bounds = _error_bounds(problem, launch, tolerance, observation, workers)
+        bounds = _error_bounds(problem, launch, tolerance, scene, workers)
     keeps = measures.per_particle or measures.observables
     return Followed(each if keeps else None, whole, orbits, separations, bounds)
 
@@ -110,7 +110,7 @@ def _follow(
 def statistics(
     problem: Dimensionless,
     launch: Launches,
-    observation: Scene,
+    scene: Scene,
     workers: Workers,
     cycles: Cycles | None = None,
     observer: Observer | None = None,
@@ -121,17 +121,17 @@ def statistics(
     filled, and simulation of a trajectory stops where it recurs.  An `observer`, which sees every
     landing, takes no cycles.
     """
-    total = problem.kick.size * observation.particles
-    kinds = KINDS if observer is not None else (*KINDS, *kinds_of(observation))
+    total = problem.kick.size * scene.particles
+    kinds = KINDS if observer is not None else (*KINDS, *kinds_of(scene))
     each = workers.statistics(total, kinds)
-    windowed = observation.windowed  # loops over all launches
-    base = fitted(base_of(observation.base, observation.rebound), problem)
+    windowed = scene.windowed  # loops over all launches
+    base = fitted(base_of(scene.base, scene.rebound), problem)
     batch = Batch(base, problem, launch)
     options = Options(
-        observation.budget,
+        scene.budget,
         PERIODS_TO_RECUR,
-        int(observation.measures.regimes),
-        int(observation.skip),
+        int(scene.measures.regimes),
+        int(scene.skip),
         observer,
     )
     kernel = advance if observer is None else advance_observing
@@ -152,16 +152,14 @@ def statistics(
     return each
 
 
-def settled(
-    problem: Dimensionless, launch: Launches, observation: Scene, workers: Workers
-) -> Orbits:
+def settled(problem: Dimensionless, launch: Launches, scene: Scene, workers: Workers) -> Orbits:
     """Orbit that each trajectory settles on, ordered by realization, then by particle.
 
     Arguments are those of `statistics`.
     """
-    cycles = workers.cycles(problem.kick.size * observation.particles)
-    each = statistics(problem, launch, observation, workers, cycles)
-    return _orbits(problem, launch, each, cycles, observation, workers)
+    cycles = workers.cycles(problem.kick.size * scene.particles)
+    each = statistics(problem, launch, scene, workers, cycles)
+    return _orbits(problem, launch, each, cycles, scene, workers)
 
 
 def _orbits(
@@ -169,17 +167,17 @@ def _orbits(
     launch: Launches,
     each: Statistics,
     cycles: Cycles,
-    observation: Scene,
+    scene: Scene,
     workers: Workers,
 ) -> Orbits:
     orbits = empty_orbits(each.status.size)
 
-    batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
-    exponents = int(observation.measures.lyapunov)
+    batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
+    exponents = int(scene.measures.lyapunov)
     own = each._replace(kinds=())  # the others are none of its business
 
     def task(first: int, last: int) -> None:
-        settle(first, last, batch, own, cycles, observation.budget, exponents, orbits)
+        settle(first, last, batch, own, cycles, scene.budget, exponents, orbits)
 
     workers.each(task, each.status.size, TRAJECTORIES_PER_TASK // 64)
     return orbits
@@ -193,25 +191,25 @@ def _lasts(problem: Dimensionless, launch: Launches, periods: float) -> bool:
 def _separations(
     problem: Dimensionless,
     launch: Launches,
-    observation: Scene,
+    scene: Scene,
     whole: Statistics,
     cycles: Cycles | None,
     workers: Workers,
 ) -> Separations:
-    size, particles = problem.kick.size, observation.particles
+    size, particles = problem.kick.size, scene.particles
     found = empty_separations(size)
     if particles == 1:  # a single particle has no separations
         found.shared[:] = np.where(whole.status == Status.COMPLETED, 0, found.shared)
         return found
     complete = whole.status == Status.COMPLETED
-    known = cycles if cycles is not None and observation.skip else workers.cycles(0)
-    windowed = observation.windowed  # loops over all launches
-    batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
+    known = cycles if cycles is not None and scene.skip else workers.cycles(0)
+    windowed = scene.windowed  # loops over all launches
+    batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
     rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to allocate
 
     def task(first: int, last: int) -> None:
         room = rooms.pop()
-        separate((first, last), batch, complete, observation.budget, windowed, room, known, found)
+        separate((first, last), batch, complete, scene.budget, windowed, room, known, found)
         rooms.append(room)
 
     per_task = max(1, TRAJECTORIES_PER_TASK // (32 * particles))
@@ -223,15 +221,15 @@ def _error_bounds(
     problem: Dimensionless,
     launch: Launches,
     tolerance: Array,
-    observation: Scene,
+    scene: Scene,
     workers: Workers,
 ) -> Trust:
-    bounds = empty_trust(tolerance.size * observation.particles)
+    bounds = empty_trust(tolerance.size * scene.particles)
 
-    batch = Batch(base_of(observation.base, observation.rebound), problem, launch)
+    batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
 
     def task(first: int, last: int) -> None:
-        trust(first, last, batch, tolerance, observation.budget, bounds)
+        trust(first, last, batch, tolerance, scene.budget, bounds)
 
     workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 64)
     return bounds
@@ -248,7 +246,7 @@ def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
     return Launches._make(values[which] for values in launch)
 
 
-def _repeated(found: Followed, source: NDArray[np.intp], observation: Scene) -> Followed:
+def _repeated(found: Followed, source: NDArray[np.intp], scene: Scene) -> Followed:
     """Copy the results of distinct realizations to all their duplicates."""
 
     def taken(values: Any, places: NDArray[np.intp]) -> Any:
@@ -257,8 +255,8 @@ def _repeated(found: Followed, source: NDArray[np.intp], observation: Scene) -> 
         arrays = (v[..., places] if isinstance(v, np.ndarray) else v for v in values)
         return type(values)(*arrays)
 
-    first = source[:, np.newaxis] * observation.particles
-    each = (first + np.arange(observation.particles)).ravel()
+    first = source[:, np.newaxis] * scene.particles
+    each = (first + np.arange(scene.particles)).ravel()
     return Followed(
         taken(found.each, each),
         taken(found.whole, source),

@@ -252,12 +252,12 @@ def _landings(experiment: Experiment, restitution: Array, walk: Array) -> tuple[
     launch = experiment.launch
     if base == SPRUNG:
         alone = all_parameters({name: np.array([value]) for name, value in scene.items()})
-        observation = bare_scene(
+        coupled = bare_scene(
             experiment.particles, launch, end, experiment.rebound, Measures.impact_budget, base
         )
         with Workers(1) as workers:
-            found = record_landings(alone, observation, workers)
-            track = base_track(alone, observation, workers)
+            found = record_landings(alone, coupled, workers)
+            track = base_track(alone, coupled, workers)
         record = Record._make(found[name][0] for name in Record._fields)
         return record, recoiling(track, scene["frequency"], end)
     given = {name: np.full(restitution.size, scene[name]) for name in PARAMETERS}

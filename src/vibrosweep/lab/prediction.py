@@ -130,8 +130,8 @@ def predict(
     if flown.size:
         length = impacts.attrs["end"] - float(start.min())
         base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
-        observation = bare_scene(1, (0.0,), length, rebound, Measures.impact_budget, base)
-        found = measure(all_parameters(sets), observation, workers)
+        bare = bare_scene(1, (0.0,), length, rebound, Measures.impact_budget, base)
+        found = measure(all_parameters(sets), bare, workers)
         height[:, flown] = found["rebound_height_mean"].reshape(draws, -1)
         period[:, flown] = found["flight_time_mean"].reshape(draws, -1)
     return Prediction(height, period)

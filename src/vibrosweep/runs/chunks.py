@@ -147,13 +147,12 @@ def compute_rows(
 def _batch(spec: Sweep, design: Realizations, start: int, stop: int, workers: Workers) -> Columns:
     sampled, size = design.take(start, stop), stop - start
     parameters = spec.scene.parameters(sampled, size)
-    observation = spec.scene
     try:
-        measured = measure_all(parameters, observation, workers)
+        measured = measure_all(parameters, spec.scene, workers)
     except VibrosweepError:
         raise
     except Exception:  # try once more: the failure may have been temporary
-        measured = measure_all(parameters, observation, workers)
+        measured = measure_all(parameters, spec.scene, workers)
     return {**spec.scene.varied(sampled, size), **measured}
 
 
