@@ -17,7 +17,7 @@ from vibrosweep.engine.landings import all_parameters as complete
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels._jit import uncached
-from vibrosweep.kernels.advance import Options, _step, advance, room_around
+from vibrosweep.kernels.advance import Options, _step, advance, memory_around
 from vibrosweep.kernels.bases import constants, put
 from vibrosweep.kernels.cycles import Chosen
 from vibrosweep.kernels.impact import Batch, base_of
@@ -87,7 +87,7 @@ def test_speed_does_not_depend_on_the_place_in_memory():
     for place in [0, *range(places)] * 5:
         block = memory[start + place * page :][:size]
         block[:] = 0.0
-        room = room_around(block)
+        room = memory_around(block)
         begin = time.perf_counter()
         left = advance((0, trajectories, 0), batch, options, False, room, out, None, None)
         advance((0, 0, left), batch, options, False, room, out, None, None)
@@ -160,7 +160,7 @@ def test_hot_loop_uses_whole_vector_registers():
     problem, launch, observation = scene(1, 8, 12.0)
     batch = Batch(base_of("high-bounce", observation.rebound), problem, launch)
     fresh: Any = uncached(advance)
-    room = room_around(scratch())
+    room = memory_around(scratch())
     fresh((0, 8, 0), batch, Options(102), False, room, empty_statistics(8), None, None)
     (assembly,) = fresh.inspect_asm().values()
     blocks = re.split(r"^\.LBB\w+:", assembly, flags=re.MULTILINE)

@@ -10,7 +10,7 @@ from vibrosweep.engine.measure import measure
 from vibrosweep.engine.measuring import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.observing import compiled
+from vibrosweep.kernels.observables import compiled
 from vibrosweep.model.landing import Landing
 from vibrosweep.model.observables import Observable
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibrosweep.kernels.advance import Options, advance, room_around
+from vibrosweep.kernels.advance import Options, advance, memory_around
 from vibrosweep.kernels.bases import fitted
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Units, empty_record, record
@@ -29,7 +29,7 @@ def problem(size, most, periods, seed=1, **fixed):
 
 def streamed(base, scene, launch, budget=600_000):
     total = scene.kick.size * PARTICLES
-    out, room = empty_statistics(total), room_around(scratch())
+    out, room = empty_statistics(total), memory_around(scratch())
     batch = Batch(base, scene, launch)
     options = Options(budget)
     lanes = advance((0, total, 0), batch, options, False, room, out, None, None)

@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from vibrosweep.kernels import bases
-from vibrosweep.kernels.advance import Options, advance, room_around
+from vibrosweep.kernels.advance import Options, advance, memory_around
 from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.cycles import empty_cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of, impact, launch_speed
@@ -244,7 +244,7 @@ def followed(problem_of):
     batch = Batch(BASE, problem, Launches(np.zeros((1, 1)), np.zeros((1, 1))))
     found = []
     for jump in (1, 0):
-        out, memory = empty_statistics(700), room_around(scratch())
+        out, memory = empty_statistics(700), memory_around(scratch())
         cycles, rests = empty_cycles(700), empty_rests(out.kinds)
         given = batch, Options(600_000, 0.0, 1, jump), False, memory, out, cycles, rests
         advance((700, 700, advance((0, 700, 0), *given)), *given)

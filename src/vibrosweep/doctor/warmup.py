@@ -22,8 +22,8 @@ from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.coupled.follow import follow
+from vibrosweep.kernels.coupled.record import trace
 from vibrosweep.kernels.coupled.settling import settle_jointly
-from vibrosweep.kernels.coupled.written import trace
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.impact import BASE_OF

@@ -23,16 +23,16 @@ from vibrosweep.kernels.coupled.counting import (
 )
 from vibrosweep.kernels.coupled.follow import (
     Coupled,
-    Whole,
-    Written,
-    empty_whole,
+    MotionRecord,
+    PerRealization,
+    empty_per_realization,
     follow,
-    follow_observing,
+    follow_uncached,
 )
+from vibrosweep.kernels.coupled.record import Scale, Track, empty_track, trace
 from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
-from vibrosweep.kernels.coupled.written import Scale, Track, empty_track, trace
-from vibrosweep.kernels.observing import Observer
+from vibrosweep.kernels.observables import Observer
 from vibrosweep.kernels.record import Record, Units, empty_record
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
@@ -86,7 +86,7 @@ def _followed(
     workers: Workers,
     capacity: int,
     observer: Observer | None = None,
-) -> tuple[CoupledStatistics, Whole, Written]:
+) -> tuple[CoupledStatistics, PerRealization, MotionRecord]:
     """Statistics of particles and of realizations, and their separations and order.
 
     And at most `capacity` landings of each particle, with the motion of the base; 0 for none.
@@ -94,13 +94,13 @@ def _followed(
     particles, size = scene.particles, parameters["frequency"].size
     batch = _batch(parameters, scene)
     kinds = (*KINDS_COUPLED, *kinds_of(scene))
-    statistics, whole = empty_coupled(size, particles, kinds, observer), empty_whole(size)
-    kernel = follow if observer is None else follow_observing
+    statistics, whole = empty_coupled(size, particles, kinds, observer), empty_per_realization(size)
+    kernel = follow if observer is None else follow_uncached
     idle = [work_for(particles) for _ in range(min(size, workers.threads))]
     # a launch of each particle; each landing is followed by no more than one lift-off of riders
     track = empty_track(size, particles * (1 + 2 * capacity) if capacity > 0 else 0)
     units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
-    written = Written(empty_record(size * particles, capacity), track, units)
+    written = MotionRecord(empty_record(size * particles, capacity), track, units)
 
     def task(first: int, last: int) -> None:
         work, budget = idle.pop(), scene.budget
@@ -128,7 +128,7 @@ def _batch(parameters: Mapping[str, Array], scene: Scene) -> Coupled:
     return Coupled(problem, mounts(parameters), launch)
 
 
-def _separations(whole: Whole, sums: Statistics, frequency: Array) -> Measured:
+def _separations(whole: PerRealization, sums: Statistics, frequency: Array) -> Measured:
     """Separations; undetermined where not every landing up to the end was found."""
     complete = sums.status == 0
     gap = np.where(complete, whole.gap, np.nan)
@@ -143,7 +143,7 @@ def _separations(whole: Whole, sums: Statistics, frequency: Array) -> Measured:
     }
 
 
-def _order(whole: Whole, frequency: Array) -> Measured:
+def _order(whole: PerRealization, frequency: Array) -> Measured:
     """Order of the landings."""
     names = ("order_1", "order_2", "order_3", "order_half", "order_third")
     return {
@@ -228,21 +228,21 @@ def carry_on(parameters: Mapping[str, Array], begin: Neighbours, periods: float)
     realization.  Raises a ParameterError where a landing could not be found.
     """
     problem = dimensionless(parameters, Periods(periods))
-    of, matrix = system(begin.height.size), np.array(begin.matrix, order="F")
-    of.mode[:] = MODE.FLYING
-    of.particle[PARTICLE.HEIGHT], of.particle[PARTICLE.SPEED] = begin.height, begin.speed
-    of.particle[PARTICLE.SCALE] = np.abs(begin.speed)
-    of.now[NOW.X] = begin.phase
-    of.now[NOW.D], of.now[NOW.B] = begin.deviation
-    rode = np.zeros_like(of.mode)
-    landings = carry(of, problem, mounts(parameters), 0, periods, rode, matrix)
+    state, matrix = system(begin.height.size), np.array(begin.matrix, order="F")
+    state.mode[:] = MODE.FLYING
+    state.particle[PARTICLE.HEIGHT], state.particle[PARTICLE.SPEED] = begin.height, begin.speed
+    state.particle[PARTICLE.SCALE] = np.abs(begin.speed)
+    state.now[NOW.X] = begin.phase
+    state.now[NOW.D], state.now[NOW.B] = begin.deviation
+    rode = np.zeros_like(state.mode)
+    landings = carry(state, problem, mounts(parameters), 0, periods, rode, matrix)
     if landings < 0:
         raise ParameterError("the next landing could not be found: the parameters are too extreme")
     return Neighbours(
-        of.particle[PARTICLE.HEIGHT].copy(),
-        of.particle[PARTICLE.SPEED].copy(),
-        float(of.now[NOW.X]),
-        (float(of.now[NOW.D]), float(of.now[NOW.B])),
+        state.particle[PARTICLE.HEIGHT].copy(),
+        state.particle[PARTICLE.SPEED].copy(),
+        float(state.now[NOW.X]),
+        (float(state.now[NOW.D]), float(state.now[NOW.B])),
         matrix,
         landings,
     )

@@ -17,11 +17,11 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observed import kinds_of
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
-from vibrosweep.kernels.advance import Options, advance, advance_observing, room_around
+from vibrosweep.kernels.advance import Options, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import fitted
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.observing import Observer, observing_scratch
+from vibrosweep.kernels.observables import Observer, observer_scratch
 from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.separation import Separations, empty_separations, separate
 from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
@@ -134,17 +134,17 @@ def statistics(
         int(scene.skip),
         observer,
     )
-    kernel = advance if observer is None else advance_observing
+    kernel = advance if observer is None else advance_uncached
 
     def begin() -> Callable[[int, int], None]:
-        room = room_around(scratch(kinds) if observer is None else observing_scratch())
+        memory = memory_around(scratch(kinds) if observer is None else observer_scratch())
         rests = None if cycles is None else empty_rests(each.kinds)
         lanes = 0
 
         def task(first: int, last: int) -> None:
             nonlocal lanes
             span = (first, last, lanes)
-            lanes = kernel(span, batch, options, windowed, room, each, cycles, rests)
+            lanes = kernel(span, batch, options, windowed, memory, each, cycles, rests)
 
         return task
 
@@ -174,10 +174,10 @@ def _orbits(
 
     batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
     exponents = int(scene.measures.lyapunov)
-    own = each._replace(kinds=())  # the others are none of its business
+    plain = each._replace(kinds=())  # one machine code, whatever statistics are chosen
 
     def task(first: int, last: int) -> None:
-        settle(first, last, batch, own, cycles, scene.budget, exponents, orbits)
+        settle(first, last, batch, plain, cycles, scene.budget, exponents, orbits)
 
     workers.each(task, each.status.size, TRAJECTORIES_PER_TASK // 64)
     return orbits
@@ -205,12 +205,13 @@ def _separations(
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)
     windowed = scene.windowed  # loops over all launches
     batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
-    rooms = [workspace(particles) for _ in range(min(size, workers.threads))]  # costly to allocate
+    # costly to allocate
+    workspaces = [workspace(particles) for _ in range(min(size, workers.threads))]
 
     def task(first: int, last: int) -> None:
-        room = rooms.pop()
-        separate((first, last), batch, complete, scene.budget, windowed, room, known, found)
-        rooms.append(room)
+        work = workspaces.pop()
+        separate((first, last), batch, complete, scene.budget, windowed, work, known, found)
+        workspaces.append(work)
 
     per_task = max(1, TRAJECTORIES_PER_TASK // (32 * particles))
     workers.each(task, size, per_task)

@@ -166,11 +166,11 @@ def compiled_anew(
         fresh.__kwdefaults__ = function.__kwdefaults__
         done[function] = compiler(fresh)
         for name, value in outside(function).items():
-            own = compiled_anew(value, compiler, done) if is_own(value) else value
+            anew = compiled_anew(value, compiler, done) if is_own(value) else value
             if name in cells:
-                cells[name].cell_contents = own
+                cells[name].cell_contents = anew
             else:
-                names[name] = own
+                names[name] = anew
     return done[function]
 
 

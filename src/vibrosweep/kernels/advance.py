@@ -57,7 +57,7 @@ from vibrosweep.kernels.lanes import (
     close_gaps,
     find_done,
 )
-from vibrosweep.kernels.observing import Observer, note, observe
+from vibrosweep.kernels.observables import Observer, note, observe
 from vibrosweep.kernels.statistics import RESTS, Kinds, Statistics
 from vibrosweep.kernels.totals import OF_RESTS, clear, count, expect, sum_up, totals_of, with_flight
 from vibrosweep.model.landing import Landing
@@ -79,24 +79,24 @@ class Options(NamedTuple):
     patience: float = 0.0
     all_cycles: int = 0  # 1 to find every cycle, 0 to find only those that save work
     jump: int = 1  # 1 to skip repetitions of cycles, 0 to simulate every impact nevertheless
-    # What is called for every landing in the window, or None.  Without cycles only.
+    # The function called for every landing in the window, or None.  Without cycles only.
     observer: Observer | None = None
 
 
-class Room(NamedTuple):
+class Memory(NamedTuple):
     """Memory of one caller: a block of lanes, and the places in it that are refilled."""
 
     block: Floats
     places: Integers
 
 
-def room_around(block: Floats) -> Room:
-    """Memory for one caller, with the block of `scratch` or `observing_scratch`."""
-    return Room(block, np.empty(LANES, np.int64))
+def memory_around(block: Floats) -> Memory:
+    """Memory for one caller, with the block of `scratch` or `observer_scratch`."""
+    return Memory(block, np.empty(LANES, np.int64))
 
 
-class Watch(NamedTuple):
-    """Data shared by the trajectories of a realization: scene and window."""
+class Realization(NamedTuple):
+    """Data shared by the trajectories of a realization: constants, launch speed and window."""
 
     fixed: Constants
     speed: float
@@ -128,7 +128,7 @@ def _step(
         x, passed = land(x_from, time)
         n = n_from + passed
         inside = n <= s[ROW.X_END + j] - x
-        # the landing after the end is beyond no budget: it ends a flight that counts
+        # the budget does not hold for the landing after the end, which ends a flight that counts
         landed = landed & (may_land(fixed, s, j, budget) | (not inside))
         seen = landed & inside
         # after a rest for good the phase is NaN, which is never before the end
@@ -174,8 +174,8 @@ def _mark(s: Floats, lanes: int, chosen: Chosen, budget: int, cycles: Cycles | N
 
 
 @jit
-def _watch(base: Base, problem: Dimensionless, i: int) -> Watch:
-    return Watch(
+def _realization(base: Base, problem: Dimensionless, i: int) -> Realization:
+    return Realization(
         constants(base, problem, i),
         problem.launch_flight[i],
         (problem.end_count[i], problem.end_phase[i]),
@@ -189,20 +189,20 @@ def _load(
     j: int,
     lane: int,
     start: Instant,
-    watch: Watch,
+    realization: Realization,
     kinds: Kinds,
     cycles: Cycles | None,
     patience: float,
 ) -> None:
     """Load trajectory `lane`, which leaves the base at `start`, into lane j of the block."""
     n, x = start
-    n_end, x_end = watch.end
+    n_end, x_end = realization.end
     s[ROW.X + j] = x
     s[ROW.N + j] = n - n_end
-    s[ROW.U + j] = leave(watch.fixed, x, watch.speed)
-    put(watch.fixed, s, j)
+    s[ROW.U + j] = leave(realization.fixed, x, realization.speed)
+    put(realization.fixed, s, j)
     s[ROW.X_END + j] = x_end
-    n_begin, x_begin = watch.begin
+    n_begin, x_begin = realization.begin
     s[ROW.N_BEGIN + j] = n_begin - n_end
     s[ROW.X_BEGIN + j] = x_begin
     s[ROW.AGE + j] = 0.0
@@ -219,7 +219,7 @@ def _write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> No
     """Write the statistics of the trajectory in place j to its own slot."""
     # arrays are used last where no branch is: else numba counts references at every call
     lane = int(s[ROW.LANE + j]) if j >= 0 else -1
-    if lane < 0:  # never, which spares the compiler the look at it for each index below
+    if lane < 0:  # never; told here, the compiler wraps no index below
         return
     over = False
     fixed = take(base, s, j)
@@ -251,7 +251,7 @@ def advance(
     batch: Batch,
     options: Options,
     windowed: bool,
-    room: Room,
+    memory: Memory,
     out: Statistics,
     cycles: Cycles | None,
     rests: Rests | None,
@@ -264,19 +264,19 @@ def advance(
     progress, 0 or what the previous call returned.  With none to start, those in progress are
     finished.
 
-    `windowed` tells whether the window may begin after a launch; `room` is from `room_around` and,
-    as `rests`, not shared between threads.  If `cycles` are given, with `rests`, simulation of a
-    trajectory stops when its state recurs bit for bit, and the rest is counted from one cycle.
+    `windowed` tells whether the window may begin after a launch; `memory` is from `memory_around`
+    and, as `rests`, not shared between threads.  If `cycles` are given, with `rests`, simulation of
+    a trajectory stops when its state recurs bit for bit, and the rest is counted from one cycle.
     Sums then differ from those of a full simulation by rounding only.
     """
     base, problem, launches = batch
-    s, places = room
+    s, places = memory
     chosen = Chosen(base, out.kinds)
     budget = float(options.budget)
     first, last, lanes = span
     particles = launches.whole.shape[1]
     i, p = first // particles, first % particles
-    watch = _watch(base, problem, min(i, problem.kick.size - 1))
+    realization = _realization(base, problem, min(i, problem.kick.size - 1))
     patience = 0.0 if options.all_cycles == 1 else options.patience
     following = first
     done = min(LANES - lanes, last - first)
@@ -287,15 +287,15 @@ def advance(
         fresh = min(done, last - following)
         for q in range(fresh):
             lane = following + q
-            if i < 0 or p < 0 or places[q] < 0:  # never, see `write`
+            if i < 0 or p < 0 or places[q] < 0:  # never, see `_write`
                 return 0
             start = launch(launches, i, p, problem.phase[i])
-            _load(s, places[q], lane, start, watch, out.kinds, cycles, patience)
+            _load(s, places[q], lane, start, realization, out.kinds, cycles, patience)
             expect(out.kinds, out, lane)
             p += 1
             if p == particles:
                 i, p = i + 1, 0
-                watch = _watch(base, problem, min(i, problem.kick.size - 1))
+                realization = _realization(base, problem, min(i, problem.kick.size - 1))
         following += fresh
         lanes = close_gaps(s, lanes, places, fresh, done)
         if lanes < LANES and first < last:
@@ -332,4 +332,4 @@ def advance(
 
 
 # Machine code for a function that exists in this process alone is not kept on disk.
-advance_observing = uncached(advance)
+advance_uncached = uncached(advance)

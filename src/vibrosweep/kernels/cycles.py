@@ -163,7 +163,7 @@ def _jump(kinds: Kinds, s: Floats, j: int, periods: float, windowed: bool) -> bo
 
 @jit
 def recurs(s: Floats, j: int) -> bool:
-    """Whether lane j recurs: its state equals its anchor, at a later time."""
+    """Return whether lane j recurs: its state equals its anchor, at a later time."""
     same = s[ROW.X + j] == s[ROW.X_ANCHOR + j] and s[ROW.U + j] == s[ROW.U_ANCHOR + j]
     return bool(same and s[ROW.N + j] > s[ROW.N_ANCHOR + j])
 
@@ -177,7 +177,7 @@ def stop_search(s: Floats, j: int) -> None:
 
 @jit
 def saves_work(s: Floats, j: int, jump: int) -> bool:
-    """Whether skipping cycles of lane j, which recurs, is allowed and saves work."""
+    """Return whether skipping cycles of lane j, which recurs, is allowed and saves work."""
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
     return bool(jump == 1 and since > 0.0 and -s[ROW.N + j] > WORTH * since)
 

@@ -43,12 +43,12 @@ class FixedOrbits(NamedTuple):
 
 
 def empty_fixed(problems: int) -> FixedOrbits:
-    """Room for fixed orbits."""
+    """Allocate fixed orbits."""
     return FixedOrbits(np.empty(problems, np.int8), np.empty(problems))
 
 
 def may_push_back(rebound: str) -> bool:
-    """Whether a law of rebound turns a particle back that is pushed into the base."""
+    """Return whether a law of rebound turns a particle back that is pushed into the base."""
     return speed_after(law_of(rebound), 0.0, 0.0, -1.0) > 0.0
 
 

@@ -60,7 +60,7 @@ def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
 
 @jit
 def affordable(cycles: Cycles, first: int, particles: int, n_end: float, budget: int) -> bool:
-    """Whether the landings until whole period n_end of each trajectory first, ... fit a budget.
+    """Return whether all landings until whole period n_end of trajectories first, ... fit a budget.
 
     Those that have no cycle were followed to the end within it.
     """

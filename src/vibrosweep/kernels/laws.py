@@ -103,28 +103,28 @@ def law_of(name: str) -> Law:
 @functools.cache
 def _from_outside(code: str, law: OutsideLaw) -> Law:
     """Implement a law from outside the package."""
-    own = kind(f"{law.name}_{code}")
+    marker = kind(f"{law.name}_{code}")
     kept, slope, bend = (compiled_anew(f, jit) for f in (law.kept, law.slope, law.bend))
     rounding = law.roundings * HALF_ULP
 
-    @implements(speed_after, own)
+    @implements(speed_after, marker)
     def speed_after_outside(law: Law, e: float, v: float, kick: float) -> float:
         return kept(e, v) + kick  # type: ignore[no-any-return]
 
-    @implements(slopes, own)
+    @implements(slopes, marker)
     def slopes_outside(law: Law, e: float, v: float, kick: float) -> tuple[float, float]:
         return slope(e, v), 1.0
 
-    @implements(curvature, own)
+    @implements(curvature, marker)
     def curvature_outside(law: Law, e: float) -> float:
         return 0.5 * bend(e)  # type: ignore[no-any-return]
 
-    @implements(speed_rounding, own)
+    @implements(speed_rounding, marker)
     def speed_rounding_outside(law: Law, e: float, v: float, w: float) -> float:
         return HALF_ULP * abs(w) + rounding * abs(kept(e, v)) + SMALLEST  # type: ignore[no-any-return]
 
-    @implements(kick_to_repeat, own)
+    @implements(kick_to_repeat, marker)
     def kick_to_repeat_outside(law: Law, e: float, v: float, sign: float) -> float:
         return sign * v - kept(e, v)  # type: ignore[no-any-return]
 
-    return own()
+    return marker()

@@ -46,7 +46,7 @@ def _append_all(
 
 @jit
 def _lift_off_together(s: Floats, lanes: int, low: float, high: float, rests: Floats) -> bool:
-    """Whether a lane that just rested lifts off in the same period as another one did.
+    """Return whether a lane that just rested lifts off in the same period as another one did.
 
     They are on one orbit from then on.  Only lift-offs after whole period `low` and up to `high`
     count: those that are followed by a landing inside the window.
@@ -107,14 +107,14 @@ def _extent(listed: Floats, k: int) -> tuple[float, float, float]:
 
 @jit
 def _drift_apart(listed: Floats, k: int, pace: Floats) -> bool:
-    """Whether, of k ordered landings of equal number, later ones are never of faster particles."""
+    """Return whether k ordered landings of equal number are ordered by pace, the fastest first."""
     slowest = -np.inf
     for q in range(k):
         who = int(listed[ORDERED + LIST.WHO, q])
-        own = pace[who if who >= 0 else -1 - who]
-        if own < slowest:
+        periods = pace[who if who >= 0 else -1 - who]
+        if periods < slowest:
             return False
-        slowest = own
+        slowest = periods
     return True
 
 

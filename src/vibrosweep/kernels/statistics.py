@@ -1,4 +1,4 @@
-"""What a statistic is: a number for each landing, or for each flight, and how numbers combine.
+"""Statistics: a number for each landing, or for each flight, and how numbers combine.
 
 The kernels keep nothing else of landings.  A statistic is declared once, below: `kernels.totals`
 composes those that are asked for into the loop over the lanes, the totals of a cycle and the loop
@@ -37,7 +37,7 @@ class Statistic(NamedTuple):
 
     @property
     def summed(self) -> bool:
-        """Whether it is a sum that is rounded."""
+        """Return whether it is a sum that is rounded."""
         return self.combine in (SUM, PRODUCTS)
 
     def joined(self, one: str, other: str) -> str:

@@ -157,7 +157,7 @@ def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box, cycles
 
 @jit
 def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: float) -> bool:
-    """Whether no rounding can change a decision along a cycle.
+    """Return whether no rounding can change a decision along a cycle.
 
     (x, u) is a state of the cycle; of one with a rest, the lift-off from it.  `modulus` is that of
     the leading multiplier, by which the error of one cycle is passed on to the next; 0 of a cycle

@@ -1,18 +1,17 @@
-"""What tells one base from another: the questions that kernels ask of it.
+"""Generic functions in which one base differs from another.
 
-A kernel is compiled for one base and one law.  Which it is stands in the *type* of the
-constants: the named tuple of the numbers that decide the impacts of one realization.  Each base is
-one file here, which holds its constants and implementations; no other kernel knows which base it is
-compiled for.
+A kernel is compiled for one base and one law.  The *type* of the constants tells which: the named
+tuple of the numbers that decide the impacts of one realization.  Each base is one file here, which
+holds its constants and implementations; no other kernel knows which base it is compiled for.
 
 All numbers are dimensionless: phases in turns, times and flights in forcing periods, speeds as the
 duration of the flight that they begin on a base at rest.  Speeds are relative to the base, where
 nothing else is said.
 
-Questions about whole batches are asked by Python code alone.
+Functions of whole batches are called by Python code alone.
 
-A flight may take several passes to be computed: a kernel that advances many lanes asks `approach`
-for one pass of each, others ask `fly` for the whole of one flight.
+A flight may take several passes to be computed: a kernel that advances many lanes calls `approach`
+for one pass of each, others call `fly` for the whole of one flight.
 """
 
 from __future__ import annotations
@@ -101,7 +100,7 @@ def put(fixed: Constants, s: Floats, j: int) -> None:
 def take(base: Base, s: Floats, j: int) -> Constants:
     """Take the constants of lane j back.
 
-    A rest for good leaves no phase there (NaN), and what has none is before no end.
+    After a rest for good the phase is NaN there, and every comparison with an end is False.
     """
 
 
@@ -128,12 +127,12 @@ def approach(fixed: Constants, s: Floats, j: int) -> tuple[float, float, bool]:
 
 @generic
 def may_land(fixed: Constants, s: Floats, j: int, budget: float) -> bool:
-    """Whether lane j has had fewer impacts than the budget; True where looks see to that."""
+    """Return whether lane j has had fewer impacts than the budget; True where others check it."""
 
 
 @generic
 def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: bool) -> bool:
-    """Keep what the next pass of lane j needs; whether a flight is to be counted now.
+    """Keep what the next pass of lane j needs; return whether a flight is to be counted now.
 
     `seen` is whether the landing, if there is one, is in the window.
     """
@@ -141,12 +140,12 @@ def keep(fixed: Constants, s: Floats, j: int, time: float, landed: bool, seen: b
 
 @generic
 def gives_up(base: Base, s: Floats, j: int, passes: int) -> bool:
-    """Whether lane j finds no landing however often it is tried; asked every so many passes."""
+    """Return whether the search of lane j is given up; called after every so many passes."""
 
 
 @generic
 def pending(base: Base, s: Floats, j: int) -> bool:
-    """Whether the flight that lane j is in is to be counted when it ends."""
+    """Return whether the flight that lane j is in is to be counted when it ends."""
 
 
 @generic
@@ -177,13 +176,13 @@ def fitted(base: Base, problem: Dimensionless) -> Base:
 
 @singledispatch
 def lowest(base: Base, problem: Dimensionless) -> Floats | None:
-    """What heights are counted from, below the mean level; None where it is that level."""
+    """Depth of the zero of heights below the mean level; None where it is that level."""
     raise NotImplementedError
 
 
 @singledispatch
 def lifts(base: Base, problem: Dimensionless) -> NDArray[np.bool_]:
-    """Whether a resting particle is ever lifted, shape (realization,)."""
+    """Return whether a resting particle is ever lifted, shape (realization,)."""
     raise NotImplementedError
 
 
@@ -249,18 +248,18 @@ def density(fixed: Constants, u: float) -> float:
 
 @generic
 def fixed_residual(fixed: Constants, x: float, k: float, sign: float) -> tuple[float, float, float]:
-    """What is left of the equation of a fixed orbit that lands at phase x every k periods.
+    """Residual of the equation of a fixed orbit that lands at phase x every k periods.
 
     `sign` is -1 for an orbit whose particle is pushed into the base, and turned back, at every
-    impact; else 1.  Also the derivative of what is left by the phase, and the size of its terms.
+    impact; else 1.  Also the derivative of the residual by the phase, and the size of its terms.
     """
 
 
 @generic
 def fixed_attracts(fixed: Constants, x: float, k: float) -> bool:
-    """Whether the fixed orbit that lands at phase x every k periods attracts."""
+    """Return whether the fixed orbit that lands at phase x every k periods attracts."""
 
 
 @generic
 def fixed_holds(fixed: Constants, x: float, k: float) -> bool:
-    """Whether a particle that leaves phase x for k periods lands only then, and leaves at once."""
+    """Return whether a flight from phase x lands after k periods, not before, without a rest."""

@@ -1,4 +1,4 @@
-"""What the bounds of errors ask of a base; `vibrosweep.kernels.trust` carries them along."""
+"""Generic functions of a base for the bounds of errors of `vibrosweep.kernels.trust`."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def absolute_error(fixed: Constants, x: float, u: float, spread: Spread) -> floa
 
 @generic
 def rest_is_doubtful(fixed: Constants, x: float, w: float, spread: Spread) -> bool:
-    """Whether errors decide if a particle rests that lands at phase x, its rebound w."""
+    """Return whether errors decide if a particle rests that lands at phase x, its rebound w."""
 
 
 @generic

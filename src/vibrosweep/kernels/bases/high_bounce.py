@@ -53,7 +53,7 @@ class HighBounce(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """What decides the impacts of one realization."""
+    """Numbers that decide the impacts of one realization."""
 
     base: HighBounce
     # e, a, r: restitution, kick and threshold of rest

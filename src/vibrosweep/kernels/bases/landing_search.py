@@ -73,7 +73,7 @@ class Start(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """What is known of a landing from the beginning of the flight alone."""
+    """A landing as far as it is known from the beginning of the flight alone."""
 
     sure: bool  # whether the flight has one root for sure
     time: float  # a time near it
@@ -155,7 +155,7 @@ def series_terms(begin: Start, clear: Clearance) -> Terms:
 
 @jit
 def turn(s: float) -> tuple[float, float, float]:
-    """What `clearance` needs of s: sin(2 pi s), 2 pi s - sin(2 pi s) and 1 - cos(2 pi s)."""
+    """Return what `clearance` needs of s: sin(2 pi s), 2 pi s - sin(2 pi s) and 1 - cos(2 pi s)."""
     part = s - np.rint(s)
     turned, lag = sin_and_lag(s, part)
     half = sin_near(0.5 * part)
@@ -218,7 +218,7 @@ def first_try(begin: Start, guess: Guess, rough: Clearance, arcs: int | None) ->
 
 @jit
 def _ends(x: float, x_lift: float) -> tuple[bool, float, float]:
-    """Whether the base presses at phase x, and periods until it falls, or presses again.
+    """Return whether the base presses at phase x, and periods until it falls, or presses again.
 
     A stretch that is as good as over has ended.
     """

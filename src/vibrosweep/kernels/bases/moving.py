@@ -49,7 +49,7 @@ class Moving(NamedTuple):
 
 
 class MovingConstants(NamedTuple):
-    """What decides the impacts of one realization."""
+    """Numbers that decide the impacts of one realization."""
 
     base: Moving
     # e, alpha, r: restitution, largest velocity of the base, and threshold of rest

@@ -215,7 +215,7 @@ def _lowest(
 
 @jit
 def _above(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[bool, float, float]:
-    """Whether all states land faster than the base moves; times between which all are above it."""
+    """Return whether all states land faster than the base moves, and when all are above it."""
     alpha, (dx, dy) = fixed.alpha * SURE, spread
     gamma, sine = math.pi * alpha, sin_turns(flight.x)
     u = flight.u + fixed.alpha * sine
@@ -231,7 +231,7 @@ def _above(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[bool
 
 @jit
 def _is_first(fixed: MovingConstants, flight: Flight, spread: Spread, last: float) -> bool:
-    """Whether no state in a spread has landed before the time `last`."""
+    """Return whether no state in a spread has landed before the time `last`."""
     gamma = math.pi * fixed.alpha
     if gamma * (1.0 + GAMMA_ERROR) <= 1.0:  # F is concave
         return flight.u > spread[1]
@@ -254,7 +254,7 @@ def _is_first(fixed: MovingConstants, flight: Flight, spread: Spread, last: floa
 
 @jit
 def _pressed(fixed: MovingConstants, flight: Flight, spread: Spread) -> tuple[float, float]:
-    """What `landing_added` is of a particle that lands at once, or may fly for a moment."""
+    """Value of `landing_added` for a particle that lands at once, or may fly for a moment."""
     dx, dy = spread
     if flight.u < -dy:
         return 0.0, 0.0

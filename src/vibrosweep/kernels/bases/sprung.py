@@ -35,7 +35,7 @@ TERMS = 40
 
 
 class Mount(NamedTuple):
-    """What decides the motion of one realization."""
+    """Numbers that decide the motion of one realization."""
 
     # e, alpha, r: restitution, largest velocity of the base without particles, and threshold of
     # rest
@@ -66,14 +66,14 @@ class Load(NamedTuple):
     slow: float
     fast: float
     reach: float  # amplitude of the forced oscillation
-    # own, grip: bounds: a free motion with the energy of the velocity v reaches the height v / own
+    # natural, grip: a free motion with the energy of the velocity v reaches the height v / natural
     # and the acceleration grip v
-    own: float
+    natural: float
     grip: float
 
 
 class Motion(NamedTuple):
-    """What the base has done some time after an instant."""
+    """Motion of the base some time after an instant."""
 
     # rise, gain: height and velocity beyond those of uniform motion, Y(s) - Y - Y' s and Y'(s) - Y'
     rise: float
@@ -125,15 +125,15 @@ def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
 
 
 @part
-def loaded(of: Mount, riders: int) -> Load:
+def loaded(fixed: Mount, riders: int) -> Load:
     """Return the base under the load of so many particles."""
-    mass = 1.0 + riders * of.mu
-    stiffness, drag = of.w * of.w / mass, of.zeta * of.w / mass
-    p, q = -of.alpha / TWO_PI, 0.0
+    mass = 1.0 + riders * fixed.mu
+    stiffness, drag = fixed.w * fixed.w / mass, fixed.zeta * fixed.w / mass
+    p, q = -fixed.alpha / TWO_PI, 0.0
     if mass > 1.0:
         # the response to what moves the bare base with the amplitude p
-        damping = 2.0 * of.zeta * of.w * TWO_PI
-        bare = of.w * of.w - TWO_PI * TWO_PI
+        damping = 2.0 * fixed.zeta * fixed.w * TWO_PI
+        bare = fixed.w * fixed.w - TWO_PI * TWO_PI
         full = bare - (mass - 1.0) * TWO_PI * TWO_PI
         norm = full * full + damping * damping
         q = -p * damping * (full - bare) / norm
@@ -144,10 +144,12 @@ def loaded(of: Mount, riders: int) -> Load:
     if swing == 0.0:
         fast = drag + math.sqrt(max(fma(drag, drag, -stiffness), 0.0))
         slow = stiffness / fast
-    level = -2.0 * (mass - 1.0) / (of.w * of.w) if mass > 1.0 else 0.0
-    reach, own = math.sqrt(fma(p, p, q * q)), math.sqrt(stiffness)
+    level = -2.0 * (mass - 1.0) / (fixed.w * fixed.w) if mass > 1.0 else 0.0
+    reach, natural = math.sqrt(fma(p, p, q * q)), math.sqrt(stiffness)
     grip = math.sqrt(4.0 * drag * drag + stiffness)
-    return Load(riders, stiffness, drag, p, q, level, keeps, swing, slow, fast, reach, own, grip)
+    return Load(
+        riders, stiffness, drag, p, q, level, keeps, swing, slow, fast, reach, natural, grip
+    )
 
 
 @jit
@@ -191,7 +193,7 @@ def bounds(load: Load, d: float, b: float) -> Bounds:
     jerk = twice * load.grip + load.stiffness
     snap = twice * jerk + load.stiffness * load.grip
     return Bounds(
-        base + (speed / load.own if speed > 0.0 else 0.0),
+        base + (speed / load.natural if speed > 0.0 else 0.0),
         reach + load.grip * speed,
         TWO_PI * reach + jerk * speed,
         TWO_PI**2 * reach + snap * speed,
@@ -219,7 +221,7 @@ def _overdamped(load: Load, d: float, b: float, s: float) -> Free:
     slow, fast, width = load.slow, load.fast, load.fast - load.slow
     left, ended = elementary.exp(-slow * s), elementary.exp(-fast * s)
     rise, gain = d * bend(slow * s), -slow * d * elementary.expm1(-slow * s)
-    if s * (2.0 * load.drag + load.own) <= SERIES:
+    if s * (2.0 * load.drag + load.natural) <= SERIES:
         risen, gained = _series(load, b, s)
         return Free(rise + risen, gain + gained, d * left + (b * s + risen), b * ended)
     odd = left * (-elementary.expm1(-width * s) / width if width > 0.0 else s)
@@ -277,11 +279,11 @@ def move(load: Load, sine: float, cosine: float, d: float, b: float, s: float) -
 
 
 @jit
-def recoil(of: Mount, riders: int, c: float, sticks: bool) -> float:
+def recoil(fixed: Mount, riders: int, c: float, sticks: bool) -> float:
     """Speed that an impact with the approach speed c takes from the base.
 
     Momentum is conserved, with `riders` particles as one body with the base; one that sticks has
     then the velocity of the base, one that bounces leaves it with the relative speed e c.
     """
-    mass = of.mu / (1.0 + riders * of.mu)
-    return mass / (1.0 + mass) * (c if sticks else (1.0 + of.e) * c)
+    mass = fixed.mu / (1.0 + riders * fixed.mu)
+    return mass / (1.0 + mass) * (c if sticks else (1.0 + fixed.e) * c)

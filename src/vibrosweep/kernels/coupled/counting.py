@@ -10,7 +10,7 @@ from vibrosweep.kernels._jit import Floats, Integers, jit, part
 from vibrosweep.kernels.bases import Counted
 from vibrosweep.kernels.coupled.neighbours import Landings, landings
 from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System, system
-from vibrosweep.kernels.observing import Observer
+from vibrosweep.kernels.observables import Observer
 from vibrosweep.kernels.statistics import Kinds, Statistics, empty_statistics
 from vibrosweep.kernels.totals import add_flight, add_landing, flight_sums, forget
 from vibrosweep.model.landing import Landing
@@ -41,7 +41,7 @@ def empty_coupled(
 class Work(NamedTuple):
     """Scratch memory of one thread."""
 
-    of: System  # state of the realization
+    state: System  # state of the realization
     landings: Landings  # what is remembered of landings
     # Whole periods and phase of the last lift-off of each particle, and the greatest height of the
     # flight that began with it, in g / (8 f^2); shape (3, particle)
@@ -97,17 +97,17 @@ def apex(height: float, speed: float, relative: float) -> float:
 @jit
 def _flight_time(work: Work, j: int) -> float:
     """Return the time since the last lift-off of particle j."""
-    whole = work.of.now[NOW.N] - work.lifted[0, j]
-    return float(whole + (work.of.now[NOW.X] - work.lifted[1, j]))
+    whole = work.state.now[NOW.N] - work.lifted[0, j]
+    return float(whole + (work.state.now[NOW.X] - work.lifted[1, j]))
 
 
 @part
 def take_off(work: Work, j: int) -> None:
     """Begin the flight on which particle j sets out now; it counts if its landing did."""
-    of = work.of
-    work.lifted[0, j], work.lifted[1, j] = of.now[NOW.N], of.now[NOW.X]
-    speed = of.particle[PARTICLE.SPEED, j]
-    work.lifted[2, j] = apex(of.now[NOW.HEIGHT], of.now[NOW.SPEED], speed)
+    state = work.state
+    work.lifted[0, j], work.lifted[1, j] = state.now[NOW.N], state.now[NOW.X]
+    speed = state.particle[PARTICLE.SPEED, j]
+    work.lifted[2, j] = apex(state.now[NOW.HEIGHT], state.now[NOW.SPEED], speed)
     work.flies[j] = work.counts[j]
 
 
@@ -123,8 +123,8 @@ def count_landing(
         work.flies[j] = 0
     work.counts[j] = 1 if seen else 0
     if seen:
-        speed = 0.0 if sticks else work.of.particle[PARTICLE.SPEED, j]
-        landing = Landing(work.of.now[NOW.X], time, event.speed, speed, sticks)
+        speed = 0.0 if sticks else work.state.particle[PARTICLE.SPEED, j]
+        landing = Landing(work.state.now[NOW.X], time, event.speed, speed, sticks)
         add_landing(each.kinds, each.totals, t, landing)
         if observer is not None:
             observer.function(observer.totals[t], landing)

@@ -52,9 +52,9 @@ def propagate(load: Load, t: float, mode: Integers, deviations: Floats) -> None:
 
 
 @jit
-def _pull(of: System, fixed: Mount, count: int, speed: float) -> float:
+def _pull(state: System, fixed: Mount, count: int, speed: float) -> float:
     """Acceleration of the base now, at this velocity and with so many riders."""
-    bare, now = loaded(fixed, 0), of.now
+    bare, now = loaded(fixed, 0), state.now
     turning = 2.0 * math.pi
     driven = (bare.stiffness - turning**2) * now[NOW.COSINE]
     driven -= 2.0 * bare.drag * turning * now[NOW.SINE]
@@ -64,7 +64,7 @@ def _pull(of: System, fixed: Mount, count: int, speed: float) -> float:
 
 @part
 def _impact(
-    of: System,
+    state: System,
     fixed: Mount,
     loads: tuple[Load, Load],
     event: Event,
@@ -75,15 +75,15 @@ def _impact(
 
     `loads`, `rode`: the base before and after it, and the modes before it.
     """
-    particles, j, c = of.mode.size, event.who, event.speed
-    count, after = loads[0].riders, of.now[NOW.SPEED]
-    (pulls, _), sticks = acceleration(of, loads[1]), event.kind == EVENT.STICK
+    particles, j, c = state.mode.size, event.who, event.speed
+    count, after = loads[0].riders, state.now[NOW.SPEED]
+    (pulls, _), sticks = acceleration(state, loads[1]), event.kind == EVENT.STICK
     taking = 0 if event.dropped else count
     share = recoil(fixed, taking, 1.0, sticks)  # of the speed of approach, lost by the base
     gain = 1.0 - share if sticks else 1.0 + fixed.e - share  # the same, gained by the particle
     kick = share * c
     was = after + kick  # the base, before the impact; the particle had c less
-    pulled = _pull(of, fixed, count, was)
+    pulled = _pull(state, fixed, count, was)
     for column in range(deviations.shape[1]):
         one = deviations[:, column]
         dy, dv = one[j], one[particles + j]
@@ -104,7 +104,7 @@ def _impact(
 
 @part
 def follow_event(
-    of: System,
+    state: System,
     fixed: Mount,
     load: Load,
     launch_speed: float,
@@ -117,10 +117,10 @@ def follow_event(
     Without an event, neither state nor deviations change.  `rode` is overwritten with the modes
     before it.
     """
-    particles = of.mode.size
+    particles = state.mode.size
     for j in range(particles):
-        rode[j] = of.mode[j]
-    event, after = next_event(of, fixed, load, launch_speed, until)
+        rode[j] = state.mode[j]
+    event, after = next_event(state, fixed, load, launch_speed, until)
     if event.kind <= EVENT.LOST:
         return event, after
     propagate(load, event.time, rode, deviations)
@@ -129,6 +129,6 @@ def follow_event(
             deviations[event.who, column] = deviations[2 * particles, column]
             deviations[particles + event.who, column] = 0.0
     elif event.kind != EVENT.LIFT:
-        _impact(of, fixed, (load, after), event, rode, deviations)
-    _ride(of.mode, deviations)
+        _impact(state, fixed, (load, after), event, rode, deviations)
+    _ride(state.mode, deviations)
     return event, after

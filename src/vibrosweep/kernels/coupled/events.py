@@ -1,4 +1,4 @@
-"""What happens on a base of finite mass: launches, impacts, and the lift-off of riders.
+"""Events on a base of finite mass: launches, impacts, and the lift-off of riders.
 
 A particle sticks where its relative rebound speed is at most r and the base presses it, with the
 common velocity that momentum gives.  Riders leave together where the base begins to fall faster
@@ -42,43 +42,43 @@ SLACK = 1.25  # of the height that bounds the base, so that it is seldom exceede
 
 @part
 def next_event(
-    of: System, fixed: Mount, load: Load, launch_speed: float, until: float
+    state: System, fixed: Mount, load: Load, launch_speed: float, until: float
 ) -> tuple[Event, Load]:
     """Go on to the next event within the time `until` from now, and let it happen.
 
     Without one, nothing is changed but what is known of the times to come.  Returns the event and
     the load of the base after it.
     """
-    limit = bounds(load, of.now[NOW.D], of.now[NOW.B])
-    first = earliest(of)
+    limit = bounds(load, state.now[NOW.D], state.now[NOW.B])
+    first = earliest(state)
     for _ in range(TRIES):
         time = min(first.time, until)
-        if load.riders > 0 and lift(of, load, time):
-            return _drop(of, fixed, load)
-        if of.now[NOW.LIFT] <= time:
+        if load.riders > 0 and lift(state, load, time):
+            return _drop(state, fixed, load)
+        if state.now[NOW.LIFT] <= time:
             continue
-        if first.who < 0 and of.now[NOW.LIFT] == np.inf:
+        if first.who < 0 and state.now[NOW.LIFT] == np.inf:
             return Event(EVENT.FINISHED, -1, np.inf, 0.0, False), load
         if first.time > until:
             return Event(EVENT.NONE, -1, until, 0.0, False), load
-        if of.mode[first.who] == MODE.WAITING:
-            return _launch(of, load, first.who, launch_speed)
-        lands = look(of, load, limit, first.who)
-        if not is_first(of, first):
-            first = earliest(of)
+        if state.mode[first.who] == MODE.WAITING:
+            return _launch(state, load, first.who, launch_speed)
+        lands = look(state, load, limit, first.who)
+        if not is_first(state, first):
+            first = earliest(state)
             continue
-        time = of.particle[PARTICLE.SAFE, first.who]
-        if lands and time <= until and not time > of.now[NOW.LIFT]:
-            return _land(of, fixed, load, first.who)
+        time = state.particle[PARTICLE.SAFE, first.who]
+        if lands and time <= until and not time > state.now[NOW.LIFT]:
+            return _land(state, fixed, load, first.who)
         first = First(first.who, time, first.other, first.then)
     return Event(EVENT.LOST, first.who, first.time, 0.0, False), load
 
 
 @part
-def _leave(of: System, j: int, w: float, wait: float) -> None:
+def _leave(state: System, j: int, w: float, wait: float) -> None:
     """Let particle j leave the base with the relative speed w; it does not land before `wait`."""
-    particle, now = of.particle, of.now
-    of.mode[j] = MODE.FLYING
+    particle, now = state.particle, state.now
+    state.mode[j] = MODE.FLYING
     particle[PARTICLE.HEIGHT, j] = 0.0
     particle[PARTICLE.SPEED, j] = particle[PARTICLE.SCALE, j] = w
     particle[PARTICLE.N, j], particle[PARTICLE.X, j] = now[NOW.N], now[NOW.X]
@@ -88,112 +88,112 @@ def _leave(of: System, j: int, w: float, wait: float) -> None:
 
 
 @jit
-def _wait(of: System, load: Load, w: float) -> float:
+def _wait(state: System, load: Load, w: float) -> float:
     """Return a time within which a particle that leaves now with speed w >= 0 does not land."""
-    limit = bounds(load, of.now[NOW.D], of.now[NOW.B])
-    pull, _ = acceleration(of, load)
+    limit = bounds(load, state.now[NOW.D], state.now[NOW.B])
+    pull, _ = acceleration(state, load)
     falls = -2.0 - pull  # how much faster than gravity the base falls
     # F >= w s - (2 + pull) s^2 / 2, and F >= falls s^2 / 2 - jerk s^3 / 6
     return max(2.0 * w / (2.0 + limit.pull), 3.0 * falls / limit.jerk if falls > 0.0 else 0.0)
 
 
 @part
-def _expect(of: System, load: Load, kick: float, same: bool) -> None:
+def _expect(state: System, load: Load, kick: float, same: bool) -> None:
     """Mend the speeds and times to come of particles after the base has lost the speed `kick`.
 
     `same`: its load has not changed.
     """
-    particle, now = of.particle, of.now
+    particle, now = state.particle, state.now
     height = bounds(load, now[NOW.D], now[NOW.B]).height
     y, v = now[NOW.HEIGHT], now[NOW.SPEED]
     now[NOW.LIFT] = 0.0 if load.riders > 0 else np.inf
     if height > now[NOW.HIGHEST]:
         now[NOW.HIGHEST] = height + (SLACK - 1.0) * abs(height)
-        for j in range(of.mode.size):
+        for j in range(state.mode.size):
             left = now[NOW.HIGHEST] - (y + particle[PARTICLE.HEIGHT, j])
             _, falls = crossings(left, v + particle[PARTICLE.SPEED, j] + kick)
             particle[PARTICLE.ABOVE, j] = falls
     highest, keeps = now[NOW.HIGHEST], load.keeps if same else 0.0
-    for j in range(of.mode.size):
+    for j in range(state.mode.size):
         particle[PARTICLE.SPEED, j] += kick
         far = y + particle[PARTICLE.HEIGHT, j] > highest
         above = max(particle[PARTICLE.ABOVE, j], 0.0) if far else 0.0
         safe = particle[PARTICLE.SAFE, j]
         kept = min(safe, max(above, keeps)) if same else above
-        particle[PARTICLE.SAFE, j] = kept if of.mode[j] == MODE.FLYING else safe
+        particle[PARTICLE.SAFE, j] = kept if state.mode[j] == MODE.FLYING else safe
 
 
 @jit
-def _push(of: System, kick: float) -> None:
+def _push(state: System, kick: float) -> None:
     """Take the speed `kick` from the base."""
-    of.now[NOW.B] -= kick
-    of.now[NOW.SPEED] -= kick
+    state.now[NOW.B] -= kick
+    state.now[NOW.SPEED] -= kick
 
 
 @part
-def _drop(of: System, fixed: Mount, load: Load) -> tuple[Event, Load]:
+def _drop(state: System, fixed: Mount, load: Load) -> tuple[Event, Load]:
     """Let all riders leave the base, which begins to fall faster than gravity."""
-    t = of.now[NOW.LIFT]
-    let_pass(of, load, t)
-    bare = under(of, fixed, 0)
-    _expect(of, bare, 0.0, False)
-    limit = bounds(bare, of.now[NOW.D], of.now[NOW.B])
+    t = state.now[NOW.LIFT]
+    let_pass(state, load, t)
+    bare = under(state, fixed, 0)
+    _expect(state, bare, 0.0, False)
+    limit = bounds(bare, state.now[NOW.D], state.now[NOW.B])
     # F'' = 0 now, F''' = -jerk: F >= -jerk s^3 / 6 - snap s^4 / 24
-    _, jerk = acceleration(of, bare)
-    _release(of, 0.0, max(-4.0 * jerk / limit.snap, 0.0))
+    _, jerk = acceleration(state, bare)
+    _release(state, 0.0, max(-4.0 * jerk / limit.snap, 0.0))
     return Event(EVENT.LIFT, -1, t, 0.0, False), bare
 
 
 @part
-def _release(of: System, w: float, wait: float) -> None:
+def _release(state: System, w: float, wait: float) -> None:
     """Let all riders leave the base with the relative speed w; none lands before `wait`."""
-    for j in range(of.mode.size):
-        if of.mode[j] == MODE.RIDING:
-            _leave(of, j, w, wait)
+    for j in range(state.mode.size):
+        if state.mode[j] == MODE.RIDING:
+            _leave(state, j, w, wait)
 
 
 @part
-def _launch(of: System, load: Load, who: int, launch_speed: float) -> tuple[Event, Load]:
+def _launch(state: System, load: Load, who: int, launch_speed: float) -> tuple[Event, Load]:
     """Launch a particle from the base; one that is slower than the base lands at once."""
-    now, t = of.now, max(of.particle[PARTICLE.SAFE, who], 0.0)
-    let_pass(of, load, t)
+    now, t = state.now, max(state.particle[PARTICLE.SAFE, who], 0.0)
+    let_pass(state, load, t)
     now[NOW.WAITING] -= 1.0
     height = bounds(load, now[NOW.D], now[NOW.B]).height
     if height > now[NOW.HIGHEST]:  # nobody has been launched before
         now[NOW.HIGHEST] = height + (SLACK - 1.0) * abs(height)
     w = launch_speed - now[NOW.SPEED]
-    _leave(of, who, w, _wait(of, load, w) if w >= 0.0 else 0.0)
+    _leave(state, who, w, _wait(state, load, w) if w >= 0.0 else 0.0)
     return Event(EVENT.LAUNCH, who, t, 0.0, False), load
 
 
 @part
-def _land(of: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Load]:
+def _land(state: System, fixed: Mount, load: Load, who: int) -> tuple[Event, Load]:
     """Let a particle land, and bounce or stick."""
-    particle = of.particle
+    particle = state.particle
     t = max(particle[PARTICLE.SAFE, who], 0.0)
-    motion = let_pass(of, load, t)
+    motion = let_pass(state, load, t)
     c = max(-particle[PARTICLE.SPEED, who], 0.0)
     w = fixed.e * c
     scale = max(particle[PARTICLE.SCALE, who], fixed.r)
     if abs(w - fixed.r) <= ROUNDING * scale or c <= math.sqrt(ROUNDING) * scale:
-        of.now[NOW.UNDECIDED] += 1.0
+        state.now[NOW.UNDECIDED] += 1.0
     kick = recoil(fixed, load.riders, c, True)
     presses = motion.pull + 2.0 + 2.0 * load.drag * kick > 0.0  # at the common velocity
     if w <= fixed.r and presses:
-        of.mode[who] = MODE.RIDING
+        state.mode[who] = MODE.RIDING
         particle[PARTICLE.SAFE, who] = np.inf
-        _push(of, kick)
-        after = under(of, fixed, load.riders + 1)
-        _expect(of, after, kick, False)
+        _push(state, kick)
+        after = under(state, fixed, load.riders + 1)
+        _expect(state, after, kick, False)
         return Event(EVENT.STICK, who, t, c, False), after
     alone = recoil(fixed, 0, c, False)
     # nothing pulls riders down with the base; less than the threshold of rest leaves them on it
     dropped = load.riders > 0 and alone > fixed.r
     kick = alone if dropped else recoil(fixed, load.riders, c, False)
-    _push(of, kick)
-    after = under(of, fixed, 0) if dropped else load
-    _expect(of, after, kick, not dropped)
-    _leave(of, who, w, _wait(of, after, w))
+    _push(state, kick)
+    after = under(state, fixed, 0) if dropped else load
+    _expect(state, after, kick, not dropped)
+    _leave(state, who, w, _wait(state, after, w))
     if dropped:
-        _release(of, alone, _wait(of, after, alone))
+        _release(state, alone, _wait(state, after, alone))
     return Event(EVENT.BOUNCE, who, t, c, dropped), after

@@ -26,9 +26,16 @@ from vibrosweep.kernels.coupled.neighbours import (
     close,
     end_stay,
     gap_median,
-    lacks_room,
+    lacks_memory,
     note,
     order_of,
+)
+from vibrosweep.kernels.coupled.record import (
+    Scale,
+    Track,
+    write_base,
+    write_landing,
+    write_lift_off,
 )
 from vibrosweep.kernels.coupled.state import (
     EVENT,
@@ -38,13 +45,6 @@ from vibrosweep.kernels.coupled.state import (
     begin,
     motion_after,
     since_now,
-)
-from vibrosweep.kernels.coupled.written import (
-    Scale,
-    Track,
-    write_base,
-    write_landing,
-    write_lift_off,
 )
 from vibrosweep.kernels.impact import Instant
 from vibrosweep.kernels.record import Record, Units
@@ -71,8 +71,8 @@ class Coupled(NamedTuple):
     launches: Launches
 
 
-class Whole(NamedTuple):
-    """What realizations have one number of; each array of shape (realization,) but for `order`."""
+class PerRealization(NamedTuple):
+    """Results with one number per realization; arrays of shape (realization,) but for `order`."""
 
     # gap, same, shared: as in `vibrosweep.kernels.separation.Separations`
     gap: Floats
@@ -89,16 +89,16 @@ class Whole(NamedTuple):
     order: Floats  # shape (realization, harmonic)
 
 
-def empty_whole(realizations: int) -> Whole:
-    """Allocate what realizations have one number of."""
+def empty_per_realization(realizations: int) -> PerRealization:
+    """Allocate the results of realizations."""
     gap, same, median, least = (np.full(realizations, np.nan) for _ in range(4))
     shared = np.full(realizations, -1, np.int8)
     undecided, changes = np.zeros(realizations, np.int64), np.zeros(realizations, np.int64)
     order = np.full((realizations, len(HARMONICS)), np.nan)
-    return Whole(gap, same, shared, undecided, changes, median, least, order)
+    return PerRealization(gap, same, shared, undecided, changes, median, least, order)
 
 
-class Written(NamedTuple):
+class MotionRecord(NamedTuple):
     """Where every landing and the motion of the base are written; what exceeds it is cut off."""
 
     record: Record
@@ -108,7 +108,7 @@ class Written(NamedTuple):
 
 @jit
 def _windows(begin: Instant, now: Floats, left: float) -> tuple[bool, bool]:
-    """Whether a landing now, up to the end, is in the window, and in its last period."""
+    """Return whether a landing now, up to the end, is in the window, and in its last period."""
     seen = begin[0] - now[NOW.N] <= now[NOW.X] - begin[1]
     return seen, seen and left <= 1.0
 
@@ -118,30 +118,30 @@ def _launched_at_the_end(
     work: Work, load: Load, left: float, launch_speed: float, first: int, launch_height: Floats
 ) -> None:
     """Count launches at the very end, which is `left` from now and rounding puts after it."""
-    of = work.of
-    motion = motion_after(of, load, left)
-    height = of.now[NOW.HEIGHT] + of.now[NOW.SPEED] * left + motion.rise
-    speed = of.now[NOW.SPEED] + motion.gain
-    for j in range(of.mode.size):
-        if of.mode[j] == MODE.WAITING and since_now(of, j) - left <= SAME_INSTANT:
+    state = work.state
+    motion = motion_after(state, load, left)
+    height = state.now[NOW.HEIGHT] + state.now[NOW.SPEED] * left + motion.rise
+    speed = state.now[NOW.SPEED] + motion.gain
+    for j in range(state.mode.size):
+        if state.mode[j] == MODE.WAITING and since_now(state, j) - left <= SAME_INSTANT:
             launch_height[first + j] = apex(height, speed, launch_speed - speed)
 
 
 @part
 def _write(
-    work: Work, load: Load, event: Event, scale: Scale, place: tuple[int, int], out: Written
+    work: Work, load: Load, event: Event, scale: Scale, place: tuple[int, int], out: MotionRecord
 ) -> None:
     """Write an event up to the end; `place`: the realization, and how many events came before."""
     i, number = place
-    write_base(work.of, load, scale, i, number, out.track)
+    write_base(work.state, load, scale, i, number, out.track)
     if event.kind == EVENT.BOUNCE or event.kind == EVENT.STICK:
         k = work.landings.total[event.who] - 1
-        write_landing(work.of, scale, i * work.rides.size + event.who, k, event, out.record)
+        write_landing(work.state, scale, i * work.rides.size + event.who, k, event, out.record)
 
 
 @part
 def _lift_off(
-    work: Work, first: int, least: float, counts: bool, scale: Scale, out: Written
+    work: Work, first: int, least: float, counts: bool, scale: Scale, out: MotionRecord
 ) -> None:
     """Let the riders leave, and count and write it where it `counts`.
 
@@ -149,21 +149,21 @@ def _lift_off(
     """
     for j in range(work.rides.size):
         if work.rides[j] == 1 and counts:
-            end_stay(work.of, work.landings, j, least)
+            end_stay(work.state, work.landings, j, least)
             take_off(work, j)
             if out.track.time.shape[1] > 0:
                 k = work.landings.total[j] - 1
-                write_lift_off(work.of, scale, first + j, k, j, out.record)
+                write_lift_off(work.state, scale, first + j, k, j, out.record)
         work.rides[j] = 0
 
 
 @part
-def _conclude(work: Work, memory: Landings, order: Order, i: int, out: Whole) -> None:
-    """Write what a realization has one number of."""
+def _conclude(work: Work, memory: Landings, order: Order, i: int, out: PerRealization) -> None:
+    """Write the results of a realization."""
     out.gap[i] = order.gap if order.gap < np.inf else np.nan
     out.same[i] = order.same if order.same < np.inf else np.nan
     out.shared[i], out.changes[i] = order.shared, order.changes
-    out.undecided[i] = int(work.of.now[NOW.UNDECIDED])
+    out.undecided[i] = int(work.state.now[NOW.UNDECIDED])
     out.gap_median[i], out.gap_least[i] = gap_median(memory, order)
     for h in range(out.order.shape[1]):
         out.order[i, h] = order_of(memory, HARMONICS[h])
@@ -171,7 +171,7 @@ def _conclude(work: Work, memory: Landings, order: Order, i: int, out: Whole) ->
 
 @jit
 def _any(flags: Integers) -> bool:
-    """Whether a particle has the flag."""
+    """Return whether a particle has the flag."""
     number = 0
     for flag in flags:
         number += flag
@@ -203,7 +203,7 @@ def _resting(
     All of them, or any where none moves the base, once the energy of the free oscillation is too
     small for the base ever to fall faster than gravity.
     """
-    motion = motion_after(work.of, load, left)
+    motion = motion_after(work.state, load, left)
     stays = bounds(load, motion.d, motion.b).pull <= 2.0
     if stays and (load.riders == work.rides.size or not weighs):
         for j in range(work.rides.size):
@@ -219,23 +219,23 @@ def follow(
     budget: int,
     work: Work,
     statistics: CoupledStatistics,
-    whole: Whole,
-    written: Written,
+    whole: PerRealization,
+    written: MotionRecord,
 ) -> int:
     """Follow realizations first ... last - 1 to the end of their windows.
 
     And on until flights that count have ended, and what rests at the end has left the base or has
     rested for another `PATIENCE`.  At most `budget` landings of a particle; `work` is not shared
     between threads, and only the slots of these realizations are written.  Returns `last`, or the
-    realization that is to be begun again with a roomier `work`.
+    realization that is to be begun again with a larger `work`.
     """
     problem, mounts, launches = batch
     each, sums, launch_height, observer = statistics
-    of, memory = work.of, work.landings
-    particles, writes = of.mode.size, written.track.time.shape[1] > 0
+    state, memory = work.state, work.landings
+    particles, writes = state.mode.size, written.track.time.shape[1] > 0
     for i in range(first, last):
         fixed, place = mount(problem, mounts, i), i * particles
-        load = begin(of, fixed, problem, launches, i)
+        load = begin(state, fixed, problem, launches, i)
         begin_statistics(work, place, each, launch_height, observer)
         order = clear(memory)
         opening = problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i]
@@ -243,11 +243,11 @@ def follow(
         past, events, late = False, 0, 0
         status = COMPLETED if np.isfinite(fixed.alpha) else NON_FINITE
         while status == COMPLETED:
-            until = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
+            until = (problem.end_phase[i] - state.now[NOW.X]) - state.now[NOW.N]
             horizon = _horizon(work, until, past)
             if horizon == -np.inf:
                 break
-            event, load = next_event(of, fixed, load, speed, horizon)
+            event, load = next_event(state, fixed, load, speed, horizon)
             if event.kind == EVENT.LOST or late >= AFTER_THE_END:
                 status = BUDGET_EXCEEDED
                 break
@@ -259,23 +259,23 @@ def follow(
                 _launched_at_the_end(work, load, left, speed, place, launch_height)
                 _resting(work, load, fixed.mu > 0.0, place, left, each)
                 continue
-            left = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
+            left = (problem.end_phase[i] - state.now[NOW.X]) - state.now[NOW.N]
             if event.kind == EVENT.LAUNCH:
                 if not past:
                     take_off(work, event.who)
                     launch_height[place + event.who] = work.lifted[2, event.who]
             elif event.kind != EVENT.LIFT:
-                windows = _windows(opening, of.now, left)
+                windows = _windows(opening, state.now, left)
                 if not past and memory.total[event.who] >= budget:
                     status = BUDGET_EXCEEDED
                     break
-                if not past and lacks_room(memory, event.who, windows[0]):
+                if not past and lacks_memory(memory, event.who, windows[0]):
                     return i
                 counts = windows[0] and not past
                 count_landing(work, event, counts, place + event.who, each, observer)
                 if not past:
                     stay = np.inf if event.kind == EVENT.STICK else fixed.r
-                    order = note(of, memory, order, event.who, windows, opening, stay)
+                    order = note(state, memory, order, event.who, windows, opening, stay)
                     if event.kind != EVENT.STICK:
                         take_off(work, event.who)
             if writes and not past:
@@ -292,4 +292,4 @@ def follow(
 
 
 # Machine code for a function that exists in this process alone is not kept on disk.
-follow_observing = uncached(follow)
+follow_uncached = uncached(follow)

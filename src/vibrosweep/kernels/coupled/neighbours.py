@@ -22,7 +22,7 @@ HARMONICS = (1.0, 2.0, 3.0, 0.5, 1.0 / 3.0)
 
 
 class Landings(NamedTuple):
-    """What is remembered of landings; of no use to more than one thread."""
+    """Landings as far as they are remembered; not shared between threads."""
 
     # Whole periods and phase of the last landing of each particle; shape (2, particle)
     last: Floats
@@ -62,84 +62,85 @@ def landings(particles: int, indices: int = INDICES) -> Landings:
 
 
 @jit
-def clear(room: Landings) -> Order:
+def clear(memory: Landings) -> Order:
     """Forget all landings."""
-    for j in range(room.turn.size):
-        room.turn[j] = room.total[j] = 0
-    for place in range(room.number.size):
-        room.number[place] = 0
+    for j in range(memory.turn.size):
+        memory.turn[j] = memory.total[j] = 0
+    for place in range(memory.number.size):
+        memory.number[place] = 0
     return Order(np.inf, np.inf, 0, -1, 0, False, 0, 0)
 
 
 @jit
-def _displaced(room: Landings, mine: int) -> bool:
-    """Whether landing number `mine` would take the place of one that is still compared with."""
-    there = room.number[mine % room.number.size]
+def _displaced(memory: Landings, mine: int) -> bool:
+    """Return whether landing number `mine` displaces one that is still compared with."""
+    there = memory.number[mine % memory.number.size]
     if there in (0, mine):
         return False
     least = there
-    for total in room.total:
+    for total in memory.total:
         least = min(least, total)
     return bool(least < there)  # of that particle the same number is still to come
 
 
 @jit
-def lacks_room(room: Landings, who: int, seen: bool) -> bool:
-    """Whether the next landing of particle `who` needs more room.
+def lacks_memory(memory: Landings, who: int, seen: bool) -> bool:
+    """Return whether the next landing of particle `who` needs more memory.
 
     Results do not depend on how much there is: what `MOST_INDICES` cannot hold is unknown, whatever
-    room the realization was begun with.
+    memory the realization was begun with.
     """
-    return seen and room.number.size < MOST_INDICES and _displaced(room, room.total[who] + 1)
+    return seen and memory.number.size < MOST_INDICES and _displaced(memory, memory.total[who] + 1)
 
 
 @jit
-def _numbered(of: System, room: Landings, mine: int) -> float:
+def _numbered(state: System, memory: Landings, mine: int) -> float:
     """Compare with the last landing of the same number in the window; return the separation.
 
     Infinity without one, NaN where one is no longer remembered.
     """
-    place, gap = mine % room.number.size, np.inf
-    if room.number[place] == mine:
-        gap = (of.now[NOW.N] - room.numbered[0, place]) + (of.now[NOW.X] - room.numbered[1, place])
-    elif _displaced(room, mine):
+    place, gap = mine % memory.number.size, np.inf
+    n, x = state.now[NOW.N], state.now[NOW.X]
+    if memory.number[place] == mine:
+        gap = (n - memory.numbered[0, place]) + (x - memory.numbered[1, place])
+    elif _displaced(memory, mine):
         return np.nan
-    room.numbered[0, place], room.numbered[1, place] = of.now[NOW.N], of.now[NOW.X]
-    room.number[place] = mine
+    memory.numbered[0, place], memory.numbered[1, place] = n, x
+    memory.number[place] = mine
     return gap
 
 
 @jit
-def _on_base(room: Landings, n: float, x: float, but: int) -> int:
+def _on_base(memory: Landings, n: float, x: float, but: int) -> int:
     """Count the particles that are on the base at an instant after their last landings.
 
     Apart from particle `but`.
     """
     count = 0
-    for j in range(room.turn.size):
-        since = (n - room.last[0, j]) + (x - room.last[1, j])
-        count += 1 if j != but and room.turn[j] > 0 and since <= room.stay[j] else 0
+    for j in range(memory.turn.size):
+        since = (n - memory.last[0, j]) + (x - memory.last[1, j])
+        count += 1 if j != but and memory.turn[j] > 0 and since <= memory.stay[j] else 0
     return count
 
 
 @jit
-def _began(room: Landings, order: Order, begin: Instant) -> bool:
-    """Whether two particles are on the base as the window begins; no landing is in it yet."""
-    return not order.seen and _on_base(room, begin[0], begin[1], -1) > 1
+def _began(memory: Landings, order: Order, begin: Instant) -> bool:
+    """Return whether two particles are on the base as the window begins, before landings in it."""
+    return not order.seen and _on_base(memory, begin[0], begin[1], -1) > 1
 
 
 @jit
-def close(room: Landings, order: Order, begin: Instant) -> Order:
+def close(memory: Landings, order: Order, begin: Instant) -> Order:
     """Return the order at the end: without a landing in the window two may have shared the base."""
     gap, same, shared, who, number, seen, changes, gaps = order
-    shared = 1 if _began(room, order, begin) else shared
+    shared = 1 if _began(memory, order, begin) else shared
     return Order(gap, same, shared, who, number, seen, changes, gaps)
 
 
 @part
 def note(
-    of: System,
-    room: Landings,
+    state: System,
+    memory: Landings,
     order: Order,
     who: int,
     windows: tuple[bool, bool],
@@ -151,41 +152,43 @@ def note(
     `windows`: whether now is in the window, which begins at `begin`, and in its last period.
     """
     seen, late = windows
-    n, x = of.now[NOW.N], of.now[NOW.X]
-    gap, gaps, own, shared, same = order.gap, order.gaps, room.turn[who], order.shared, order.same
-    if seen and (_began(room, order, begin) or _on_base(room, n, x, who) > 0):
+    n, x = state.now[NOW.N], state.now[NOW.X]
+    gap, gaps, shared, same = order.gap, order.gaps, order.shared, order.same
+    mine = memory.turn[who]
+    if seen and (_began(memory, order, begin) or _on_base(memory, n, x, who) > 0):
         shared = 1
     if order.who >= 0 and order.who != who:
-        apart = (n - room.last[0, order.who]) + (x - room.last[1, order.who])
+        apart = (n - memory.last[0, order.who]) + (x - memory.last[1, order.who])
         gap = min(gap, apart) if seen and order.seen else gap
         if late:
             if gaps < GAPS:
-                room.gaps[gaps] = apart
+                memory.gaps[gaps] = apart
             gaps += 1
     earlier = 0  # particles whose turn it was rather
-    if seen and own > 0:
-        for turn in room.turn:
-            earlier += 1 if 0 < turn < own else 0
-    room.total[who] += 1
+    if seen and mine > 0:
+        for turn in memory.turn:
+            earlier += 1 if 0 < turn < mine else 0
+    memory.total[who] += 1
     if seen:
-        same = np.minimum(same, _numbered(of, room, room.total[who]))  # NaN once it is not known
-    room.last[0, who], room.last[1, who], room.stay[who] = n, x, stay
-    room.turn[who] = order.number + 1
+        # NaN once it is not known
+        same = np.minimum(same, _numbered(state, memory, memory.total[who]))
+    memory.last[0, who], memory.last[1, who], memory.stay[who] = n, x, stay
+    memory.turn[who] = order.number + 1
     changes = order.changes + (1 if earlier > 0 else 0)
     return Order(gap, same, shared, who, order.number + 1, seen, changes, gaps)
 
 
 @jit
-def end_stay(of: System, room: Landings, who: int, least: float) -> None:
+def end_stay(state: System, memory: Landings, who: int, least: float) -> None:
     """Note that particle `who` leaves the base, now."""
-    stayed = (of.now[NOW.N] - room.last[0, who]) + (of.now[NOW.X] - room.last[1, who])
-    room.stay[who] = max(stayed, least)
+    stayed = (state.now[NOW.N] - memory.last[0, who]) + (state.now[NOW.X] - memory.last[1, who])
+    memory.stay[who] = max(stayed, least)
 
 
 @part
-def gap_median(room: Landings, order: Order) -> tuple[float, float]:
+def gap_median(memory: Landings, order: Order) -> tuple[float, float]:
     """Return the median of the gaps of the last period and the least; NaN if none, or too many."""
-    gaps, count = room.gaps, order.gaps
+    gaps, count = memory.gaps, order.gaps
     if not 0 < count <= GAPS:
         return np.nan, np.nan
     step = count
@@ -201,16 +204,16 @@ def gap_median(room: Landings, order: Order) -> tuple[float, float]:
 
 
 @part
-def order_of(room: Landings, harmonic: float) -> float:
+def order_of(memory: Landings, harmonic: float) -> float:
     """Return the mean of exp(2 pi i h t) over the last landings, as an absolute value.
 
     NaN where no particle has landed.
     """
     even, odd, count = 0.0, 0.0, 0
-    for j in range(room.turn.size):
-        if room.turn[j] > 0:
-            turns = harmonic * room.last[0, j]
-            turns = (turns - np.rint(turns)) + harmonic * room.last[1, j]
+    for j in range(memory.turn.size):
+        if memory.turn[j] > 0:
+            turns = harmonic * memory.last[0, j]
+            turns = (turns - np.rint(turns)) + harmonic * memory.last[1, j]
             turns -= np.rint(turns)
             even += cos_turns(turns)
             odd += sin_turns(turns)

@@ -63,9 +63,9 @@ def _step(f: float, f1: float, f2: float, f3: float, k: float) -> float:
 
 
 @jit
-def _clearance(of: System, j: int, motion: Motion, t: float) -> tuple[float, float]:
+def _clearance(state: System, j: int, motion: Motion, t: float) -> tuple[float, float]:
     """Return the height of particle j above the base and its rate after time t."""
-    h, w = of.particle[PARTICLE.HEIGHT, j], of.particle[PARTICLE.SPEED, j]
+    h, w = state.particle[PARTICLE.HEIGHT, j], state.particle[PARTICLE.SPEED, j]
     return fma(t, w - t, h) - motion.rise, w - 2.0 * t - motion.gain
 
 
@@ -93,11 +93,11 @@ class First(NamedTuple):
 
 
 @part
-def earliest(of: System) -> First:
+def earliest(state: System) -> First:
     """Return the earliest particles; of equal times, the particle of the lower number is first."""
     who, time, other, then = -1, np.inf, -1, np.inf
-    for j in range(of.mode.size):
-        safe = of.particle[PARTICLE.SAFE, j]
+    for j in range(state.mode.size):
+        safe = state.particle[PARTICLE.SAFE, j]
         if safe < then:
             if safe < time:
                 who, time, other, then = j, safe, who, time
@@ -107,44 +107,44 @@ def earliest(of: System) -> First:
 
 
 @jit
-def is_first(of: System, first: First) -> bool:
-    """Whether what was the earliest particle still is, after its time has moved."""
-    time = of.particle[PARTICLE.SAFE, first.who]
+def is_first(state: System, first: First) -> bool:
+    """Return whether the earliest particle still is the earliest, after its time has moved."""
+    time = state.particle[PARTICLE.SAFE, first.who]
     return time < first.then or (time == first.then and first.who < first.other)
 
 
 @part
-def look(of: System, load: Load, limit: Bounds, j: int) -> bool:
+def look(state: System, load: Load, limit: Bounds, j: int) -> bool:
     """Move the time before which particle j does not land; return whether it lands then."""
-    t = of.particle[PARTICLE.SAFE, j]
-    motion = motion_after(of, load, t)
-    f, f1 = _clearance(of, j, motion, t)
-    scale, k = of.particle[PARTICLE.SCALE, j], 2.0 + limit.pull  # F'' = -2 - Y'' >= -k
+    t = state.particle[PARTICLE.SAFE, j]
+    motion = motion_after(state, load, t)
+    f, f1 = _clearance(state, j, motion, t)
+    scale, k = state.particle[PARTICLE.SCALE, j], 2.0 + limit.pull  # F'' = -2 - Y'' >= -k
     if f <= 0.0:
         if f1 <= 0.0:
             return True
         f = 0.0
     if f1 < 0.0 and 4.0 * k * f <= f1 * f1:
-        of.particle[PARTICLE.SAFE, j] = _landing(of, load, limit, j, motion)
+        state.particle[PARTICLE.SAFE, j] = _landing(state, load, limit, j, motion)
         return True
     if t > 0.0 and f1 >= 0.0 and f <= ROUNDING * scale * scale:
-        of.now[NOW.UNDECIDED] += 1.0
+        state.now[NOW.UNDECIDED] += 1.0
     ahead = t + _ahead(f, f1, k)
-    if of.now[NOW.HEIGHT] + of.now[NOW.SPEED] * t + motion.rise + f > of.now[NOW.HIGHEST]:
-        ahead = max(ahead, of.particle[PARTICLE.ABOVE, j])
-    of.particle[PARTICLE.SAFE, j] = ahead
+    if state.now[NOW.HEIGHT] + state.now[NOW.SPEED] * t + motion.rise + f > state.now[NOW.HIGHEST]:
+        ahead = max(ahead, state.particle[PARTICLE.ABOVE, j])
+    state.particle[PARTICLE.SAFE, j] = ahead
     return not ahead > t
 
 
 @part
-def _landing(of: System, load: Load, limit: Bounds, j: int, motion: Motion) -> float:
+def _landing(state: System, load: Load, limit: Bounds, j: int, motion: Motion) -> float:
     """Return when particle j lands, where that is the only time within reach.
 
     `motion`: that of the base up to the time before which it does not.
     """
-    t, last, k = of.particle[PARTICLE.SAFE, j], np.inf, 2.0 + limit.pull
+    t, last, k = state.particle[PARTICLE.SAFE, j], np.inf, 2.0 + limit.pull
     for _ in range(20):
-        f, f1 = _clearance(of, j, motion, t)
+        f, f1 = _clearance(state, j, motion, t)
         step = _step(f, f1, -2.0 - motion.pull, -motion.jerk, k)
         t = max(t + step, 0.0)
         # what is left out of the cubic, and rounding, which lets steps shrink no more
@@ -152,22 +152,22 @@ def _landing(of: System, load: Load, limit: Bounds, j: int, motion: Motion) -> f
         if limit.snap * square * square <= -f1 * NEAR * t or abs(step) >= 0.5 * last:
             break
         last = abs(step)
-        motion = motion_after(of, load, t)
+        motion = motion_after(state, load, t)
     return float(t)
 
 
 @part
-def lift(of: System, load: Load, until: float) -> bool:
+def lift(state: System, load: Load, until: float) -> bool:
     """Move the time before which the riders do not leave; return whether they leave then.
 
     In some steps: where that time is not after `until`, nothing is known yet.
     """
-    now = of.now
+    now = state.now
     for _ in range(STEPS):
         t = now[NOW.LIFT]
         if t > until:
             break
-        motion = motion_after(of, load, t)
+        motion = motion_after(state, load, t)
         limit = bounds(load, motion.d, motion.b)
         if limit.pull <= 2.0:
             now[NOW.LIFT] = np.inf

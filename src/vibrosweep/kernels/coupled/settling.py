@@ -1,4 +1,4 @@
-"""What the joint state of all particles and their base settles on, and how it spreads.
+"""Orbit that the joint state of all particles and their base settles on, and how it spreads.
 
 The state recurs where all of it returns bit for bit, apart from whole periods; compared at landings
 with a kept state that is renewed after 1, 2, 4, ... landings (Brent 1980).  Every landing carries
@@ -46,7 +46,7 @@ WAVES: Final = len(SINES) + len(COSINES)
 
 
 class JointOrbit(NamedTuple):
-    """What joint states settle on; each array of shape (realization,) unless said otherwise."""
+    """Orbits of joint states; each array of shape (realization,) unless said otherwise."""
 
     # impacts, periods, rests: of the cycle: landings of all particles, forcing periods, landings
     # that stick; 0 where no recurrence was found
@@ -71,7 +71,7 @@ def empty_joint(realizations: int) -> JointOrbit:
 
 
 class Round(NamedTuple):
-    """What passes from a state to its return; no impacts: none is known."""
+    """Counts from a state to its return; no impacts: none is known."""
 
     # impacts, periods, rests: as of a `JointOrbit`
     impacts: int
@@ -82,8 +82,8 @@ class Round(NamedTuple):
 class Notes(NamedTuple):
     """Scratch memory of one thread."""
 
-    # of, kept: state of the realization, and one that it is compared with
-    of: System
+    # state, kept: state of the realization, and one that it is compared with
+    state: System
     kept: System
     rode: Integers  # modes before an event
     deviation: Floats  # shape (2 * particle + 2, 1)
@@ -97,7 +97,7 @@ def notes(particles: int) -> Notes:
 
 @jit
 def _same(a: System, b: System) -> bool:
-    """Whether two states differ by whole periods only."""
+    """Return whether two states differ by whole periods only."""
     if a.now[NOW.X] != b.now[NOW.X] or a.now[NOW.D] != b.now[NOW.D] or a.now[NOW.B] != b.now[NOW.B]:
         return False
     for j in range(a.mode.size):
@@ -111,7 +111,7 @@ def _same(a: System, b: System) -> bool:
 
 @jit
 def _alike(a: System, b: System) -> bool:
-    """Whether two states differ by whole periods and rounding only."""
+    """Return whether two states differ by whole periods and rounding only."""
     turned = a.now[NOW.X] - b.now[NOW.X]
     off = abs(turned - np.rint(turned))
     off = max(off, abs(a.now[NOW.D] - b.now[NOW.D]), abs(a.now[NOW.B] - b.now[NOW.B]))
@@ -126,21 +126,21 @@ def _alike(a: System, b: System) -> bool:
 
 
 @jit
-def _amid(of: System) -> bool:
-    """Whether another particle lands at this instant, but for rounding."""
-    for j in range(of.mode.size):
-        speed = of.particle[PARTICLE.SPEED, j]
-        lands = speed < 0.0 and of.particle[PARTICLE.HEIGHT, j] <= ALIKE * -speed
-        if of.mode[j] == MODE.FLYING and lands:
+def _amid(state: System) -> bool:
+    """Return whether another particle lands at this instant, but for rounding."""
+    for j in range(state.mode.size):
+        speed = state.particle[PARTICLE.SPEED, j]
+        lands = speed < 0.0 and state.particle[PARTICLE.HEIGHT, j] <= ALIKE * -speed
+        if state.mode[j] == MODE.FLYING and lands:
             return True
     return False
 
 
 @jit
-def _since(of: System, kept: System, landings: int, rests: int) -> Round:
-    """What has passed since a state was kept."""
-    whole = of.now[NOW.N] - kept.now[NOW.N]
-    return Round(landings, int(np.rint(whole + (of.now[NOW.X] - kept.now[NOW.X]))), rests)
+def _since(state: System, kept: System, landings: int, rests: int) -> Round:
+    """Counts since a state was kept."""
+    whole = state.now[NOW.N] - kept.now[NOW.N]
+    return Round(landings, int(np.rint(whole + (state.now[NOW.X] - kept.now[NOW.X]))), rests)
 
 
 @jit
@@ -152,14 +152,14 @@ def _shortest(full: Round, first: Round) -> Round:
 
 
 @jit
-def _keep(of: System, kept: System) -> None:
+def _keep(state: System, kept: System) -> None:
     """Copy a state."""
-    for j in range(of.mode.size):
-        kept.mode[j] = of.mode[j]
-        for row in range(of.particle.shape[0]):
-            kept.particle[row, j] = of.particle[row, j]
-    for place in range(of.now.size):
-        kept.now[place] = of.now[place]
+    for j in range(state.mode.size):
+        kept.mode[j] = state.mode[j]
+        for row in range(state.particle.shape[0]):
+            kept.particle[row, j] = state.particle[row, j]
+    for place in range(state.now.size):
+        kept.now[place] = state.now[place]
 
 
 @jit
@@ -190,9 +190,9 @@ def _add_waves(growth: float, x: float, waves: Floats) -> None:
 @part
 def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: JointOrbit) -> None:
     """Follow realization i to the end of its window."""
-    of, kept, rode, deviation = work
+    state, kept, rode, deviation = work
     problem = batch.problem
-    load = begin(of, fixed, problem, batch.launches, i)
+    load = begin(state, fixed, problem, batch.launches, i)
     start = (problem.begin_count[i] - problem.end_count[i]) + problem.begin_phase[i]
     length = problem.end_phase[i] - start
     for row in range(deviation.shape[0]):
@@ -200,18 +200,18 @@ def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: Jo
     growth, landed, rests, mark, seen_at, rested = 0.0, 0, 0, 1, 0, 0
     nothing = Round(0, 0, 0)
     first = nothing
-    _keep(of, kept)
+    _keep(state, kept)
     while landed <= budget:  # after the last one allowed it may come to rest for good
-        until = (problem.end_phase[i] - of.now[NOW.X]) - of.now[NOW.N]
+        until = (problem.end_phase[i] - state.now[NOW.X]) - state.now[NOW.N]
         event, load = follow_event(
-            of, fixed, load, problem.launch_flight[i], until, rode, deviation
+            state, fixed, load, problem.launch_flight[i], until, rode, deviation
         )
         if event.kind == EVENT.FINISHED:
             out.at_rest[i] = 1
         if event.kind <= EVENT.LOST:
             break
         growth = _shrink(deviation)
-        passed = of.now[NOW.N] + of.now[NOW.X] - start
+        passed = state.now[NOW.N] + state.now[NOW.X] - start
         place = math.floor(BLOCKS * passed / length)
         if 0 <= place < BLOCKS:
             _add_waves(growth, passed / length, out.waves[i])
@@ -224,16 +224,16 @@ def _one(fixed: Mount, batch: Coupled, i: int, budget: int, work: Notes, out: Jo
         landed += 1
         rests += 1 if event.kind == EVENT.STICK else 0
         out.landings[i] += 1 if place >= 0 else 0
-        if out.impacts[i] == 0 and _alike(of, kept):
-            full = _since(of, kept, landed - seen_at, rests - rested)
+        if out.impacts[i] == 0 and _alike(state, kept):
+            full = _since(state, kept, landed - seen_at, rests - rested)
             first = full if first.impacts == 0 else first
-            if _same(of, kept):
+            if _same(state, kept):
                 out.impacts[i], out.periods[i], out.rests[i] = _shortest(full, first)
                 out.since[i] = (
                     kept.now[NOW.N] + problem.end_count[i] + (kept.now[NOW.X] - problem.phase[i])
                 )
-        if landed >= mark and not _amid(of):
-            _keep(of, kept)
+        if landed >= mark and not _amid(state):
+            _keep(state, kept)
             first = nothing
             mark, seen_at, rested = 2 * landed, landed, rests
 
@@ -247,7 +247,7 @@ def settle_jointly(
     work: Notes,
     out: JointOrbit,
 ) -> None:
-    """Find what realizations first ... last - 1 settle on until the end of their windows.
+    """Find the orbits of realizations first ... last - 1 until the end of their windows.
 
     At most `budget` landings of all particles of a realization; `work` is not shared between
     threads, and only the slots of these realizations are written.
@@ -260,7 +260,7 @@ def settle_jointly(
 
 @uncounted
 def carry(
-    of: System,
+    state: System,
     problem: Dimensionless,
     mounts: Mounts,
     i: int,
@@ -277,24 +277,24 @@ def carry(
     Deviations, of shape (2 * particle + 2, column), are heights and velocities of the particles,
     height and velocity of the base.
     """
-    fixed, now = mount(problem, mounts, i), of.now
+    fixed, now = mount(problem, mounts, i), state.now
     load = loaded(fixed, 0)
     now[NOW.B] += load.slow * now[NOW.D]
-    locate(of, load)
+    locate(state, load)
     now[NOW.HIGHEST], now[NOW.LIFT] = bounds(load, now[NOW.D], now[NOW.B]).height, np.inf
     begun, landings = now[NOW.X], 0
     while True:
         left = periods - now[NOW.N] - (now[NOW.X] - begun)
-        event, load = follow_event(of, fixed, load, 0.0, left, rode, deviations)
+        event, load = follow_event(state, fixed, load, 0.0, left, rode, deviations)
         if event.kind == EVENT.LOST:
             return -1
         if event.kind <= EVENT.LOST:
             break
         landings += 1 if event.kind != EVENT.LIFT else 0
-    let_pass(of, load, left)
+    let_pass(state, load, left)
     now[NOW.B] = velocity(load, now[NOW.D], now[NOW.B])
-    propagate(load, left, of.mode, deviations)
-    for j in range(of.mode.size):
-        if of.mode[j] == MODE.RIDING:
-            of.particle[PARTICLE.HEIGHT, j] = of.particle[PARTICLE.SPEED, j] = 0.0
+    propagate(load, left, state.mode, deviations)
+    for j in range(state.mode.size):
+        if state.mode[j] == MODE.RIDING:
+            state.particle[PARTICLE.HEIGHT, j] = state.particle[PARTICLE.SPEED, j] = 0.0
     return landings

@@ -58,7 +58,7 @@ class Now(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """What a particle does."""
+    """Modes of a particle."""
 
     WAITING: int
     FLYING: int
@@ -92,7 +92,7 @@ class System(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What happens next."""
+    """The next event."""
 
     kind: int  # one of `EVENT`
     who: int  # the particle; -1 for all riders, or where nobody takes part
@@ -111,12 +111,12 @@ def system(particles: int) -> System:
 
 
 @part
-def begin(of: System, fixed: Mount, problem: Dimensionless, launches: Launches, i: int) -> Load:
+def begin(state: System, fixed: Mount, problem: Dimensionless, launches: Launches, i: int) -> Load:
     """Put realization i before its first launch; counts of periods are relative to the end.
 
     Returns the base without riders.
     """
-    particle, now, mode = of
+    particle, now, mode = state
     first = 0
     for j in range(mode.size):
         n, x = launch(launches, i, j, problem.phase[i])
@@ -133,7 +133,7 @@ def begin(of: System, fixed: Mount, problem: Dimensionless, launches: Launches, 
     for j in range(mode.size):
         particle[PARTICLE.SAFE, j] = _between(particle, j, first)
     load = loaded(fixed, 0)
-    locate(of, load)
+    locate(state, load)
     return load
 
 
@@ -145,9 +145,9 @@ def _between(particle: Floats, j: int, first: int) -> float:
 
 
 @jit
-def locate(of: System, load: Load) -> None:
+def locate(state: System, load: Load) -> None:
     """Find height and velocity of the base from its phase and deviation."""
-    now = of.now
+    now = state.now
     sine, cosine = sin_turns(now[NOW.X]), cos_turns(now[NOW.X])
     now[NOW.SINE], now[NOW.COSINE] = sine, cosine
     now[NOW.HEIGHT] = load.p * cosine + load.q * sine + load.level + now[NOW.D]
@@ -156,16 +156,16 @@ def locate(of: System, load: Load) -> None:
 
 
 @part
-def motion_after(of: System, load: Load, t: float) -> Motion:
+def motion_after(state: System, load: Load, t: float) -> Motion:
     """Return the motion of the base after the time t from now."""
-    now = of.now
+    now = state.now
     return move(load, now[NOW.SINE], now[NOW.COSINE], now[NOW.D], now[NOW.B], t)
 
 
 @jit
-def acceleration(of: System, load: Load) -> tuple[float, float]:
+def acceleration(state: System, load: Load) -> tuple[float, float]:
     """Return the acceleration of the base now, and its rate."""
-    now = of.now
+    now = state.now
     sine, cosine = now[NOW.SINE], now[NOW.COSINE]
     free, rate = free_pull(load, now[NOW.D], now[NOW.B])
     return (
@@ -175,15 +175,15 @@ def acceleration(of: System, load: Load) -> tuple[float, float]:
 
 
 @part
-def let_pass(of: System, load: Load, t: float) -> Motion:
+def let_pass(state: System, load: Load, t: float) -> Motion:
     """Let the time t pass, in which nothing happens; return what the base has done."""
-    particle, now, mode = of
-    motion = motion_after(of, load, t)
+    particle, now, mode = state
+    motion = motion_after(state, load, t)
     now[NOW.X], passed = land(now[NOW.X], t)
     now[NOW.N] += passed
     now[NOW.D], now[NOW.B] = motion.d, motion.b
     now[NOW.LIFT] -= t
-    locate(of, load)
+    locate(state, load)
     for j in range(mode.size):  # those that do not fly are given all this when they leave the base
         w = particle[PARTICLE.SPEED, j]
         particle[PARTICLE.HEIGHT, j] = fma(t, w - t, particle[PARTICLE.HEIGHT, j]) - motion.rise
@@ -193,21 +193,21 @@ def let_pass(of: System, load: Load, t: float) -> Motion:
     if now[NOW.WAITING] > 0.0:
         for j in range(mode.size):
             if mode[j] == MODE.WAITING:
-                particle[PARTICLE.SAFE, j] = since_now(of, j)
+                particle[PARTICLE.SAFE, j] = since_now(state, j)
     return motion
 
 
 @jit
-def since_now(of: System, j: int) -> float:
+def since_now(state: System, j: int) -> float:
     """Return the time from now to the launch of particle j, or to its last lift-off."""
-    whole = of.particle[PARTICLE.N, j] - of.now[NOW.N]
-    return float(whole + (of.particle[PARTICLE.X, j] - of.now[NOW.X]))
+    whole = state.particle[PARTICLE.N, j] - state.now[NOW.N]
+    return float(whole + (state.particle[PARTICLE.X, j] - state.now[NOW.X]))
 
 
 @part
-def under(of: System, fixed: Mount, count: int) -> Load:
+def under(state: System, fixed: Mount, count: int) -> Load:
     """Change the load: the same height and velocity of the base are another deviation."""
-    changed, now = loaded(fixed, count), of.now
+    changed, now = loaded(fixed, count), state.now
     sine, cosine = now[NOW.SINE], now[NOW.COSINE]
     now[NOW.D] = now[NOW.HEIGHT] - (changed.p * cosine + changed.q * sine + changed.level)
     free = now[NOW.SPEED] - TWO_PI * (changed.q * cosine - changed.p * sine)

@@ -44,7 +44,7 @@ BEHIND: Final = ROWS + 3 * len(KINDS) + 1  # an observer takes no other statisti
 NOTED: Final = Noted(*((BEHIND + row) * STRIDE for row in range(len(Noted._fields))))
 
 
-def observing_scratch() -> Floats:
+def observer_scratch() -> Floats:
     """Scratch memory of `vibrosweep.kernels.totals.scratch`, with the rows of a landing."""
     return scratch(KINDS, len(Noted._fields))
 

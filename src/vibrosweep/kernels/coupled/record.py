@@ -44,37 +44,37 @@ def empty_track(realizations: int, events: int) -> Track:
 
 
 @jit
-def _time(of: System, scale: Scale) -> float:
+def _time(state: System, scale: Scale) -> float:
     """Return the time in s."""
-    turns = of.now[NOW.N] + scale.end + (of.now[NOW.X] - scale.phase)
+    turns = state.now[NOW.N] + scale.end + (state.now[NOW.X] - scale.phase)
     return float(turns / scale.frequency)
 
 
 @part
-def write_landing(of: System, scale: Scale, t: int, k: int, event: Event, out: Record) -> None:
+def write_landing(state: System, scale: Scale, t: int, k: int, event: Event, out: Record) -> None:
     """Write landing k of a particle, in place t."""
     if k < out.rested.shape[1]:
-        out.landing_time[t, k] = _time(of, scale)
+        out.landing_time[t, k] = _time(state, scale)
         out.rested[t, k] = 1 if event.kind == EVENT.STICK else 0
         if event.kind == EVENT.BOUNCE:
-            write_lift_off(of, scale, t, k, event.who, out)
+            write_lift_off(state, scale, t, k, event.who, out)
 
 
 @part
-def write_lift_off(of: System, scale: Scale, t: int, k: int, j: int, out: Record) -> None:
+def write_lift_off(state: System, scale: Scale, t: int, k: int, j: int, out: Record) -> None:
     """Write the lift-off of particle j, in place t, after landing k."""
     if k < out.rested.shape[1]:
-        speed = of.now[NOW.SPEED] + of.particle[PARTICLE.SPEED, j]
-        out.liftoff_time[t, k] = _time(of, scale)
+        speed = state.now[NOW.SPEED] + state.particle[PARTICLE.SPEED, j]
+        out.liftoff_time[t, k] = _time(state, scale)
         out.rebound_velocity[t, k] = speed * scale.velocity
 
 
 @part
-def write_base(of: System, load: Load, scale: Scale, i: int, event: int, out: Track) -> None:
+def write_base(state: System, load: Load, scale: Scale, i: int, event: int, out: Track) -> None:
     """Write the motion of the base after an event of realization i."""
     if event < out.time.shape[1]:
-        out.time[i, event] = _time(of, scale)
-        out.deviation[i, event], out.beyond[i, event] = of.now[NOW.D], of.now[NOW.B]
+        out.time[i, event] = _time(state, scale)
+        out.deviation[i, event], out.beyond[i, event] = state.now[NOW.D], state.now[NOW.B]
         out.riders[i, event] = load.riders
 
 
@@ -93,11 +93,11 @@ def trace(
     Times in s, none before the first event; `out` is of shape (2, time), in g / (2 f^2) and
     g / (2 f).
     """
-    of, event = mount(problem, mounts, i), 0
+    fixed, event = mount(problem, mounts, i), 0
     for k in range(times.size):
         while event + 1 < track.time.shape[1] and track.time[i, event + 1] <= times[k]:
             event += 1
-        load = loaded(of, track.riders[i, event])
+        load = loaded(fixed, track.riders[i, event])
         turns = scale.frequency * track.time[i, event] + scale.phase
         x = turns - np.rint(turns)
         sine, cosine = sin_turns(x), cos_turns(x)
