@@ -14,7 +14,7 @@ import h5py
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.api.asking import asked
+from vibrosweep.api.sweep_like import as_sweep
 from vibrosweep.engine.trajectories import statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import dimensionless, launches
@@ -102,7 +102,7 @@ def test_run_against_the_kernel_alone(race, tmp_path):
         vs.run(sweep, tmp_path / "out.h5", threads=THREADS, force=True).close()
 
     with Workers(THREADS) as workers:
-        ratio = race(run, iterations(asked(sweep, {}), workers))
+        ratio = race(run, iterations(as_sweep(sweep, {}), workers))
     assert ratio >= 0.5
 
 

@@ -40,7 +40,7 @@ def perform(base, analysis):
         return keyword_spec(over(base, record={}))
     if analysis == "observables":
         seen = vs.Observable("seen", add_speed, "sum of speeds")
-        return keyword_spec(over(base)).observing([seen])
+        return keyword_spec(over(base)).with_observables([seen])
     if analysis in RESULTS:
         return RESULTS[analysis](vs.sweep(over(base, duration=1.0)))
     if analysis == "separations":

@@ -94,11 +94,11 @@ def test_it_reaches_workers_of_a_cluster():
 
         return function
 
-    spec = keyword_spec(SWEEP).observing([phases(bins(BINS))])
+    spec = keyword_spec(SWEEP).with_observables([phases(bins(BINS))])
     sent = cloudpickle.loads(cloudpickle.dumps(spec))
     assert sent == spec
     assert sent.scene.measures.observables[0].code == spec.scene.measures.observables[0].code
-    assert spec != keyword_spec(SWEEP).observing([phases(bins(BINS + 1))])
+    assert spec != keyword_spec(SWEEP).with_observables([phases(bins(BINS + 1))])
 
 
 def test_one_that_cannot_be_compiled_leaves_nothing(tmp_path):

@@ -177,7 +177,7 @@ def count(totals, landing):
 def test_what_an_observable_does_not_have_is_not_told():
     spec = parse_spec(SPECS["bare"])
     plain, spread = (
-        identity(spec.observing([Observable("number", count, "landings", **more)]))
+        identity(spec.with_observables([Observable("number", count, "landings", **more)]))
         for more in ({}, {"along": "place", "values": [0.0, 1.0]})
     )
     assert differences(plain, spread) == [

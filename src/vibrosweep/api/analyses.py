@@ -20,8 +20,8 @@ from vibrosweep.analysis.separations import (
     separation_distribution,
 )
 from vibrosweep.analysis.windows import windows_of_spec
-from vibrosweep.api.asking import Asked, asked
 from vibrosweep.api.keyword_types import RealizationKeywords, SweepKeywords, WindowKeywords
+from vibrosweep.api.sweep_like import SweepLike, as_sweep
 from vibrosweep.api.sweeps import sweep
 from vibrosweep.errors import ParameterError, ShortObservationWarning
 from vibrosweep.model.forcing import INPUTS
@@ -34,7 +34,11 @@ SOBOL_SAMPLE = 1024
 
 
 def windows(
-    spec: Asked | None = None, /, *, threads: int | None = None, **keywords: Unpack[WindowKeywords]
+    spec: SweepLike | None = None,
+    /,
+    *,
+    threads: int | None = None,
+    **keywords: Unpack[WindowKeywords],
 ) -> xr.Dataset:
     """Find the intervals of the forcing in which conditions hold, for every restitution.
 
@@ -95,12 +99,12 @@ def windows(
     >>> bool((abs(one.A_max - closed) <= one.A_max_bracket).all())
     True
     """
-    checked = asked(spec, keywords, "windows", windows={})
+    checked = as_sweep(spec, keywords, "windows", windows={})
     return _warned(windows_of_spec(checked, thread_count(threads)))
 
 
 def bifurcation(
-    spec: Asked | None = None,
+    spec: SweepLike | None = None,
     /,
     *,
     observable: str | Observable = "rebound_velocity",
@@ -154,12 +158,16 @@ def bifurcation(
     FrozenList(['direction', 'amplitude', 'particle', 'sample'])
     """
     samples = count("samples", samples)
-    checked = asked(spec, keywords)
+    checked = as_sweep(spec, keywords)
     return _warned(bifurcation_of_spec(checked, observable, samples, thread_count(threads)))
 
 
 def basins(
-    spec: Asked | None = None, /, *, threads: int | None = None, **keywords: Unpack[SweepKeywords]
+    spec: SweepLike | None = None,
+    /,
+    *,
+    threads: int | None = None,
+    **keywords: Unpack[SweepKeywords],
 ) -> xr.Dataset:
     """Tell which attractor each launch leads to.
 
@@ -202,11 +210,11 @@ def basins(
     >>> found.basin.dims, found.basin.shape
     (('launch_velocity', 'launch_time'), (3, 20))
     """
-    return _warned(basins_of_spec(asked(spec, keywords), thread_count(threads)))
+    return _warned(basins_of_spec(as_sweep(spec, keywords), thread_count(threads)))
 
 
 def sobol(
-    spec: Asked | None = None,
+    spec: SweepLike | None = None,
     /,
     *,
     outputs: Sequence[str] | None = None,
@@ -264,12 +272,12 @@ def sobol(
     """
     given = spec if isinstance(spec, Mapping) else keywords
     ranged = any(name in INPUTS and isinstance(value, tuple) for name, value in given.items())
-    checked = asked(spec, keywords, **({"realizations": SOBOL_SAMPLE} if ranged else {}))
+    checked = as_sweep(spec, keywords, **({"realizations": SOBOL_SAMPLE} if ranged else {}))
     return _warned(sobol_of_spec(checked, outputs, confidence, thread_count(threads)))
 
 
 def separations(
-    spec: Asked | xr.Dataset | None = None,
+    spec: SweepLike | xr.Dataset | None = None,
     /,
     *,
     against: str | None = None,

@@ -8,9 +8,9 @@ from typing import Unpack
 
 import xarray as xr
 
-from vibrosweep.api.asking import Asked, asked
 from vibrosweep.api.keyword_types import SweepKeywords
 from vibrosweep.api.results import open_sweep
+from vibrosweep.api.sweep_like import SweepLike, as_sweep
 from vibrosweep.errors import ExistingOutputError, ParameterError
 from vibrosweep.kernels.observables import compiled
 from vibrosweep.model.observables import Observable
@@ -26,7 +26,7 @@ __all__ = ["run", "sweep"]
 
 
 def sweep(
-    spec: Asked | None = None,
+    spec: SweepLike | None = None,
     /,
     *,
     observables: Iterable[Observable] = (),
@@ -112,7 +112,7 @@ def sweep(
     >>> found.rebound_height_max.dims, found.rebound_height_max.attrs["units"]
     (('realization',), 'm')
     """
-    checked = _observing(asked(spec, keywords), observables)
+    checked = _with_observables(as_sweep(spec, keywords), observables)
     if checked.record is not None:
         raise ParameterError(
             "record: a sweep in memory keeps no landings; write it to a file with vibrosweep.run, "
@@ -124,7 +124,7 @@ def sweep(
 
 
 def run(
-    spec: Asked,
+    spec: SweepLike,
     output: str | os.PathLike[str],
     *,
     observables: Iterable[Observable] = (),
@@ -176,7 +176,7 @@ def run(
     50
     """
     path = path_of("output", output)
-    checked = _observing(asked(spec, {}), observables)
+    checked = _with_observables(as_sweep(spec, {}), observables)
     chunk = None if chunk is None else count("chunk", chunk)
     require_switch("force", force)
     require_switch("progress", progress)
@@ -194,9 +194,9 @@ def run(
     return open_sweep(path)
 
 
-def _observing(spec: Sweep, observables: Iterable[Observable]) -> Sweep:
+def _with_observables(spec: Sweep, observables: Iterable[Observable]) -> Sweep:
     """Add observables to a sweep; one that cannot be compiled is refused before anything begins."""
-    found = spec.observing(observables)
+    found = spec.with_observables(observables)
     for one in found.scene.measures.observables:
         compiled(one)
     return found

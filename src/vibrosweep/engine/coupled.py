@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import height_unit, of_particles, of_realizations
-from vibrosweep.engine.observation import launched_in_window
-from vibrosweep.engine.observed import kinds_of, observed, observer_of, raised
+from vibrosweep.engine.launched import launched_in_window
+from vibrosweep.engine.observables import kinds_of, observable_error, observable_values, observer_of
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.coupled.counting import (
@@ -63,7 +63,7 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
         found |= of_particles(each, parameters, particles)
     for one in scene.measures.observables:
         if one.landings:
-            found[one.name] = observed(one, parameters, each)
+            found[one.name] = observable_values(one, parameters, each)
             continue
         observer = observer_of(one, frequency.size * particles)
         try:
@@ -71,8 +71,8 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
         except MemoryError:
             raise
         except Exception as error:
-            raise raised(one, error) from error
-        found[one.name] = observed(one, parameters, followed.each, observer.totals)
+            raise observable_error(one, error) from error
+        found[one.name] = observable_values(one, parameters, followed.each, observer.totals)
     found |= _separations(whole, sums, frequency) | _order(whole, frequency)
     if scene.measures.joint:
         found |= _joint(parameters, scene, workers)

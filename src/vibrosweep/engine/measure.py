@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import Measured, height_unit, of_particles, of_realizations
-from vibrosweep.engine.observation import launched_in_window
-from vibrosweep.engine.observed import observed, observer_of, raised
+from vibrosweep.engine.launched import launched_in_window
+from vibrosweep.engine.observables import observable_error, observable_values, observer_of
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow, statistics
 from vibrosweep.engine.workers import Workers
@@ -18,9 +20,16 @@ from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.sine import waves
 from vibrosweep.kernels.trust import Trust
-from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
-from vibrosweep.model.parameters import SPRUNG, Dimensionless, Launches, dimensionless, launches
-from vibrosweep.model.times import in_seconds
+from vibrosweep.model.measures import RESOLUTION, UNDETERMINED, Variable
+from vibrosweep.model.parameters import (
+    SPRUNG,
+    Dimensionless,
+    Launches,
+    dimensionless,
+    launches,
+    representable,
+)
+from vibrosweep.model.times import Time, in_seconds
 from vibrosweep.scene.scene import Scene
 
 
@@ -60,7 +69,7 @@ def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> 
         measured |= _error_bounds(found.bounds, scene, parameters)
     for one in measures.observables:
         if one.landings and found.each is not None:
-            measured[one.name] = observed(one, parameters, found.each)
+            measured[one.name] = observable_values(one, parameters, found.each)
     for one in measures.observables:  # the memory of statistics is written over from here on
         if not one.landings:
             observer = observer_of(one, frequency.size * particles)
@@ -69,9 +78,39 @@ def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> 
             except MemoryError:
                 raise
             except Exception as error:
-                raise raised(one, error) from error
-            measured[one.name] = observed(one, parameters, each, observer.totals)
+                raise observable_error(one, error) from error
+            measured[one.name] = observable_values(one, parameters, each, observer.totals)
     return measured
+
+
+def measure_all(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
+    """Measure a batch; realizations that cannot be computed do not fail the others.
+
+    Their floats are NaN, their counts and flags undetermined, and their status gives the reason.
+
+    Parameters and result are those of `measure`.
+    """
+    usable = representable(parameters, _times(scene))
+    if usable.all():
+        return measure(parameters, scene, workers)
+    sizes = {"realization": usable.size, "particle": scene.particles}
+    sizes |= {along: len(values) for along, values in scene.measures.own_dims.items()}
+    found = {v.name: _refused(v, sizes) for v in scene.measures.variables}
+    if usable.any():
+        kept = {name: values[usable] for name, values in parameters.items()}
+        for name, values in measure(kept, scene, workers).items():
+            found[name][usable] = values
+    return found
+
+
+def _times(scene: Scene) -> tuple[Time, ...]:
+    launch = () if isinstance(scene.launch, str) else scene.launch
+    return (scene.duration, scene.measures.transient, *launch)
+
+
+def _refused(variable: Variable, sizes: Mapping[str, int]) -> NDArray[Any]:
+    """Values of a variable for realizations that were not computed."""
+    return np.full([sizes[d] for d in variable.dims], variable.blank, variable.dtype)
 
 
 def _launch_height_max(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.duplicates import find_equal
-from vibrosweep.engine.observed import kinds_of
+from vibrosweep.engine.observables import kinds_of
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance, advance_uncached, memory_around
 from vibrosweep.kernels.bases import fitted

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import record_landings
-from vibrosweep.engine.measuring import measure_all
+from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.measures import MEASURE_OF, VARIABLES
 from vibrosweep.model.parameters import SPRUNG

@@ -8,7 +8,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from vibrosweep.engine.measuring import measure_all
+from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError, VibrosweepError
 from vibrosweep.runs.identity import differences, identity

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.measuring import measure_all
+from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.times import fraction_of, in_periods
 from vibrosweep.runs.chunks import batch_size

@@ -44,7 +44,7 @@ class Sweep:
             record = record.measuring(impact_budget=changes["impact_budget"])
         return replace(self, scene=self.scene.measuring(**changes), record=record)
 
-    def observing(self, observables: Iterable[Observable]) -> Sweep:
+    def with_observables(self, observables: Iterable[Observable]) -> Sweep:
         """Return the same sweep with observables.
 
         Raises a ParameterError as `vibrosweep.model.observables.observables_of` does.
@@ -161,9 +161,9 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
         for name, value in values.items()
         if name not in varied and not math.isnan(value)  # one that only the table knows
     }
-    kind, asked = rules.kind(sample), sample.get("design")
-    if isinstance(asked, str) and kind == TABLE:
-        asked = (source or Path()).parent / asked
+    kind, named = rules.kind(sample), sample.get("design")
+    if isinstance(named, str) and kind == TABLE:
+        named = (source or Path()).parent / named
     return Sweep(
         title="",
         text="",
@@ -174,7 +174,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
             sampled,
             realizations,
             sample.get("seed", 0),
-            asked if kind == TABLE else None,
+            named if kind == TABLE else None,
             columns,
         ),
         record=None if recorded is None else Scene(**recorded, measures=measures).recorded(),

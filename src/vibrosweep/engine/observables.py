@@ -33,14 +33,14 @@ def observer_of(observable: Observable, trajectories: int) -> Observer:
     return Observer(compiled(observable), totals, initial)
 
 
-def raised(observable: Observable, error: Exception) -> ParameterError:
+def observable_error(observable: Observable, error: Exception) -> ParameterError:
     """Return the error that tells what an observable's function raised."""
     return ParameterError(
         f"observable {observable.name!r}: its function raised {type(error).__name__}: {error}"
     )
 
 
-def observed(
+def observable_values(
     observable: Observable,
     parameters: Mapping[str, Array],
     each: Statistics,

@@ -1,4 +1,4 @@
-"""What a public function was asked: a sweep file, a mapping, or keywords."""
+"""Sweeps that public functions are given as a sweep file, a mapping, or keywords."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.sweep import Sweep, read_spec
 
-__all__ = ["Asked", "asked"]
+__all__ = ["SweepLike", "as_sweep"]
 
-Asked = str | os.PathLike[str] | Mapping[str, Any]
+SweepLike = str | os.PathLike[str] | Mapping[str, Any]
 
 
-def asked(spec: Asked | None, keywords: Mapping[str, Any], *first: str, **defaults: Any) -> Sweep:
+def as_sweep(
+    spec: SweepLike | None, keywords: Mapping[str, Any], *first: str, **defaults: Any
+) -> Sweep:
     """Return the sweep that a path or a mapping asks for, or keywords where there is neither.
 
     `first` is that of `keyword_spec`; `defaults` are what keywords or a mapping need not state, and

@@ -6,8 +6,7 @@ import numba
 import numpy as np
 import pytest
 
-from vibrosweep.engine.measure import measure
-from vibrosweep.engine.measuring import measure_all
+from vibrosweep.engine.measure import measure, measure_all
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.observables import compiled
