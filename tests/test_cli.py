@@ -176,7 +176,7 @@ def test_version_and_help(vibrosweep):
 
 
 def test_help_loads_nothing_but_the_standard_library():
-    """Which is what makes it quick: 0.04 s."""
+    """That makes it quick: 0.04 s."""
     code = (
         "import sys\nbefore = set(sys.modules)\nfrom vibrosweep.cli import main\n"
         "try:\n    main(['--help'])\nexcept SystemExit:\n"
@@ -326,7 +326,7 @@ def test_figures_that_cannot_be_written(refused, result, tmp_path):
 
 
 def test_memory_that_runs_out(refused, monkeypatch, spec, tmp_path):
-    """What is advised can be done with the command that was given."""
+    """The advice can be followed with the command that was given."""
 
     def measure(*arguments, **options):
         raise MemoryError("Unable to allocate 1 TiB")

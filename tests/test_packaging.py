@@ -1,4 +1,4 @@
-"""What is published: the wheel, its description, and how to cite it."""
+"""The published package: the wheel, its description, and how to cite it."""
 
 import importlib.util
 import re

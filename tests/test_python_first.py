@@ -1,4 +1,4 @@
-"""What a new user asks first, each in at most five lines of Python."""
+"""First questions of a new user, each in at most five lines of Python."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""What the README says is true: its commands, its files and its Python."""
+"""The README is true: its commands, its files and its Python."""
 
 import os
 import re
@@ -22,7 +22,7 @@ def blocks(language):
 
 
 def extracted(readme, heading, tmp_path):
-    """What .ci/run finds below a heading of a README."""
+    """Code that .ci/run finds below a heading of a README."""
     (tmp_path / ".ci").mkdir()
     shutil.copy(ROOT / ".ci" / "run", tmp_path / ".ci")
     (tmp_path / "README.md").write_text(readme, encoding="utf-8")

@@ -34,7 +34,7 @@ TOLD = {"vibrosweep.__version__", "vibrosweep.errors.OPTIONS"}  # what needs no 
 
 
 def found(path):
-    """What a dotted name stands for."""
+    """Return the object of a dotted name."""
     home, _, name = path.rpartition(".")
     return getattr(import_module(home), name)
 

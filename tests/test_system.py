@@ -1,4 +1,4 @@
-"""What differs between operating systems, also as on those that lack what this one has."""
+"""Differences between operating systems, also as on those that lack what this one has."""
 
 import errno
 import os

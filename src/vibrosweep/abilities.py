@@ -1,4 +1,4 @@
-"""What can be computed over each base: laws of rebound, measures and analyses, in one table.
+"""Table of what can be computed over each base: laws of rebound, measures and analyses.
 
 Messages, the page of abilities and tests derive from it: nothing else says what a base cannot do.
 """

@@ -159,7 +159,7 @@ class Mistakes:
         self.broken.add(key)
 
     def is_broken(self, key: str) -> bool:
-        """Whether ``key`` or the table that holds it is invalid."""
+        """Return whether ``key`` or the table that holds it is invalid."""
         return key in self.broken or key.partition(".")[0] in self.broken
 
 

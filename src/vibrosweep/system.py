@@ -1,4 +1,4 @@
-"""What operating systems do in ways of their own: locks of files, and memory.
+"""Locks of files and memory, in which operating systems differ.
 
 Where memory is stated neither by the POSIX ``sysconf`` nor below ``/proc``, psutil is required.
 """

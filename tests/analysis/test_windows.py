@@ -216,7 +216,7 @@ def test_more_than_fits_into_memory_is_refused_with_a_remedy_that_exists():
 
 
 def sides_of(found, condition, scene, workers):
-    """What the engine says just inside and just outside of every edge, and at next numbers."""
+    """Results of the engine just inside and just outside of every edge, and at next numbers."""
     one = found.sel(condition=condition.name, direction="launch")
     e = np.broadcast_to(one["restitution"].values[:, np.newaxis], one["A_min"].shape)
     for end, inward in (("A_min", 1.0), ("A_max", -1.0)):

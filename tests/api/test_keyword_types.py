@@ -1,4 +1,4 @@
-"""What an editor completes are the keys of a sweep file, in every function that takes them."""
+"""An editor completes the keys of a sweep file, in every function that takes them."""
 
 import inspect
 

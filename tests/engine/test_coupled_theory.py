@@ -1,4 +1,4 @@
-"""What the engine computes over a base of finite mass, against `model.coupled_theory`."""
+"""Results of the engine over a base of finite mass, against `model.coupled_theory`."""
 
 import numpy as np
 import pytest

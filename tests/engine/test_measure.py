@@ -17,7 +17,7 @@ TIMES = (0.0, 0.31, -4.75, 2.0, 30.0)
 
 
 def in_window(found, transient):
-    """Which recorded landings lie in the window; shape (realization, particle, impact)."""
+    """Return which recorded landings lie in the window; shape (realization, particle, impact)."""
     with np.errstate(invalid="ignore"):
         return found["landing_time"] >= transient
 

@@ -1,4 +1,4 @@
-"""What the engine computes over a moving base, against the closed forms of `vibrosweep.theory`."""
+"""Results of the engine over a moving base, against the closed forms of `vibrosweep.theory`."""
 
 import numpy as np
 

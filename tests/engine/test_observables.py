@@ -37,7 +37,7 @@ def of_no_type(totals, landing):
 
 
 def without_limits(text, **outside):
-    """What numba has compiled of a function g, as a user may: indices are not checked."""
+    """A function g compiled by the user, without checks of indices."""
     names = dict(outside)
     exec(text, names)
     return numba.njit(names["g"])

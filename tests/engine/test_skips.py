@@ -33,7 +33,7 @@ def drawn(seed, size, **given_):
 
 
 def both(parameters, scene):
-    """What is measured with everything skipped that can be, and with everything followed."""
+    """Measures with everything skipped that can be, and with everything followed."""
     with Workers(2) as workers:
         return [
             measure(parameters, dataclasses.replace(scene, skip=skip), workers)

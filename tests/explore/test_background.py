@@ -1,4 +1,4 @@
-"""What is computed while the page goes on."""
+"""Computations while the page goes on."""
 
 import threading
 

@@ -116,7 +116,7 @@ def opened(browser):
 
 
 def changed(page, before):
-    """What is drawn, once it is another than before."""
+    """The picture, once it is another than before."""
     for _ in range(200):
         drawn = page.evaluate(DRAWN)
         if all(drawn[name] != before[name] for name in ("start", "code")):

@@ -1,4 +1,4 @@
-"""What is simulated: bases, launches and times."""
+"""Choices for a simulation: bases, launches and times."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is said in words is what a sweep of the same realization measures."""
+"""Facts in words agree with a sweep of the same realization."""
 
 import numpy as np
 import pytest

@@ -64,7 +64,7 @@ def farthest(values, shown):
 
 
 def assert_shows(view, record):
-    """What is drawn is of this record, value for value; what is not is within a pixel of that."""
+    """Points drawn are of this record, value for value; others lie within a pixel."""
     content = view.content
     base = pictures.heights(record).base
     assert all(np.array_equal(content["base"][name], base[name]) for name in base)
@@ -128,7 +128,7 @@ def test_sliders_of_the_mount_appear_with_the_sprung_base(page):
 
 
 def window(page, name, *ends):
-    """What is drawn of a picture in another window."""
+    """Points of a picture that are drawn in another window."""
     ranges = dict(zip(ENDS, ends, strict=True))
     page.motions[0]._moved(name, SimpleNamespace(**ranges))
     return page.motions[0].content

@@ -1,4 +1,4 @@
-"""What is drawn of a record is what `simulate` gives: true parabolas that end on the base."""
+"""Pictures of a record agree with `simulate`: true parabolas that end on the base."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What the server answers: to browsers of this machine all of the page, to anybody else nothing."""
+"""The server gives browsers of this machine all of the page, and anybody else nothing."""
 
 import asyncio
 import http.client

@@ -1,4 +1,4 @@
-"""What is left out of a picture covers the same pixels as something that is drawn."""
+"""Points left out of a picture cover the same pixels as others that are drawn."""
 
 import numpy as np
 from hypothesis import given, settings

@@ -68,7 +68,7 @@ class Errors:
 
 
 class Scene:
-    """What one realization's comparison needs, and what each decision leaves of it."""
+    """Landings of one realization to compare, and those that each decision leaves."""
 
     def __init__(self, problem, i, frequency, gravity, duration, reflect):
         self.e, self.a, self.r = (

@@ -1,4 +1,4 @@
-"""What trajectories settle on: multipliers and exponents against closed forms and plain loops."""
+"""Orbits of trajectories: multipliers and exponents against closed forms and plain loops."""
 
 import math
 
@@ -13,7 +13,7 @@ from vibrosweep.model.status import Regime
 
 @pytest.fixture
 def settled(observe, workers):
-    """What each particle settles on; arrays of shape (realization, particle)."""
+    """Orbit of each particle; arrays of shape (realization, particle)."""
 
     def find(scene, duration, transient=0.0, launch=(0.0,), **changes):
         observation = observe(launch, duration=duration, **changes)

@@ -66,7 +66,7 @@ step = njit(signature, _nrt=False, **OPTIONS)(_step.__wrapped__)
 
 
 def hot_loop(show, base, **environment):
-    """What a fresh process prints of the kernels' hottest loop, compiled for a base."""
+    """Text that a fresh process prints of the kernels' hottest loop, compiled for a base."""
     inherited = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "VIBROSWEEP_"))}
     done = subprocess.run(
         [sys.executable, "-c", STEP.replace("BASE", base) + show],

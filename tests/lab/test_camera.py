@@ -1,4 +1,4 @@
-"""What a camera sees: closed forms of parabolas and of their means over an exposure."""
+"""Pictures of a camera: closed forms of parabolas and of their means over an exposure."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is wrong with tracks is said per particle, and nothing is invented across it."""
+"""Faults of tracks are told per particle, and nothing is invented across them."""
 
 import numpy as np
 import pytest

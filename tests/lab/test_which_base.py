@@ -1,4 +1,4 @@
-"""Which base a recording is of: a test that a few bounces cannot decide, held to gravity."""
+"""The base of a recording: a test that a few bounces cannot decide, held to gravity."""
 
 import numpy as np
 import pytest

@@ -217,7 +217,7 @@ def test_what_goes_wrong_on_a_worker(one, tmp_path, error, expected, words):
 
 
 def test_parts_on_another_file_system(one, tmp_path, monkeypatch):
-    """What the worker writes is not seen here."""
+    """The output of the worker is not seen here."""
     monkeypatch.setattr(cluster, "VISIBLE_WITHIN", 0.0)
     with (
         cluster.connected(one.scheduler_address) as client,

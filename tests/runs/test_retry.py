@@ -134,7 +134,7 @@ def test_a_retry_that_is_ended_continues(sweep, output, tmp_path):
 
 @pytest.mark.parametrize("budget", [1000, 64])
 def test_a_retry_that_is_killed_after_its_result_had_its_name(sweep, output, monkeypatch, budget):
-    """Whether or not the new budget settled all."""
+    """The same whether or not the new budget settled all."""
     run_sweep(sweep(32), output, threads=1)
     with monkeypatch.context() as patch:
         patch.setattr("vibrosweep.runs.kept.abandon", lambda directory: 1 / 0)

@@ -29,7 +29,7 @@ Design = Literal["uniform", "latin", "sobol", "grid"] | str
 
 
 class MotionKeywords(TypedDict, total=False):
-    """What bounces on what, and for how long."""
+    """Keywords of a scene: particles, base, and times."""
 
     restitution: Values
     amplitude: Values

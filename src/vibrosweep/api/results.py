@@ -83,7 +83,7 @@ def open_record(path: str | os.PathLike[str]) -> xr.Dataset:
 
 
 def has_record(path: str | os.PathLike[str]) -> bool:
-    """Whether a result holds every landing of a scene.
+    """Return whether a result holds every landing of a scene.
 
     Raises
     ------

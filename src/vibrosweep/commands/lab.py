@@ -132,7 +132,7 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
 
 
 def _view(options: argparse.Namespace) -> View:
-    """What is known beside the tracks."""
+    """Facts known beside the tracks."""
     from vibrosweep.lab.fitting import View
     from vibrosweep.lab.traces import read_trace
 

@@ -156,7 +156,7 @@ def _order(whole: PerRealization, frequency: Array) -> Measured:
 
 
 def _joint(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
-    """What the joint states settle on."""
+    """Variables of the orbits that joint states settle on."""
     batch, particles = _batch(parameters, scene), scene.particles
     size, problem = parameters["frequency"].size, batch.problem
     out = empty_joint(size)

@@ -11,7 +11,7 @@ from vibrosweep.scene.scene import Scene
 
 
 def launched_in_window(scene: Scene, frequency: Array) -> NDArray[np.bool_]:
-    """Whether particles are launched inside the window; shape (realization or 1, particle)."""
+    """Return which particles are launched inside the window; shape (realization or 1, particle)."""
     frequency = frequency[:1] if np.all(frequency == frequency[:1]) else frequency
     begin, end = scene.measures.transient, scene.duration
     if isinstance(scene.launch, str):

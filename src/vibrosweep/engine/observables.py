@@ -27,7 +27,7 @@ def kinds_of(scene: Scene) -> Kinds:
 
 
 def observer_of(observable: Observable, trajectories: int) -> Observer:
-    """What is called for each landing where an observable changes totals, and its totals."""
+    """Function and totals of an observable that changes totals at each landing."""
     initial = float(observable.initial)
     totals = np.full((trajectories, observable.width), initial)
     return Observer(compiled(observable), totals, initial)

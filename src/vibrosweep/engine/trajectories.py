@@ -184,7 +184,7 @@ def _orbits(
 
 
 def _lasts(problem: Dimensionless, launch: Launches, periods: float) -> bool:
-    """Whether any trajectory may last for more than this many periods."""
+    """Return whether any trajectory may last for more than this many periods."""
     return bool(np.max(problem.end_count) - np.min(launch.whole) + 2.0 > periods)
 
 

@@ -43,7 +43,7 @@ class Column:
     values: Array  # shape (point,)
     # Value -> meaning where the values are codes; empty for numbers
     codes: Mapping[int, str] = field(default_factory=dict)
-    # Whether zero is a case of its own instead of a small number, as for separations
+    # True where zero is a case of its own instead of a small number, as for separations
     zero_apart: bool = False
 
 

@@ -1,4 +1,4 @@
-"""Which realizations are computed: ranges or axes, and how values are drawn from them.
+"""Designs, which say what realizations are computed: ranges or axes, and how values are drawn.
 
 `DESIGNS` holds the designs that draw, each with the points of the unit cube that it takes and the
 way in which a coordinate of a point becomes a value; `register_design` adds one.
@@ -61,11 +61,11 @@ class Axis:
 
 @dataclass(frozen=True)
 class Design:
-    """Which realizations of a scene are computed."""
+    """Realizations of a scene that are computed."""
 
     name: str = "uniform"  # a key of `DESIGNS`, ``"grid"`` or ``"table"``
-    # What varies, in the order of `vibrosweep.model.forcing.INPUTS`: a `Range` where values are
-    # drawn, an `Axis` under a grid; empty for a table, which decides by itself
+    # Inputs that vary, in the order of `vibrosweep.model.forcing.INPUTS`: a `Range` where values
+    # are drawn, an `Axis` under a grid; empty for a table, which decides by itself
     sampled: Mapping[str, Range | Axis] = field(default_factory=dict)
     realizations: int | None = 1  # None for a table whose length the sweep does not state
     seed: int = 0

@@ -143,7 +143,7 @@ def _title(value: object) -> str:
 
 
 def is_plain(text: str) -> bool:
-    """Whether a text has no control character, which a terminal might obey."""
+    """Return whether a text has no control character, which a terminal might obey."""
     return not any(unicodedata.category(character) == "Cc" for character in text)
 
 

@@ -1,4 +1,4 @@
-"""What moves, and what is looked at: the one description of it, whatever computes it."""
+"""Description of what moves and what is looked at, the same whatever computes it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Launch = str | tuple[float, ...]
 
 @dataclass(frozen=True)
 class Scene:
-    """What moves and what is looked at: shared by all realizations of a sweep or an analysis.
+    """A scene: particles, base and times, shared by all realizations of a sweep or an analysis.
 
     Raises
     ------
@@ -42,7 +42,7 @@ class Scene:
     duration: Time = 12.0  # end of the observation: a number in s, or `Periods`
     rebound: str = LAWS[0]  # one of `vibrosweep.model.parameters.LAWS`
     measures: Measures = field(default_factory=Measures)
-    # Whether what is known already is counted instead of followed; off where every landing is kept,
+    # True to count what is known already instead of following it; off where every landing is kept,
     # and to compare
     skip: bool = True
     base: str = HIGH_BOUNCE  # one of `vibrosweep.model.parameters.BASES`
@@ -82,7 +82,7 @@ class Scene:
 
     @property
     def windowed(self) -> bool:
-        """Whether landings before the window are possible."""
+        """True where landings before the window are possible."""
         # a launch before a window that begins at 0 is early in any unit
         begin = amount(self.measures.transient)
         early_launch = not isinstance(self.launch, str) and min(self.launch) < begin
@@ -100,7 +100,7 @@ class Scene:
         return forcing_of([name for name in varied if name in FORCINGS] or self.given)
 
     def quantities(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
-        """Say all of realizations in which some of `INPUTS` vary, each of shape (realization,).
+        """Return all quantities of realizations; some `INPUTS` vary, each of shape (realization,).
 
         By default there are as many as values of what varies, or one.  The result holds what is
         given, all of `vibrosweep.model.parameters.PARAMETERS`, of a sprung base also of
@@ -117,11 +117,11 @@ class Scene:
         )
 
     def parameters(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
-        """What the engine takes of these realizations, each of shape (realization,)."""
+        """Parameters of these realizations for the engine, each of shape (realization,)."""
         return only_parameters(self.quantities(varied, size))
 
     def timed(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
-        """What a result says of these realizations: `quantities`, and both times in s."""
+        """Return the `quantities` of these realizations, and both times in s."""
         found = self.quantities(varied, size)
         return found | {n: in_seconds(t, found["frequency"]) for n, t in self.times.items()}
 
