@@ -87,10 +87,10 @@ def test_speed_does_not_depend_on_the_place_in_memory():
     for place in [0, *range(places)] * 5:
         block = memory[start + place * page :][:size]
         block[:] = 0.0
-        room = memory_around(block)
+        memory = memory_around(block)
         begin = time.perf_counter()
-        left = advance((0, trajectories, 0), batch, options, False, room, out, None, None)
-        advance((0, 0, left), batch, options, False, room, out, None, None)
+        left = advance((0, trajectories, 0), batch, options, False, memory, out, None, None)
+        advance((0, 0, left), batch, options, False, memory, out, None, None)
         fastest[place] = min(fastest[place], time.perf_counter() - begin)
     slow = np.mean(fastest > 1.2 * fastest.min())
     mean = fastest.mean() / fastest.min()
@@ -146,9 +146,9 @@ def test_speed_does_not_depend_on_how_small_flights_are(law):
     rooms = {kind: filled(law, *given) for kind, given in kinds.items()}
     times = {kind: [] for kind in kinds}
     for _ in range(15):
-        for kind, room in rooms.items():
+        for kind, memory in rooms.items():
             began = time.thread_time()
-            passes(room, 5000, Chosen(base, KINDS))
+            passes(memory, 5000, Chosen(base, KINDS))
             times[kind].append(time.thread_time() - began)
     medians = {kind: statistics_of.median(values[1:]) for kind, values in times.items()}
     print("\n", {kind: round(t / medians["locked"], 3) for kind, t in medians.items()})
@@ -160,8 +160,8 @@ def test_hot_loop_uses_whole_vector_registers():
     problem, launch, observation = scene(1, 8, 12.0)
     batch = Batch(base_of("high-bounce", observation.rebound), problem, launch)
     fresh: Any = uncached(advance)
-    room = memory_around(scratch())
-    fresh((0, 8, 0), batch, Options(102), False, room, empty_statistics(8), None, None)
+    memory = memory_around(scratch())
+    fresh((0, 8, 0), batch, Options(102), False, memory, empty_statistics(8), None, None)
     (assembly,) = fresh.inspect_asm().values()
     blocks = re.split(r"^\.LBB\w+:", assembly, flags=re.MULTILINE)
     hot = max(blocks, key=lambda block: len(re.findall(r"vfn?m(?:add|sub)\w+pd", block)))

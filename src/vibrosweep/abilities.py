@@ -103,20 +103,19 @@ def _quoted(bases: Collection[str]) -> str:
 
 def cells() -> Iterator[tuple[str, dict[str, str]]]:
     """Give every base with each law, measure and analysis, as `refusal` takes them."""
-    yield from product(BASES, _asked())
+    yield from product(BASES, _choices())
 
 
 def table() -> Iterator[str]:
     """Give the lines of the table on the page of sweep files."""
     yield f"| | {' | '.join(f'`{base}`' for base in BASES)} |"
     yield f"|---|{'---|' * len(BASES)}"
-    for asked in _asked():
-        ((kind, name),) = asked.items()
-        kept = ("no" if refusal(base, **asked) else "yes" for base in BASES)
+    for one in _choices():
+        ((kind, name),) = one.items()
+        kept = ("no" if refusal(base, **one) else "yes" for base in BASES)
         yield f"| {kind} `{name}` | {' | '.join(kept)} |"
 
 
-def _asked() -> list[dict[str, str]]:
-    asked = [{"law": law} for law in LAWS]
-    asked += [{"measure": key} for key in MEASURES]
-    return asked + [{"analysis": name} for name in ANALYSES]
+def _choices() -> list[dict[str, str]]:
+    laws, measures = [{"law": law} for law in LAWS], [{"measure": key} for key in MEASURES]
+    return laws + measures + [{"analysis": name} for name in ANALYSES]

@@ -29,13 +29,13 @@ def problem(size, most, periods, seed=1, **fixed):
 
 def streamed(base, scene, launch, budget=600_000):
     total = scene.kick.size * PARTICLES
-    out, room = empty_statistics(total), memory_around(scratch())
+    out, memory = empty_statistics(total), memory_around(scratch())
     batch = Batch(base, scene, launch)
     options = Options(budget)
-    lanes = advance((0, total, 0), batch, options, False, room, out, None, None)
+    lanes = advance((0, total, 0), batch, options, False, memory, out, None, None)
     while lanes:
         span = (total, total, lanes)
-        lanes = advance(span, batch, options, False, room, out, None, None)
+        lanes = advance(span, batch, options, False, memory, out, None, None)
     return out
 
 

@@ -60,10 +60,10 @@ def vector_registers() -> Finding:
     # without the instruction each fused multiply-add is a function call, which is never vectorised
     bits = max((WIDTHS[name] for name in features if name in WIDTHS), default=64) if fused else 64
     words = "fused multiply-add by instruction" if fused else "no fused multiply-add"
-    asked = vector_bits()
-    choice = "the compiler's choice" if asked is None else f"{asked} bits asked for"
+    requested = vector_bits()
+    choice = "the compiler's choice" if requested is None else f"{requested} bits asked for"
     state = (
-        f"{min(bits, asked or bits)} bits, {words}, compiled for {processor}; {choice}, "
+        f"{min(bits, requested or bits)} bits, {words}, compiled for {processor}; {choice}, "
         f"{VARIABLE} sets another"
     )
     if fused and numba.config.OPT == 3:

@@ -77,27 +77,27 @@ def warm_up() -> Compiled:
         )
     ways = [(base, law) for base, law in product(BASE_OF, LAWS) if not refusal(base, law=law)]
     # one problem twice; over a moving base, with at most 1 g and with more
-    scenes = [all_parameters({"amplitude": np.array([a, a])}) for a in (1.0, 6.0)]
+    batches = [all_parameters({"amplitude": np.array([a, a])}) for a in (1.0, 6.0)]
     with Workers(1) as workers:
         for (base, rebound), transient, regimes in product(ways, (0.0, 1.0), (False, True)):
             endless = bare_scene(2, "staggered", 2.0, rebound, 1000, base)
-            record_landings(scenes[0], endless, workers)
-            asked = Measures(transient, separation=True, lyapunov=regimes, trust=True)
+            record_landings(batches[0], endless, workers)
+            measures = Measures(transient, separation=True, lyapunov=regimes, trust=True)
             # long enough for orbits to recur
             longer = replace(endless, duration=2.0 * PERIODS_TO_RECUR)
-            for scene in scenes:
-                measure(scene, replace(endless, measures=asked), workers)
-                measure(scene, longer.measuring(transient=transient), workers)
+            for parameters in batches:
+                measure(parameters, replace(endless, measures=measures), workers)
+                measure(parameters, longer.measuring(transient=transient), workers)
         for base, rebound in ways:
             point = {"restitution": np.array([0.9]), "amplitude": np.array([1.2])}
             one, _ = batch({"base": base, "rebound": rebound, "duration": 2000.0})
             locked(one, Locked(1), point, workers)
             basins(one, [0.0], [5.0], threads=1)
         mount = {"mass_ratio": 0.01, "mount_frequency": 0.5, "mount_damping": 0.05}
-        scene = all_parameters({name: np.array([value]) for name, value in mount.items()})
+        parameters = all_parameters({name: np.array([value]) for name, value in mount.items()})
         coupled = bare_scene(2, "staggered", 2.0, "rest", 1000, SPRUNG)
-        measure(scene, replace(coupled, measures=Measures(joint=True)), workers)
-        base_track(scene, coupled, workers).at(np.array([1.0]))
+        measure(parameters, replace(coupled, measures=Measures(joint=True)), workers)
+        base_track(parameters, coupled, workers).at(np.array([1.0]))
     made = sum(sum(kernel.stats.cache_misses.values()) for kernel in KERNELS)
     kept = sum(sum(kernel.stats.cache_hits.values()) for kernel in KERNELS)
     return Compiled(made, kept, _jit.cache_directory)

@@ -76,8 +76,8 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
     found |= _separations(whole, sums, frequency) | _order(whole, frequency)
     if scene.measures.joint:
         found |= _joint(parameters, scene, workers)
-    asked = {variable.name for variable in scene.measures.variables}
-    return {name: values for name, values in found.items() if name in asked}
+    names = {variable.name for variable in scene.measures.variables}
+    return {name: values for name, values in found.items() if name in names}
 
 
 def _followed(

@@ -61,8 +61,8 @@ def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> 
         measured |= of_particles(found.each, parameters, particles, *of_base)
     if found.orbits is not None:
         of_orbits = orbit_variables(found.orbits, frequency)
-        asked = {variable.name for variable in measures.variables}
-        measured |= {name: values for name, values in of_orbits.items() if name in asked}
+        names = {variable.name for variable in measures.variables}
+        measured |= {name: values for name, values in of_orbits.items() if name in names}
     if found.separations is not None:
         measured |= _separations(found.separations, frequency)
     if found.bounds is not None:

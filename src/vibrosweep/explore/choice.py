@@ -114,9 +114,9 @@ class Choice:
         """
         coupled = self.base == SPRUNG
         longer = self if coupled else self.lasting(max(OBSERVED_PERIODS, self.periods))
-        asked: dict[str, Any] = {
+        keywords: dict[str, Any] = {
             **{name: self.inputs[name] for name in inputs_of(self.inputs, self.base)},
             **longer.sweep_keywords(),
             **dict.fromkeys(("joint",) if coupled else ("regimes", "lyapunov"), True),
         }
-        return vs.sweep(separation=True, progress=False, **asked)
+        return vs.sweep(separation=True, progress=False, **keywords)

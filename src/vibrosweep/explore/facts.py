@@ -26,9 +26,9 @@ def named(choice: Choice) -> str:
     return ", ".join([f"{choice.base} base", *parts])
 
 
-def facts(choice: Choice, observed: xr.Dataset) -> Iterator[tuple[str, str]]:
-    """Names and values of the properties of a realization, from its choice and its observation."""
-    one = observed.isel(realization=0)
+def facts(choice: Choice, result: xr.Dataset) -> Iterator[tuple[str, str]]:
+    """Names and values of the properties of a realization, from its choice and the result."""
+    one = result.isel(realization=0)
     yield "base", choice.base
     yield "observed", _period_text(float(one["duration"]) * choice.inputs["frequency"])
     yield "acceleration of the base Γ", f"{float(one['base_acceleration']):.5g}"

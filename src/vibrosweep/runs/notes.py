@@ -53,8 +53,8 @@ def short_observation(base: str, restitution: float, frequency: float, duration:
     if base not in theory.FIXED:
         return ""  # how long coupled orbits take to return is not known
     needed = float(theory.recognition_periods(restitution, base=base))
-    observed = float(in_periods(duration, np.array([frequency]))[0])
-    if observed >= needed:
+    periods = float(in_periods(duration, np.array([frequency]))[0])
+    if periods >= needed:
         return ""
     takes = f"up to {needed:.0f}" if math.isfinite(needed) else "more than any number of"
     enough = f"{needed / frequency:.4g} s"
@@ -63,7 +63,7 @@ def short_observation(base: str, restitution: float, frequency: float, duration:
     longer = f"; {enough} are enough" if math.isfinite(needed) else ""
     return (
         f"an orbit locked to one period takes {takes} periods to return bit for bit at restitution "
-        f"{restitution:g}, and {observed:g} are observed: such orbits may "
+        f"{restitution:g}, and {periods:g} are observed: such orbits may "
         f"be called unsettled{longer}"
     )
 

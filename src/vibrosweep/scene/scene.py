@@ -57,10 +57,9 @@ class Scene:
         if wrong:
             raise ParameterError(wrong)
 
-    def measuring(self, **changes: float | Periods) -> Scene:
+    def measuring(self, **changes: Any) -> Scene:
         """Return the same scene with other values of some keys of [measure]."""
-        asked: dict[str, Any] = changes
-        return replace(self, measures=replace(self.measures, **asked))
+        return replace(self, measures=replace(self.measures, **changes))
 
     def recorded(self) -> Scene:
         """Return the same scene, of which every landing is looked at, and nothing measured."""
