@@ -129,7 +129,7 @@ def test_machine_code_of_another_processor(kernel, tmp_path, monkeypatch):
 
 def test_machine_code_with_vectors_of_another_width(kernel, tmp_path, monkeypatch):
     kernel()(2.0, 1)
-    monkeypatch.setattr(vectors, "ASKED", 64)
+    monkeypatch.setattr(vectors, "SET_BITS", 64)
     assert variants(tmp_path) == Variants(0, 1, 0)
     again = kernel()
     assert (again(2.0, 1), hits(again)) == (-2.0, 0)

@@ -12,7 +12,7 @@ from vibrosweep.api.keyword_types import SweepKeywords
 from vibrosweep.api.results import open_sweep
 from vibrosweep.api.sweep_like import SweepLike, as_sweep
 from vibrosweep.errors import ExistingOutputError, ParameterError
-from vibrosweep.kernels.observables import compiled
+from vibrosweep.kernels.observer import compiled
 from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import count, require_switch, run_sweep, thread_count
 from vibrosweep.runs.finished import cleared, is_of, origin

@@ -22,7 +22,7 @@ from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
 from vibrosweep.kernels.coupled.follow import follow
-from vibrosweep.kernels.coupled.record import trace
+from vibrosweep.kernels.coupled.motion_record import trace
 from vibrosweep.kernels.coupled.settling import settle_jointly
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.fixed import find_fixed

@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import height_unit, of_particles, of_realizations
 from vibrosweep.engine.launched import launched_in_window
-from vibrosweep.engine.observables import kinds_of, observable_error, observable_values, observer_of
+from vibrosweep.engine.observable_values import (
+    kinds_of,
+    observable_error,
+    observable_values,
+    observer_of,
+)
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.coupled.counting import (
@@ -23,16 +28,15 @@ from vibrosweep.kernels.coupled.counting import (
 )
 from vibrosweep.kernels.coupled.follow import (
     Coupled,
-    MotionRecord,
     PerRealization,
     empty_per_realization,
     follow,
     follow_uncached,
 )
-from vibrosweep.kernels.coupled.record import Scale, Track, empty_track, trace
+from vibrosweep.kernels.coupled.motion_record import MotionRecord, Scale, Track, empty_track, trace
 from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
-from vibrosweep.kernels.observables import Observer
+from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.record import Record, Units, empty_record
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED

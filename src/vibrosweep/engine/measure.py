@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.engine.in_units import Measured, height_unit, of_particles, of_realizations
 from vibrosweep.engine.launched import launched_in_window
-from vibrosweep.engine.observables import observable_error, observable_values, observer_of
+from vibrosweep.engine.observable_values import observable_error, observable_values, observer_of
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow, statistics
 from vibrosweep.engine.workers import Workers

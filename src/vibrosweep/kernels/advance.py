@@ -57,7 +57,7 @@ from vibrosweep.kernels.lanes import (
     close_gaps,
     find_done,
 )
-from vibrosweep.kernels.observables import Observer, note, observe
+from vibrosweep.kernels.observer import Observer, note, observe
 from vibrosweep.kernels.statistics import RESTS, Kinds, Statistics
 from vibrosweep.kernels.totals import OF_RESTS, clear, count, expect, sum_up, totals_of, with_flight
 from vibrosweep.model.landing import Landing

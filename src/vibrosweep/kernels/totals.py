@@ -60,10 +60,10 @@ def _composed(write: Callable[..., Iterator[str]]) -> Callable[..., Any]:
 
     @functools.cache
     def composed(kinds: tuple[type, ...]) -> Any:
-        asked = [statistic_of(kind) for kind in kinds]
-        names: dict[str, Any] = {f"number_{k}": one.number for k, one in enumerate(asked)}
+        statistics = [statistic_of(kind) for kind in kinds]
+        names: dict[str, Any] = {f"number_{k}": one.number for k, one in enumerate(statistics)}
         names |= {"fma": fma, "prefetch": prefetch, "nan": float("nan"), "inf": float("inf")}
-        body = textwrap.indent("\n".join(write(asked, *(None,) * others)), "    ")
+        body = textwrap.indent("\n".join(write(statistics, *(None,) * others)), "    ")
         exec(f"def {write.__name__}({parameters}):\n{body}\n", names)
         return names[write.__name__]
 
@@ -78,12 +78,12 @@ def _composed(write: Callable[..., Iterator[str]]) -> Callable[..., Any]:
     return call
 
 
-def _numbers(asked: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, str]]:
+def _numbers(statistics: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, str]]:
     """Yield the place of each statistic, it, and the text of the number of a landing or flight.
 
     A sum of products that begins with one landing is its product, rounded.
     """
-    for k, one in enumerate(asked):
+    for k, one in enumerate(statistics):
         argument = "flight" if one.of_flights else "landing"
         if one.combine == PRODUCTS:
             yield k, one, f"number_{k}({argument})[0] * number_{k}({argument})[1]"
@@ -91,9 +91,9 @@ def _numbers(asked: Sequence[Statistic]) -> Iterator[tuple[int, Statistic, str]]
             yield k, one, f"1.0 * number_{k}({argument})"
 
 
-def _row(asked: Sequence[Statistic], k: int) -> str:
+def _row(statistics: Sequence[Statistic], k: int) -> str:
     """Return the text of the place where the total of statistic k ends up."""
-    return f"s[{(ROWS + k + (len(asked) if asked[k].summed else 0)) * STRIDE} + j]"
+    return f"s[{(ROWS + k + (len(statistics) if statistics[k].summed else 0)) * STRIDE} + j]"
 
 
 @_composed

@@ -21,7 +21,7 @@ WIDTHS: Final = ("128", "256", "512")
 SLOWER_WITH_512: Final = frozenset({"skylake-avx512", "cascadelake", "cooperlake", "cannonlake"})
 
 
-def _asked() -> int | None:
+def _set_by_environment() -> int | None:
     """Return the width that the environment sets; None where it sets none."""
     text = os.environ.get(VARIABLE, "")
     if text not in ("", *WIDTHS):
@@ -32,13 +32,13 @@ def _asked() -> int | None:
     return int(text) if text else None
 
 
-ASKED: Final = _asked()
+SET_BITS: Final = _set_by_environment()
 
 
 def vector_bits() -> int | None:
-    """Width that is asked of the compiler; None where the choice is left to it."""
-    if ASKED is not None:
-        return ASKED
+    """Width that the compiler is told; None where the choice is left to it."""
+    if SET_BITS is not None:
+        return SET_BITS
     _, processor, features = cpu_target.target_context.codegen().magic_tuple()
     has_512 = "+avx512f" in features.split(",")
     return 512 if has_512 and processor not in SLOWER_WITH_512 else None

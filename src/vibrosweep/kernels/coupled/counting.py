@@ -10,7 +10,7 @@ from vibrosweep.kernels._jit import Floats, Integers, jit, part
 from vibrosweep.kernels.bases import Counted
 from vibrosweep.kernels.coupled.neighbours import Landings, landings
 from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System, system
-from vibrosweep.kernels.observables import Observer
+from vibrosweep.kernels.observer import Observer
 from vibrosweep.kernels.statistics import Kinds, Statistics, empty_statistics
 from vibrosweep.kernels.totals import add_flight, add_landing, flight_sums, forget
 from vibrosweep.model.landing import Landing

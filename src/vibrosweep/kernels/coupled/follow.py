@@ -18,6 +18,13 @@ from vibrosweep.kernels.coupled.counting import (
     take_off,
 )
 from vibrosweep.kernels.coupled.events import next_event
+from vibrosweep.kernels.coupled.motion_record import (
+    MotionRecord,
+    Scale,
+    write_base,
+    write_landing,
+    write_lift_off,
+)
 from vibrosweep.kernels.coupled.neighbours import (
     HARMONICS,
     Landings,
@@ -30,13 +37,6 @@ from vibrosweep.kernels.coupled.neighbours import (
     note,
     order_of,
 )
-from vibrosweep.kernels.coupled.record import (
-    Scale,
-    Track,
-    write_base,
-    write_landing,
-    write_lift_off,
-)
 from vibrosweep.kernels.coupled.state import (
     EVENT,
     MODE,
@@ -47,7 +47,7 @@ from vibrosweep.kernels.coupled.state import (
     since_now,
 )
 from vibrosweep.kernels.impact import Instant
-from vibrosweep.kernels.record import Record, Units
+from vibrosweep.kernels.record import Units
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.totals import add_up
 from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
@@ -96,14 +96,6 @@ def empty_per_realization(realizations: int) -> PerRealization:
     undecided, changes = np.zeros(realizations, np.int64), np.zeros(realizations, np.int64)
     order = np.full((realizations, len(HARMONICS)), np.nan)
     return PerRealization(gap, same, shared, undecided, changes, median, least, order)
-
-
-class MotionRecord(NamedTuple):
-    """Where every landing and the motion of the base are written; what exceeds it is cut off."""
-
-    record: Record
-    track: Track
-    units: Units
 
 
 @jit

@@ -14,7 +14,7 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.observables import Observer, compiled
+from vibrosweep.kernels.observer import Observer, compiled
 from vibrosweep.kernels.statistics import Kinds, Statistics, statistic_of
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.status import Status

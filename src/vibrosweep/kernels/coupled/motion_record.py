@@ -10,7 +10,7 @@ import numpy as np
 from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
 from vibrosweep.kernels.bases.sprung import Load, loaded, mount, move, velocity
 from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System
-from vibrosweep.kernels.record import Record
+from vibrosweep.kernels.record import Record, Units
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
@@ -35,6 +35,14 @@ class Track(NamedTuple):
     deviation: Floats
     beyond: Floats
     riders: Integers  # how many particles ride
+
+
+class MotionRecord(NamedTuple):
+    """Where every landing and the motion of the base are written; what exceeds it is cut off."""
+
+    record: Record
+    track: Track
+    units: Units
 
 
 def empty_track(realizations: int, events: int) -> Track:
