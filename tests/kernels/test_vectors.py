@@ -40,13 +40,13 @@ def test_the_width_by_processor(monkeypatch, processor, features, bits):
 @pytest.mark.parametrize(("text", "bits"), [("", None), ("128", 128), ("512", 512)])
 def test_the_width_from_the_environment(monkeypatch, text, bits):
     monkeypatch.setenv(vectors.VARIABLE, text)
-    assert vectors._asked() == bits
+    assert vectors._set_by_environment() == bits
 
 
 def test_no_width(monkeypatch):
     monkeypatch.setenv(vectors.VARIABLE, "1024")
     with pytest.raises(VibrosweepError, match=r"VIBROSWEEP_VECTOR_BITS=1024.*128, 256, 512 bits"):
-        vectors._asked()
+        vectors._set_by_environment()
 
 
 STEP = """
