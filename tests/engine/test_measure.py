@@ -39,9 +39,9 @@ def check_counts(measured, found, inside):
     assert np.array_equal(measured["status"], found["status"].max(axis=-1))
 
 
-def check_means(measured, found, inside, scene):
+def check_means(measured, found, inside, inputs):
     """Means and maxima are those of the recorded speeds, to the rounding of their units."""
-    g = scene["gravity"][:, np.newaxis, np.newaxis]
+    g = inputs["gravity"][:, np.newaxis, np.newaxis]
     speed = np.where(inside, found["rebound_velocity"], np.nan)
     height, flight = speed**2 / (2.0 * g), 2.0 * speed / g
     for prefix, axis in (("particle_", -1), ("", (-2, -1))):
@@ -67,15 +67,15 @@ def check_means(measured, found, inside, scene):
 def test_statistics_are_those_of_the_record(
     rebound, transient, random_scenes, observe, record, workers
 ):
-    scene = random_scenes(seed=21, size=60)
-    observation = observe(
+    inputs = random_scenes(seed=21, size=60)
+    scene = observe(
         TIMES, duration=9.0, transient=transient, rebound=rebound, impact_budget=5000, skip=False
     )
-    measured, found = measure(scene, observation, workers), record(scene, observation)
+    measured, found = measure(inputs, scene, workers), record(inputs, scene)
     inside = in_window(found, transient)
     assert inside.any(axis=-1).sum() < (~np.isnan(found["landing_time"])).any(axis=-1).sum()
     check_counts(measured, found, inside)
-    check_means(measured, found, inside, scene)
+    check_means(measured, found, inside, inputs)
 
 
 @pytest.mark.parametrize("rebound", LAWS)
@@ -83,9 +83,9 @@ def test_statistics_are_those_of_the_record_bit_for_bit(
     rebound, random_scenes, observe, record, workers
 ):
     # gravity 2 and frequency 1: recorded speeds are the flight times that the kernel sums
-    scene = random_scenes(seed=22, size=25, gravity=2.0, frequency=1.0)
-    observation = observe((0.0, 0.4), duration=15.0, rebound=rebound, impact_budget=400, skip=False)
-    measured, found = measure(scene, observation, workers), record(scene, observation)
+    inputs = random_scenes(seed=22, size=25, gravity=2.0, frequency=1.0)
+    scene = observe((0.0, 0.4), duration=15.0, rebound=rebound, impact_budget=400, skip=False)
+    measured, found = measure(inputs, scene, workers), record(inputs, scene)
     for i in range(25):
         for p in range(2):
             speed = found["rebound_velocity"][i, p]
@@ -123,9 +123,9 @@ def test_a_launch_counts_for_the_highest_flight_in_its_window(
     launch, transient, counted, parameters, observe, workers
 ):
     # a throw far above all that follows
-    scene = parameters(launch_velocity=20.0, restitution=0.1, amplitude=0.1)
-    observation = observe(launch, particles=4, transient=transient)
-    measured = measure(scene, observation, workers)
+    inputs = parameters(launch_velocity=20.0, restitution=0.1, amplitude=0.1)
+    scene = observe(launch, particles=4, transient=transient)
+    measured = measure(inputs, scene, workers)
     throw = 20.0**2 / (2.0 * 9.81)
     if counted:
         assert measured["flight_height_max"] == [throw]
@@ -147,21 +147,21 @@ def test_without_landings_there_is_nothing_to_average(parameters, observe, worke
 
 
 def test_a_particle_at_rest_before_the_window_is_counted_at_rest(parameters, observe, workers):
-    scene = parameters(amplitude=0.0, restitution=0.5)
-    measured = measure(scene, observe((0.0, 0.1), transient=5.0), workers)
+    inputs = parameters(amplitude=0.0, restitution=0.5)
+    measured = measure(inputs, observe((0.0, 0.1), transient=5.0), workers)
     assert measured["impact_count"] == 0
     assert measured["at_rest_count"] == 2
     assert measured["base_shared"] == 1  # both lie there when the window begins
 
 
 def test_a_spent_budget_is_reported_and_separations_are_not(parameters, observe, workers):
-    scene = parameters(
+    inputs = parameters(
         restitution=[1.0 - 1e-12, 0.5],
         amplitude=0.0,
         launch_velocity=[2e-6, 5.0],
         contact_time=1e-9,
     )
-    measured = measure(scene, observe((0.0, 0.1), impact_budget=1000), workers)
+    measured = measure(inputs, observe((0.0, 0.1), impact_budget=1000), workers)
     assert measured["status"].tolist() == [Status.BUDGET_EXCEEDED, Status.COMPLETED]
     assert measured["impact_count"][0] == 2 * -(-1000 // LOOK_AFTER) * LOOK_AFTER
     assert measured["base_shared"].tolist() == [-1, 1]
@@ -175,15 +175,15 @@ def test_a_spent_budget_is_reported_and_separations_are_not(parameters, observe,
 def test_measures_are_those_asked_for_with_the_types_registered(
     particles, everything, parameters, observe, workers
 ):
-    observation = observe(
+    scene = observe(
         particles=particles,
         separation=everything,
         per_particle=everything,
         regimes=everything,
         trust=everything,
     )
-    measured = measure(parameters(amplitude=[0.0, 1.2, 3.0]), observation, workers)
-    expected = {v.name: v for v in observation.measures.variables}
+    measured = measure(parameters(amplitude=[0.0, 1.2, 3.0]), scene, workers)
+    expected = {v.name: v for v in scene.measures.variables}
     assert set(measured) == set(expected)
     for name, values in measured.items():
         assert values.dtype == expected[name].dtype, name
@@ -202,8 +202,8 @@ def same_bits(one, other):
 def test_threads_and_tasks_do_not_change_a_bit(
     rebound, transient, random_scenes, observe, monkeypatch
 ):
-    scene = random_scenes(seed=23, size=70)
-    observation = observe(
+    inputs = random_scenes(seed=23, size=70)
+    scene = observe(
         particles=7,
         transient=transient,
         rebound=rebound,
@@ -216,7 +216,7 @@ def test_threads_and_tasks_do_not_change_a_bit(
     for threads, size in ((1, 8192), (2, 8192), (2, 1), (3, 17), (3, 130)):
         monkeypatch.setattr(trajectories, "TRAJECTORIES_PER_TASK", size)
         with Workers(threads) as workers:
-            results.append(measure(scene, observation, workers))
+            results.append(measure(inputs, scene, workers))
     for other in results[1:]:
         same_bits(results[0], other)
 
@@ -225,36 +225,36 @@ def test_threads_and_tasks_do_not_change_a_bit(
 @given(data=st.data(), rebound=st.sampled_from(LAWS), one_frequency=st.booleans())
 def test_batches_do_not_change_a_bit(data, rebound, one_frequency, random_scenes, observe, workers):
     size = 40
-    scene = random_scenes(seed=24, size=size, **({"frequency": 1.3} if one_frequency else {}))
+    inputs = random_scenes(seed=24, size=size, **({"frequency": 1.3} if one_frequency else {}))
     launch = (0.0, 0.2, -1.1, 0.2)
-    observation = observe(launch, rebound=rebound, duration=6.0, impact_budget=1000)
+    scene = observe(launch, rebound=rebound, duration=6.0, impact_budget=1000)
     if data.draw(st.booleans(), label="transient"):
-        observation = observation.measuring(transient=2.5)
-    whole = measure(scene, observation, workers)
+        scene = scene.measuring(transient=2.5)
+    whole = measure(inputs, scene, workers)
     cuts = data.draw(st.lists(st.integers(1, size - 1), unique=True).map(sorted), label="cuts")
     parts = [
-        measure({name: values[a:b] for name, values in scene.items()}, observation, workers)
+        measure({name: values[a:b] for name, values in inputs.items()}, scene, workers)
         for a, b in zip([0, *cuts], [*cuts, size], strict=True)
     ]
     same_bits(whole, {name: np.concatenate([part[name] for part in parts]) for name in whole})
 
 
 def test_neighbours_in_a_block_do_not_change_a_trajectory(random_scenes, observe, workers):
-    scene = random_scenes(seed=25, size=300, frequency=2.0)
-    observation = observe((0.1,), separation=False, impact_budget=3000)
-    forward = measure(scene, observation, workers)
+    inputs = random_scenes(seed=25, size=300, frequency=2.0)
+    scene = observe((0.1,), separation=False, impact_budget=3000)
+    forward = measure(inputs, scene, workers)
     backward = measure(
-        {name: np.ascontiguousarray(values[::-1]) for name, values in scene.items()},
-        observation,
+        {name: np.ascontiguousarray(values[::-1]) for name, values in inputs.items()},
+        scene,
         workers,
     )
     same_bits(forward, {name: values[::-1] for name, values in backward.items()})
 
 
 def test_a_hundred_thousand_particles(parameters, observe, record, workers):
-    scene = parameters(amplitude=0.0, restitution=0.5)
-    observation = observe(particles=100_000, duration=2.0, per_particle=False)
-    measured, found = measure(scene, observation, workers), record(scene, observation)
+    inputs = parameters(amplitude=0.0, restitution=0.5)
+    scene = observe(particles=100_000, duration=2.0, per_particle=False)
+    measured, found = measure(inputs, scene, workers), record(inputs, scene)
     who, _ = np.nonzero(~np.isnan(found["landing_time"][0]))
     times = found["landing_time"][0][~np.isnan(found["landing_time"][0])]
     order = np.argsort(times, kind="stable")

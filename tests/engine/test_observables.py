@@ -60,27 +60,27 @@ def scenes(parameters):
     )
 
 
-def sums_of(scene, observation, found, base):
+def sums_of(inputs, scene, found, base):
     """The same sums from a record, in its order; landings before the transient are left out."""
-    f, g = (scene[name][:, np.newaxis, np.newaxis] for name in ("frequency", "gravity"))
-    e, a = (scene[name][:, np.newaxis, np.newaxis] for name in ("restitution", "amplitude"))
-    turn, shift, unit = 2.0 * np.pi, scene["phase"][:, np.newaxis, np.newaxis], g / (2.0 * f)
+    f, g = (inputs[name][:, np.newaxis, np.newaxis] for name in ("frequency", "gravity"))
+    e, a = (inputs[name][:, np.newaxis, np.newaxis] for name in ("restitution", "amplitude"))
+    turn, shift, unit = 2.0 * np.pi, inputs["phase"][:, np.newaxis, np.newaxis], g / (2.0 * f)
     down, up, rested = found["landing_time"], found["liftoff_time"], found["rested"] == 1
     alpha = a / (1.0 + e) if base == "moving" else 0.0 * a
 
     def platform(time):
         return alpha * np.sin(turn * f * time + shift)
 
-    particles = observation.particles
+    particles = scene.particles
     launch = np.arange(particles)[np.newaxis, :, np.newaxis] / (particles * f)
     before = np.concatenate([launch, up[..., :-1]], axis=-1)
     rise = np.concatenate(
-        [np.broadcast_to(scene["launch_velocity"][:, np.newaxis, np.newaxis], launch.shape),
+        [np.broadcast_to(inputs["launch_velocity"][:, np.newaxis, np.newaxis], launch.shape),
          found["rebound_velocity"][..., :-1]],
         axis=-1,
     )  # fmt: skip
     phase = f * down + shift / turn
-    seen = np.isfinite(down) & (down >= observation.measures.transient)
+    seen = np.isfinite(down) & (down >= scene.measures.transient)
     arrival = g * (down - before) - rise + platform(down)
     rebound = np.nan_to_num(found["rebound_velocity"] - platform(up))
     each = [
@@ -97,11 +97,11 @@ def sums_of(scene, observation, found, base):
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
 @pytest.mark.parametrize("transient", [0.0, TRANSIENT])
 def test_every_landing_in_the_window_is_seen(base, transient, scenes, observe, record, workers):
-    observation = observe(
+    scene = observe(
         particles=5, transient=transient, observables=(ALL,), base=base, duration=DURATION
     )
-    found = measure(scenes, observation, workers)
-    expected = sums_of(scenes, observation, record(scenes, observation), base)
+    found = measure(scenes, scene, workers)
+    expected = sums_of(scenes, scene, record(scenes, scene), base)
     np.testing.assert_array_equal(found["everything"][..., 0], found["particle_impact_count"])
     np.testing.assert_array_equal(found["everything"][..., 5], found["particle_rest_count"])
     np.testing.assert_allclose(found["everything"], expected, rtol=1e-6, atol=1e-6)
@@ -132,8 +132,8 @@ def test_units_and_sums_over_particles(scenes, observe, workers):
 
 
 def test_what_cannot_be_computed_is_nan(parameters, observe, workers):
-    scene = parameters(amplitude=[1.0, 1e300], restitution=0.9)
-    found = measure_all(scene, observe(particles=2, observables=(ALL,)), workers)
+    inputs = parameters(amplitude=[1.0, 1e300], restitution=0.9)
+    found = measure_all(inputs, observe(particles=2, observables=(ALL,)), workers)
     assert found["status"].tolist() == [0, 3]
     assert np.isfinite(found["everything"][0]).all()
     assert np.isnan(found["everything"][1]).all()

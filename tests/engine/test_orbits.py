@@ -28,10 +28,10 @@ def late_landings(found, particle):
 def test_particles_share_orbit_and_slot_if_and_only_if_they_land_together_for_ever(
     e, amplitude, parameters, observe, record, workers
 ):
-    scene = parameters(restitution=e, amplitude=amplitude)
-    observation = observe(duration=LATE, lyapunov=True, separation=False)
-    found = measure(scene, observation, workers)
-    landings = record(scene, observation)
+    inputs = parameters(restitution=e, amplitude=amplitude)
+    scene = observe(duration=LATE, lyapunov=True, separation=False)
+    found = measure(inputs, scene, workers)
+    landings = record(inputs, scene)
     orbit, slot = found["orbit"][0], found["slot"][0]
     assert (orbit != NO_ORBIT).all()
     pairs = set(zip(orbit.tolist(), slot.tolist(), strict=True))
@@ -45,8 +45,8 @@ def test_particles_share_orbit_and_slot_if_and_only_if_they_land_together_for_ev
 
 
 def test_all_variables_are_measured_with_their_shapes(parameters, observe, workers):
-    scene = parameters(amplitude=np.linspace(0.0, 3.5, 6))
-    found = measure(scene, observe(lyapunov=True, separation=False), workers)
+    inputs = parameters(amplitude=np.linspace(0.0, 3.5, 6))
+    found = measure(inputs, observe(lyapunov=True, separation=False), workers)
     sizes = {"realization": 6, "particle": 20}
     for variable in (*MEASURES["regimes"].variables, *MEASURES["lyapunov"].variables):
         name = variable.name
@@ -55,10 +55,10 @@ def test_all_variables_are_measured_with_their_shapes(parameters, observe, worke
 
 
 def test_the_result_does_not_depend_on_how_the_batch_is_cut(parameters, observe, workers):
-    scene = parameters(amplitude=np.linspace(0.5, 3.5, 200), restitution=0.95)
-    observation = observe(lyapunov=True, separation=False, duration=60.0)
-    whole = measure(scene, observation, workers)
-    half = measure({n: v[100:] for n, v in scene.items()}, observation, workers)
+    inputs = parameters(amplitude=np.linspace(0.5, 3.5, 200), restitution=0.95)
+    scene = observe(lyapunov=True, separation=False, duration=60.0)
+    whole = measure(inputs, scene, workers)
+    half = measure({n: v[100:] for n, v in inputs.items()}, scene, workers)
     for name in (variable.name for variable in MEASURES["lyapunov"].variables):
         assert np.array_equal(whole[name][100:], half[name], equal_nan=True), name
 
@@ -74,8 +74,8 @@ def test_an_orbit_without_landings_in_the_window_has_no_exponent(parameters, obs
 def test_one_particle_without_landings_leaves_the_exponents_of_the_others(
     parameters, observe, workers
 ):
-    scene = parameters(amplitude=1.2)
-    found = measure(scene, observe(launch=(0.0, 11.9), lyapunov=True), workers)
+    inputs = parameters(amplitude=1.2)
+    found = measure(inputs, observe(launch=(0.0, 11.9), lyapunov=True), workers)
     assert np.isnan(found["lyapunov_largest"]).tolist() == [[False, True]]
     assert found["lyapunov_max"].item() == found["lyapunov_largest"][0, 0]
 
@@ -97,7 +97,7 @@ def test_all_that_is_said_of_an_orbit_agrees_with_itself_and_with_a_longer_run(d
     duration = data.draw(st.sampled_from([3.0, 12.0, 60.0, 300.0, 1000.0]))
     transient = data.draw(st.sampled_from([0.0, 0.3])) * duration
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
-    scene = all_parameters(
+    inputs = all_parameters(
         {
             "restitution": rng.uniform(0.0, 1.0, 12) ** 0.5,
             "amplitude": rng.uniform(0.0, 4.0, 12),
@@ -120,8 +120,8 @@ def test_all_that_is_said_of_an_orbit_agrees_with_itself_and_with_a_longer_run(d
         base=base,
     )
     with Workers(1) as one:
-        found = measure(scene, asked, one)
-        longer = measure(scene, replace(asked, duration=3.0 * duration), one)
+        found = measure(inputs, asked, one)
+        longer = measure(inputs, replace(asked, duration=3.0 * duration), one)
     repeats = np.isin(found["regime"], REPEATS)
     for name in ("cycle_impacts", "cycle_periods"):
         assert np.array_equal(found[name] > 0, repeats), name
@@ -157,7 +157,7 @@ def test_an_orbit_that_is_lifted_from_two_rests_is_resting(
     kind, duration, share, exponents, seed, parameters, observe, record, workers
 ):
     rng = np.random.default_rng(seed)
-    scene = parameters(
+    inputs = parameters(
         restitution=rng.choice([0.0, 0.3, 0.6, 0.9], 12) * rng.uniform(0.9, 1.0, 12),
         amplitude=rng.uniform(1.0, 9.0, 12),
         frequency=rng.choice([0.7, 1.0, 3.0], 12),
@@ -166,9 +166,9 @@ def test_an_orbit_that_is_lifted_from_two_rests_is_resting(
     asked = observe((0.0, 0.37), duration=duration, separation=False, base=kind[0], rebound=kind[1])
     begin = share * duration
     found = measure(
-        scene, asked.measuring(transient=begin, regimes=True, lyapunov=exponents), workers
+        inputs, asked.measuring(transient=begin, regimes=True, lyapunov=exponents), workers
     )
-    kept = record(scene, asked)
+    kept = record(inputs, asked)
     for place in np.ndindex(12, 2):
         landings = kept["impact_count"][place]
         rests = np.flatnonzero(kept["rested"][place][:landings])
@@ -181,7 +181,7 @@ def test_an_orbit_that_is_lifted_from_two_rests_is_resting(
         if rests.size > 1:
             cycle, apart = rests[1] - rests[0], lifted[1] - lifted[0]
             assert (one["cycle_rests"], one["cycle_impacts"]) == (1, cycle)
-            assert one["cycle_periods"] == pytest.approx(apart * scene["frequency"][place[0]])
+            assert one["cycle_periods"] == pytest.approx(apart * inputs["frequency"][place[0]])
             assert one["recurrent_from"] == pytest.approx(lifted[0], rel=1e-12)
         seen = np.count_nonzero(kept["landing_time"][place][rests] >= begin)
         if exponents and (rests.size > 1 or (seen > 0 and one["regime"] != Regime.LOCKED)):
@@ -194,32 +194,32 @@ def test_an_orbit_that_is_lifted_from_two_rests_is_resting(
 
 
 def test_two_rests_close_a_cycle_however_long_it_is(parameters, observe, workers):
-    scene = parameters(restitution=0.5, amplitude=5.0)
+    inputs = parameters(restitution=0.5, amplitude=5.0)
     asked = observe((0.0,), duration=20_000.0, separation=False, lyapunov=True, rebound="reflect")
-    found = measure(scene, asked, workers)
+    found = measure(inputs, asked, workers)
     # it rests after impacts 6354, 14428 and 22502
     assert found["particle_rest_count"].item() == 3
     assert found["regime"].item() == Regime.RESTING
     assert found["cycle_impacts"].item() == 22502 - 14428 == 14428 - 6354
     assert found["lyapunov_largest"].item() == -np.inf
-    once = measure(scene, replace(asked, duration=9000.0), workers)
+    once = measure(inputs, replace(asked, duration=9000.0), workers)
     assert once["particle_rest_count"].item() == 1
     assert once["regime"].item() == Regime.UNSETTLED
     assert np.isnan(once["lyapunov_largest"].item())
-    before = measure(scene, replace(asked.measuring(transient=5000.0), duration=9000.0), workers)
+    before = measure(inputs, replace(asked.measuring(transient=5000.0), duration=9000.0), workers)
     assert before["particle_rest_count"].item() == 0
     assert before["lyapunov_largest"].item() > 0.0
 
 
 def test_exponents_do_not_change_what_is_said_of_regimes(parameters, observe, workers):
     rng = np.random.default_rng(8)
-    scene = parameters(
+    inputs = parameters(
         restitution=rng.uniform(0.5, 0.98, 100), amplitude=rng.uniform(0.5, 9.0, 100)
     )
     for rebound in ("rest", "reflect"):
         asked = observe(duration=200.0, rebound=rebound, separation=False, launch=(0.0, 0.4))
-        plain = measure(scene, asked.measuring(regimes=True), workers)
-        exponents = measure(scene, asked.measuring(lyapunov=True), workers)
+        plain = measure(inputs, asked.measuring(regimes=True), workers)
+        exponents = measure(inputs, asked.measuring(lyapunov=True), workers)
         for name in (variable.name for variable in MEASURES["regimes"].variables):
             assert np.array_equal(plain[name], exponents[name], equal_nan=True), name
 

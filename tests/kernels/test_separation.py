@@ -57,15 +57,15 @@ def all_particles(found, i, contact_time, begin):
     return gap, same, together
 
 
-def check(scene, observation, workers, record, brute=all_pairs):
+def check(inputs, scene, workers, record, brute=all_pairs):
     """Compare what is measured with all pairs; return the measures."""
-    measured = measure(scene, observation, workers)
-    found = record(scene, observation)
+    measured = measure(inputs, scene, workers)
+    found = record(inputs, scene)
     for i in range(measured["dt_min"].size):
-        contact_time, frequency = scene["contact_time"][i], scene["frequency"][i]
-        gap, same, together = brute(found, i, contact_time, observation.measures.transient)
+        contact_time, frequency = inputs["contact_time"][i], inputs["frequency"][i]
+        gap, same, together = brute(found, i, contact_time, scene.measures.transient)
         # a recorded time is a sum of whole periods and a phase, divided by the frequency
-        latest = max(np.nanmax(np.abs(found["landing_time"][i]), initial=0), observation.duration)
+        latest = max(np.nanmax(np.abs(found["landing_time"][i]), initial=0), scene.duration)
         rounding = 4.0 * np.spacing(latest) + 4e-16 / frequency
         assert measured["status"][i] == 0
         for name, expected in (("dt_min", gap), ("dt_min_same_index", same)):
@@ -83,9 +83,9 @@ def check(scene, observation, workers, record, brute=all_pairs):
 @pytest.mark.parametrize("transient", [0.0, 1.7])
 @pytest.mark.parametrize("particles", [1, 2, 3, 8, 31])
 def test_staggered_launches(rebound, transient, particles, random_scenes, observe, workers, record):
-    scene = random_scenes(seed=particles, size=24, contact_time=1e-2)
-    observation = observe(particles=particles, duration=3.0, transient=transient, rebound=rebound)
-    measured = check(scene, observation, workers, record)
+    inputs = random_scenes(seed=particles, size=24, contact_time=1e-2)
+    scene = observe(particles=particles, duration=3.0, transient=transient, rebound=rebound)
+    measured = check(inputs, scene, workers, record)
     if particles > 2:
         assert set(measured["base_shared"]) == {0, 1}
 
@@ -97,27 +97,27 @@ def test_listed_launches_before_and_inside_the_window(
     rebound, transient, particles, random_scenes, observe, workers, record
 ):
     launch = np.random.default_rng(particles).uniform(-2.0, 1.9, particles)
-    scene = random_scenes(seed=40 + particles, size=3, contact_time=3e-3, launch_velocity=3.0)
-    observation = observe(launch, duration=2.0, transient=transient, rebound=rebound)
-    check(scene, observation, workers, record)
+    inputs = random_scenes(seed=40 + particles, size=3, contact_time=3e-3, launch_velocity=3.0)
+    scene = observe(launch, duration=2.0, transient=transient, rebound=rebound)
+    check(inputs, scene, workers, record)
 
 
 @pytest.mark.parametrize("launch", ["staggered", (0.0, 0.3, 0.3, 0.9)])
 @pytest.mark.parametrize("transient", [0.0, 5.0])
 def test_over_the_moving_base(launch, transient, random_scenes, observe, workers, record):
-    scene = random_scenes(seed=47, size=60, contact_time=1e-3, frequency=1.0)
-    observation = observe(launch, particles=4, base="moving", transient=transient)
-    measured = check(scene, observation, workers, record)
+    inputs = random_scenes(seed=47, size=60, contact_time=1e-3, frequency=1.0)
+    scene = observe(launch, particles=4, base="moving", transient=transient)
+    measured = check(inputs, scene, workers, record)
     assert {0, 1} == set(measured["base_shared"].tolist())
 
 
 @pytest.mark.parametrize("rebound", LAWS)
 def test_long_contacts_are_shared(rebound, random_scenes, observe, workers, record):
     # stays of 0.3 s, longer than most flights and than some periods
-    scene = random_scenes(seed=51, size=30, contact_time=0.3)
+    inputs = random_scenes(seed=51, size=30, contact_time=0.3)
     launch = [0.0, 0.1, 0.35, -0.6]
-    observation = observe(launch, duration=4.0, transient=1.3, rebound=rebound)
-    check(scene, observation, workers, record)
+    scene = observe(launch, duration=4.0, transient=1.3, rebound=rebound)
+    check(inputs, scene, workers, record)
 
 
 @pytest.mark.parametrize("rebound", LAWS)
@@ -125,10 +125,10 @@ def test_long_contacts_are_shared(rebound, random_scenes, observe, workers, reco
 def test_equal_launches_share_every_landing(
     rebound, transient, random_scenes, observe, workers, record
 ):
-    scene = random_scenes(seed=52, size=30, contact_time=1e-3, launch_velocity=2.0)
+    inputs = random_scenes(seed=52, size=30, contact_time=1e-3, launch_velocity=2.0)
     launch = [0.1, 0.4, 0.1, 0.1, -0.3]
-    observation = observe(launch, duration=3.0, transient=transient, rebound=rebound)
-    measured = check(scene, observation, workers, record)
+    scene = observe(launch, duration=3.0, transient=transient, rebound=rebound)
+    measured = check(inputs, scene, workers, record)
     landed = measured["particle_impact_count"][:, 0] > 0
     assert landed.sum() > 15
     assert np.all(measured["dt_min"][landed] == 0.0)
@@ -148,33 +148,33 @@ def test_equal_launches_share_every_landing(
 def test_chatter_that_overflows_a_slab(launch, transient, parameters, observe, workers, record):
     # e = 0.98 and so short a contact: a thousand bounces of each particle crowd before its rest.
     # The list of 4096 landings overflows, and slabs are halved until it holds.
-    scene = parameters(
+    inputs = parameters(
         restitution=0.98,
         amplitude=[0.0, 1e-12],
         contact_time=1e-9,
         gravity=2.0,
         launch_velocity=0.5,
     )
-    observation = observe(launch, duration=40.0, transient=transient)
-    found = record(scene, observation)
+    scene = observe(launch, duration=40.0, transient=transient)
+    found = record(inputs, scene)
     assert found["impact_count"].sum(axis=1).min() > 4 * 4096
-    measured = check(scene, observation, workers, record, all_particles)
+    measured = check(inputs, scene, workers, record, all_particles)
     assert measured["base_shared"].tolist() == [1, 1]
 
 
 def test_chatter_of_many_particles(parameters, observe, workers, record):
-    scene = parameters(restitution=0.9, amplitude=0.0, contact_time=1e-9)
+    inputs = parameters(restitution=0.9, amplitude=0.0, contact_time=1e-9)
     launch = 1e-3 * np.random.default_rng(3).uniform(0.0, 1.0, 60)
-    observation = observe(launch, duration=20.0)
-    measured = check(scene, observation, workers, record, all_particles)
+    scene = observe(launch, duration=20.0)
+    measured = check(inputs, scene, workers, record, all_particles)
     assert measured["impact_count"] > 60 * 190
 
 
 @pytest.mark.parametrize("transient", [0.0, 1.0])
 def test_two_ways_of_brute_force_agree(transient, random_scenes, observe, record):
-    scene = random_scenes(seed=60, size=20, contact_time=1e-2)
-    observation = observe((0.0, 0.2, -1.3, 0.21, 0.7), duration=4.0)
-    found = record(scene, observation)
+    inputs = random_scenes(seed=60, size=20, contact_time=1e-2)
+    scene = observe((0.0, 0.2, -1.3, 0.21, 0.7), duration=4.0)
+    found = record(inputs, scene)
     for i in range(20):
         pairs, particles = (
             brute(found, i, 1e-2, transient) for brute in (all_pairs, all_particles)
@@ -185,8 +185,8 @@ def test_two_ways_of_brute_force_agree(transient, random_scenes, observe, record
 
 def test_crowds_beyond_the_shortest_slab_are_undetermined(parameters, observe, workers):
     # flights shrink below 2^-53 periods: their landings are one instant, and more than the list
-    scene = parameters(restitution=0.9999, amplitude=0.0, contact_time=1e-18, launch_velocity=1e-6)
-    measured = measure(scene, observe((0.0, 0.5), duration=1.0), workers)
+    inputs = parameters(restitution=0.9999, amplitude=0.0, contact_time=1e-18, launch_velocity=1e-6)
+    measured = measure(inputs, observe((0.0, 0.5), duration=1.0), workers)
     assert measured["impact_count"] > 200_000
     assert measured["status"] == 0
     assert measured["base_shared"] == measured["collision_free"] == -1
@@ -225,8 +225,8 @@ RESTS = 0.75  # launch that lands at 1.75 and rests until 2.0008
 def test_occupants_at_the_beginning_of_the_window(
     launch, transient, duration, shared, parameters, observe, workers, record
 ):
-    observation = observe(launch, transient=transient, duration=duration)
-    measured = check(parameters(**DYADIC), observation, workers, record)
+    scene = observe(launch, transient=transient, duration=duration)
+    measured = check(parameters(**DYADIC), scene, workers, record)
     assert measured["base_shared"] == shared
 
 
@@ -236,8 +236,8 @@ def test_occupants_at_the_beginning_of_the_window(
 def test_an_occupant_stands_between_no_two_landings(order, parameters, observe, workers):
     # a landing exactly at the beginning of the window, one soon after, and an occupant
     times = (0.875, RESTS, 0.9375)
-    observation = observe([times[j] for j in order], transient=1.875, duration=1.95)
-    measured = measure(parameters(**DYADIC), observation, workers)
+    scene = observe([times[j] for j in order], transient=1.875, duration=1.95)
+    measured = measure(parameters(**DYADIC), scene, workers)
     assert measured["impact_count"] == 2
     assert measured["dt_min"] == measured["dt_min_same_index"] == 0.0625
     assert measured["base_shared"] == 1
@@ -248,27 +248,28 @@ def test_a_pair_astride_the_end_of_a_slab(middle, parameters, observe, workers):
     # the first slab ends at a phase of 1/2 after the first landing, later ones mostly do too
     h = 2.0**-13
     launch = (0.0, middle - h - 1.0, middle + h - 1.0)
-    scene = parameters(**(DYADIC | {"amplitude": 0.0, "contact_time": 2.0**-11}))
-    measured = measure(scene, observe(launch, duration=9.0), workers)
+    inputs = parameters(**(DYADIC | {"amplitude": 0.0, "contact_time": 2.0**-11}))
+    measured = measure(inputs, observe(launch, duration=9.0), workers)
     if middle != 1.0:
         assert measured["dt_min"] == measured["dt_min_same_index"] == 2.0 * h
     assert measured["base_shared"] == 1
 
 
 def test_particles_at_rest_for_good_share_the_base(parameters, observe, workers, record):
-    scene = parameters(amplitude=[0.0, 1e-5], restitution=0.5)
+    inputs = parameters(amplitude=[0.0, 1e-5], restitution=0.5)
     for transient in (0.0, 6.0):
-        observation = observe((0.0, 0.3), duration=20.0, transient=transient)
-        measured = check(scene, observation, workers, record)
+        scene = observe((0.0, 0.3), duration=20.0, transient=transient)
+        measured = check(inputs, scene, workers, record)
         assert measured["at_rest_count"].tolist() == [2, 2]
         assert measured["base_shared"].tolist() == [1, 1]
         assert np.isnan(measured["dt_min"]).all() == (transient > 0.0)
 
 
 def test_a_late_end_costs_nothing_when_all_rest_for_good(parameters, observe, workers):
-    scene = parameters(amplitude=0.0, restitution=0.5)
+    inputs = parameters(amplitude=0.0, restitution=0.5)
     early, late = (
-        measure(scene, observe((0.0, 0.3), duration=duration), workers) for duration in (20.0, 1e15)
+        measure(inputs, observe((0.0, 0.3), duration=duration), workers)
+        for duration in (20.0, 1e15)
     )
     for name in ("dt_min", "dt_min_same_index", "base_shared", "impact_count"):
         assert early[name] == late[name]
@@ -284,11 +285,11 @@ def test_no_pair_has_no_separation(launch, parameters, observe, workers):
 
 
 def test_late_separations_are_as_accurate_as_early_ones(parameters, observe, workers):
-    scene = parameters(restitution=0.9, amplitude=1.2, frequency=1.25)
+    inputs = parameters(restitution=0.9, amplitude=1.2, frequency=1.25)
     launch = np.array([0.0, 0.125, 0.3125, 0.5])
     early, late = (
         measure(
-            scene,
+            inputs,
             observe(launch + start, transient=start + 1.0, duration=start + 9.0),
             workers,
         )

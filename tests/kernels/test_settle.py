@@ -15,11 +15,11 @@ from vibrosweep.model.status import Regime
 def settled(observe, workers):
     """Orbit of each particle; arrays of shape (realization, particle)."""
 
-    def find(scene, duration, transient=0.0, launch=(0.0,), **changes):
-        observation = observe(launch, duration=duration, **changes)
-        problem = dimensionless(scene, duration, transient)
-        launch = launches(observation.launch, observation.particles, scene["frequency"])
-        orbits = find_orbits(problem, launch, observation, workers)
+    def find(inputs, duration, transient=0.0, launch=(0.0,), **changes):
+        scene = observe(launch, duration=duration, **changes)
+        problem = dimensionless(inputs, duration, transient)
+        launch = launches(scene.launch, scene.particles, inputs["frequency"])
+        orbits = find_orbits(problem, launch, scene, workers)
         return {n: v.reshape(-1, launch.whole.shape[1]) for n, v in orbits._asdict().items()}
 
     return find
@@ -113,15 +113,15 @@ def test_multipliers_of_any_cycle_are_the_eigenvalues_of_its_jacobians(
     rebound, parameters, settled
 ):
     rng = np.random.default_rng(5)
-    scene = parameters(
+    inputs = parameters(
         restitution=rng.uniform(0.5, 0.97, 300), amplitude=rng.uniform(2.0, 6.0, 300)
     )
-    found = settled(scene, 5000.0, launch=(0.37,), rebound=rebound)
+    found = settled(inputs, 5000.0, launch=(0.37,), rebound=rebound)
     cycles = np.flatnonzero((found["regime"][:, 0] == Regime.LOCKED) & (found["impacts"][:, 0] < 9))
     assert cycles.size > 30
     assert (found["impacts"][cycles, 0] > 1).sum() > 10
     for i in cycles:
-        e, a = float(scene["restitution"][i]), 2.0 * float(scene["amplitude"][i]) / 9.81
+        e, a = float(inputs["restitution"][i]), 2.0 * float(inputs["amplitude"][i]) / 9.81
         product = np.eye(2)
         for jacobian in follow(found, i, e, a, rebound == "reflect"):
             product = jacobian @ product
@@ -195,19 +195,19 @@ def test_exponents_of_a_thousand_orbits_sum_to_the_logarithm_of_the_restitution(
         "restitution": rng.uniform(0.3, 1.0, 14_000),
         "amplitude": rng.uniform(0.0, 3.5, 14_000),
     }
-    scene = random_scenes(seed=17, size=14_000, gravity=9.81, frequency=1.0, **ranges)
-    found = settled(scene, 300.0, rebound=rebound)
+    inputs = random_scenes(seed=17, size=14_000, gravity=9.81, frequency=1.0, **ranges)
+    found = settled(inputs, 300.0, rebound=rebound)
     bounces = np.isfinite(found["total"][:, 0])
     assert bounces.sum() >= 1000
-    off = np.abs(found["total"][bounces, 0] - np.log(scene["restitution"][bounces]))
+    off = np.abs(found["total"][bounces, 0] - np.log(inputs["restitution"][bounces]))
     error = found["total_error"][bounces, 0]
     assert np.all(off <= error)
     assert np.median(error) < 1e-12
 
 
 def test_without_restitution_the_exponents_sum_to_minus_infinity(parameters, settled):
-    scene = parameters(restitution=0.0, amplitude=np.linspace(5.0, 12.0, 40))
-    found = settled(scene, 300.0, launch=(0.2, 0.41))
+    inputs = parameters(restitution=0.0, amplitude=np.linspace(5.0, 12.0, 40))
+    found = settled(inputs, 300.0, launch=(0.2, 0.41))
     assert np.all(found["total"] == -np.inf)
     assert np.all(found["total_error"] == 0.0)
     assert np.isfinite(found["largest"]).any()
@@ -218,8 +218,8 @@ def test_without_restitution_the_exponents_sum_to_minus_infinity(parameters, set
 @pytest.mark.parametrize(("e", "amplitude"), [(0.8, 1.0), (0.9, 1.2)])
 def test_a_cycle_that_rounding_decides_is_uncertain(e, amplitude, parameters, settled):
     # under `reflect` a hundred chaotic impacts from rest to rest: no double knows their number
-    scene = parameters(restitution=e, amplitude=amplitude)
-    found = settled(scene, 2000.0, launch=np.arange(20) / 20.0, rebound="reflect")
+    inputs = parameters(restitution=e, amplitude=amplitude)
+    found = settled(inputs, 2000.0, launch=np.arange(20) / 20.0, rebound="reflect")
     resting = found["regime"] == Regime.RESTING
     assert resting.any()
     assert np.all(found["impacts"][resting] > 50)

@@ -18,10 +18,10 @@ DYADIC = {"gravity": 2.0, "frequency": 1.0}
 def bounds(observe, workers):
     """Bounds of one particle in each realization."""
 
-    def find(scene, launch=0.0, **changes):
+    def find(inputs, launch=0.0, **changes):
         changes = {"separation": False, "per_particle": False, "impact_budget": 2000} | changes
-        observation = observe((launch,), trust=True, tolerance=TOLERANCE, **changes)
-        found = measure(scene, observation, workers)
+        scene = observe((launch,), trust=True, tolerance=TOLERANCE, **changes)
+        found = measure(inputs, scene, workers)
         return (
             found["trusted_until"][:, 0],
             found["landing_time_error"],
@@ -42,16 +42,16 @@ def test_every_landing_lies_within_its_bound(
     found = record(scenes, observe((launch,), duration=duration, rebound=rebound))
     bounded = trusted = 0
     for i in range(size):
-        scene = {name: float(values[i]) for name, values in scenes.items()}
+        inputs = {name: float(values[i]) for name, values in scenes.items()}
         try:
             exact = trajectory(
-                **scene, launch_time=launch, duration=duration, rebound=rebound, max_impacts=2000
+                **inputs, launch_time=launch, duration=duration, rebound=rebound, max_impacts=2000
             )
         except UndecidableError:
             assert landing_bound[i] == np.inf
             continue
         # a bound is of the phase: a time in seconds is rounded three times more
-        rounding = 3.0 * HALF_ULP * (duration + 1.0 / scene["frequency"])
+        rounding = 3.0 * HALF_ULP * (duration + 1.0 / inputs["frequency"])
         n = len(exact.impacts)
         landing, speed = found["landing_time"][i, 0], found["rebound_velocity"][i, 0]
         if np.isfinite(landing_bound[i]):
@@ -74,11 +74,11 @@ def test_every_landing_lies_within_its_bound(
 
 
 def test_a_stable_orbit_is_known_for_ever(parameters, bounds):
-    scene = parameters(
+    inputs = parameters(
         restitution=0.9, amplitude=1.2, launch_velocity=float(theory.locked_velocity(1))
     )
     x = float(theory.locked_phase(1, 0.9, 1.2))
-    until, landing, speed = bounds(scene, x, duration=1e6, impact_budget=2_000_000)
+    until, landing, speed = bounds(inputs, x, duration=1e6, impact_budget=2_000_000)
     # a million impacts with multipliers of 0.949: errors settle at some roundings
     assert until == 1e6
     assert landing < 1e-13
@@ -87,26 +87,26 @@ def test_a_stable_orbit_is_known_for_ever(parameters, bounds):
 
 def test_a_rest_erases_the_errors_before_it(parameters, bounds):
     # resting orbits are superstable: only the flights since the last rest can err
-    scene = parameters(restitution=0.3, amplitude=1.2, contact_time=1e-2)
-    until, landing, _ = bounds(scene, duration=2000.0, impact_budget=100_000)
+    inputs = parameters(restitution=0.3, amplitude=1.2, contact_time=1e-2)
+    until, landing, _ = bounds(inputs, duration=2000.0, impact_budget=100_000)
     assert until == 2000.0
     assert landing < 1e-12
 
 
 def test_chaos_is_known_for_a_while_only(parameters, bounds):
-    scene = parameters(restitution=0.9, amplitude=4.0)
-    until, landing, speed = bounds(scene, 0.3, duration=1000.0, rebound="reflect")
+    inputs = parameters(restitution=0.9, amplitude=4.0)
+    until, landing, speed = bounds(inputs, 0.3, duration=1000.0, rebound="reflect")
     assert 1.0 < until < 100.0
     assert landing == speed == np.inf
 
 
 def test_a_tie_is_not_known(parameters, bounds):
     # the landing at t = 3 is at the end of the observation: a rounding decides whether it counts
-    scene = parameters(restitution=1.0, amplitude=0.0, launch_velocity=1.0, **DYADIC)
-    until, landing, speed = bounds(scene, duration=3.0)
+    inputs = parameters(restitution=1.0, amplitude=0.0, launch_velocity=1.0, **DYADIC)
+    until, landing, speed = bounds(inputs, duration=3.0)
     assert until == 2.0
     assert landing == speed == np.inf
-    until, landing, speed = bounds(scene, duration=3.5)
+    until, landing, speed = bounds(inputs, duration=3.5)
     assert until == 3.5
     assert landing < 1e-14
     assert speed < 1e-14
@@ -121,7 +121,7 @@ def test_before_the_first_landing_nothing_can_be_wrong(parameters, bounds):
 @pytest.mark.parametrize("contact_time", [1e-323, 1e-310, 1e-307])
 def test_flights_that_are_subnormal_are_not_trusted(contact_time, parameters, bounds):
     """Their rounding is absolute: whether one is above the threshold of rest cannot be known."""
-    scene = parameters(amplitude=0.0, restitution=0.7, contact_time=contact_time)
-    until, landing_error, _ = bounds(scene, impact_budget=10**6)
+    inputs = parameters(amplitude=0.0, restitution=0.7, contact_time=contact_time)
+    until, landing_error, _ = bounds(inputs, impact_budget=10**6)
     assert landing_error.item() == np.inf
     assert not until.item() >= 12.0
