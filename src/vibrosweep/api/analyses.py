@@ -20,8 +20,8 @@ from vibrosweep.analysis.separations import (
     separation_distribution,
 )
 from vibrosweep.analysis.windows import windows_of_spec
+from vibrosweep.api.given_sweep import Spec, as_sweep
 from vibrosweep.api.keyword_types import RealizationKeywords, SweepKeywords, WindowKeywords
-from vibrosweep.api.sweep_like import SweepLike, as_sweep
 from vibrosweep.api.sweeps import sweep
 from vibrosweep.errors import ParameterError, ShortObservationWarning
 from vibrosweep.model.forcing import INPUTS
@@ -34,11 +34,7 @@ SOBOL_SAMPLE = 1024
 
 
 def windows(
-    spec: SweepLike | None = None,
-    /,
-    *,
-    threads: int | None = None,
-    **keywords: Unpack[WindowKeywords],
+    spec: Spec | None = None, /, *, threads: int | None = None, **keywords: Unpack[WindowKeywords]
 ) -> xr.Dataset:
     """Find the intervals of the forcing in which conditions hold, for every restitution.
 
@@ -104,7 +100,7 @@ def windows(
 
 
 def bifurcation(
-    spec: SweepLike | None = None,
+    spec: Spec | None = None,
     /,
     *,
     observable: str | Observable = "rebound_velocity",
@@ -163,11 +159,7 @@ def bifurcation(
 
 
 def basins(
-    spec: SweepLike | None = None,
-    /,
-    *,
-    threads: int | None = None,
-    **keywords: Unpack[SweepKeywords],
+    spec: Spec | None = None, /, *, threads: int | None = None, **keywords: Unpack[SweepKeywords]
 ) -> xr.Dataset:
     """Tell which attractor each launch leads to.
 
@@ -214,7 +206,7 @@ def basins(
 
 
 def sobol(
-    spec: SweepLike | None = None,
+    spec: Spec | None = None,
     /,
     *,
     outputs: Sequence[str] | None = None,
@@ -277,7 +269,7 @@ def sobol(
 
 
 def separations(
-    spec: SweepLike | xr.Dataset | None = None,
+    spec: Spec | xr.Dataset | None = None,
     /,
     *,
     against: str | None = None,

@@ -8,9 +8,9 @@ from typing import Unpack
 
 import xarray as xr
 
+from vibrosweep.api.given_sweep import Spec, as_sweep
 from vibrosweep.api.keyword_types import SweepKeywords
 from vibrosweep.api.results import open_sweep
-from vibrosweep.api.sweep_like import SweepLike, as_sweep
 from vibrosweep.errors import ExistingOutputError, ParameterError
 from vibrosweep.kernels.observer import compiled
 from vibrosweep.model.observables import Observable
@@ -26,7 +26,7 @@ __all__ = ["run", "sweep"]
 
 
 def sweep(
-    spec: SweepLike | None = None,
+    spec: Spec | None = None,
     /,
     *,
     observables: Iterable[Observable] = (),
@@ -124,7 +124,7 @@ def sweep(
 
 
 def run(
-    spec: SweepLike,
+    spec: Spec,
     output: str | os.PathLike[str],
     *,
     observables: Iterable[Observable] = (),

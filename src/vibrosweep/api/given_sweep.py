@@ -10,14 +10,12 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.sweep import Sweep, read_spec
 
-__all__ = ["SweepLike", "as_sweep"]
+__all__ = ["Spec", "as_sweep"]
 
-SweepLike = str | os.PathLike[str] | Mapping[str, Any]
+Spec = str | os.PathLike[str] | Mapping[str, Any]
 
 
-def as_sweep(
-    spec: SweepLike | None, keywords: Mapping[str, Any], *first: str, **defaults: Any
-) -> Sweep:
+def as_sweep(spec: Spec | None, keywords: Mapping[str, Any], *first: str, **defaults: Any) -> Sweep:
     """Return the sweep that a path or a mapping asks for, or keywords where there is neither.
 
     `first` is that of `keyword_spec`; `defaults` are what keywords or a mapping need not state, and
