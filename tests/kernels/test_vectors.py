@@ -31,9 +31,9 @@ def test_the_width_by_processor(monkeypatch, processor, features, bits):
     codegen = SimpleNamespace(magic_tuple=lambda: ("system", processor, features))
     context = SimpleNamespace(codegen=lambda: codegen)
     monkeypatch.setattr(vectors, "cpu_target", SimpleNamespace(target_context=context))
-    monkeypatch.setattr(vectors, "ASKED", None)
+    monkeypatch.setattr(vectors, "SET_BITS", None)
     assert vectors.vector_bits() == bits
-    monkeypatch.setattr(vectors, "ASKED", 256)
+    monkeypatch.setattr(vectors, "SET_BITS", 256)
     assert vectors.vector_bits() == 256
 
 
