@@ -17,7 +17,7 @@ import numpy as np
 
 from accuracy import options_of
 from vibrosweep.proof.verification import State
-from vibrosweep.proof.verify import verify
+from vibrosweep.proof.verifying import verify
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import parse_spec
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from vibrosweep.model.outside_laws import Law, register_law
     from vibrosweep.model.parameters import PARAMETERS, Parameter
     from vibrosweep.model.status import LANDINGS_OF_AN_EXPONENT, Regime, Status
+    from vibrosweep.proof.verifying import verify
     from vibrosweep.scene.design import register_design
     from vibrosweep.store.kinds import ResultKind, register_kind
     from vibrosweep.store.saving import save_result
@@ -64,6 +65,7 @@ __all__ = [
     "sobol",
     "sweep",
     "theory",
+    "verify",
     "windows",
 ]
 
@@ -81,6 +83,7 @@ _HOMES: Final = {
     "save_result": "vibrosweep.store.saving",
     "register_design": "vibrosweep.scene.design",
     "simulate": "vibrosweep.api.simulation",
+    "verify": "vibrosweep.proof.verifying",
     **dict.fromkeys(
         ("basins", "bifurcation", "separations", "sobol", "windows"), "vibrosweep.api.analyses"
     ),

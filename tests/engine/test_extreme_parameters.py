@@ -50,7 +50,7 @@ def test_absurd_rows_are_refused_and_harm_no_other(compute, tmp_path, chunk):
 
 def test_refused_rows_are_listed_and_not_verified(compute, tmp_path):
     pytest.importorskip("flint")
-    from vibrosweep.proof.verify import verify
+    from vibrosweep.proof.verifying import verify
 
     (tmp_path / "table.csv").write_text(TABLE)
     path = compute(ROWS)

@@ -5,7 +5,7 @@ import pytest
 
 import vibrosweep as vs
 from tests.extension.log_uniform import log_uniform
-from vibrosweep.proof.verify import verify
+from vibrosweep.proof.verifying import verify
 from vibrosweep.runs.identity import identity
 from vibrosweep.scene.keywords import keyword_spec
 

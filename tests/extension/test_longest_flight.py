@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5netcdf
 import numpy as np
 import pytest
 
@@ -46,6 +47,26 @@ def test_it_is_that_of_all_landings(base):
             np.testing.assert_allclose(
                 here, np.nanmax(flight_times(every, 2.0)[0], axis=-1), rtol=1e-12
             )
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_verify_compares_it_and_notices_a_change(base, tmp_path):
+    path = tmp_path / "out.h5"
+    sweep = {**SCENE, **BASES[base], "base": base, "launch": LAUNCHES, "transient": 2.0}
+    vs.run({**sweep, "particles": 3}, path, observables=[LONGEST_FLIGHT]).close()
+    report = vs.verify(path, observables=[LONGEST_FLIGHT])
+    assert report.passed
+    compared = report.variables()["flight_time_max"]
+    assert len(compared.compared) >= 3  # of four; over a sprung base rounding may decide
+    assert len(compared.errors) == 3 * len(compared.compared)
+    assert "flight_time_max" in vs.verify(path).not_compared()
+    with h5netcdf.File(path, "a") as file:
+        file.variables["flight_time_max"][0, 0, 1] += 1e-5
+    report = vs.verify(path, observables=[LONGEST_FLIGHT])
+    assert [j.variable for o in report.outcomes for j in o.judgements if j.complaint] == [
+        "flight_time_max"
+    ]
+    assert vs.verify(path).passed
 
 
 def test_cycles_are_counted_and_give_the_same():

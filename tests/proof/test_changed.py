@@ -10,7 +10,7 @@ from vibrosweep.model.mount import OF_MOUNT
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.recorded import RECORDED
 from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
-from vibrosweep.proof.verify import verify
+from vibrosweep.proof.verifying import verify
 
 # those of coupled particles: test_verify_sprung.py
 SINGLE = [n for n in VARIABLES if n not in MEASURE_OF or not MEASURES[MEASURE_OF[n]].coupled]

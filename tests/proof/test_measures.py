@@ -63,6 +63,7 @@ def trajectory(rng, landings, at_rest):
                 count=0,
                 phase=arb(0),
                 flight=None if for_good else flight(velocity),
+                arrival=arb(1),
             )
         )
     return Trajectory(LAUNCH, tuple(impacts), at_rest, Status.COMPLETED, 128)
@@ -149,6 +150,6 @@ def test_no_landing_at_all():
 
 
 def test_squares_beyond_doubles_are_not_finite():
-    fast = Impact(arb(1), arb(1), arb(1e200), False, 1, arb(0), flight(1e100))
+    fast = Impact(arb(1), arb(1), arb(1e200), False, 1, arb(0), flight(1e100), arb(1e100))
     values = measures(scene(1), [Trajectory(LAUNCH, (fast,), False, Status.COMPLETED, 128)]).values
     assert values["status"] == Status.NON_FINITE

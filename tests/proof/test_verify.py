@@ -18,7 +18,7 @@ from vibrosweep.model.status import Regime
 from vibrosweep.proof.sampling import VARIABLES, read_sample
 from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.verification import State
-from vibrosweep.proof.verify import verify
+from vibrosweep.proof.verifying import verify
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.scene.sweep import parse_spec
 

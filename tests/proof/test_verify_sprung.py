@@ -7,7 +7,7 @@ from vibrosweep.cli import main
 from vibrosweep.model.measures import RECORD
 from vibrosweep.model.parameters import MOUNT
 from vibrosweep.proof.verification import State
-from vibrosweep.proof.verify import verify
+from vibrosweep.proof.verifying import verify
 
 SPRUNG = """
 title = "Coupled particles"

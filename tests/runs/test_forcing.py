@@ -10,7 +10,7 @@ import xarray as xr
 from vibrosweep import simulate
 from vibrosweep.errors import RunError
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.proof.verify import verify
+from vibrosweep.proof.verifying import verify
 from vibrosweep.runs.describe import describe
 from vibrosweep.runs.driver import run_sweep
 from vibrosweep.runs.identity import differences, identity

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def perform(options: argparse.Namespace) -> int:
     """Carry the command out; return 1 if a number is outside its claim."""
-    from vibrosweep.proof.verify import verify
+    from vibrosweep.proof.verifying import verify
     from vibrosweep.runs.progress import reporting
     from vibrosweep.store.reading import using
 

@@ -50,7 +50,8 @@ class Observable:
     landings
         How the numbers of landings combine: ``"sum"``, ``"max"`` or ``"min"``; nothing for a
         function that changes totals.  The repetitions of a cycle are then counted without being
-        followed, as those of every statistic.  NaN for a maximum or minimum of no landings.
+        followed, as those of every statistic, and `vibrosweep.verify` compares the values with
+        proved ones.  NaN for a maximum or minimum of no landings.
     particles
         How the totals of particles become one: ``"sum"``, ``"max"``, ``"min"``; or ``"each"`` to
         keep them apart.  By default as those of landings, else ``"sum"``.
@@ -77,7 +78,7 @@ class Observable:
     """
 
     name: str
-    function: Callable[[Any, Any], None] = field(compare=False)
+    function: Callable[..., Any] = field(compare=False)
     meaning: str
     units: str = "1"
     along: str = ""

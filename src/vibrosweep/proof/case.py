@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
 
+from vibrosweep.model.observables import Observable
 from vibrosweep.proof.bounds import Errors
 from vibrosweep.proof.coupled import Estimate
 from vibrosweep.proof.cycle import largest_exponent
 from vibrosweep.proof.measured import Measured, measures
+from vibrosweep.proof.observed import Observed, observed
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
 from vibrosweep.proof.reference._flint import exact
 from vibrosweep.proof.reference.results import Impact, Trajectory
@@ -68,6 +70,15 @@ class Case:
     def claims(self) -> Mapping[str, float | None]:
         """Largest errors of the measures that the dataset admits."""
         return (self.estimate or self.bounds).claims(self.realization, self.measures)
+
+    def observed(self, observable: Observable) -> Observed:
+        """Proved value of an observable, and the largest errors that the dataset admits."""
+        errors = partial((self.estimate or self.bounds).landing_errors, self.realization)
+        status: Any = self.measures.values["particle_status"]
+        found = observed(observable, self.realization, self.trajectories, status, errors)
+        if self.claims["impact_count"] is None:
+            return found._replace(claims=[None] * len(found.claims))
+        return found
 
     @property
     def deviation(self) -> tuple[float, float] | None:

@@ -26,9 +26,9 @@ from vibrosweep.proof.reference.coupled import (
     coupled,
 )
 from vibrosweep.proof.reference.motion import EPS
-from vibrosweep.proof.reference.results import Trajectory
+from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.statistics import Proved
+from vibrosweep.proof.statistics import LandingErrors, Proved
 from vibrosweep.proof.tolerances import reaches
 
 # Landings of a realization: some ten seconds, and more where few particles make all of them.
@@ -44,6 +44,7 @@ class Estimate(NamedTuple):
     time: float  # of landings and lift-offs, s
     velocity: float  # of rebound velocities, m s-1
     height: float  # of the highest points of flights, m
+    relative: float  # of arrivals and rebounds relative to the base, in units of g / 2 f
 
     def record_claims(self, realization: Realization, number: float) -> Mapping[str, float]:
         """Largest error of a recorded number of that size, by the variable that it belongs to."""
@@ -60,6 +61,12 @@ class Estimate(NamedTuple):
             "rebound_velocity": velocity,
             "rested": 0.0,
         }
+
+    def landing_errors(self, realization: Realization, flight: Flight) -> LandingErrors:
+        """Estimates of the errors of a landing, and of the rebound from it, after a flight."""
+        phase = self.time * realization.parameters["frequency"] + 8.0 * EPS
+        speed = self.relative + 8.0 * EPS
+        return LandingErrors(phase, 2.0 * phase, speed, speed)
 
     def claims(self, realization: Realization, measured: Measured) -> dict[str, float | None]:
         """Largest error of each variable, in its own unit; None: not claimed."""
@@ -149,9 +156,9 @@ def _decisions(trajectory: Trajectory) -> tuple[bool, list[tuple[bool, bool]]]:
     return trajectory.at_rest, each
 
 
-def _changes(a: Trajectory, b: Trajectory) -> Iterator[tuple[float, float, float]]:
-    """Changes of times, velocities and heights."""
-    yield 0.0, 0.0, _apart(a.launch.height, b.launch.height)
+def _changes(a: Trajectory, b: Trajectory) -> Iterator[tuple[float, float, float, float]]:
+    """Changes of times, velocities, heights, and speeds relative to the base."""
+    yield 0.0, 0.0, _apart(a.launch.height, b.launch.height), 0.0
     for one, other in zip(a.impacts, b.impacts, strict=True):
         yield (
             max(
@@ -162,7 +169,13 @@ def _changes(a: Trajectory, b: Trajectory) -> Iterator[tuple[float, float, float
             0.0
             if one.flight is None or other.flight is None
             else _apart(one.flight.height, other.flight.height),
+            max(_apart(one.arrival, other.arrival), _apart(_rebound(one), _rebound(other))),
         )
+
+
+def _rebound(impact: Impact) -> arb | None:
+    """Speed relative to the base after an impact; None where the particle stays."""
+    return None if impact.rested or impact.flight is None else impact.flight.speed
 
 
 def _apart(a: arb | None, b: arb | None) -> float:

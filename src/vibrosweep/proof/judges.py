@@ -13,10 +13,12 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 
 from vibrosweep.model.measures import MEASURE_OF, MEASURES, RESOLUTION, UNDETERMINED, VARIABLES
+from vibrosweep.model.observables import Observable
 from vibrosweep.model.status import Regime, Status
 from vibrosweep.proof.bounds import change_of_bound, untrusted
 from vibrosweep.proof.case import Case
 from vibrosweep.proof.judgement import Judgement, judge
+from vibrosweep.proof.observed import Observed
 from vibrosweep.proof.statistics import Proved
 
 Judgements: TypeAlias = Iterator[Judgement]
@@ -39,6 +41,14 @@ def judge_row(case: Case, name: str) -> Judgements:
         yield from how.by_proof(case, name)
     elif how.otherwise is not None:
         yield from how.otherwise(case, name)
+
+
+def judge_observed(observable: Observable, values: Any, found: Observed) -> Judgements:
+    """Judge the values of an observable in a realization by what proved landings give."""
+    stored = np.atleast_1d(values).tolist()
+    each = observable.particles == "each"
+    for k, (value, claim) in enumerate(zip(found.values, found.claims, strict=True)):
+        yield judge(observable.name, k if each else None, stored[k], value, claim)
 
 
 def _follows(value: Callable[[Case, str], float | None]) -> Callable[[Case, str], Judgements]:

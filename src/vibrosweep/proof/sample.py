@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
+from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.proof.reference.bases import REFERENCE_OF, Reference
@@ -60,7 +61,9 @@ class Sample:
     stored: Mapping[str, NDArray[Any]]  # the dataset's measured variables, each of shape (row, ...)
     # Its coordinates: numbers, arrays over the particles, or sampled ones of shape (row,)
     coordinates: Mapping[str, NDArray[Any]]
-    others: tuple[str, ...]  # names of its variables that this version does not know
+    others: Mapping[str, str]  # why its other variables cannot be compared, by their names
+    # Observables that are compared, with their values in the rows
+    observables: Mapping[Observable, NDArray[Any]]
 
     def realization(self, row: int) -> Realization:
         """Return the realization of one of the rows."""

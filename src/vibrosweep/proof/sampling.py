@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import h5netcdf
 import numpy as np
@@ -15,6 +16,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
+from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS_OF, MOUNT, PARAMETERS, SPRUNG, STAGGERED
 from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.axes import judge_axes
@@ -26,21 +28,30 @@ from vibrosweep.proof.setting import (
     Expected,
     asked,
 )
+from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.scene import Scene, bare_scene
 from vibrosweep.store.provenance import provenance
 from vibrosweep.store.reading import reading
 from vibrosweep.store.rows import read_rows, row_count, row_dims
 
+OF_OBSERVABLES: Final = "measure.observables"
+UNKNOWN: Final = "this version knows no such variable"
+OF_TOTALS: Final = "it is an observable whose function changes totals; no reference judges that"
+OF_LANDINGS: Final = (
+    "it is an observable, whose function the file does not hold: give it in Python, as in "
+    "vs.verify(path, observables=[{}])"
+)
+
 
 def read_sample(
-    path: Path, size: int, seed: int
+    path: Path, size: int, seed: int, observables: Sequence[Observable] = ()
 ) -> tuple[Sample, Sample | None, Expected, list[Judgement]]:
     """Draw realizations without replacement; all where there are no more than `size`.
 
     The second sample is the dataset's record of every landing, where it holds one; then comes what
     its sweep file asks for, and judgements of the axes.  Raises a ParameterError for a size or a
-    seed that cannot be used, and a DataError where there is no such file, or it is not a result
-    that can be read.
+    seed that cannot be used, and a DataError where there is no such file, it is not a result that
+    can be read, or observables are not those of it.
     """
     for name, value, low in (("sample", size, 1), ("seed", seed, 0)):
         if value < low:
@@ -49,7 +60,7 @@ def read_sample(
         for group in (file, *(file.groups[name] for name in file.groups if name == "record")):
             if group.attrs["rebound"] not in LAWS_OF.get(group.attrs.get("base", HIGH_BOUNCE), ()):
                 raise _unsound(path, ["rebound or base"])
-        sample = _drawn(file, size, seed)
+        sample = _drawn(path, file, size, seed, observables)
         record = _record(file, sample) if "record" in file.groups else None
         setting, axes = asked(path, file, sample.rows), list(judge_axes(path))
     _require_sound(path, sample, VARIABLES)
@@ -58,13 +69,18 @@ def read_sample(
     return sample, record, setting, axes
 
 
-def _drawn(file: Any, size: int, seed: int) -> Sample:
+def _drawn(
+    path: Path, file: Any, size: int, seed: int, observables: Sequence[Observable]
+) -> Sample:
+    identity = json.loads(identity_in(file) or "{}")
+    _require_same(path, file, identity, observables)
     total = row_count(file)
     rows = np.arange(total)
     chosen: slice | NDArray[np.int64] = slice(None)
     if size < total:
         chosen = rows = np.sort(np.random.default_rng(seed).choice(total, size, replace=False))
     here = provenance(threads=1)
+    own = [one.name for one in observables]
     names = [n for n in VARIABLES if n in file.variables]
     observation = _observation(file, file.attrs)
     return Sample(
@@ -75,7 +91,8 @@ def _drawn(file: Any, size: int, seed: int) -> Sample:
         current=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: read_rows(file, name, chosen) for name in names},
         coordinates=_coordinates(file, chosen),
-        others=_others(file, (*VARIABLES, *SWEEP_COORDINATES)),
+        others=_others(file, (*VARIABLES, *SWEEP_COORDINATES, *own), identity),
+        observables={one: read_rows(file, one.name, chosen) for one in observables},
     )
 
 
@@ -91,8 +108,34 @@ def _coordinates(file: Any, chosen: slice | NDArray[np.int64]) -> dict[str, NDAr
     }
 
 
-def _others(file: Any, known: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(name for name in file.variables if name not in known)
+def _others(file: Any, known: tuple[str, ...], identity: Mapping[str, str]) -> dict[str, str]:
+    """Reasons why variables that are not known cannot be compared."""
+
+    def why(name: str) -> str:
+        if f"{OF_OBSERVABLES}.{name}.landings" in identity:
+            return OF_LANDINGS.format(name)
+        return OF_TOTALS if f"{OF_OBSERVABLES}.{name}.code" in identity else UNKNOWN
+
+    return {name: why(name) for name in file.variables if name not in known}
+
+
+def _require_same(
+    path: Path, file: Any, identity: Mapping[str, str], observables: Sequence[Observable]
+) -> None:
+    """Raise for an observable that is not what the file was computed with."""
+    for one in observables:
+        if not one.landings:
+            raise ParameterError(
+                f"observable {one.name!r}: its function changes totals; verify compares only what "
+                f'a function of one landing gives, as with landings="sum"'
+            )
+        for key in ("code", "landings", "particles", "units"):
+            held = identity.get(f"{OF_OBSERVABLES}.{one.name}.{key}")
+            if held != getattr(one, key) or one.name not in file.variables:
+                raise DataError(
+                    f"{path}: was not computed with observable {one.name!r}: its {key} is "
+                    f"{getattr(one, key)}, that of the file {held or 'not there'}"
+                )
 
 
 def _parameter(
@@ -133,7 +176,8 @@ def _record(file: Any, sample: Sample) -> Sample:
             for n, v in group.variables.items()
             if n in RECORD_COORDINATES
         },
-        others=_others(group, (*RECORD, *RECORD_COORDINATES)),
+        others=_others(group, (*RECORD, *RECORD_COORDINATES), {}),
+        observables={},
     )
 
 
@@ -180,6 +224,9 @@ def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable])
             bad += [] if name in MEASURE_OF else [name]
         elif not _fits(sample.stored[name].shape, tuple(shapes.get(d) for d in variable.dims)):
             bad.append(name)
+    for one, values in sample.observables.items():
+        if not _fits(values.shape, tuple(shapes.get(d) for d in one.variable.dims)):
+            bad.append(one.name)
     if bad:
         raise _unsound(path, bad)
 

@@ -109,6 +109,15 @@ def largest(balls: Iterable[arb]) -> arb | None:
     return reduce(arb.max, listed) if listed else None
 
 
+class LandingErrors(NamedTuple):
+    """Largest errors of the numbers of a `vibrosweep.model.landing.Landing`, in its units."""
+
+    phase: float
+    flight_time: float
+    arrival: float
+    rebound: float
+
+
 class Uncertainty(NamedTuple):
     """Bounds of the errors of flights."""
 

@@ -31,7 +31,7 @@ from vibrosweep.proof.measured import Measured
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
-from vibrosweep.proof.statistics import Proved, Uncertainty, statistics_claims
+from vibrosweep.proof.statistics import LandingErrors, Proved, Uncertainty, statistics_claims
 
 # covers the higher orders, which the derivatives of a flight leave out
 FIRST_ORDER: Final = 2.0
@@ -81,6 +81,15 @@ class Bounds(NamedTuple):
         by_phase, by_speed = flight.slopes
         linear = abs(by_phase) * self.phase_error(realization) + abs(by_speed) * speed
         return FIRST_ORDER * linear * period
+
+    def landing_errors(self, realization: Realization, flight: Flight) -> LandingErrors:
+        """Bounds of the errors of a landing, and of the rebound from it, after a flight."""
+        frequency = realization.parameters["frequency"]
+        duration = self.duration_error(realization, flight) * frequency
+        speed = self.speed_error(realization)
+        phase = self.landing_time * frequency + 4.0 * EPS
+        # gravity adds twice the duration to a speed, in units of g / 2 f
+        return LandingErrors(phase, duration, speed + 2.0 * duration, speed)
 
     def claims(self, realization: Realization, measured: Measured) -> Mapping[str, float | None]:
         """Largest error of each variable, in its own unit; None: not claimed."""

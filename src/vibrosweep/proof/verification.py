@@ -42,7 +42,8 @@ class State(Enum):
 class Outcome:
     """Outcome for one realization, or (None) for the record of every landing.
 
-    `deviation`: largest error of the landings that this version finds, and its estimate, s.
+    `deviation`: largest error of the landings that this version finds, and its estimate, s;
+    `estimated`: names of observables whose claims are estimates.
     """
 
     realization: int | None
@@ -50,6 +51,7 @@ class Outcome:
     landings: int = 0
     judgements: Sequence[Judgement] = ()
     deviation: tuple[float, float] | None = None
+    estimated: Sequence[str] = ()
 
     @property
     def place(self) -> str:
@@ -114,7 +116,7 @@ def _row(label: str, cells: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Report:
-    """Result of `vibrosweep.proof.verify.verify`."""
+    """Result of `vibrosweep.proof.verifying.verify`."""
 
     path: str
     total: int  # number of its realizations
@@ -126,6 +128,7 @@ class Report:
     coordinates: Sequence[Judgement]
     names: Sequence[str]  # every variable of the dataset
     unknown: Mapping[str, str]  # why a variable cannot be compared at all, by its name
+    estimated: Sequence[str]  # names of observables whose claims are estimates
 
     @property
     def passed(self) -> bool:
@@ -187,6 +190,11 @@ class Report:
             yield from self._estimates()
         elif not self.claimed:
             yield "the dataset holds no error bounds: they were computed again"
+        for name in self.estimated:
+            yield (
+                f"{name}: its function cannot be evaluated on balls: claims are estimates, "
+                f"changes of the function by the errors of each landing"
+            )
         for state in State:
             if state is not State.COMPARED and self.count(state):
                 yield f"{self.count(state)} {state.value}"

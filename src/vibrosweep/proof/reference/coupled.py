@@ -211,6 +211,7 @@ class _Course:
                     count=count,
                     phase=landed.turns - count,
                     flight=self._flight(problem, left) if leaves else None,
+                    arrival=landed.base_before - landed.before,
                 )
             )
             problem.require_narrow(impacts[-1], landed.number)

@@ -155,7 +155,7 @@ class Motion:
         """Fly to the next landing."""
         duration = self._map.half_turn_rate * self._velocity / self._map.gravity / 2
         self._flown, self._half_turns, self._velocity = self._map.carry(self._state)
-        return Landed(self._flown, self._half_turns, duration, None)
+        return Landed(self._flown, self._half_turns, duration, None, arrival=duration)
 
     def leave(self, impact: int) -> Left | None:
         """Rebound, perhaps after a rest; None at rest for good."""

@@ -59,6 +59,7 @@ class Landed(NamedTuple):
     duration: arb  # of the flight that ends with it, forcing periods
     # Derivatives of the duration by phase and speed of lift-off; None where it equals that speed
     slopes: tuple[float, float] | None
+    arrival: arb  # speed relative to the base, in units of g / 2 f
 
 
 class Left(NamedTuple):

@@ -239,6 +239,7 @@ class Motion:
     def land(self, impact: int) -> Landed:
         """Fly to the next landing."""
         m, state = self._map, self._state
+        left = self._speed + m.velocity(self._phase + self._flown)
         phase = self._phase - nearest_integer(self._phase + self._flown)
         s, rows = self._over_the_set(phase + self._flown, impact)
         with ctx.workprec(max(FRAME_BITS, min(ctx.prec, state.bits))):
@@ -255,7 +256,9 @@ class Motion:
         state.turn(flown, speed, rows)
         state.bits = max(0, duration.rel_accuracy_bits()) + 2 * FRAME_BITS
         slopes = float(by_flown - 1), float(by_speed)
-        return Landed(self._flown, 2 * (self._phase + self._flown), duration, slopes)
+        turns = self._phase + self._flown
+        arrival = m.velocity(turns) + 2 * duration - left
+        return Landed(self._flown, 2 * turns, duration, slopes, arrival)
 
     def _over_the_set(self, x: arb, impact: int) -> tuple[arb | None, Rows]:
         """Durations and Jacobians over all states; few bits are enough in most cases."""

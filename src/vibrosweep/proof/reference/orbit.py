@@ -68,9 +68,9 @@ def _impact(motion: Motion, landed: Landed, left: Left | None, flight: Flight | 
     count = nearest_integer(turns)
     phase, time = turns - count, motion.time(landed.flown)
     if left is None:
-        return Impact(time, None, None, True, count, phase, None)
+        return Impact(time, None, None, True, count, phase, None, landed.arrival)
     liftoff = motion.time(left.flown) if left.rested else time
-    return Impact(time, liftoff, left.velocity, left.rested, count, phase, flight)
+    return Impact(time, liftoff, left.velocity, left.rested, count, phase, flight, landed.arrival)
 
 
 def attempt(problem: Problem, motion_of: Callable[[Problem], Motion], bits: int) -> Trajectory:

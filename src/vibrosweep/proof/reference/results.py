@@ -44,6 +44,7 @@ class Impact:
     phase: arb
     # The flight after lift-off, also where it ends after the observation; None at rest for good
     flight: Flight | None
+    arrival: arb  # ball; speed relative to the base before the impact, in units of g / 2 f
 
 
 @dataclass(frozen=True)

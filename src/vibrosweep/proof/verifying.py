@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, Final, NamedTuple
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.measures import MEASURES
+from vibrosweep.model.observables import Observable, observables_of
 from vibrosweep.model.parameters import SPRUNG
 from vibrosweep.model.status import Status
 from vibrosweep.proof.bounds import (
@@ -26,7 +27,7 @@ from vibrosweep.proof.bounds import (
 from vibrosweep.proof.case import Case
 from vibrosweep.proof.coupled import MAX_COUPLED, Estimate, prove
 from vibrosweep.proof.judgement import Judgement, judge
-from vibrosweep.proof.judges import judge_row
+from vibrosweep.proof.judges import judge_observed, judge_row
 from vibrosweep.proof.recorded import judge_record
 from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
@@ -46,7 +47,6 @@ from vibrosweep.store.kinds import read_kind
 MAX_LANDINGS: Final = 250_000
 # Where a dataset claims anything, its orbits have lost fewer digits than a double has.
 MAX_BITS: Final = 1 << 12
-UNKNOWN: Final = "this version knows no such variable"
 
 
 class _Proof(NamedTuple):
@@ -60,6 +60,7 @@ class _Proof(NamedTuple):
 def verify(
     path: str | os.PathLike[str],
     *,
+    observables: Iterable[Observable] = (),
     sample: int = 20,
     seed: int = 0,
     max_landings: int | None = None,
@@ -71,6 +72,11 @@ def verify(
     ----------
     path
         Result of a sweep.
+    observables
+        Those of the result that are compared, as they were given to `vibrosweep.run`: the file does
+        not hold their functions.  Each must give a number of a landing (`landings` is given).  It
+        is evaluated in ball arithmetic; where it calls more than arithmetic, or chooses where
+        rounding may decide, its error is estimated by its changes, and the report says so.
     sample
         Number of realizations, drawn without replacement; all where there are no more.
     seed
@@ -81,15 +87,32 @@ def verify(
     advance
         Called after each realization with the number of those done and that of all.
 
+    Returns
+    -------
+    Report
+        `passed` is True if every number is within the error claimed for it; `lines()` gives the
+        text that ``vibrosweep verify`` prints, and `variables()` all comparisons by variable.
+
     Raises
     ------
     ParameterError
-        A number is out of its range.
+        A number is out of its range, or the function of an observable changes totals.
     DataError
         There is no such file, it is not a result that can be read, or of a kind that no
-        reference judges.
+        reference judges; or it was not computed with these observables.
     MissingFlintError
         python-flint is not installed.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> def flight_time(landing):
+    ...     return landing.flight_time
+    >>> longest = vs.Observable("longest", flight_time, "longest flight", "s", landings="max")
+    >>> sweep = {"restitution": [0.6, 0.8], "duration": 2.0}
+    >>> vs.run(sweep, "flights.h5", observables=[longest]).close()
+    >>> vs.verify("flights.h5", observables=[longest]).passed
+    True
     """
     if max_landings is not None and max_landings < 1:
         raise ParameterError(f"max_landings = {max_landings!r}: must be at least 1")
@@ -99,7 +122,8 @@ def verify(
         raise DataError(
             f"{path}: is a result of {kind.command}, which cannot be verified: {kind.unverified}"
         )
-    drawn, record, setting, axes = read_sample(source, sample, seed)
+    given = observables_of(observables)
+    drawn, record, setting, axes = read_sample(source, sample, seed, given)
     coupled = drawn.observation.base == SPRUNG
     if max_landings is None:
         max_landings = MAX_COUPLED if coupled else MAX_LANDINGS
@@ -123,21 +147,22 @@ def verify(
         coupled=coupled,
         coordinates=[*_coordinates(drawn, setting, ""), *axes],
         names=_names(drawn, record),
-        unknown={**setting.unknown, **dict.fromkeys(_others(drawn, record), UNKNOWN)},
+        unknown={**setting.unknown, **_others(drawn, record)},
+        estimated=sorted({name for outcome in outcomes for name in outcome.estimated}),
     )
 
 
 def _names(sample: Sample, record: Sample | None) -> list[str]:
     """List every variable of the dataset; names of the record begin with ``record/``."""
-    names = [*sample.coordinates, *sample.stored]
+    names = [*sample.coordinates, *sample.stored, *(one.name for one in sample.observables)]
     if record is not None:
         names += [f"record/{name}" for name in (*record.coordinates, *record.stored)]
     return [*names, *_others(sample, record)]
 
 
-def _others(sample: Sample, record: Sample | None) -> list[str]:
-    recorded = [] if record is None else [f"record/{name}" for name in record.others]
-    return [*sample.others, *recorded]
+def _others(sample: Sample, record: Sample | None) -> dict[str, str]:
+    recorded = {} if record is None else record.others
+    return {**sample.others, **{f"record/{name}": why for name, why in recorded.items()}}
 
 
 def _checked(
@@ -172,8 +197,14 @@ def _checked(
     )
     for name in sample.stored:
         judged += judge_row(case, name)
+    estimated = []
+    for one, values in sample.observables.items() if case.trajectories else ():
+        found = case.observed(one)
+        judged += judge_observed(one, values[row], found)
+        estimated += [one.name] if found.estimated else []
     landings = _landings(proof.trajectories)
-    return Outcome(int(sample.rows[row]), proof.state, landings, judged, case.deviation)
+    place = int(sample.rows[row])
+    return Outcome(place, proof.state, landings, judged, case.deviation, estimated)
 
 
 def _checked_record(
