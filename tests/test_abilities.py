@@ -13,7 +13,7 @@ from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import LAWS_OF
-from vibrosweep.proof.verify import verify
+from vibrosweep.proof.verifying import verify
 from vibrosweep.scene.keywords import keyword_spec
 
 CELLS = list(cells())
