@@ -105,13 +105,14 @@ def verify(
 
     Examples
     --------
-    >>> import vibrosweep as vs
+    >>> import tempfile, vibrosweep as vs
     >>> def flight_time(landing):
     ...     return landing.flight_time
     >>> longest = vs.Observable("longest", flight_time, "longest flight", "s", landings="max")
     >>> sweep = {"restitution": [0.6, 0.8], "duration": 2.0}
-    >>> vs.run(sweep, "flights.h5", observables=[longest]).close()
-    >>> vs.verify("flights.h5", observables=[longest]).passed
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     vs.run(sweep, f"{folder}/out.h5", observables=[longest]).close()
+    ...     print(vs.verify(f"{folder}/out.h5", observables=[longest]).passed)
     True
     """
     if max_landings is not None and max_landings < 1:
