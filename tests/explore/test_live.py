@@ -1,8 +1,10 @@
 """The page without a browser: what it shows is what `simulate` gives, value for value."""
 
 import math
+from array import array
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from threading import Event
 from time import sleep
 from types import SimpleNamespace
@@ -299,9 +301,11 @@ def geometry(**given):
     return SimpleNamespace(final=True, geometry=given)
 
 
-def test_a_lasso_makes_a_table(page, points):
+@pytest.mark.parametrize("kind", [list, np.array, partial(array, "d")])
+def test_a_lasso_makes_a_table(page, points, kind):
     x, y = points.columns["restitution"].values, points.columns["amplitude"].values
-    page._selected(geometry(type="poly", x=[0.0, 0.9, 0.9, 0.0], y=[0.0, 0.0, 9.0, 9.0]))
+    outline = {"x": kind([0.0, 0.9, 0.9, 0.0]), "y": kind([0.0, 0.0, 9.0, 9.0])}
+    page._selected(geometry(type="poly", **outline))
     rows = np.flatnonzero(x < 0.9)
     assert np.array_equal(page.rows, rows)
     assert f"{rows.size} points" in page.selection.text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from array import array
 from typing import Any, Final
 
 import numpy as np
@@ -46,7 +47,8 @@ def enclosed(outline: Any, x: Array, y: Array) -> Rows | None:
         x0, x1, y0, y1 = (outline.get(name) for name in ("x0", "x1", "y0", "y1"))
         return in_rectangle(x, y, (x0, x1, y0, y1)) if is_window(x0, x1, y0, y1) else None
     sent = [outline.get(name) for name in "xy"]
-    corners = [v.tolist() if isinstance(v, np.ndarray) else v for v in sent]
+    # Bokeh hands on arrays of numpy or of the standard library, whatever the browser sent
+    corners = [v.tolist() if isinstance(v, np.ndarray | array) else v for v in sent]
     pairs = list(zip(*corners, strict=False)) if all(isinstance(v, list) for v in corners) else []
     if not pairs or not are_numbers(*(number for pair in pairs for number in pair)):
         return None
