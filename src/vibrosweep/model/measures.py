@@ -39,7 +39,7 @@ class Variable:
     flags: tuple[tuple[int, str], ...] = ()
     comment: str = ""  # what the long name leaves open
     judged: str = "measure"  # how `verify` judges it: a key of `vibrosweep.proof.judges.JUDGES`
-    # Whether it is undetermined, or NaN, just where the impact budget did not suffice
+    # True if it is undetermined, or NaN, just where the impact budget did not suffice
     open_by_budget: bool = False
     # Name of the variable that is 0 where no cycle was found, of what holds nothing there
     cycle: str = ""
@@ -47,7 +47,7 @@ class Variable:
 
     @property
     def blank(self) -> float:
-        """What stands where nothing was computed: no value, or the status that says so."""
+        """Value that stands where nothing was computed: none, or the status that says so."""
         if np.dtype(self.dtype).kind == "f":
             return math.nan
         codes = [code for code, _ in self.flags]
@@ -77,7 +77,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Measure:
-    """What a key of [measure] has measured."""
+    """The variables that a key of [measure] asks for."""
 
     meaning: str  # what it is, in a few words
     cost: str  # about what it adds to the time of a landing, over short and long observations
@@ -583,7 +583,7 @@ VARIABLES: Final[Mapping[str, Variable]] = {
 MEASURE_OF: Final[Mapping[str, str]] = {
     v.name: key for key, measure in MEASURES.items() for v in measure.variables
 }
-# What a realization has one number of, whatever asked for it
+# Variables of which a realization has one number, whatever asked for it
 OF_REALIZATIONS: Final[Mapping[str, Variable]] = {
     name: variable for name, variable in VARIABLES.items() if variable.dims == _R
 }

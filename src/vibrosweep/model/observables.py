@@ -162,7 +162,7 @@ class Observable:
 
     @property
     def variable(self) -> Variable:
-        """What it adds to a result."""
+        """Variable that it adds to a result."""
         dims: tuple[str, ...] = ("realization",)
         dims += ("particle",) if self.particles == "each" else ()
         dims += (self.along,) if self.along else ()
