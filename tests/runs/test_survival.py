@@ -14,7 +14,7 @@ import xarray as xr
 
 import vibrosweep
 from vibrosweep.cli import main
-from vibrosweep.engine import measuring
+from vibrosweep.engine import measure as engine
 from vibrosweep.errors import Interruption, OutputError, RunError
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.runs import chunks, identity, result
@@ -284,8 +284,8 @@ def test_a_chunk_that_fails_once_is_computed_again(sweep, expected, tmp_path, mo
             raise FloatingPointError("a moment")
         return original(*arguments)
 
-    failed, original = [], measuring.measure
-    monkeypatch.setattr(measuring, "measure", measure)
+    failed, original = [], engine.measure
+    monkeypatch.setattr(engine, "measure", measure)
     sweep()
     assert len(failed) > 6
     assert (tmp_path / "out.h5").read_bytes() == expected
@@ -306,9 +306,9 @@ def failing(sweep, tmp_path):
                 raise FloatingPointError("always")
             return original(parameters, *rest)
 
-        calls, original, bad = [], measuring.measure, restitution[list(realizations)]
+        calls, original, bad = [], engine.measure, restitution[list(realizations)]
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(measuring, "measure", measure)
+            patch.setattr(engine, "measure", measure)
             yield calls
 
     return fail
