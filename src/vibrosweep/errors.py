@@ -15,6 +15,7 @@ __all__ = [
     "DataError",
     "ExistingOutputError",
     "Interruption",
+    "OtherKernelsWarning",
     "OutputError",
     "ParameterError",
     "RunError",
@@ -104,6 +105,10 @@ class Interruption(_Told, KeyboardInterrupt):
 
 class TrackError(VibrosweepError, ValueError):
     """Tracks of a camera cannot be read, or are no tracks of bouncing particles."""
+
+
+class OtherKernelsWarning(UserWarning):
+    """Other code follows the particles of a result now than that which has computed it."""
 
 
 class ShortObservationWarning(UserWarning):

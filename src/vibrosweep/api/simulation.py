@@ -7,6 +7,7 @@ from typing import Any, Unpack
 import xarray as xr
 
 from vibrosweep.api.keyword_types import BatchKeywords
+from vibrosweep.api.replay import replayed
 from vibrosweep.engine.landings import launch_times, record_landings, require_room
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.forcing import only_parameters, refuse_large
@@ -18,11 +19,21 @@ from vibrosweep.scene.keywords import batch
 __all__ = ["simulate"]
 
 
-def simulate(*, threads: int | None = None, **keywords: Unpack[BatchKeywords]) -> xr.Dataset:
-    """Every landing of a small scene.
+def simulate(
+    result: xr.Dataset | None = None,
+    /,
+    *,
+    threads: int | None = None,
+    **keywords: Unpack[BatchKeywords],
+) -> xr.Dataset:
+    """Every landing of a small scene, or of realizations of a sweep.
 
     Parameters
     ----------
+    result
+        Instead of a scene realizations of a sweep, as `vibrosweep.sweep` or `open_sweep` gives
+        them: ``simulate(found.isel(realization=7))`` follows exactly what the sweep followed, bit
+        for bit on one model of processor.
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
@@ -73,7 +84,15 @@ def simulate(*, threads: int | None = None, **keywords: Unpack[BatchKeywords]) -
         Keywords are unknown, contradict each other, or have values that are not allowed; all
         mistakes are listed.
     ParameterError
-        The forcing or the masses make a parameter too large, or the record would be.
+        The forcing or the masses make a parameter too large, or the record would be; or there are
+        keywords beside a result.
+    DataError
+        The dataset is no result of a sweep, or parts of it are missing.
+
+    Warns
+    -----
+    OtherKernelsWarning
+        Other code has computed the result than that which follows it now.
 
     Examples
     --------
@@ -82,7 +101,7 @@ def simulate(*, threads: int | None = None, **keywords: Unpack[BatchKeywords]) -
     >>> found.landing_time.sel(particle=1).values[0, :2].round(6)
     array([1.144368, 2.254512])
     """
-    scene, arrays = batch(keywords)
+    scene, arrays = batch(keywords) if result is None else replayed(result, keywords)
     scene = scene.recorded()
     require_room(max((v.size for v in arrays.values()), default=1), scene.particles)
     quantities = scene.timed(arrays)

@@ -44,6 +44,7 @@ OF_A_PIECE = OF_A_PART | {"forceinline": True}
 UNCOUNTED = OPTIONS | {"_nrt": False}
 
 
+@functools.cache
 def sources_digest() -> str:
     """Digest of every kernel source: numba's own check sees only the file of the entry point.
 

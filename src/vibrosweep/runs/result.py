@@ -14,6 +14,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times, record_landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
+from vibrosweep.kernels._jit import sources_digest
 from vibrosweep.model.forcing import INPUTS, sources
 from vibrosweep.model.measures import OPTIONS, RECORD
 from vibrosweep.model.parameters import Parameter
@@ -38,6 +39,8 @@ LAUNCH_TIME: Final = {"units": "s", "long_name": "time of launch"}
 DURATION: Final = {"units": "s", "long_name": "end of the observation"}
 # Group and attribute that hold the identity of the sweep: all that the numbers depend on.
 IDENTITY: Final = "identity"
+# Attribute that holds a digest of the code which followed the particles.
+KERNELS: Final = "kernels"
 TRANSIENT: Final = {
     "units": OPTIONS["transient"].units,
     "long_name": OPTIONS["transient"].meaning,
@@ -181,6 +184,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
             **periods_given(spec.scene.duration, spec.scene.measures.transient),
             **{f"source_of_{one.name}": one.source for one in spec.scene.measures.observables},
             "sweep_file": spec.text,
+            KERNELS: sources_digest(),
             **provenance(threads),
         }
     )
