@@ -96,9 +96,7 @@ def accuracy():
     reached = True
     for name, scene in SCENES.items():
         for rate in (240.0, 120.0):
-            plan = Experiment(
-                scene=scene, particles=5, repeats=1, duration=40.0, camera=Camera(rate), seed=1
-            )
+            plan = Experiment(**scene, particles=5, repeats=1, camera=Camera(rate), seed=1)
             trial = perform_trials(plan)[0]
             fitted = fit_or_reason(trial.tracks)
             if isinstance(fitted, str):
@@ -132,7 +130,7 @@ def estimates():
     recordings, reached = 40, True
     for name in ("irregular, 20 Hz, e = 0.85", "locked, 23 Hz"):
         scene = {**SCENES[name], "phase": 0.0 if "irregular" in name else np.pi}
-        plan = Experiment(scene=scene, particles=3, repeats=recordings, duration=10.0)
+        plan = Experiment(**scene, particles=3, repeats=recordings, duration=30.0)
         impacts = [
             impacts_of(t.tracks, fit_tracks(t.tracks, G, LEVEL), G, "fit")
             for t in perform_trials(plan)
@@ -175,12 +173,12 @@ def irregular_film(base, seed):
     }
     camera = Camera(frame_rate=float(rng.choice((240.0, 480.0))), pixel=drawn["noise"])
     plan = Experiment(
-        scene=scene,
+        **scene,
         base=base,
         particles=3,
         repeats=1,
         transient=drawn["transient"],
-        duration=6.0,
+        duration=drawn["transient"] + 6.0,
         camera=camera,
         seed=seed,
     )
@@ -250,7 +248,7 @@ def bases(films, first):
 
 def timing():
     """CPU time of a 60 s recording of 50 particles at 240 frames per second, step by step."""
-    plan = Experiment(scene=SCENES["locked, 23 Hz"], particles=50, repeats=1, duration=60.0)
+    plan = Experiment(**SCENES["locked, 23 Hz"], particles=50, repeats=1, duration=80.0)
     tracks = perform_trials(plan)[0].tracks
     when, height = tracks["time"].values, tracks["height"].values
     spent = {}
@@ -280,7 +278,7 @@ def timing():
 
 def imperfect(figures, duration):
     """Errors that each imperfection makes by itself."""
-    study = study_imperfections(duration=duration)
+    study = study_imperfections(duration=20.0 + duration)
     shown = (("fit", "particle"), ("sign_change", "particle"), ("sign_change", "flight"))
     print("\n| imperfection | " + " | ".join(f"{p}, {r}: A B C D" for p, r in shown) + " |")
     print("|---|" + "---|" * len(shown))
@@ -311,8 +309,10 @@ def cases(figures, duration):
     spec = read_experiments(SWEEPS / "table4.toml")
     recordings, known = [], {}
     for one in spec.experiments:
-        one = replace(one, duration=duration)
-        known = {n: one.scene[n] for n in ("restitution", "amplitude", "frequency", "contact_time")}
+        one = replace(one, scene=replace(one.scene, duration=20.0 + duration))
+        known = {
+            n: one.parameters[n] for n in ("restitution", "amplitude", "frequency", "contact_time")
+        }
         recordings += [trial.tracks for trial in perform_trials(one)]
     with Workers(2) as workers:
         for method in ("fit", "sign_change"):
@@ -327,7 +327,7 @@ def cases(figures, duration):
 def drawn(figures):
     """The track of a locked and of an irregular orbit, with residuals."""
     for name, stem in (("locked, 23 Hz", "locked"), ("irregular, 20 Hz, e = 0.85", "irregular")):
-        plan = Experiment(scene=SCENES[name], particles=3, repeats=1, duration=10.0)
+        plan = Experiment(**SCENES[name], particles=3, repeats=1, duration=30.0)
         tracks = perform_trials(plan)[0].tracks
         figure = fitted_track(flights_of(tracks, fit_tracks(tracks, G, LEVEL)))
         save_formats(figure, figures, f"laboratory_track_{stem}")

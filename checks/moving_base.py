@@ -42,12 +42,12 @@ def filmed(base, case, seed):
         "launch_velocity": rng.uniform(0.15, 0.4),
     }
     plan = Experiment(
-        scene=scene,
+        **scene,
         base=base,
         particles=3,
         repeats=1,
         transient=transient,
-        duration=6.0,
+        duration=transient + 6.0,
         variation=Variation(level_spread=5e-4 if base == "moving" else 0.0),
         seed=seed,
     )

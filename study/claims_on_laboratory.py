@@ -29,7 +29,7 @@ DIFFERENCES: Final = {
 # Films shorter than the study's, two of its cases, one size of each imperfection: in half a minute
 SIZE: Final[dict[str, Any]] = {
     "cases": {"A": 1, "C": 20},
-    "duration": 2.0,
+    "duration": 22.0,
     "imperfections": tuple(
         replace(one, sizes=(one.sizes[len(one.sizes) // 2],)) for one in IMPERFECTIONS
     ),

@@ -45,11 +45,11 @@ def _timing(plan: Plan, rate: float, camera: str) -> Check:
     for i in range(plan.seeds):
         seen = Camera(frame_rate=rate, **CAMERAS[camera])
         experiment = Experiment(
-            scene=SCENE,
+            **SCENE,
             particles=FILMED,
             repeats=1,
             transient=20.0,
-            duration=FILM,
+            duration=20.0 + FILM,
             camera=seen,
             seed=plan.first_seed + i,
         )

@@ -39,8 +39,8 @@ PERFECT: Final = Camera(frame_rate=240.0, noise=0.0, whole_pixels=False)
 # At this phase the staggered launch of a single particle leads to a locked orbit, not to one that
 # rests: case A would have nothing to compare.
 # 23 Hz is no divisor of a frame rate: a flight lasts 10.4 frames at 240 Hz, not always the same.
-SCENE: Final = {
-    **Experiment().scene,
+SCENE: Final[dict[str, Any]] = {
+    **Experiment().parameters,
     "phase": float(np.pi),
     "frequency": 23.0,
     "amplitude": 1.2 / 23.0,
@@ -67,10 +67,11 @@ class Imperfection:
     def applied(self, experiment: Experiment, size: float) -> Experiment:
         """The experiment with this imperfection."""
         if self.key == ACCELERATION:
-            scene = dict(experiment.scene)
-            turn = 2.0 * math.pi * scene["frequency"]
-            scene["amplitude"] = (1.0 + scene["restitution"]) * size * scene["gravity"] / turn
-            return replace(experiment, base=MOVING, scene=scene)
+            numbers = experiment.parameters
+            turn = 2.0 * math.pi * numbers["frequency"]
+            numbers["amplitude"] = (1.0 + numbers["restitution"]) * size * numbers["gravity"] / turn
+            scene = replace(experiment.scene, base=MOVING, inputs=numbers)
+            return replace(experiment, scene=scene)
         changes = {self.key: size, **self.always}
         camera = {k: v for k, v in changes.items() if k in Camera.__dataclass_fields__}
         variation = {k: v for k, v in changes.items() if k in Variation.__dataclass_fields__}
@@ -116,18 +117,18 @@ IMPERFECTIONS: Final = (
 
 def study_imperfections(
     *,
-    scene: Mapping[str, float] = SCENE,
+    scene: Mapping[str, Any] = SCENE,
     imperfections: tuple[Imperfection, ...] = IMPERFECTIONS,
     cases: Mapping[str, int] = CASES,
     repeats: int = 4,
     transient: float = 20.0,
-    duration: float = 40.0,
+    duration: float = 60.0,
     seed: int = 0,
 ) -> xr.Dataset:
     """Errors of height and period that each imperfection makes by itself, in every case.
 
     The scene holds every parameter of `vibrosweep.PARAMETERS`; cases are numbers of particles
-    by their letter.  By default four repeats of 40 s after 20 s, as the study's.
+    by their letter.  By default four repeats from 20 s to 60 s, as long as the study's.
 
     Dims (trial, procedure, reading, case): ``height_error``, ``period_error`` in per cent, the mean
     over the repeats, and their standard deviations ``height_error_sd``, ``period_error_sd``;
@@ -136,7 +137,7 @@ def study_imperfections(
     """
     trials = [(one, size) for one in imperfections for size in one.sizes]
     plain = Experiment(
-        scene=scene,
+        **scene,
         repeats=repeats,
         transient=transient,
         duration=duration,
@@ -173,7 +174,8 @@ def _tried(
     compared = np.zeros((len(trials), len(cases)))
     for i, (one, size) in enumerate(trials):
         for c, particles in enumerate(cases):
-            each = list(_repeats(one.applied(replace(plain, particles=particles), size)))
+            of_particles = replace(plain, scene=replace(plain.scene, particles=particles))
+            each = list(_repeats(one.applied(of_particles, size)))
             compared[i, c] = np.mean([share for share, _ in each])
             for q in QUANTITIES:
                 values = np.array([by_method[q] for _, by_method in each])
@@ -192,8 +194,9 @@ def _tried(
 def _repeats(experiment: Experiment) -> Iterator[tuple[float, dict[str, list[list[float]]]]]:
     """Share of particles compared, and errors by quantity as [method][reading], of each repeat."""
     # by the study's model, whatever the base does
-    predicted = predicted_means(replace(experiment, base=HIGH_BOUNCE))
-    gravity = experiment.scene["gravity"]
+    scene = replace(experiment.scene, base=HIGH_BOUNCE)
+    predicted = predicted_means(replace(experiment, scene=scene))
+    gravity = experiment.parameters["gravity"]
     for trial in perform_trials(experiment):
         try:
             by_method = [
@@ -210,7 +213,7 @@ def _repeats(experiment: Experiment) -> Iterator[tuple[float, dict[str, list[lis
             nothing = [[np.nan] * len(READINGS) for _ in METHODS]
             yield 0.0, dict.fromkeys(QUANTITIES, nothing)
             continue
-        if experiment.base != HIGH_BOUNCE:  # the zero of the film is the base at rest
+        if experiment.scene.base != HIGH_BOUNCE:  # the zero of the film is the base at rest
             for one in by_method:
                 one["rebound_height"] = one["rebound_height"] + one.attrs["base"]
         among = comparable(by_method[0])

@@ -10,7 +10,6 @@ from vibrosweep.analysis import energy_balance, heights_against_restitution, slo
 from vibrosweep.errors import SpecError, VibrosweepError
 from vibrosweep.kernels.impact import BASE_OF, base_of
 from vibrosweep.kernels.laws import LAW_OF
-from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import LAWS_OF
 from vibrosweep.proof.verifying import verify
@@ -48,8 +47,8 @@ def perform(base, analysis):
     if analysis in ("windows", "bifurcation"):
         return getattr(vs, analysis)(over(base, **AXES))
     variation = vs.lab.Variation(**{analysis: 0.1})
-    scene = {**LABORATORY, **(MOUNT | {"mount_damping": 0.0} if base == "sprung" else {})}
-    return vs.lab.Experiment(scene=scene, base=base, variation=variation)
+    mount = MOUNT if base == "sprung" else {}
+    return vs.lab.Experiment(**mount, base=base, variation=variation)
 
 
 @pytest.mark.parametrize(("base", "asked"), [c for c in CELLS if refusal(c[0], **c[1])], ids=str)

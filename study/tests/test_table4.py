@@ -17,7 +17,7 @@ def test_imperfections_one_by_one():
         ),
         cases={"A": 1, "B": 2},
         repeats=2,
-        duration=3.0,
+        duration=23.0,
     )
     assert study["height_error"].dims == ("trial", "procedure", "reading", "case")
     fit = study.sel(procedure="fit", case="A")
@@ -40,7 +40,7 @@ def test_imperfections_one_by_one():
 
 def test_an_imperfection_too_large_to_measure_is_no_error():
     blind = Imperfection("pixel", "m", (5e-3,), "pixel", {"noise": 1.0})
-    study = study_imperfections(imperfections=(blind,), cases={"A": 1}, repeats=1, duration=2.0)
+    study = study_imperfections(imperfections=(blind,), cases={"A": 1}, repeats=1, duration=22.0)
     assert np.isnan(study["height_error"].values).all()
     assert float(study["compared"][0, 0]) == 0.0
 

@@ -1,7 +1,5 @@
 """Sobol' indices of functions whose indices are known, and plateaus of heights."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -10,11 +8,14 @@ from vibrosweep import sobol, theory
 from vibrosweep.analysis import sensitivity
 from vibrosweep.analysis.heights import heights_against_restitution
 from vibrosweep.analysis.sensitivity import sobol_indices
-from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.scene.scene import bare_scene
+from vibrosweep.errors import DataError, ParameterError, SpecError
+from vibrosweep.scene.keywords import keyword_spec
 
 RANGES = {"restitution": (0.8, 0.98), "amplitude": (0.2, 3.5), "gravity": (9.0, 10.0)}
-ONE = bare_scene(1, "staggered", 12.0, "rest", 1000)
+
+
+def indices(ranges=RANGES, outputs=("dt_min",), **keywords):
+    return sobol_indices(keyword_spec({**ranges, **keywords}), outputs, 0.95, 1)
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def linear(monkeypatch):
 
 
 def test_indices_of_a_linear_function_are_its_shares_of_variance(linear):
-    found = sobol_indices(RANGES, ONE, None, outputs=["dt_min"], base=512)
+    found = indices(realizations=512)
     # variances 1/12 and 4/12: shares 0.2, 0.8 and nothing for gravity; no interactions
     np.testing.assert_allclose(found["first_order"][0], [0.2, 0.8, 0.0], atol=0.01)
     np.testing.assert_allclose(found["total_order"][0], [0.2, 0.8, 0.0], atol=0.01)
@@ -49,7 +50,7 @@ def test_any_forcing_may_vary(monkeypatch):
 
     monkeypatch.setattr(sensitivity, "measure", measure)
     ranges = dict.fromkeys(("restitution", "base_acceleration", "frequency", "gravity"), (0.5, 0.9))
-    found = sobol_indices(ranges, ONE, None, outputs=["dt_min"], base=64)
+    found = indices(ranges, realizations=64)
     # what is measured is the acceleration alone, over 2 pi
     np.testing.assert_allclose(found["mean"], [0.7 / (2.0 * np.pi)], rtol=0.01)
     for name in ("first_order", "total_order"):
@@ -61,71 +62,49 @@ def test_what_varies_may_be_of_a_mount(monkeypatch):
         return {"dt_min": 1.0 / parameters["mass_ratio"], "status": 0 * parameters["mass_ratio"]}
 
     monkeypatch.setattr(sensitivity, "measure", measure)
-    sprung, ranges = replace(ONE, base="sprung"), {"base_mass": (1.0, 3.0), "mount_damping": (0, 1)}
-    fixed = {"particle_mass": 2.0, "mount_frequency": 1.0}
-    found = sobol_indices(ranges, sprung, None, fixed=fixed, outputs=["dt_min"], base=64)
+    ranges = {"base_mass": (1.0, 3.0), "mount_damping": (0, 1)}
+    mount = {"base": "sprung", "particle_mass": 2.0, "mount_frequency": 1.0}
+    found = indices(ranges, realizations=64, **mount)
     np.testing.assert_allclose(found["mean"], [1.0], rtol=1e-2)
     np.testing.assert_allclose(found["total_order"][0], [1.0, 0.0], atol=0.05)
-    with pytest.raises(ParameterError, match="mount_frequency: is missing"):
-        sobol_indices(ranges, sprung, None, fixed={"particle_mass": 2.0}, outputs=["dt_min"])
 
 
 def test_indices_repeat_with_the_seed(linear):
-    runs = [
-        sobol_indices(RANGES, ONE, None, outputs=["dt_min"], base=64, seed=s) for s in (1, 1, 2)
-    ]
+    runs = [indices(realizations=64, seed=s) for s in (1, 1, 2)]
     xr.testing.assert_identical(runs[0], runs[1])
     assert not runs[0].equals(runs[2])
 
 
-def test_indices_of_one_impact_follow_from_its_height(observe, workers):
+def test_indices_of_one_impact_follow_from_its_height():
     """Without excitation the first rebound is e^2 v0^2 / 2g high: a product of functions."""
     ranges = {"restitution": (0.5, 0.9), "launch_velocity": (4.0, 5.0)}
     zero = {"amplitude": (0.0, 1e-12)}
-    found = sobol_indices(
-        ranges | zero,
-        observe((0.0,), duration=1.1, separation=False),
-        workers,
-        outputs=["rebound_height_max"],
-        base=1024,
-    )
+    found = indices(ranges | zero, ["rebound_height_max"], duration=1.1, realizations=1024)
     # mean of x^2 and of x^4 for x uniform in each range
     ((m1, s1), (m2, s2)) = (
         [(b**n - a**n) / n / (b - a) for n in (3, 5)] for a, b in ranges.values()
     )
     total = s1 * s2 - (m1 * m2) ** 2
-    first = [(s1 - m1**2) * m2**2 / total, m1**2 * (s2 - m2**2) / total, 0.0]
-    whole = [(s1 - m1**2) * s2 / total, s1 * (s2 - m2**2) / total, 0.0]
+    first = [(s1 - m1**2) * m2**2 / total, 0.0, m1**2 * (s2 - m2**2) / total]
+    whole = [(s1 - m1**2) * s2 / total, 0.0, s1 * (s2 - m2**2) / total]
     np.testing.assert_allclose(found["first_order"][0], first, atol=0.02)
     np.testing.assert_allclose(found["total_order"][0], whole, atol=0.02)
     speed = 9.81 * 2  # mean height e^2 v0^2 / 2g
     np.testing.assert_allclose(found["mean"], [m1 * m2 / speed], rtol=1e-2)
 
 
-@pytest.mark.parametrize(
-    ("ranges", "base", "text"),
-    [
-        ({"restitution": (0.9, 1.2)}, 64, "restitution"),
-        ({"restitution": (0.9, 0.9)}, 64, "restitution"),
-        ({"speed": (0.0, 1.0)}, 64, "speed"),
-        ({"base_acceleration": (-1.0, 1.0)}, 64, "base_acceleration"),
-        ({"amplitude": (0.2, 1.0), "base_velocity": (0.2, 1.0)}, 64, "exactly one"),
-        ({}, 64, "at least one"),
-        (RANGES, 100, "power of 2"),
-    ],
-)
-def test_bad_ranges_are_named(ranges, base, text):
-    with pytest.raises(ParameterError, match=text):
-        sobol_indices(ranges, ONE, None, base=base)
+def test_the_base_sample_is_a_power_of_2():
+    with pytest.raises(ParameterError, match="power of 2"):
+        indices(realizations=100)
+    with pytest.raises(SpecError, match="parameters that vary over ranges"):
+        indices({"amplitude": 1.0}, realizations=64)
 
 
-def test_outputs_must_be_measured_and_defined(observe, workers):
-    observation = observe((0.0, 0.5), duration=3.0, separation=False)
-    with pytest.raises(DataError, match="dt_min: set separation = true"):
-        sobol_indices(RANGES, observation, workers, outputs=["dt_min"], base=2)
-    short = observe((0.0, 0.5), duration=0.1)
+def test_outputs_must_be_measured_and_defined():
+    with pytest.raises(ParameterError, match="height is not a measured variable"):
+        indices(outputs=["height"], realizations=2)
     with pytest.raises(DataError, match="undefined in 10 of 10"):
-        sobol_indices(RANGES, short, workers, outputs=["rebound_height_max"], base=2)
+        indices(outputs=["rebound_height_max"], duration=0.1, launch=[0.0, 0.5], realizations=2)
 
 
 COUPLED = {"base": "sprung", "mass_ratio": 0.01, "mount_frequency": 0.5}

@@ -16,7 +16,7 @@ def test_from_files_to_parameters(tmp_path):
     peak = ACCELERATION * LABORATORY["gravity"]
     scene = {**LABORATORY, "amplitude": (1.0 + RESTITUTION) * peak / turn}
     film = perform_trials(
-        Experiment(scene=scene, base="moving", particles=2, repeats=1, transient=0.0, duration=2.0)
+        Experiment(**scene, base="moving", particles=2, repeats=1, transient=0.0, duration=2.0)
     )[0]
     table = film.tracks["height"].to_dataframe().reset_index().dropna()
     table[["time", "particle", "height"]].to_csv(tmp_path / "tracks.csv", index=False)

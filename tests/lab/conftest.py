@@ -1,17 +1,13 @@
 """Recordings of virtual experiments: what was filmed, and what is true."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.experiment import LABORATORY, Experiment, perform_trials
 from vibrosweep.lab.impacts import find_impacts
 
 # orbits that visit many phases; Table 1 at 20 Hz would lock
 IRREGULAR = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}
-CAMERA = Camera()
 LOCKED = {**LABORATORY, "phase": np.pi}
 
 
@@ -19,11 +15,11 @@ LOCKED = {**LABORATORY, "phase": np.pi}
 def trial():
     """One short recording of a virtual experiment."""
 
-    def make(scene=IRREGULAR, particles=3, duration=10.0, camera=CAMERA, seed=0, **changes):
-        one = Experiment(
-            scene=scene, particles=particles, repeats=1, transient=20.0, duration=duration
-        )
-        return perform_trials(replace(one, camera=camera, seed=seed, **changes))[0]
+    def make(scene=IRREGULAR, particles=3, length=10.0, transient=20.0, **others):
+        window = {"transient": transient, "duration": transient + length}
+        return perform_trials(
+            Experiment(**scene, particles=particles, repeats=1, **window, **others)
+        )[0]
 
     return make
 

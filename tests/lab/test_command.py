@@ -15,10 +15,11 @@ title = "A short experiment"
 restitution = 0.85
 amplitude = 0.12
 particles = 2
+duration = 6.0
+[measure]
+transient = 2.0
 [trials]
 repeats = 2
-transient = 2.0
-duration = 4.0
 """
 
 

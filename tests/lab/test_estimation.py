@@ -84,7 +84,7 @@ def test_a_multiple_of_the_frequency_is_not_taken_for_it(trial):
         scene=IRREGULAR | {"phase": -0.3077},
         camera=Camera(noise=0.5),
         transient=5.0,
-        duration=6.0,
+        length=6.0,
         seed=9502,
     )
     found = estimate(find_impacts(film.tracks, motion="level"))
@@ -124,7 +124,7 @@ def test_landings_that_were_not_found_are_refused(irregular):
 
 def test_too_few_bounces(trial):
     with pytest.raises(TrackError, match="at least 10 are needed"):
-        estimate(find_impacts(trial(particles=1, duration=0.4).tracks), frequency=20.0)
+        estimate(find_impacts(trial(particles=1, length=0.4).tracks), frequency=20.0)
 
 
 def test_bounces_join_three_neighbouring_instants(recordings):

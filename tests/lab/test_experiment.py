@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
 
@@ -26,7 +26,7 @@ def scene(gamma, **changes):
 
 def filmed(base, physical, **changes):
     plan = {"particles": 2, "repeats": 1, "transient": 0.0, "duration": 1.0, "camera": SHARP}
-    return perform_trials(Experiment(scene=physical, base=base, **{**plan, **changes}))[0]
+    return perform_trials(Experiment(**physical, base=base, **{**plan, **changes}))[0]
 
 
 @pytest.mark.parametrize(("base", "mount"), [("moving", {}), ("sprung", MOUNT)])
@@ -100,10 +100,15 @@ def test_what_cannot_be_computed_over_a_base_is_refused():
     with pytest.raises(ParameterError, match=r"variation\.restitution_exponent: cannot"):
         Experiment(
             base="sprung",
-            scene={**LABORATORY, **MOUNT},
+            **MOUNT,
             variation=Variation(restitution_exponent=0.1),
         )
-    with pytest.raises(ParameterError, match="mount_frequency: is missing"):
-        Experiment(base="sprung", scene={**LABORATORY, "mass_ratio": 0.1})
-    with pytest.raises(ParameterError, match="has no meaning with base"):
+    with pytest.raises(SpecError) as caught:
+        Experiment(base="sprung", mass_ratio=0.1)
+    assert [mistake.key for mistake in caught.value.mistakes] == ["scene.mount_frequency"]
+    with pytest.raises(ParameterError, match=r"Experiment\(amplitude="):
+        Experiment(scene=LABORATORY)
+    with pytest.raises(ParameterError, match="amplitude: an experiment takes one number"):
+        Experiment(amplitude=[0.1, 0.2])
+    with pytest.raises(SpecError, match="has no meaning with base"):
         Experiment(base="moving", rebound="reflect")

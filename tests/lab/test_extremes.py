@@ -22,9 +22,7 @@ def moving():
     """Over a base that moves, at Gamma 0.4."""
     amplitude = 1.9 * 0.4 * LABORATORY["gravity"] / OMEGA
     scene = {**LABORATORY, "amplitude": amplitude, "phase": 0.7}
-    plan = Experiment(
-        scene=scene, base="moving", particles=3, repeats=1, transient=0.0, duration=4.0
-    )
+    plan = Experiment(**scene, base="moving", particles=3, repeats=1, transient=0.0, duration=4.0)
     return perform_trials(plan)[0].tracks
 
 

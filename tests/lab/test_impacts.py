@@ -42,7 +42,7 @@ def thrown(durations, rate=240.0, start=0.013):
 
 def test_landing_times_are_finer_than_a_frame_and_their_errors_honest(trial):
     """The target: an error below a quarter of a frame, and 68 % intervals that hold 60 to 76 %."""
-    one = trial(particles=3, duration=25.0, seed=11)
+    one = trial(particles=3, length=25.0, seed=11)
     found = find_impacts(one.tracks)
     off, error = differences(found, one.record)
     assert off.size > 1000

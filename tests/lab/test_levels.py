@@ -49,7 +49,7 @@ def test_levels_that_agree_are_one(found):
 
 def test_stays_between_flights_that_are_all_alike_are_no_low_level(trial):
     """A particle that rests once in each period, for a frame or two: its parabolas meet below."""
-    film = trial(scene={**LABORATORY, "phase": 1.64}, particles=5, duration=2.0)
+    film = trial(scene={**LABORATORY, "phase": 1.64}, particles=5, length=2.0)
     resting = np.isfinite(film.record.landing_time) & (film.record.rested == 1)
     assert 0 < resting.any(axis=1).sum() < 5
     seen = find_impacts(film.tracks)
@@ -61,7 +61,7 @@ def test_stays_between_flights_that_are_all_alike_are_no_low_level(trial):
 def test_stays_after_every_flight_do_not_lower_the_base(trial):
     """Flights of 1 mm, each followed by a rest of as long: their parabolas meet 1.7 mm below."""
     scene = {**LABORATORY, "amplitude": 1.5 * 3.0 * 9.81 / (2.0 * np.pi * 20.0), "restitution": 0.5}
-    film = trial(scene=scene, duration=3.0)
+    film = trial(scene=scene, length=3.0)
     seen = find_impacts(film.tracks, frequency=20.0)
     assert abs(seen.attrs["base"]) < 5.0 * seen.attrs["base_error"] < 1e-4
     assert seen.attrs["noise"] == pytest.approx(np.hypot(1.0, 12.0**-0.5) * 1e-4, rel=0.1)
@@ -94,5 +94,5 @@ def test_a_few_flights_before_long_rests_show_their_gravity(trial):
     """Waves of noise between the low points of a rest are no flights, whatever they fall with."""
     scene = {**LABORATORY, "amplitude": 1.9 * 0.4 * 9.81 / (40.0 * np.pi), "phase": 1.83}
     scene["launch_velocity"] = 0.393
-    film = trial(scene=scene, transient=0.0, duration=6.0, seed=3)
+    film = trial(scene=scene, transient=0.0, length=6.0, seed=3)
     assert find_impacts(film.tracks, frequency=20.0).attrs["scale_off"] == 0

@@ -32,8 +32,9 @@ def film(gamma, restitution, base="moving", transient=0.0, **changes):
         "amplitude": (1.0 + restitution) * gamma * G / OMEGA,
         "phase": PHASE,
     }
-    plan = {"particles": 3, "repeats": 1, "duration": 3.0, "transient": transient, **changes}
-    return perform_trials(Experiment(scene=scene, base=base, **plan))[0]
+    plan = {"particles": 3, "repeats": 1, "transient": transient, **changes}
+    plan["duration"] = transient + plan.pop("length", 3.0)
+    return perform_trials(Experiment(**scene, base=base, **plan))[0]
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +200,7 @@ def test_traces_that_are_none(text, message, tmp_path):
 
 
 def test_a_recording_is_compared_with_the_base_it_was_made_on():
-    tracks = film(0.4, 0.9, duration=4.0).tracks
+    tracks = film(0.4, 0.9, length=4.0).tracks
     table = compare_tracks(tracks, frequency=FREQUENCY, contact_time=2.5e-5, draws=4, threads=1)
     assert table.attrs["base_motion"] == "moving"
     assert table.attrs["favoured_base"] == "moving"

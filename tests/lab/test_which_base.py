@@ -50,12 +50,12 @@ HARD = {
 def film(base, values, rest, **changes):
     transient, rate, noise, seed = rest
     plan = Experiment(
-        scene={**LABORATORY, **dict(zip(NAMES, values, strict=True))},
+        **dict(zip(NAMES, values, strict=True)),
         base=base,
         particles=3,
         repeats=1,
         transient=transient,
-        duration=6.0,
+        duration=transient + 6.0,
         camera=Camera(rate, pixel=noise, **changes),
         seed=seed,
     )
@@ -170,7 +170,7 @@ def test_residuals_larger_than_noise_widen_the_errors_and_are_said():
     """Restitution that falls with speed, measured as if it did not."""
     scene = {**LABORATORY, "restitution": 0.7, "amplitude": 0.2}
     plan = Experiment(
-        scene=scene,
+        **scene,
         base="moving",
         particles=3,
         repeats=1,

@@ -13,7 +13,7 @@ import xarray as xr
 
 from vibrosweep.analysis.basins import basins_of_spec
 from vibrosweep.analysis.bifurcation import Observable, bifurcation_of_spec
-from vibrosweep.analysis.sensitivity import sobol_of_spec
+from vibrosweep.analysis.sensitivity import sobol_indices
 from vibrosweep.analysis.separations import (
     QUANTILES,
     separation_against,
@@ -265,7 +265,7 @@ def sobol(
     given = spec if isinstance(spec, Mapping) else keywords
     ranged = any(name in INPUTS and isinstance(value, tuple) for name, value in given.items())
     checked = as_sweep(spec, keywords, **({"realizations": SOBOL_SAMPLE} if ranged else {}))
-    return _warned(sobol_of_spec(checked, outputs, confidence, thread_count(threads)))
+    return _warned(sobol_indices(checked, outputs, confidence, thread_count(threads)))
 
 
 def separations(

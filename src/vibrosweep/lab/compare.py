@@ -104,7 +104,7 @@ def compare_tracks(
     --------
     >>> import vibrosweep as vs
     >>> from vibrosweep.lab import Experiment, perform_trials
-    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
+    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=10.0))
     >>> known = {"restitution": 0.9, "amplitude": 0.06, "frequency": 20.0}
     >>> found = vs.lab.compare_tracks(film[0].tracks, **known)
     >>> found.error.dims

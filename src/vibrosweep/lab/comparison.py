@@ -48,7 +48,7 @@ def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> experiment = vs.lab.Experiment(particles=2, repeats=1, transient=5.0, duration=5.0)
+    >>> experiment = vs.lab.Experiment(particles=2, repeats=1, transient=5.0, duration=10.0)
     >>> film = vs.lab.perform_trials(experiment)
     >>> vs.lab.comparable(vs.lab.find_impacts(film[0].tracks)).shape
     (2,)
@@ -99,7 +99,7 @@ def prediction_errors(
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> experiment = vs.lab.Experiment(particles=2, repeats=1, transient=5.0, duration=5.0)
+    >>> experiment = vs.lab.Experiment(particles=2, repeats=1, transient=5.0, duration=10.0)
     >>> seen = vs.lab.find_impacts(vs.lab.perform_trials(experiment)[0].tracks)
     >>> predicted = vs.lab.predicted_means(experiment)
     >>> list(vs.lab.prediction_errors(seen, predicted, vs.lab.comparable(seen)))

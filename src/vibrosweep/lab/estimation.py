@@ -103,7 +103,7 @@ def estimate(
     --------
     >>> import vibrosweep as vs
     >>> from vibrosweep.lab import Experiment, perform_trials
-    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
+    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=10.0))
     >>> found = vs.lab.estimate(vs.lab.find_impacts(film[0].tracks), frequency=20.0)
     >>> found.parameter.values.tolist()
     ['restitution', 'amplitude', 'phase']

@@ -6,9 +6,9 @@ Their landings are known, so that everything else in the laboratory can be teste
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Final, NamedTuple
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -25,17 +25,17 @@ from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
 from vibrosweep.lab.surfaces import LEVEL, Surface, oscillating, recoiling
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.wander import phase_walk, wandering_record
-from vibrosweep.model.mount import require_mount
+from vibrosweep.model.forcing import FORCINGS
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
-    MOUNT,
     PARAMETERS,
     SPRUNG,
     dimensionless,
     launches,
 )
-from vibrosweep.model.scene_measures import Measures
-from vibrosweep.scene.scene import bare_scene
+from vibrosweep.model.times import amount
+from vibrosweep.scene.keywords import batch
+from vibrosweep.scene.scene import Scene
 
 __all__ = [
     "LABORATORY",
@@ -57,6 +57,14 @@ LABORATORY: Final[Mapping[str, float]] = {
     "launch_velocity": 0.25,
     "contact_time": 2.5e-5,
 }
+DEFAULTS: Final[Mapping[str, Any]] = {
+    **LABORATORY,
+    "particles": 5,
+    "transient": 20.0,
+    "duration": 60.0,
+}
+# Keywords of a recording beside those of a scene
+WINDOW: Final = ("transient", "transient_periods")
 
 
 @dataclass(frozen=True)
@@ -84,8 +92,8 @@ class Variation:
     Examples
     --------
     >>> import vibrosweep as vs
-    >>> vs.lab.Experiment(variation=vs.lab.Variation(frequency_jitter=0.01)).particles
-    5
+    >>> vs.lab.Experiment(variation=vs.lab.Variation(frequency_jitter=0.01)).repeats
+    4
     """
 
     frequency_jitter: float = 0.0
@@ -96,65 +104,104 @@ class Variation:
     level_spread: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Experiment:
-    """A case that is recorded several times.
+    """A scene that is recorded several times.
 
-    Attributes
+    Parameters
     ----------
     scene
-        Every parameter of `vibrosweep.PARAMETERS`, and ``mass_ratio``, ``mount_frequency`` and
-        ``mount_damping`` where the base is sprung.
-    particles
-        Number of particles.
-    launch
-        ``"staggered"`` or the launch times in s.
+        The scene of another experiment, in place of keywords.
     repeats
         Number of recordings.
-    transient, duration
-        Time in s at which the recording begins, and its length in s.
     camera, variation
         Their imperfections.
     seed
         Seed of the random numbers.
-    rebound
-        ``"rest"`` or ``"reflect"``.
-    base
-        ``"high-bounce"``, ``"moving"`` or ``"sprung"``.
+    **keywords
+        The scene as in `vibrosweep.simulate`: parameters, `particles`, `launch` or `launch_time`,
+        `base`, `rebound`.  The recording begins at `transient` and ends at `duration`, in s, or at
+        `transient_periods` and `duration_periods` in forcing periods.  By default five particles
+        with the parameters of a shaker at 20 Hz are recorded from 20 s to 60 s.
 
     Raises
     ------
+    SpecError
+        A keyword is not known, or the scene is not possible; the message lists all mistakes.
     ParameterError
         An imperfection cannot be computed over this base.
 
     Examples
     --------
     >>> from vibrosweep.lab import Experiment
-    >>> Experiment(particles=2, transient=5.0, duration=5.0).launch
-    'staggered'
+    >>> Experiment(particles=2, transient=5.0, duration=10.0).window
+    (5.0, 10.0)
     """
 
-    scene: Mapping[str, float] = field(default_factory=lambda: dict(LABORATORY))
-    particles: int = 5
-    launch: str | tuple[float, ...] = "staggered"
-    repeats: int = 4
-    transient: float = 20.0
-    duration: float = 40.0
-    camera: Camera = field(default_factory=Camera)
-    variation: Variation = field(default_factory=Variation)
-    seed: int = 0
-    rebound: str = "rest"
-    base: str = HIGH_BOUNCE
+    scene: Scene  # the window of its measures is the recording
+    repeats: int
+    camera: Camera
+    variation: Variation
+    seed: int
 
-    def __post_init__(self) -> None:
-        wrong = refusal(self.base, law=self.rebound)
-        if wrong:
-            raise ParameterError(wrong)
-        require_mount(self.base, [name for name in MOUNT if name in self.scene])
+    def __init__(
+        self,
+        scene: Scene | None = None,
+        *,
+        repeats: int = 4,
+        camera: Camera | None = None,
+        variation: Variation | None = None,
+        seed: int = 0,
+        **keywords: Any,
+    ) -> None:
+        if scene is None:
+            scene, varied = batch(with_defaults(keywords), *WINDOW)
+            if varied:
+                raise ParameterError(f"{next(iter(varied))}: an experiment takes one number")
+        elif keywords or not isinstance(scene, Scene):
+            raise ParameterError(
+                "scene: must be that of an experiment, and the only description; give parameters "
+                "as keywords, as in Experiment(amplitude=0.06, particles=2)"
+            )
+        given = scene, repeats, camera or Camera(), variation or Variation(), seed
+        for one, value in zip(fields(self), given, strict=True):
+            object.__setattr__(self, one.name, value)
         for name in ANALYSES.keys() & vars(self.variation).keys():
-            wrong = refusal(self.base, analysis=name)
+            wrong = refusal(scene.base, analysis=name)
             if wrong and getattr(self.variation, name):
                 raise ParameterError(f"variation.{name}: {wrong}")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the scene, in their units."""
+        return {name: float(values[0]) for name, values in self.scene.parameters({}).items()}
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """Times in s at which the recording begins and ends."""
+        times = self.scene.timed({})
+        return float(times["transient"][0]), float(times["duration"][0])
+
+    @property
+    def recorded(self) -> Scene:
+        """Scene of which every landing until the end of the recording is kept, in s."""
+        return replace(self.scene.recorded(), duration=self.window[1])
+
+
+def with_defaults(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Complete the keywords of a scene by those of the laboratory."""
+    instead: dict[str, Collection[str]] = {
+        "amplitude": FORCINGS,
+        "transient": ("transient_periods",),
+        "duration": ("duration_periods",),
+        "particles": () if isinstance(given.get("launch"), str) else ("launch", "launch_time"),
+    }
+    own = {
+        name: value
+        for name, value in DEFAULTS.items()
+        if given.keys().isdisjoint(instead.get(name, ()))
+    }
+    return {**own, **given}
 
 
 class Trial(NamedTuple):
@@ -203,14 +250,14 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
     Examples
     --------
     >>> from vibrosweep.lab import Experiment, perform_trials
-    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
+    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=10.0))
     >>> film[0].tracks.height.dims
     ('frame', 'particle')
     """
     same, *repeats = np.random.SeedSequence(experiment.seed).spawn(experiment.repeats + 1)
     variation, rng = experiment.variation, np.random.default_rng(same)
-    drawn = rng.standard_normal((2, experiment.particles))
-    restitution = experiment.scene["restitution"] + variation.restitution_spread * drawn[0]
+    drawn = rng.standard_normal((2, experiment.scene.particles))
+    restitution = experiment.parameters["restitution"] + variation.restitution_spread * drawn[0]
     beads = _Beads(np.clip(restitution, 0.0, 1.0), variation.level_spread * drawn[1])
     return [_trial(experiment, beads, seed, f"trial {k + 1}") for k, seed in enumerate(repeats)]
 
@@ -237,68 +284,73 @@ def predicted_means(experiment: Experiment) -> dict[str, Array]:
     >>> predicted["period"].shape
     (2,)
     """
-    every = np.full(experiment.particles, experiment.scene["restitution"])
-    record = _landings(replace(experiment, variation=Variation()), every, np.zeros(2))[0]
-    begin, end = experiment.transient, experiment.transient + experiment.duration
-    surface = LEVEL if experiment.base == HIGH_BOUNCE else oscillating(experiment.scene)
-    means = [motion.means(begin, end) for motion in _motions(experiment, record, surface)]
+    scene, numbers = experiment.recorded, experiment.parameters
+    every = np.full(scene.particles, numbers["restitution"])
+    record, surface = _landings(scene, numbers, every, np.zeros(2))
+    means = [
+        motion.means(*experiment.window) for motion in _motions(scene, numbers, record, surface)
+    ]
     return dict(zip(("height", "period"), np.array(means).T, strict=True))
 
 
-def _landings(experiment: Experiment, restitution: Array, walk: Array) -> tuple[Record, Surface]:
-    """Landings of particles of given restitutions, and the base that they land on."""
-    scene, base = experiment.scene, experiment.base
-    end = experiment.transient + experiment.duration
-    launch = experiment.launch
-    if base == SPRUNG:
-        alone = all_parameters({name: np.array([value]) for name, value in scene.items()})
-        coupled = bare_scene(
-            experiment.particles, launch, end, experiment.rebound, Measures.impact_budget, base
-        )
+def _landings(
+    scene: Scene,
+    numbers: Mapping[str, float],
+    restitution: Array,
+    walk: Array,
+    softening: float = 0.0,
+) -> tuple[Record, Surface]:
+    """Landings of particles of given restitutions, and the base that they land on.
+
+    The numbers are the parameters of the scene in one recording.
+    """
+    frequency = numbers["frequency"]
+    if scene.base == SPRUNG:
+        alone = all_parameters({name: np.array([value]) for name, value in numbers.items()})
         with Workers(1) as workers:
-            found = record_landings(alone, coupled, workers)
-            track = base_track(alone, coupled, workers)
+            found = record_landings(alone, scene, workers)
+            track = base_track(alone, scene, workers)
         record = Record._make(found[name][0] for name in Record._fields)
-        return record, recoiling(track, scene["frequency"], end)
-    given = {name: np.full(restitution.size, scene[name]) for name in PARAMETERS}
+        return record, recoiling(track, frequency, amount(scene.duration))
+    given = {name: np.full(restitution.size, numbers[name]) for name in PARAMETERS}
     given["restitution"] = restitution
-    if base != HIGH_BOUNCE:  # all share one base, whose velocity A / (1 + e) is that of the scene
-        given["amplitude"] *= (1.0 + restitution) / (1.0 + scene["restitution"])
+    if scene.base != HIGH_BOUNCE:  # all share one base, whose velocity A / (1 + e) is that given
+        given["amplitude"] *= (1.0 + restitution) / (1.0 + numbers["restitution"])
     parameters = all_parameters(given)
-    begin = launches(launch, experiment.particles, parameters["frequency"][:1])
-    batch = Batch(base_of(base, experiment.rebound), dimensionless(parameters, end), begin)
-    softening = experiment.variation.restitution_exponent
-    record = wandering_record(batch, walk, scene["frequency"], scene["gravity"], softening)
-    return record, LEVEL if base == HIGH_BOUNCE else oscillating(scene)
+    begin = launches(scene.launch, scene.particles, parameters["frequency"][:1])
+    problem = dimensionless(parameters, scene.duration)
+    batch = Batch(base_of(scene.base, scene.rebound), problem, begin)
+    record = wandering_record(batch, walk, frequency, numbers["gravity"], softening)
+    return record, LEVEL if scene.base == HIGH_BOUNCE else oscillating(numbers)
 
 
-def _motions(experiment: Experiment, record: Record, surface: Surface) -> list[Motion]:
-    scene = experiment.scene
-    start = launch_times(experiment.launch, experiment.particles, scene["frequency"])
+def _motions(
+    scene: Scene, numbers: Mapping[str, float], record: Record, surface: Surface
+) -> list[Motion]:
+    start = launch_times(scene.launch, scene.particles, numbers["frequency"])
     return [
-        Motion.of(record, p, Launch(time, scene["launch_velocity"]), scene["gravity"], surface)
+        Motion.of(record, p, Launch(time, numbers["launch_velocity"]), numbers["gravity"], surface)
         for p, time in enumerate(start)
     ]
 
 
 def _trial(experiment: Experiment, beads: _Beads, seed: np.random.SeedSequence, name: str) -> Trial:
     setting, walking, filming = (np.random.default_rng(s) for s in seed.spawn(3))
-    variation, camera = experiment.variation, experiment.camera
+    scene, variation, camera = experiment.recorded, experiment.variation, experiment.camera
     off = setting.standard_normal(2)
-    scene = dict(experiment.scene)
-    scene["frequency"] *= 1.0 + variation.frequency_setting * off[0]
-    scene["amplitude"] *= 1.0 + variation.amplitude_setting * off[1]
-    experiment = replace(experiment, scene=scene)
-    end = experiment.transient + experiment.duration
-    periods = math.ceil(end * scene["frequency"]) + 3
+    numbers = experiment.parameters
+    numbers["frequency"] *= 1.0 + variation.frequency_setting * off[0]
+    numbers["amplitude"] *= 1.0 + variation.amplitude_setting * off[1]
+    begin, end = experiment.window
+    periods = math.ceil(end * numbers["frequency"]) + 3
     walk = phase_walk(walking, variation.frequency_jitter, periods)
-    record, surface = _landings(experiment, beads.restitution, walk)
-    frames = np.arange(round(experiment.duration * camera.frame_rate))
-    time = experiment.transient + frames / camera.frame_rate
-    motions = _motions(experiment, record, surface)
+    softening = variation.restitution_exponent
+    record, surface = _landings(scene, numbers, beads.restitution, walk, softening)
+    time = begin + np.arange(round((end - begin) * camera.frame_rate)) / camera.frame_rate
+    motions = _motions(scene, numbers, record, surface)
     filmed = film(heights(motions, time, camera.exposure) + beads.level, camera, filming)
     kept = np.isfinite(filmed).any(axis=1)
     tracks = make_tracks(time[kept], filmed[kept], source=name)
     return Trial(
-        tracks, record, beads.restitution, beads.level, scene["frequency"], scene["amplitude"]
+        tracks, record, beads.restitution, beads.level, numbers["frequency"], numbers["amplitude"]
     )

@@ -97,7 +97,7 @@ def find_impacts(
     --------
     >>> import vibrosweep as vs
     >>> from vibrosweep.lab import Experiment, perform_trials
-    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
+    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=10.0))
     >>> vs.lab.find_impacts(film[0].tracks).landing_time.dims
     ('particle', 'impact')
     """

@@ -70,7 +70,7 @@ def quantities(
     >>> import vibrosweep as vs
     >>> from vibrosweep.lab import quantities
     >>> from vibrosweep.lab import Experiment, perform_trials
-    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=5.0))
+    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=10.0))
     >>> found = quantities(vs.lab.find_impacts(film[0].tracks), frequency=20.0)
     >>> found.rebound_height_mean.dims
     ()
@@ -159,7 +159,7 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     >>> import vibrosweep as vs
     >>> from vibrosweep.lab import agreement, quantities
     >>> from vibrosweep.lab import Experiment, perform_trials
-    >>> film = perform_trials(Experiment(particles=2, repeats=2, transient=5.0, duration=5.0))
+    >>> film = perform_trials(Experiment(particles=2, repeats=2, transient=5.0, duration=10.0))
     >>> trials = [quantities(vs.lab.find_impacts(one.tracks), frequency=20.0) for one in film]
     >>> agreement(trials)["mean"].dims
     ('quantity',)

@@ -37,7 +37,7 @@ def write_experiments(
         (
             experiment,
             [
-                directory / f"{name}_{experiment.particles:03d}_trial{k + 1}{end}"
+                directory / f"{name}_{experiment.scene.particles:03d}_trial{k + 1}{end}"
                 for k in range(experiment.repeats)
                 for end in (".csv", "_truth.csv")
             ],

@@ -6,7 +6,6 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Final
 
-from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import LARGEST, MOUNT, SMALLEST, SPRUNG, Parameter
 
 MASS_RATIO: Final = "mass_ratio"
@@ -55,10 +54,3 @@ def mount_mistakes(base: str, given: Collection[str]) -> dict[str, str]:
             f'is missing; base = "{SPRUNG}" needs it (natural frequency in Hz)'
         )
     return mistakes
-
-
-def require_mount(base: str, given: Collection[str]) -> None:
-    """Raise a ParameterError that lists all mistakes of `mount_mistakes`, if there are any."""
-    mistakes = mount_mistakes(base, given)
-    if mistakes:
-        raise ParameterError("; ".join(f"{name}: {text}" for name, text in mistakes.items()))

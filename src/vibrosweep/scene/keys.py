@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import unicodedata
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import PurePath
@@ -47,6 +47,8 @@ MAX_STEPS: Final = 10**6
 
 # Returns the value of a key in its own type, or raises ValueError with what is allowed.
 Check = Callable[[object], Any]
+# Checks of the keys of each table
+Sections = Mapping[str, Mapping[str, Check]]
 
 
 @dataclass(frozen=True)
@@ -64,18 +66,20 @@ Spread = float | tuple[float, ...] | Steps
 Tables = dict[str, dict[str, Any]]
 
 
-def read_tables(data: Mapping[str, Any], mistakes: Mistakes) -> tuple[str | None, Tables]:
+def read_tables(
+    data: Mapping[str, Any], mistakes: Mistakes, sections: Sections | None = None
+) -> tuple[str | None, Tables]:
     """Check each key of a parsed file by itself; return its title, and its tables.
 
     Keys with a mistake are noted in ``mistakes`` and then left out, so that the rules between
-    the remaining keys can still be judged.
+    the remaining keys can still be judged.  By default the tables are those of a sweep file.
     """
-    top = _sound(
-        "", data, {"title": _title, **{name: partial(_table, name) for name in SECTIONS}}, mistakes
-    )
+    sections = sections or SECTIONS
+    own: dict[str, Check] = {name: partial(_table, name) for name in sections}
+    top = _sound("", data, {"title": _title, **own}, mistakes, sections)
     tables = {
-        name: _sound(name, top[name], checks, mistakes)
-        for name, checks in SECTIONS.items()
+        name: _sound(name, top[name], checks, mistakes, sections)
+        for name, checks in sections.items()
         if name in top
     }
     for name, time in (("scene", "duration"), ("record", "duration"), ("measure", "transient")):
@@ -89,14 +93,18 @@ def inputs_in(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _sound(
-    home: str, data: Mapping[str, Any], checks: Mapping[str, Check], mistakes: Mistakes
+    home: str,
+    data: Mapping[str, Any],
+    checks: Mapping[str, Check],
+    mistakes: Mistakes,
+    sections: Sections,
 ) -> dict[str, Any]:
     """Values of the known keys that pass their check; the others are noted."""
     sound = {}
     for name, value in data.items():
         key = f"{home}.{name}" if home else name
         if name not in checks:
-            _note_unknown(home, name, value, checks, mistakes)
+            _note_unknown(home, name, value, mistakes, sections)
             continue
         try:
             sound[name] = checks[name](value)
@@ -106,10 +114,11 @@ def _sound(
 
 
 def _note_unknown(
-    home: str, name: str, value: object, known: Mapping[str, Check], mistakes: Mistakes
+    home: str, name: str, value: object, mistakes: Mistakes, sections: Sections
 ) -> None:
     """Say which key was probably meant, or where it belongs."""
-    homes = [table(t) for t, checks in SECTIONS.items() if name in checks]
+    known: Collection[str] = sections[home] if home else ("title", *sections)
+    homes = [table(t) for t, checks in sections.items() if name in checks]
     guess = None if homes else nearest(name, known)
     hint: Text = f'; did you mean "{guess}"?' if guess else "."
     if homes:
@@ -153,7 +162,8 @@ def _table(name: str, value: object) -> Mapping[str, Any]:
     raise ValueError("must be ", Word(f"a table: write [{name}] on a line of its own", "a mapping"))
 
 
-def _whole(allowed: str, low: int, high: int, value: object) -> int:
+def whole(allowed: str, low: int, high: int, value: object) -> int:
+    """Return a whole number between two."""
     integer = isinstance(value, int) and not isinstance(value, bool)
     if integer and low <= value <= high:  # type: ignore[operator]
         return int(value)  # type: ignore[call-overload, no-any-return]
@@ -294,21 +304,21 @@ def _steps(parameter: Parameter, value: Mapping[str, object]) -> Steps:
 
 _SCENE: Final[Mapping[str, Check]] = {
     **{name: partial(_within, parameter) for name, parameter in INPUTS.items()},
-    "particles": partial(_whole, f", at least 1 and at most {MAX_PARTICLES}", 1, MAX_PARTICLES),
+    "particles": partial(whole, f", at least 1 and at most {MAX_PARTICLES}", 1, MAX_PARTICLES),
     "launch": _launch,
     "duration": partial(_positive, "s"),
     "duration_periods": partial(_positive, "forcing periods"),
     "base": partial(one_of, BASES),
     "rebound": partial(one_of, LAWS),
 }
-SECTIONS: Final[Mapping[str, Mapping[str, Check]]] = {
+SECTIONS: Final[Sections] = {
     "scene": _SCENE,
     "sample": {
         "design": _design,
         "realizations": partial(
-            _whole, f", at least 1 and at most {MAX_REALIZATIONS}", 1, MAX_REALIZATIONS
+            whole, f", at least 1 and at most {MAX_REALIZATIONS}", 1, MAX_REALIZATIONS
         ),
-        "seed": partial(_whole, ", at least 0 and at most 2**63 - 1", 0, MAX_SEED),
+        "seed": partial(whole, ", at least 0 and at most 2**63 - 1", 0, MAX_SEED),
         "columns": _columns,
         **{name: partial(_spread, parameter) for name, parameter in INPUTS.items()},
     },

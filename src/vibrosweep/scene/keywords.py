@@ -44,16 +44,17 @@ def keyword_spec(given: Mapping[str, Any], *first: str) -> Sweep:
     return replace(checked(data, "", None, mistakes), text=_file(data))
 
 
-def batch(given: Mapping[str, Any]) -> tuple[Scene, dict[str, Array]]:
+def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Array]]:
     """Validate keywords of a batch of realizations: a scene, and the parameters that vary.
 
     Of a physical parameter a list or a 1-D array has an entry for each realization, or for all;
-    ``launch_time`` is a number or a list.  A SpecError lists all mistakes.
+    ``launch_time`` is a number or a list.  Of the keywords of [measure] there are the impact budget
+    and `measured`.  A SpecError lists all mistakes.
     """
     stated = {name: value for name, value in given.items() if value is not None}
     mistakes, own = Mistakes(dialect=PYTHON, given=stated), dict(stated)
-    for name in own.keys() - {*SECTIONS["scene"], "launch_time", BUDGET}:
-        known = (*SECTIONS["scene"], "launch_time", BUDGET)
+    known = (*SECTIONS["scene"], "launch_time", BUDGET, *measured)
+    for name in own.keys() - {*known}:
         _note_unknown(name, own.pop(name), known, mistakes)
     if "launch_time" in own:
         times = _numbers("launch_time", own.pop("launch_time"), mistakes)
@@ -74,7 +75,7 @@ def batch(given: Mapping[str, Any]) -> tuple[Scene, dict[str, Array]]:
         mistakes.add("", f"arrays of realizations must have one length, or length 1: {sizes}")
     for name in [name for name, value in own.items() if isinstance(value, tuple)]:
         mistakes.add_broken(name, _RANGE, own.pop(name), "give a list")
-    measure = {BUDGET: _plain(BUDGET, own.pop(BUDGET))} if BUDGET in own else {}
+    measure = {n: _plain(n, own.pop(n)) for n in (BUDGET, *measured) if n in own}
     data = {"title": "A scene", "scene": {n: _plain(n, own[n]) for n in own}, "measure": measure}
     scene = checked(data, "", None, mistakes).scene
     size = max(sizes.values(), default=1)
