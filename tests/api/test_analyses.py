@@ -1,5 +1,6 @@
 """Analyses from Python: the same as of a sweep file, whatever the number of threads."""
 
+import numpy as np
 import pytest
 import xarray as xr
 
@@ -16,6 +17,7 @@ from vibrosweep.errors import (
     SpecError,
     TableError,
 )
+from vibrosweep.model.measures import UNDETERMINED
 from vibrosweep.scene.sweep import parse_spec
 
 TITLE = 'title = "x"\n'
@@ -130,7 +132,7 @@ def test_orbits_that_are_observed_too_briefly_are_warned_of_once_and_noted(
     analysis, keywords, base
 ):
     enough = vs.theory.recognition_periods(0.9, base=base)
-    for given in ({}, {"duration_periods": 0.9 * enough}):
+    for given in ({"duration": 12.0}, {"duration_periods": 0.9 * enough}):
         with pytest.warns(ShortObservationWarning, match="such orbits may be called") as caught:
             found = analysis(**keywords, **given, base=base, restitution=0.9)
         (warning,) = caught
@@ -138,6 +140,33 @@ def test_orbits_that_are_observed_too_briefly_are_warned_of_once_and_noted(
         assert found.attrs["notes"] == str(warning.message)
     found = analysis(**keywords, duration_periods=1.1 * enough, base=base, restitution=0.9)
     assert found.attrs["notes"] == ""
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+@pytest.mark.parametrize(("analysis", "keywords"), ORBITS)
+def test_without_a_duration_orbits_are_observed_until_they_settle(analysis, keywords, base):
+    found = analysis(**keywords, base=base, restitution=0.9, frequency=25.0)
+    enough = vs.theory.recognition_periods(0.9, base=base)
+    assert found.attrs["notes"] == ""
+    assert found.duration * 25.0 > 3.9 * enough
+    with pytest.warns(ShortObservationWarning, match="100000 are observed"):
+        analysis(**keywords, base=base, restitution=0.9999)  # the longest that is chosen
+
+
+def test_windows_of_regular_motion_do_not_fall_apart():
+    found = vs.windows(
+        restitution=np.linspace(0.8, 0.95, 4),
+        amplitude=np.linspace(0.2, 3.5, 50),
+        conditions=["regular"],
+        particles=5,
+    )
+    assert found.window_count.values.ravel().tolist() == [1, 1, 1, 1]
+    assert not (found.holds == UNDETERMINED).any()
+
+
+def test_a_condition_of_landings_keeps_the_duration_of_sweeps():
+    found = vs.windows(amplitude=[0.5, 1.0], conditions=["separated"], particles=2)
+    assert found.duration == 12.0
 
 
 def test_indices_of_orbits_are_warned_of_and_others_are_not():
@@ -151,7 +180,7 @@ def test_indices_of_orbits_are_warned_of_and_others_are_not():
 def test_the_command_line_says_it_once(command, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     swept = "launch_velocity = [4.0, 5.0]" if command == "basins" else "amplitude = [0.5, 1.0]"
-    text = TITLE + f'[scene]\nparticles = 2\n[sample]\ndesign = "grid"\n{swept}\n'
+    text = TITLE + f'[scene]\nparticles = 2\nduration = 12.0\n[sample]\ndesign = "grid"\n{swept}\n'
     if command == "windows":
         text += '[windows]\nconditions = ["ordered"]\n'
     (tmp_path / "x.toml").write_text(text)

@@ -17,6 +17,7 @@ from vibrosweep.analysis.common import (
     note_of,
     require_ability,
     require_memory,
+    settling,
     shared,
 )
 from vibrosweep.analysis.evaluate import lift_off_speeds
@@ -104,7 +105,8 @@ def basins_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
     require_ability("basins", spec.scene.base)
     speeds = grid_axes(spec, "basins", "launch_velocity")["launch_velocity"]
     times = launch_times(spec.scene.launch, spec.scene.particles, spec.scene.inputs["frequency"])
-    found = basins(spec.scene, times, speeds, threads=threads)
+    scene = settling(spec, spec.scene.inputs["restitution"])
+    found = basins(scene, times, speeds, threads=threads)
     return found.assign_attrs(title=spec.title, sweep_file=spec.text)
 
 

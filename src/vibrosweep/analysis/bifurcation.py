@@ -18,6 +18,7 @@ from vibrosweep.analysis.common import (
     note_of,
     require_ability,
     require_memory,
+    settling,
     shared,
 )
 from vibrosweep.analysis.evaluate import batch_from, launch_states, reached, settle_from
@@ -131,8 +132,9 @@ def bifurcation_of_spec(
     require_ability("bifurcation", spec.scene.base)
     forcing = forcing_of(spec.design.sampled)
     scan = grid_axes(spec, "bifurcation diagrams", forcing)[forcing]
+    scene = settling(spec, spec.scene.inputs["restitution"])
     found = bifurcation(
-        spec.scene, scan, forcing=forcing, observable=observable, samples=samples, threads=threads
+        scene, scan, forcing=forcing, observable=observable, samples=samples, threads=threads
     )
     return found.assign_attrs(title=spec.title, sweep_file=spec.text)
 

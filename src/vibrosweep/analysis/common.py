@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vibrosweep import theory
 from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.mistakes import ABSENT, Mistake, Word
 from vibrosweep.model.forcing import FORCINGS, INPUTS, differing
 from vibrosweep.model.parameters import refuse_masked
-from vibrosweep.model.times import in_seconds
+from vibrosweep.model.times import Periods, in_seconds
 from vibrosweep.runs.notes import short_observation
 from vibrosweep.runs.result import TIMES, coordinate_attributes, periods_given
 from vibrosweep.scene.design import GRID
@@ -24,6 +26,24 @@ from vibrosweep.system import physical_memory
 
 # Of the forcings, what a result holds in any case
 KEPT: Final = ("amplitude", "base_acceleration")
+# Multiples of the time that the orbit which is found first takes: near the ends of its window, and
+# on longer cycles, others take longer
+SETTLING: Final = 4.0
+LONGEST: Final = 1e5  # forcing periods
+
+
+def settling(spec: Sweep, restitution: float) -> Scene:
+    """Return the scene of a sweep, observed until orbits settle where no duration is stated.
+
+    That is `SETTLING` times as many forcing periods as an orbit locked to one period takes to
+    return bit for bit at this restitution, and `LONGEST` at most: they grow without bound towards
+    a restitution of 1.
+    """
+    scene = spec.scene
+    if spec.states_duration:
+        return scene
+    periods = SETTLING * float(theory.recognition_periods(restitution, base=scene.base))
+    return replace(scene, duration=Periods(float(np.ceil(min(periods, LONGEST)))))
 
 
 def note_of(scene: Scene, restitution: float | None = None) -> str:

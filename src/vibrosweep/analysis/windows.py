@@ -25,6 +25,7 @@ from vibrosweep.analysis.common import (
     note_of,
     require_ability,
     require_memory,
+    settling,
     shared,
 )
 from vibrosweep.analysis.conditions import (
@@ -116,11 +117,7 @@ def find_windows(
     held = held.reshape(*shape, a.size)
     dataset = _dataset(scene, chosen, directions, Scan(forcing, e, a), table)
     dataset[HELD.name] = (HELD.dims, held, HELD.attributes)
-    note = ""
-    if any(
-        isinstance(c, Condition) and c.measures.keys() & {"regimes", "lyapunov"} for c in chosen
-    ):
-        note = note_of(scene, float(e.max()))
+    note = note_of(scene, float(e.max())) if any(_of_orbits(c) for c in chosen) else ""
     return dataset.assign_attrs(tolerance=tolerance, notes=note)
 
 
@@ -145,14 +142,22 @@ def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
         raise spec.refusal((Key("windows.conditions"), f": {error}")) from error
     forcing = forcing_of(spec.design.sampled)
     axes = grid_axes(spec, "windows", forcing, ("restitution",))
+    e = axes.get("restitution", spec.scene.inputs.get("restitution", ()))
+    orbits = any(_of_orbits(c) for c in conditions)
     return find_windows(
-        spec.scene,
-        axes.get("restitution", spec.scene.inputs.get("restitution", ())),
+        settling(spec, float(np.max(e, initial=0.0))) if orbits else spec.scene,
+        e,
         axes[forcing],
         forcing=forcing,
         threads=threads,
         **{**spec.windows, "conditions": conditions},
     ).assign_attrs(title=spec.title, sweep_file=spec.text)
+
+
+def _of_orbits(condition: Condition | Locked) -> bool:
+    """Return whether a condition is judged of what orbits settle on."""
+    needed = condition.measures if isinstance(condition, Condition) else {}
+    return not needed.keys().isdisjoint({"regimes", "lyapunov"})
 
 
 class Row(NamedTuple):

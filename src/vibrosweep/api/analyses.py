@@ -45,7 +45,8 @@ def windows(
     threads
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
-        Those of `vibrosweep.sweep`; and
+        Those of `vibrosweep.sweep`, where without a duration conditions of orbits are judged after
+        as many periods as these take to settle; and
 
         amplitude, base_velocity, base_displacement, base_acceleration
             One of them: points of the coarse scan (m s-1, m s-1, m, 1), a list of two or more.
@@ -124,6 +125,7 @@ def bifurcation(
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
         Those of `vibrosweep.sweep`; the forcing, in any of its four forms, is an ascending list.
+        Without a duration orbits are followed until they settle.
 
     Returns
     -------
@@ -171,7 +173,8 @@ def basins(
         Number of threads, by default all processors; the result does not depend on it.
     **keywords
         Those of `vibrosweep.sweep`; ``launch_velocity`` is a list (m s-1), and the launch times are
-        those of ``launch`` (s), or of ``particles`` staggered ones.
+        those of ``launch`` (s), or of ``particles`` staggered ones.  Without a duration orbits are
+        followed until they settle.
 
     Returns
     -------

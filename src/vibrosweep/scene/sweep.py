@@ -63,6 +63,12 @@ class Sweep:
         return SpecError(f"{self.source}: ", text, dialect=TOML)
 
     @property
+    def states_duration(self) -> bool:
+        """True where the sweep file states the end of the observation, and leaves no default."""
+        scene = tomllib.loads(self.text).get("scene", {})
+        return not scene.keys().isdisjoint({"duration", "duration_periods"})
+
+    @property
     def sizes(self) -> dict[str, int]:
         """Lengths of the dimensions of a result, apart from that of realizations."""
         own = {along: len(values) for along, values in self.scene.measures.own_dims.items()}
