@@ -11,8 +11,8 @@ from vibrosweep.engine.coupled import base_track, measure_coupled
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.coupled.counting import work_for
-from vibrosweep.kernels.coupled.neighbours import clear, landings, note
-from vibrosweep.kernels.coupled.state import NOW, system
+from vibrosweep.kernels.coupled.sequence import clear, landings, note
+from vibrosweep.kernels.listing import Listed
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.scene import Scene, bare_scene
 
@@ -217,12 +217,12 @@ def test_results_do_not_depend_on_how_many_impact_numbers_are_remembered_at_firs
 
 
 def test_a_separation_of_equal_numbers_once_unknown_stays_unknown():
-    of, memory = system(2), landings(2, 1)
+    memory = landings(2, 1)
     order = clear(memory)
     for time, who in ((0.1, 0), (0.2, 0), (0.3, 1), (0.4, 1)):
         # the first landing of particle 1 meets a memory in which that of particle 0 is lost
-        of.now[NOW.X] = time
-        order = note(of, memory, order, who, (True, False), (0.0, 0.0), 1e-4)
+        landing = Listed(0.0, time, 1e-4, float(who))
+        order = note(memory, order, landing, False, (0.0, 0.0))
     assert memory.numbered[1, 0] == 0.4
     assert np.isnan(order.same)
 

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.in_units import height_unit, of_particles, of_realizations
-from vibrosweep.engine.launched import launched_in_window
-from vibrosweep.engine.observable_values import (
-    kinds_of,
-    observable_error,
-    observable_values,
-    observer_of,
+from vibrosweep.engine.in_units import (
+    Measured,
+    height_unit,
+    of_launches,
+    of_particles,
+    of_realizations,
+    separations_in_units,
 )
+from vibrosweep.engine.observable_values import kinds_of, observable_values
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.coupled.counting import (
@@ -33,19 +32,17 @@ from vibrosweep.kernels.coupled.follow import (
     follow,
     follow_uncached,
 )
-from vibrosweep.kernels.coupled.motion_record import MotionRecord, Scale, Track, empty_track, trace
+from vibrosweep.kernels.coupled.motion_record import MotionRecord, Track, empty_track, trace
 from vibrosweep.kernels.coupled.settling import BLOCKS, carry, empty_joint, notes, settle_jointly
 from vibrosweep.kernels.coupled.state import MODE, NOW, PARTICLE, system
 from vibrosweep.kernels.observer import Observer
-from vibrosweep.kernels.record import Record, Units, empty_record
+from vibrosweep.kernels.record import Record, Scale, Units, empty_record
 from vibrosweep.kernels.statistics import KINDS_COUPLED, Statistics
-from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.model.parameters import dimensionless, launches, mounts
 from vibrosweep.model.status import Regime
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.scene import Scene
 
-Measured = dict[str, NDArray[Any]]
 LANDINGS_OF_AN_EXPONENT = 64  # fewer tell nothing of how neighbours separate
 LANDINGS_PER_TASK = 20_000  # so that threads share the work evenly
 
@@ -59,25 +56,18 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
     (each, sums, launched, _), whole, _ = _followed(parameters, scene, workers, 0)
     frequency, particles = parameters["frequency"], scene.particles
     found = of_realizations(sums, parameters)
-    launched = launched.reshape(-1, particles)
-    launched = np.where(launched_in_window(scene, frequency), launched, -np.inf).max(axis=1)
-    launched = np.where(launched > -np.inf, launched * height_unit(parameters), np.nan)
-    found["flight_height_max"] = np.fmax(found["rebound_height_max"], launched)
+    heights = launched.reshape(-1, particles) * height_unit(parameters)[:, np.newaxis]
+    highest = found["rebound_height_max"]
+    found["flight_height_max"] = of_launches(scene, parameters, heights, highest)
     if scene.measures.per_particle:
         found |= of_particles(each, parameters, particles)
-    for one in scene.measures.observables:
-        if one.landings:
-            found[one.name] = observable_values(one, parameters, each)
-            continue
-        observer = observer_of(one, frequency.size * particles)
-        try:
-            followed, *_ = _followed(parameters, scene, workers, 0, observer)
-        except MemoryError:
-            raise
-        except Exception as error:
-            raise observable_error(one, error) from error
-        found[one.name] = observable_values(one, parameters, followed.each, observer.totals)
-    found |= _separations(whole, sums, frequency) | _order(whole, frequency)
+    found |= observable_values(
+        parameters,
+        scene,
+        each,
+        lambda observer: _followed(parameters, scene, workers, 0, observer)[0].each,
+    )
+    found |= separations_in_units(whole.separations, frequency) | _order(whole, frequency)
     if scene.measures.joint:
         found |= _joint(parameters, scene, workers)
     names = {variable.name for variable in scene.measures.variables}
@@ -130,21 +120,6 @@ def _batch(parameters: Mapping[str, Array], scene: Scene) -> Coupled:
     problem = dimensionless(parameters, scene.duration, scene.measures.transient)
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
     return Coupled(problem, mounts(parameters), launch)
-
-
-def _separations(whole: PerRealization, sums: Statistics, frequency: Array) -> Measured:
-    """Separations; undetermined where not every landing up to the end was found."""
-    complete = sums.status == 0
-    gap = np.where(complete, whole.gap, np.nan)
-    shared = np.where(complete, whole.shared, UNDETERMINED).astype(np.int8)
-    resolved = np.where(np.isnan(gap), UNDETERMINED, gap > RESOLUTION)
-    return {
-        "dt_min": gap / frequency,
-        "dt_min_resolved": resolved.astype(np.int8),
-        "dt_min_same_index": np.where(complete, whole.same, np.nan) / frequency,
-        "base_shared": shared,
-        "collision_free": np.where(shared == UNDETERMINED, shared, 1 - shared).astype(np.int8),
-    }
 
 
 def _order(whole: PerRealization, frequency: Array) -> Measured:

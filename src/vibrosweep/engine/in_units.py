@@ -9,7 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
+from vibrosweep.engine.launched import launched_in_window
+from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.statistics import UNWRITTEN, Statistics
+from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
+from vibrosweep.scene.scene import Scene
 
 Measured = dict[str, NDArray[Any]]
 
@@ -55,6 +59,31 @@ def of_particles(
     measured |= {"at_rest": found.at_rest.astype(np.int8), "status": found.status}
     # copies: the memory is written over by the next batch
     return {f"particle_{n}": v.reshape(-1, particles).copy() for n, v in measured.items()}
+
+
+def of_launches(
+    scene: Scene, parameters: Mapping[str, Array], heights: Array, highest: Array
+) -> Array:
+    """Greatest height of a realization in m, of the launches in the window and of flights.
+
+    `heights` are those of launches, shape (realization, particle or 1), `highest` those of flights.
+    """
+    launched = launched_in_window(scene, parameters["frequency"])
+    reached = np.where(launched, heights, -np.inf).max(axis=1)
+    return np.asarray(np.fmax(highest, np.where(reached > -np.inf, reached, np.nan)))
+
+
+def separations_in_units(found: Separations, frequency: Array) -> Measured:
+    """Separations of realizations by the names of `vibrosweep.model.measures`."""
+    shared = found.shared
+    resolved = np.where(np.isnan(found.gap), UNDETERMINED, found.gap > RESOLUTION)
+    return {
+        "dt_min": found.gap / frequency,
+        "dt_min_resolved": resolved.astype(np.int8),
+        "dt_min_same_index": found.same / frequency,
+        "base_shared": shared,
+        "collision_free": np.where(shared == UNDETERMINED, shared, 1 - shared).astype(np.int8),
+    }
 
 
 def _physical(

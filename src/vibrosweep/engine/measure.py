@@ -9,18 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.in_units import Measured, height_unit, of_particles, of_realizations
-from vibrosweep.engine.launched import launched_in_window
-from vibrosweep.engine.observable_values import observable_error, observable_values, observer_of
+from vibrosweep.engine.in_units import (
+    Measured,
+    height_unit,
+    of_launches,
+    of_particles,
+    of_realizations,
+    separations_in_units,
+)
+from vibrosweep.engine.observable_values import observable_values
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import follow, statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.bases import lifts, lowest
 from vibrosweep.kernels.impact import base_of
-from vibrosweep.kernels.separation import Separations
 from vibrosweep.kernels.sine import waves
 from vibrosweep.kernels.trust import Trust
-from vibrosweep.model.measures import RESOLUTION, UNDETERMINED, Variable
+from vibrosweep.model.measures import Variable
 from vibrosweep.model.parameters import (
     SPRUNG,
     Dimensionless,
@@ -53,10 +58,9 @@ def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> 
     base = base_of(scene.base, scene.rebound)
     of_base = lifts(base, problem), lowest(base, problem)
     measured = of_realizations(found.whole, parameters, *of_base)
-    measured["flight_height_max"] = np.fmax(
-        measured["rebound_height_max"],
-        _launch_height_max(parameters, problem, launch, scene, of_base[1]),
-    )
+    heights = _launch_heights(parameters, problem, launch, of_base[1])
+    highest = measured["rebound_height_max"]
+    measured["flight_height_max"] = of_launches(scene, parameters, heights, highest)
     if measures.per_particle and found.each is not None:
         measured |= of_particles(found.each, parameters, particles, *of_base)
     if found.orbits is not None:
@@ -64,23 +68,15 @@ def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> 
         names = {variable.name for variable in measures.variables}
         measured |= {name: values for name, values in of_orbits.items() if name in names}
     if found.separations is not None:
-        measured |= _separations(found.separations, frequency)
+        measured |= separations_in_units(found.separations, frequency)
     if found.bounds is not None:
         measured |= _error_bounds(found.bounds, scene, parameters)
-    for one in measures.observables:
-        if one.landings and found.each is not None:
-            measured[one.name] = observable_values(one, parameters, found.each)
-    for one in measures.observables:  # the memory of statistics is written over from here on
-        if not one.landings:
-            observer = observer_of(one, frequency.size * particles)
-            try:
-                each = statistics(problem, launch, scene, workers, observer=observer)
-            except MemoryError:
-                raise
-            except Exception as error:
-                raise observable_error(one, error) from error
-            measured[one.name] = observable_values(one, parameters, each, observer.totals)
-    return measured
+    return measured | observable_values(
+        parameters,
+        scene,
+        found.each,
+        lambda observer: statistics(problem, launch, scene, workers, observer=observer),
+    )
 
 
 def measure_all(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
@@ -113,22 +109,17 @@ def _refused(variable: Variable, sizes: Mapping[str, int]) -> NDArray[Any]:
     return np.full([sizes[d] for d in variable.dims], variable.blank, variable.dtype)
 
 
-def _launch_height_max(
-    parameters: Mapping[str, Array],
-    problem: Dimensionless,
-    launch: Launches,
-    scene: Scene,
-    low: Array | None,
+def _launch_heights(
+    parameters: Mapping[str, Array], problem: Dimensionless, launch: Launches, low: Array | None
 ) -> Array:
-    """Height in m of the highest launch in the window, NaN without any; shape (realization,).
+    """Heights in m that launches reach, shape (realization, particle), or 1 where all are equal.
 
     `low` is `vibrosweep.kernels.bases.lowest` of the realizations.
     """
-    launched = launched_in_window(scene, parameters["frequency"])
     with np.errstate(over="ignore"):
         thrown = parameters["launch_velocity"] ** 2 / (2.0 * parameters["gravity"])
         if low is None:
-            return np.where(launched.any(axis=1), thrown, np.nan)
+            return np.asarray(thrown[:, np.newaxis])
         turns = np.ascontiguousarray(launch.phase + problem.phase[:, np.newaxis])
         sine, cosine = np.empty_like(turns), np.empty_like(turns)
         waves(turns.ravel(), sine.ravel(), cosine.ravel())
@@ -137,21 +128,7 @@ def _launch_height_max(
         flies = problem.launch_flight[:, np.newaxis] >= 0.5 * np.pi * low[:, np.newaxis] * sine
         unit = height_unit(parameters)
         base = -(unit * low)[:, np.newaxis] * cosine
-        heights = np.where(flies, thrown[:, np.newaxis] + base, base)
-    highest = np.where(launched, heights, -np.inf).max(axis=1)
-    return np.where(launched.any(axis=1), highest, np.nan)
-
-
-def _separations(found: Separations, frequency: Array) -> Measured:
-    shared = found.shared
-    resolved = np.where(np.isnan(found.gap), UNDETERMINED, found.gap > RESOLUTION)
-    return {
-        "dt_min": found.gap / frequency,
-        "dt_min_resolved": resolved.astype(np.int8),
-        "dt_min_same_index": found.same / frequency,
-        "base_shared": shared,
-        "collision_free": np.where(shared == UNDETERMINED, shared, 1 - shared).astype(np.int8),
-    }
+        return np.where(flies, thrown[:, np.newaxis] + base, base)
 
 
 def _error_bounds(bounds: Trust, scene: Scene, parameters: Mapping[str, Array]) -> Measured:

@@ -7,7 +7,7 @@ their cycles, which are counted instead of followed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -26,33 +26,43 @@ def kinds_of(scene: Scene) -> Kinds:
     return tuple(compiled(one) for one in scene.measures.observables if one.landings)
 
 
-def observer_of(observable: Observable, trajectories: int) -> Observer:
-    """Function and totals of an observable that changes totals at each landing."""
-    initial = float(observable.initial)
-    totals = np.full((trajectories, observable.width), initial)
-    return Observer(compiled(observable), totals, initial)
-
-
-def observable_error(observable: Observable, error: Exception) -> ParameterError:
-    """Return the error that tells what an observable's function raised."""
-    return ParameterError(
-        f"observable {observable.name!r}: its function raised {type(error).__name__}: {error}"
-    )
-
-
 def observable_values(
-    observable: Observable,
     parameters: Mapping[str, Array],
-    each: Statistics,
-    totals: Array | None = None,
-) -> Array:
-    """Values of an observable: NaN where a trajectory does not stay finite.
+    scene: Scene,
+    each: Statistics | None,
+    follow: Callable[[Observer], Statistics],
+) -> dict[str, Array]:
+    """Values of all observables of a scene by name, each with the dims of its variable.
 
-    They have the dims of the observable's variable.  The statistics are those of trajectories, and
-    `totals` those of a function that changes them.
+    `each` holds the statistics of trajectories.  Where a function changes totals, all landings are
+    followed once more, by `follow`, which may write over `each`.  A ParameterError tells what such
+    a function raised.
     """
-    if totals is None:
-        totals = each.total(statistic_of(type(compiled(observable))).name).copy()
+    found = {}
+    for one in scene.measures.observables:
+        if one.landings and each is not None:
+            totals = each.total(statistic_of(type(compiled(one))).name).copy()
+            found[one.name] = _values(one, parameters, each, totals)
+    for one in scene.measures.observables:
+        if not one.landings:
+            trajectories, initial = parameters["frequency"].size * scene.particles, one.initial
+            totals = np.full((trajectories, one.width), float(initial))
+            try:
+                statistics = follow(Observer(compiled(one), totals, float(initial)))
+            except MemoryError:
+                raise
+            except Exception as error:
+                raise ParameterError(
+                    f"observable {one.name!r}: its function raised {type(error).__name__}: {error}"
+                ) from error
+            found[one.name] = _values(one, parameters, statistics, totals)
+    return found
+
+
+def _values(
+    observable: Observable, parameters: Mapping[str, Array], each: Statistics, totals: Array
+) -> Array:
+    """Values of an observable from its totals: NaN where a trajectory does not stay finite."""
     size = parameters["frequency"].size
     totals = totals.reshape(each.status.size, observable.width)
     totals[each.status == Status.NON_FINITE] = np.nan

@@ -1,4 +1,4 @@
-"""The landings of one realization, found block by block, and compared with their neighbours.
+"""The landings of one realization, whoever finds them, compared with their neighbours in time.
 
 Of all pairs of different particles the closest is a neighbouring one: a landing in between would
 be closer to one of the two.  And a landing on a base that is occupied follows directly on the
@@ -6,6 +6,8 @@ landing of its occupant, or on another that shares the base already.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +17,68 @@ from vibrosweep.kernels.impact import Batch, Instant, impact, launch, launch_spe
 from vibrosweep.kernels.lanes import LANES
 from vibrosweep.kernels.ordering import LIST, ORDERED, STATE, Workspace
 
-Latest = tuple[float, float, float, float]  # whole periods, phase, stay, particle
+
+class Listed(NamedTuple):
+    """A landing in a list."""
+
+    # whole, phase: of the instant; an infinite count stands for no landing
+    whole: float
+    phase: float
+    stay: float  # periods on the base, at least the contact time
+    who: float  # particle p, or -1 - p of one that landed before the window
+
+
+@jit
+def listed_at(listed: Floats, first: int, q: int) -> Listed:
+    """Landing q of a list whose rows begin with `first`: 0 as found, `ORDERED` in order."""
+    return Listed(
+        listed[first + LIST.WHOLE, q],
+        listed[first + LIST.PHASE, q],
+        listed[first + LIST.STAY, q],
+        listed[first + LIST.WHO, q],
+    )
+
+
+@jit
+def nobody() -> Listed:
+    """No landing."""
+    return Listed(np.inf, 0.0, 0.0, 0.0)
+
+
+@jit
+def in_window(landing: Listed, begin: Instant) -> Listed:
+    """Give a landing as it counts in a window: after the beginning unchanged, others by their stay.
+
+    A particle that lands before the window and is still on the base when the window begins is
+    listed one period before the beginning, where it stands between no two landings, with a stay
+    that ends when its own does and a negative name: no landing, but an occupant.  Of one that has
+    left by then nothing remains.
+    """
+    early = (begin[0] - landing.whole) + (begin[1] - landing.phase)
+    if not early > 0.0:
+        return landing
+    if landing.stay < early:
+        return nobody()
+    return Listed(begin[0] - 1.0, begin[1], (landing.stay - early) + 1.0, -1.0 - landing.who)
+
+
+@jit
+def neighbours(latest: Listed, landing: Listed, gap: float, shared: int) -> tuple[float, int]:
+    """Compare a landing with the one before it, in the order of time.
+
+    Returns the smallest gap so far of landings of different particles in the window, and whether
+    the base was shared.
+    """
+    who, other = latest.who, landing.who
+    if latest.whole < np.inf and (other if other >= 0 else -1 - other) != (
+        who if who >= 0 else -1 - who
+    ):
+        apart = abs((landing.whole - latest.whole) + (landing.phase - latest.phase))
+        if apart <= latest.stay:
+            shared = 1
+        if who >= 0 and other >= 0 and apart < gap:
+            gap = apart
+    return gap, shared
 
 
 @jit
@@ -73,23 +136,14 @@ def due_first(s: Floats, lanes: int) -> int:
 
 @jit
 def compare(
-    listed: Floats, k: int, latest: Latest, gap: float, shared: int
-) -> tuple[Latest, float, int]:
-    """Compare k ordered landings with their neighbours.
+    listed: Floats, k: int, latest: Listed, gap: float, shared: int
+) -> tuple[Listed, float, int]:
+    """Compare k ordered landings with their neighbours; `latest` is the last one before them.
 
-    `latest` is (count, phase, stay, name) of the last landing of the slab before; an infinite count
-    stands for none.  The name of particle p is p, or -1 - p if it landed before the window.
     Returns the new `latest`, the smallest gap and whether the base was shared.
     """
-    n, x, stay, who = latest
     for i in range(k):
-        n_next, x_next = listed[ORDERED + LIST.WHOLE, i], listed[ORDERED + LIST.PHASE, i]
-        other = listed[ORDERED + LIST.WHO, i]
-        if n < np.inf and (other if other >= 0 else -1 - other) != (who if who >= 0 else -1 - who):
-            apart = abs((n_next - n) + (x_next - x))
-            if apart <= stay:
-                shared = 1
-            if who >= 0 and other >= 0 and apart < gap:
-                gap = apart
-        n, x, stay, who = n_next, x_next, listed[ORDERED + LIST.STAY, i], other
-    return (n, x, stay, who), gap, shared
+        landing = listed_at(listed, ORDERED, i)
+        gap, shared = neighbours(latest, landing, gap, shared)
+        latest = landing
+    return latest, gap, shared

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, kernel
+from vibrosweep.kernels._jit import Flags, Floats, jit, kernel
 from vibrosweep.kernels.bases import constants, speed
 from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
 
@@ -37,6 +37,43 @@ class Units(NamedTuple):
     velocity: Floats
 
 
+class Scale(NamedTuple):
+    """Units and origin of time of one realization."""
+
+    # frequency, velocity: Hz, and g / (2 f) in m s-1
+    frequency: float
+    velocity: float
+    # origin, phase: what whole periods are counted from, and phase of the forcing at t = 0
+    origin: float
+    phase: float
+
+
+@jit
+def seconds(scale: Scale, n: float, x: float) -> float:
+    """Return the time in s of an instant, given in whole periods and phase."""
+    return (n + scale.origin + (x - scale.phase)) / scale.frequency
+
+
+@jit
+def write_landing(
+    out: Record, t: int, k: int, scale: Scale, n: float, x: float, rests: bool
+) -> None:
+    """Write the instant of landing k of trajectory t; what exceeds the record is cut off."""
+    if k < out.rested.shape[1]:
+        out.landing_time[t, k] = seconds(scale, n, x)
+        out.rested[t, k] = 1 if rests else 0
+
+
+@jit
+def write_lift_off(
+    out: Record, t: int, k: int, scale: Scale, n: float, x: float, speed: float
+) -> None:
+    """Write the lift-off that follows landing k of trajectory t, with a speed in g / (2 f)."""
+    if k < out.rested.shape[1]:
+        out.liftoff_time[t, k] = seconds(scale, n, x)
+        out.rebound_velocity[t, k] = speed * scale.velocity
+
+
 @kernel
 def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> None:
     """Write the landings of trajectories first ... last - 1 until the end of the window.
@@ -50,14 +87,13 @@ def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> No
         fixed = constants(base, problem, i)
         n, x = launch(launches, i, p, problem.phase[i])
         u = launch_speed(fixed, problem, i, x)
+        scale = Scale(units.frequency[i], units.velocity[i], 0.0, problem.phase[i])
         for k in range(out.rested.shape[1]):
             hit = impact(fixed, n, x, u)
             if not hit.n - problem.end_count[i] <= problem.end_phase[i] - hit.x:
                 break
-            out.landing_time[t, k] = (hit.n + (hit.x - problem.phase[i])) / units.frequency[i]
-            out.rested[t, k] = 0 if hit.leaves else 1
+            write_landing(out, t, k, scale, hit.n, hit.x, not hit.leaves)
             if hit.n_off == np.inf:
                 break
             n, x, u = hit.n_off, hit.x_off, hit.u
-            out.liftoff_time[t, k] = (n + (x - problem.phase[i])) / units.frequency[i]
-            out.rebound_velocity[t, k] = speed(fixed, x, u) * units.velocity[i]
+            write_lift_off(out, t, k, scale, n, x, speed(fixed, x, u))

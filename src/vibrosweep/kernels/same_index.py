@@ -9,7 +9,7 @@ from vibrosweep.kernels.bases import Constants, after_rest, fly
 from vibrosweep.kernels.impact import Instant, land
 from vibrosweep.kernels.joint import Joint
 from vibrosweep.kernels.lanes import VECTOR
-from vibrosweep.kernels.listing import compare, due_first, next_landings
+from vibrosweep.kernels.listing import compare, due_first, next_landings, nobody
 from vibrosweep.kernels.ordering import (
     LIST,
     ORDERED,
@@ -191,7 +191,7 @@ def same_index(
             n, x, span = _extent(listed, k)
             moved = 0.0
         put_in_order(listed, cells, k, n, x + moved, span)
-        _, gap, _ = compare(listed, k, (np.inf, 0.0, 0.0, 0.0), gap, 0)
+        _, gap, _ = compare(listed, k, nobody(), gap, 0)
         # the next ones are expected to move on as far as these did
         whole, phase = listed[ORDERED + LIST.WHOLE, 0], listed[ORDERED + LIST.PHASE, 0]
         moved = (whole - n) + (phase - x)

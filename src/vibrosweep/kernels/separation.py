@@ -37,6 +37,15 @@ def empty_separations(realizations: int) -> Separations:
 
 
 @jit
+def write_separations(out: Separations, i: int, gap: float, same: float, shared: int) -> None:
+    """Write the separations of realization i, infinite where there is no pair, unless unknown."""
+    out.shared[i] = shared
+    if shared != UNKNOWN:
+        out.gap[i] = gap if gap < np.inf else np.nan
+        out.same[i] = same if same < np.inf else np.nan
+
+
+@jit
 def _until(windowed: bool, begin: Instant, x_end: float, joint: Joint) -> tuple[Instant, Instant]:
     """Window of at most two joint cycles that contains every gap and stay of the full one."""
     n_begin, n_end = begin[0], 0.0
@@ -114,7 +123,4 @@ def separate(
         if not together:
             start(work, batch, i)
             gap, shared = all_landings(fixed, windowed, opening, end, earliest(fixed, work), work)
-        out.shared[i] = shared
-        if shared != UNKNOWN:
-            out.gap[i] = gap if gap < np.inf else np.nan
-            out.same[i] = same if same < np.inf else np.nan
+        write_separations(out, i, gap, same, shared)

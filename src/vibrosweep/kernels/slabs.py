@@ -13,7 +13,15 @@ from vibrosweep.kernels._jit import Floats, Integers, jit
 from vibrosweep.kernels.bases import Constants, fly
 from vibrosweep.kernels.impact import Instant, land
 from vibrosweep.kernels.lanes import VECTOR
-from vibrosweep.kernels.listing import Latest, compare, due_first, next_landings
+from vibrosweep.kernels.listing import (
+    Listed,
+    compare,
+    due_first,
+    in_window,
+    listed_at,
+    next_landings,
+    nobody,
+)
 from vibrosweep.kernels.ordering import (
     LIST,
     OF_STATE,
@@ -35,14 +43,8 @@ SHORTEST_SLAB = 2.0**-40
 def _append(
     s: Floats, lanes: int, windowed: bool, begin: Instant, listed: Floats, k: int
 ) -> tuple[int, int]:
-    """Append the landings that were due to the list; return its length and how many were due.
-
-    A particle that lands before the window and is still on the base when the window begins is
-    listed one period before the beginning, where it stands between no two landings, with a stay
-    that ends when its own does and a negative name: no landing, but an occupant.
-    """
-    n_begin, x_begin = begin
-    start, due = k, 0
+    """Append the landings that were due to the list; return its length and how many were due."""
+    start = k
     for j in range(lanes):  # each lane is written, and overwritten unless it was due
         listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = s[STATE.N_LAND + j], s[STATE.X_LAND + j]
         listed[LIST.STAY, k], listed[LIST.WHO, k] = s[STATE.STAY + j], s[STATE.WHO + j]
@@ -51,16 +53,10 @@ def _append(
     if windowed:
         k = start
         for q in range(start, start + due):
-            n, x = listed[LIST.WHOLE, q], listed[LIST.PHASE, q]
-            stay, who = listed[LIST.STAY, q], listed[LIST.WHO, q]
-            early = (n_begin - n) + (x_begin - x)
-            if early > 0.0:
-                if stay < early:
-                    continue
-                n, x, stay, who = n_begin - 1.0, x_begin, (stay - early) + 1.0, -1.0 - who
-            listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = n, x
-            listed[LIST.STAY, k], listed[LIST.WHO, k] = stay, who
-            k += 1
+            landing = in_window(listed_at(listed, 0, q), begin)
+            listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = landing.whole, landing.phase
+            listed[LIST.STAY, k], listed[LIST.WHO, k] = landing.stay, landing.who
+            k += 1 if landing.whole < np.inf else 0
     return k, due
 
 
@@ -110,23 +106,21 @@ def earliest(fixed: Constants, work: Workspace) -> float:
 
 
 @jit
-def _with_latest(listed: Floats, k: int, latest: Latest) -> int:
+def _with_latest(listed: Floats, k: int, latest: Listed) -> int:
     """List the last landing of the slab before behind the k of this one; return their number."""
-    n, x, _, who = latest
-    if n == np.inf:
-        return k
-    listed[LIST.WHOLE, k], listed[LIST.PHASE, k], listed[LIST.WHO, k] = n, x, who
-    return k + 1
+    listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = latest.whole, latest.phase
+    listed[LIST.WHO, k] = latest.who
+    return k + 1 if latest.whole < np.inf else k
 
 
 @jit
-def _last(listed: Floats, k: int, latest: Latest) -> Latest:
+def _last(listed: Floats, k: int, latest: Listed) -> Listed:
     """The last of k landings, which are in no order; `latest` where there is none."""
     for q in range(k):
-        n, x, _, _ = latest
-        if n == np.inf or (listed[LIST.WHOLE, q] - n) + (listed[LIST.PHASE, q] - x) > 0.0:
-            n, x = listed[LIST.WHOLE, q], listed[LIST.PHASE, q]
-            latest = n, x, listed[LIST.STAY, q], listed[LIST.WHO, q]
+        landing = listed_at(listed, 0, q)
+        later = (landing.whole - latest.whole) + (landing.phase - latest.phase) > 0.0
+        if later or latest.whole == np.inf:
+            latest = landing
     return latest
 
 
@@ -150,7 +144,7 @@ def all_landings(
     if windowed and begin[0] > n_stop:
         n_stop = begin[0]
     slab = 1.0
-    latest = (np.inf, 0.0, 0.0, 0.0)
+    latest = nobody()
     gap, shared = np.inf, 0
     while n_stop - n_end <= x_end - x_stop and not (gap == 0.0 and shared == 1):
         _copy(state, work.saved)

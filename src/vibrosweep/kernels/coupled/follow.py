@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, part, uncached, uncounted
+from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncached, uncounted
 from vibrosweep.kernels.bases.sprung import Load, bounds, mount
 from vibrosweep.kernels.coupled.counting import (
     CoupledStatistics,
@@ -18,14 +18,8 @@ from vibrosweep.kernels.coupled.counting import (
     take_off,
 )
 from vibrosweep.kernels.coupled.events import next_event
-from vibrosweep.kernels.coupled.motion_record import (
-    MotionRecord,
-    Scale,
-    write_base,
-    write_landing,
-    write_lift_off,
-)
-from vibrosweep.kernels.coupled.neighbours import (
+from vibrosweep.kernels.coupled.motion_record import MotionRecord, write_base
+from vibrosweep.kernels.coupled.sequence import (
     HARMONICS,
     Landings,
     Order,
@@ -41,13 +35,17 @@ from vibrosweep.kernels.coupled.state import (
     EVENT,
     MODE,
     NOW,
+    PARTICLE,
     Event,
+    System,
     begin,
     motion_after,
     since_now,
 )
 from vibrosweep.kernels.impact import Instant
-from vibrosweep.kernels.record import Units
+from vibrosweep.kernels.listing import Listed
+from vibrosweep.kernels.record import Record, Scale, Units, write_landing, write_lift_off
+from vibrosweep.kernels.separation import Separations, empty_separations, write_separations
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.totals import add_up
 from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
@@ -74,10 +72,7 @@ class Coupled(NamedTuple):
 class PerRealization(NamedTuple):
     """Results with one number per realization; arrays of shape (realization,) but for `order`."""
 
-    # gap, same, shared: as in `vibrosweep.kernels.separation.Separations`
-    gap: Floats
-    same: Floats
-    shared: Flags
+    separations: Separations
     # Decisions between bouncing and sticking, landing and grazing, or on the order of two landings,
     # that rounding may have made
     undecided: Integers
@@ -91,18 +86,20 @@ class PerRealization(NamedTuple):
 
 def empty_per_realization(realizations: int) -> PerRealization:
     """Allocate the results of realizations."""
-    gap, same, median, least = (np.full(realizations, np.nan) for _ in range(4))
-    shared = np.full(realizations, -1, np.int8)
+    median, least = (np.full(realizations, np.nan) for _ in range(2))
     undecided, changes = np.zeros(realizations, np.int64), np.zeros(realizations, np.int64)
     order = np.full((realizations, len(HARMONICS)), np.nan)
-    return PerRealization(gap, same, shared, undecided, changes, median, least, order)
+    separations = empty_separations(realizations)
+    return PerRealization(separations, undecided, changes, median, least, order)
 
 
 @jit
-def _windows(begin: Instant, now: Floats, left: float) -> tuple[bool, bool]:
-    """Return whether a landing now, up to the end, is in the window, and in its last period."""
-    seen = begin[0] - now[NOW.N] <= now[NOW.X] - begin[1]
-    return seen, seen and left <= 1.0
+def _listed(state: System, event: Event, begin: Instant, least: float) -> Listed:
+    """List a landing that happens now; as long as a particle rests its stay has no end."""
+    n, x = state.now[NOW.N], state.now[NOW.X]
+    seen = begin[0] - n <= x - begin[1]
+    stay = np.inf if event.kind == EVENT.STICK else least
+    return Listed(n, x, stay, float(event.who if seen else -1 - event.who))
 
 
 @part
@@ -120,20 +117,27 @@ def _launched_at_the_end(
 
 
 @part
-def _write(
-    work: Work, load: Load, event: Event, scale: Scale, place: tuple[int, int], out: MotionRecord
-) -> None:
-    """Write an event up to the end; `place`: the realization, and how many events came before."""
-    i, number = place
-    write_base(work.state, load, scale, i, number, out.track)
-    if event.kind == EVENT.BOUNCE or event.kind == EVENT.STICK:
-        k = work.landings.total[event.who] - 1
-        write_landing(work.state, scale, i * work.rides.size + event.who, k, event, out.record)
+def _write(work: Work, event: Event, first: int, scale: Scale, out: Record) -> None:
+    """Write a landing, and the lift-off of a particle that bounces."""
+    now = work.state.now
+    k, sticks = work.landings.total[event.who] - 1, event.kind == EVENT.STICK
+    write_landing(out, first + event.who, k, scale, now[NOW.N], now[NOW.X], sticks)
+    if not sticks:
+        _write_lift_off(work, event.who, first, scale, out)
+
+
+@part
+def _write_lift_off(work: Work, j: int, first: int, scale: Scale, out: Record) -> None:
+    """Write the lift-off of particle j after its last landing."""
+    now = work.state.now
+    speed = now[NOW.SPEED] + work.state.particle[PARTICLE.SPEED, j]
+    k = work.landings.total[j] - 1
+    write_lift_off(out, first + j, k, scale, now[NOW.N], now[NOW.X], speed)
 
 
 @part
 def _lift_off(
-    work: Work, first: int, least: float, counts: bool, scale: Scale, out: MotionRecord
+    work: Work, first: int, least: float, counts: bool, scale: Scale, out: Record
 ) -> None:
     """Let the riders leave, and count and write it where it `counts`.
 
@@ -143,18 +147,18 @@ def _lift_off(
         if work.rides[j] == 1 and counts:
             end_stay(work.state, work.landings, j, least)
             take_off(work, j)
-            if out.track.time.shape[1] > 0:
-                k = work.landings.total[j] - 1
-                write_lift_off(work.state, scale, first + j, k, j, out.record)
+            _write_lift_off(work, j, first, scale, out)
         work.rides[j] = 0
 
 
 @part
-def _conclude(work: Work, memory: Landings, order: Order, i: int, out: PerRealization) -> None:
-    """Write the results of a realization."""
-    out.gap[i] = order.gap if order.gap < np.inf else np.nan
-    out.same[i] = order.same if order.same < np.inf else np.nan
-    out.shared[i], out.changes[i] = order.shared, order.changes
+def _conclude(
+    work: Work, memory: Landings, order: Order, complete: bool, i: int, out: PerRealization
+) -> None:
+    """Write the results of a realization, whose landings up to the end are all found or not."""
+    if complete:
+        write_separations(out.separations, i, order.gap, order.same, order.shared)
+    out.changes[i] = order.changes
     out.undecided[i] = int(work.state.now[NOW.UNDECIDED])
     out.gap_median[i], out.gap_least[i] = gap_median(memory, order)
     for h in range(out.order.shape[1]):
@@ -224,7 +228,7 @@ def follow(
     problem, mounts, launches = batch
     each, sums, launch_height, observer = statistics
     state, memory = work.state, work.landings
-    particles, writes = state.mode.size, written.track.time.shape[1] > 0
+    particles = state.mode.size
     for i in range(first, last):
         fixed, place = mount(problem, mounts, i), i * particles
         load = begin(state, fixed, problem, launches, i)
@@ -257,29 +261,29 @@ def follow(
                     take_off(work, event.who)
                     launch_height[place + event.who] = work.lifted[2, event.who]
             elif event.kind != EVENT.LIFT:
-                windows = _windows(opening, state.now, left)
+                landing = _listed(state, event, opening, fixed.r)
+                seen = landing.who >= 0.0
                 if not past and memory.total[event.who] >= budget:
                     status = BUDGET_EXCEEDED
                     break
-                if not past and lacks_memory(memory, event.who, windows[0]):
+                if not past and lacks_memory(memory, event.who, seen):
                     return i
-                counts = windows[0] and not past
-                count_landing(work, event, counts, place + event.who, each, observer)
+                count_landing(work, event, seen and not past, place + event.who, each, observer)
                 if not past:
-                    stay = np.inf if event.kind == EVENT.STICK else fixed.r
-                    order = note(state, memory, order, event.who, windows, opening, stay)
+                    order = note(memory, order, landing, seen and left <= 1.0, opening)
                     if event.kind != EVENT.STICK:
                         take_off(work, event.who)
-            if writes and not past:
-                _write(work, load, event, scale, (i, events), written)
+                    _write(work, event, place, scale, written.record)
+            if not past:
+                write_base(state, load, scale, i, events, written.track)
             if event.kind == EVENT.LIFT or event.dropped:
-                _lift_off(work, place, fixed.r, left >= -PATIENCE, scale, written)
+                _lift_off(work, place, fixed.r, left >= -PATIENCE, scale, written.record)
             if event.kind == EVENT.STICK and not past:
                 work.rides[event.who] = 1
             events, late = events + 1, late + (1 if past else 0)
-        _conclude(work, memory, order, i, whole)
         judge(place, particles, status, each)
         add_up(each.kinds, i, particles, each, sums)
+        _conclude(work, memory, order, each.status[place] == COMPLETED, i, whole)
     return last
 
 

@@ -1,4 +1,4 @@
-"""Every landing on a base of finite mass, and the motion of the base, in arrays."""
+"""The motion of a base of finite mass, in arrays beside those of every landing."""
 
 from __future__ import annotations
 
@@ -7,23 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit, part, uncounted
+from vibrosweep.kernels._jit import Floats, Integers, part, uncounted
 from vibrosweep.kernels.bases.sprung import Load, loaded, mount, move, velocity
-from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System
-from vibrosweep.kernels.record import Record, Units
+from vibrosweep.kernels.coupled.state import NOW, System
+from vibrosweep.kernels.record import Record, Scale, Units, seconds
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.parameters import Dimensionless, Mounts
-
-
-class Scale(NamedTuple):
-    """Units and origin of time of one realization."""
-
-    # frequency, velocity: Hz, and g / (2 f) in m s-1
-    frequency: float
-    velocity: float
-    # end, phase: whole periods of the end, and phase of the forcing at t = 0
-    end: float
-    phase: float
 
 
 class Track(NamedTuple):
@@ -51,37 +40,11 @@ def empty_track(realizations: int, events: int) -> Track:
     return Track(time, deviation, beyond, np.zeros((realizations, events), np.int64))
 
 
-@jit
-def _time(state: System, scale: Scale) -> float:
-    """Return the time in s."""
-    turns = state.now[NOW.N] + scale.end + (state.now[NOW.X] - scale.phase)
-    return float(turns / scale.frequency)
-
-
-@part
-def write_landing(state: System, scale: Scale, t: int, k: int, event: Event, out: Record) -> None:
-    """Write landing k of a particle, in place t."""
-    if k < out.rested.shape[1]:
-        out.landing_time[t, k] = _time(state, scale)
-        out.rested[t, k] = 1 if event.kind == EVENT.STICK else 0
-        if event.kind == EVENT.BOUNCE:
-            write_lift_off(state, scale, t, k, event.who, out)
-
-
-@part
-def write_lift_off(state: System, scale: Scale, t: int, k: int, j: int, out: Record) -> None:
-    """Write the lift-off of particle j, in place t, after landing k."""
-    if k < out.rested.shape[1]:
-        speed = state.now[NOW.SPEED] + state.particle[PARTICLE.SPEED, j]
-        out.liftoff_time[t, k] = _time(state, scale)
-        out.rebound_velocity[t, k] = speed * scale.velocity
-
-
 @part
 def write_base(state: System, load: Load, scale: Scale, i: int, event: int, out: Track) -> None:
     """Write the motion of the base after an event of realization i."""
     if event < out.time.shape[1]:
-        out.time[i, event] = _time(state, scale)
+        out.time[i, event] = seconds(scale, state.now[NOW.N], state.now[NOW.X])
         out.deviation[i, event], out.beyond[i, event] = state.now[NOW.D], state.now[NOW.B]
         out.riders[i, event] = load.riders
 

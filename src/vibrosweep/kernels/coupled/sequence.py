@@ -1,7 +1,4 @@
-"""Separations between landings on a base of finite mass, and the order of the particles.
-
-Landings come in the order of time: of all pairs the closest is one of neighbours.
-"""
+"""Order of the landings on a base of finite mass, which come in the order of time."""
 
 from __future__ import annotations
 
@@ -12,6 +9,7 @@ import numpy as np
 from vibrosweep.kernels._jit import Floats, Integers, jit, part
 from vibrosweep.kernels.coupled.state import NOW, System
 from vibrosweep.kernels.impact import Instant
+from vibrosweep.kernels.listing import Listed, in_window, neighbours, nobody
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
 GAPS = 4096  # of the last period; with more they are left undetermined
@@ -94,13 +92,13 @@ def lacks_memory(memory: Landings, who: int, seen: bool) -> bool:
 
 
 @jit
-def _numbered(state: System, memory: Landings, mine: int) -> float:
+def _numbered(memory: Landings, landing: Listed, mine: int) -> float:
     """Compare with the last landing of the same number in the window; return the separation.
 
     Infinity without one, NaN where one is no longer remembered.
     """
     place, gap = mine % memory.number.size, np.inf
-    n, x = state.now[NOW.N], state.now[NOW.X]
+    n, x = landing.whole, landing.phase
     if memory.number[place] == mine:
         gap = (n - memory.numbered[0, place]) + (x - memory.numbered[1, place])
     elif _displaced(memory, mine):
@@ -111,59 +109,54 @@ def _numbered(state: System, memory: Landings, mine: int) -> float:
 
 
 @jit
-def _on_base(memory: Landings, n: float, x: float, but: int) -> int:
-    """Count the particles that are on the base at an instant after their last landings.
-
-    Apart from particle `but`.
-    """
-    count = 0
-    for j in range(memory.turn.size):
-        since = (n - memory.last[0, j]) + (x - memory.last[1, j])
-        count += 1 if j != but and memory.turn[j] > 0 and since <= memory.stay[j] else 0
-    return count
+def _latest(memory: Landings, order: Order) -> Listed:
+    """Give the last landing."""
+    who = order.who
+    if who < 0:
+        return nobody()
+    name = who if order.seen else -1 - who
+    return Listed(memory.last[0, who], memory.last[1, who], memory.stay[who], float(name))
 
 
 @jit
-def _began(memory: Landings, order: Order, begin: Instant) -> bool:
-    """Return whether two particles are on the base as the window begins, before landings in it."""
-    return not order.seen and _on_base(memory, begin[0], begin[1], -1) > 1
+def _occupants(memory: Landings, begin: Instant) -> tuple[Listed, int]:
+    """Give a particle that is on the base as the window begins, and whether there is another."""
+    latest, shared = nobody(), 0
+    for j in range(memory.turn.size):
+        if memory.turn[j] > 0:
+            landed = Listed(memory.last[0, j], memory.last[1, j], memory.stay[j], float(j))
+            occupant = in_window(landed, begin)
+            if occupant.whole < np.inf:
+                _, shared = neighbours(latest, occupant, np.inf, shared)
+                latest = occupant
+    return latest, shared
 
 
 @jit
 def close(memory: Landings, order: Order, begin: Instant) -> Order:
     """Return the order at the end: without a landing in the window two may have shared the base."""
     gap, same, shared, who, number, seen, changes, gaps = order
-    shared = 1 if _began(memory, order, begin) else shared
+    if not seen:
+        _, shared = _occupants(memory, begin)
     return Order(gap, same, shared, who, number, seen, changes, gaps)
 
 
 @part
-def note(
-    state: System,
-    memory: Landings,
-    order: Order,
-    who: int,
-    windows: tuple[bool, bool],
-    begin: Instant,
-    stay: float,
-) -> Order:
-    """Note a landing of particle `who`, now, after which it stays on the base for so long.
-
-    `windows`: whether now is in the window, which begins at `begin`, and in its last period.
-    """
-    seen, late = windows
-    n, x = state.now[NOW.N], state.now[NOW.X]
+def note(memory: Landings, order: Order, landing: Listed, late: bool, begin: Instant) -> Order:
+    """Note a landing, of which `late` says whether it is in the last period of the window."""
+    seen = landing.who >= 0.0
+    who = int(landing.who) if seen else -1 - int(landing.who)
     gap, gaps, shared, same = order.gap, order.gaps, order.shared, order.same
     mine = memory.turn[who]
-    if seen and (_began(memory, order, begin) or _on_base(memory, n, x, who) > 0):
-        shared = 1
-    if order.who >= 0 and order.who != who:
-        apart = (n - memory.last[0, order.who]) + (x - memory.last[1, order.who])
-        gap = min(gap, apart) if seen and order.seen else gap
-        if late:
-            if gaps < GAPS:
-                memory.gaps[gaps] = apart
-            gaps += 1
+    latest = _latest(memory, order)
+    if late and order.who >= 0 and order.who != who:
+        if gaps < GAPS:
+            memory.gaps[gaps] = (landing.whole - latest.whole) + (landing.phase - latest.phase)
+        gaps += 1
+    if seen and not order.seen:
+        latest, shared = _occupants(memory, begin)
+    if seen:
+        gap, shared = neighbours(latest, landing, gap, shared)
     earlier = 0  # particles whose turn it was rather
     if seen and mine > 0:
         for turn in memory.turn:
@@ -171,9 +164,9 @@ def note(
     memory.total[who] += 1
     if seen:
         # NaN once it is not known
-        same = np.minimum(same, _numbered(state, memory, memory.total[who]))
-    memory.last[0, who], memory.last[1, who], memory.stay[who] = n, x, stay
-    memory.turn[who] = order.number + 1
+        same = np.minimum(same, _numbered(memory, landing, memory.total[who]))
+    memory.last[0, who], memory.last[1, who] = landing.whole, landing.phase
+    memory.stay[who], memory.turn[who] = landing.stay, order.number + 1
     changes = order.changes + (1 if earlier > 0 else 0)
     return Order(gap, same, shared, who, order.number + 1, seen, changes, gaps)
 
