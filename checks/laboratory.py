@@ -24,7 +24,7 @@ from vibrosweep.figures.registry import save_formats
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment, perform_trials
+from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.flight_search import find_flights
 from vibrosweep.lab.flights import fit
@@ -33,6 +33,7 @@ from vibrosweep.lab.lines import flights_of, table_lines
 from vibrosweep.lab.quality import find_swaps
 from vibrosweep.lab.segments import samples_of
 from vibrosweep.lab.spec import read_experiments
+from vibrosweep.lab.trials import perform_trials
 from vibrosweep.lab.twin import Comparison
 from vibrosweep.model.locked_theory import amplitude_max
 

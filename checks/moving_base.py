@@ -18,9 +18,10 @@ from accuracy import options_of
 from laboratory import differences
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
+from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import impacts_of
+from vibrosweep.lab.trials import perform_trials
 
 G, FREQUENCY = LABORATORY["gravity"], LABORATORY["frequency"]
 COVERAGE, RIGHT = (0.60, 0.76), 0.95

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 
 import vibrosweep as vs
-from vibrosweep.lab.experiment import LABORATORY, Experiment, perform_trials
+from vibrosweep.lab.experiment import LABORATORY, Experiment
+from vibrosweep.lab.trials import perform_trials
 
 FREQUENCY, ACCELERATION, RESTITUTION = LABORATORY["frequency"], 0.6, 0.9
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from vibrosweep.lab.experiment import LABORATORY, Experiment, perform_trials
+from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.impacts import find_impacts
+from vibrosweep.lab.trials import perform_trials
 
 # orbits that visit many phases; Table 1 at 20 Hz would lock
 IRREGULAR = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}

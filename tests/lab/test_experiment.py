@@ -8,7 +8,8 @@ import pytest
 import vibrosweep as vs
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.lab.camera import Camera
-from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
+from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
+from vibrosweep.lab.trials import perform_trials
 
 G = LABORATORY["gravity"]
 SHARP = Camera(noise=0.0, whole_pixels=False)

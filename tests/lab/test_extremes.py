@@ -7,9 +7,10 @@ import pytest
 from vibrosweep.cli import main
 from vibrosweep.errors import TrackError, VibrosweepError
 from vibrosweep.lab.compare import compare_tracks
-from vibrosweep.lab.experiment import LABORATORY, Experiment, perform_trials
+from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.traces import make_trace
 from vibrosweep.lab.tracks import make_tracks
+from vibrosweep.lab.trials import perform_trials
 
 HUGE = ("1e300", "1.7e308", "1e154", "1e30", "-1e300")
 TINY = ("1e-300", "5e-324", "1e-154", "1e-30")

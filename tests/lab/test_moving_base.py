@@ -12,12 +12,13 @@ from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare_tracks
 from vibrosweep.lab.contacts import find_contacts
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
+from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.oscillation import fit_shaken
 from vibrosweep.lab.traces import make_trace, read_trace
+from vibrosweep.lab.trials import perform_trials
 
 G, FREQUENCY = LABORATORY["gravity"], LABORATORY["frequency"]
 OMEGA = 2.0 * math.pi * FREQUENCY

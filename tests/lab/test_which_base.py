@@ -9,13 +9,14 @@ from hypothesis import strategies as st
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.estimation import estimate
-from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation, perform_trials
+from vibrosweep.lab.experiment import LABORATORY, Experiment, Variation
 from vibrosweep.lab.fitting import View, fit_tracks
 from vibrosweep.lab.flights import contradicts
 from vibrosweep.lab.impacts import find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.oscillation import FAR, Oscillation, Shaken
 from vibrosweep.lab.regression import is_improbable, spread_of_influences
+from vibrosweep.lab.trials import perform_trials
 from vibrosweep.lab.which_base import _preferred
 
 G = LABORATORY["gravity"]

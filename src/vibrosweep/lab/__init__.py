@@ -21,12 +21,13 @@ if TYPE_CHECKING:
         prediction_errors,
     )
     from vibrosweep.lab.estimation import estimate
-    from vibrosweep.lab.experiment import Experiment, Variation, perform_trials, predicted_means
+    from vibrosweep.lab.experiment import Experiment, Variation
     from vibrosweep.lab.impacts import find_impacts
     from vibrosweep.lab.repeats import agreement, quantities
     from vibrosweep.lab.traces import read_trace
     from vibrosweep.lab.track_files import read_tracks, tracks_from_frame
     from vibrosweep.lab.tracks import make_tracks
+    from vibrosweep.lab.trials import perform_trials, predicted_means
 
 __all__ = [
     "CASES",
@@ -59,10 +60,8 @@ _HOMES: Final = {
         "vibrosweep.lab.comparison",
     ),
     "estimate": "vibrosweep.lab.estimation",
-    **dict.fromkeys(
-        ("Experiment", "Variation", "perform_trials", "predicted_means"),
-        "vibrosweep.lab.experiment",
-    ),
+    **dict.fromkeys(("Experiment", "Variation"), "vibrosweep.lab.experiment"),
+    **dict.fromkeys(("perform_trials", "predicted_means"), "vibrosweep.lab.trials"),
     "find_impacts": "vibrosweep.lab.impacts",
     **dict.fromkeys(("agreement", "quantities"), "vibrosweep.lab.repeats"),
     "read_trace": "vibrosweep.lab.traces",

@@ -1,50 +1,20 @@
-"""Virtual experiments: particles, a base and a camera, all with imperfections.
-
-Their landings are known, so that everything else in the laboratory can be tested on them.
-"""
+"""Descriptions of virtual experiments: particles, a base and a camera, all with imperfections."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final, NamedTuple
-
-import numpy as np
-import xarray as xr
+from typing import Any, Final
 
 from vibrosweep.abilities import ANALYSES, refusal
-from vibrosweep.arrays import Array
-from vibrosweep.engine.coupled import base_track
-from vibrosweep.engine.landings import all_parameters, launch_times, record_landings
-from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError
-from vibrosweep.kernels.impact import Batch, base_of
-from vibrosweep.kernels.record import Record
-from vibrosweep.lab.camera import Camera, Launch, Motion, film, heights
-from vibrosweep.lab.surfaces import LEVEL, Surface, oscillating, recoiling
-from vibrosweep.lab.tracks import make_tracks
-from vibrosweep.lab.wander import phase_walk, wandering_record
+from vibrosweep.lab.camera import Camera
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.parameters import (
-    HIGH_BOUNCE,
-    PARAMETERS,
-    SPRUNG,
-    dimensionless,
-    launches,
-)
-from vibrosweep.model.times import amount
+from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.scene.keywords import batch
 from vibrosweep.scene.scene import Scene
 
-__all__ = [
-    "LABORATORY",
-    "Experiment",
-    "Trial",
-    "Variation",
-    "perform_trials",
-    "predicted_means",
-]
+__all__ = ["LABORATORY", "Experiment", "Variation"]
 
 
 # Table 1 at 20 Hz, with the same dimensionless kick, 2 f A / g = 0.2446, and first flight.
@@ -202,155 +172,3 @@ def with_defaults(given: Mapping[str, Any]) -> dict[str, Any]:
         if given.keys().isdisjoint(instead.get(name, ()))
     }
     return {**own, **given}
-
-
-class Trial(NamedTuple):
-    """One recording.
-
-    Attributes
-    ----------
-    tracks
-        Tracks as the camera and its tracking measure them.
-    record
-        The true landings, arrays of shape (particle, impact).
-    restitution, level
-        Restitution of each particle, and height in m of the base below it.
-    frequency, amplitude
-        Values in this repeat, Hz and m s-1.
-    """
-
-    tracks: xr.Dataset
-    record: Record
-    restitution: Array
-    level: Array
-    frequency: float
-    amplitude: float
-
-
-class _Beads(NamedTuple):
-    """Restitution of each particle, and height in m of the base below it."""
-
-    restitution: Array
-    level: Array
-
-
-def perform_trials(experiment: Experiment) -> list[Trial]:
-    """Film every repeat of an experiment; the same experiment gives the same bits.
-
-    Parameters
-    ----------
-    experiment
-        The scene, its imperfections, and the camera that films it.
-
-    Returns
-    -------
-    list of Trial
-        Tracks of each repeat, with the true landings and parameters.
-
-    Examples
-    --------
-    >>> from vibrosweep.lab import Experiment, perform_trials
-    >>> film = perform_trials(Experiment(particles=2, repeats=1, transient=5.0, duration=10.0))
-    >>> film[0].tracks.height.dims
-    ('frame', 'particle')
-    """
-    same, *repeats = np.random.SeedSequence(experiment.seed).spawn(experiment.repeats + 1)
-    variation, rng = experiment.variation, np.random.default_rng(same)
-    drawn = rng.standard_normal((2, experiment.scene.particles))
-    restitution = experiment.parameters["restitution"] + variation.restitution_spread * drawn[0]
-    beads = _Beads(np.clip(restitution, 0.0, 1.0), variation.level_spread * drawn[1])
-    return [_trial(experiment, beads, seed, f"trial {k + 1}") for k, seed in enumerate(repeats)]
-
-
-def predicted_means(experiment: Experiment) -> dict[str, Array]:
-    """Mean height and period of the flights of each particle that lie within a recording.
-
-    They are predicted without any imperfection; a base that recoils is not supported.
-
-    Parameters
-    ----------
-    experiment
-        The scene, and when it is recorded.
-
-    Returns
-    -------
-    dict
-        ``height`` (m) and ``period`` (s), each of shape (particle,).
-
-    Examples
-    --------
-    >>> import vibrosweep as vs
-    >>> predicted = vs.lab.predicted_means(vs.lab.Experiment(particles=2))
-    >>> predicted["period"].shape
-    (2,)
-    """
-    scene, numbers = experiment.recorded, experiment.parameters
-    every = np.full(scene.particles, numbers["restitution"])
-    record, surface = _landings(scene, numbers, every, np.zeros(2))
-    means = [
-        motion.means(*experiment.window) for motion in _motions(scene, numbers, record, surface)
-    ]
-    return dict(zip(("height", "period"), np.array(means).T, strict=True))
-
-
-def _landings(
-    scene: Scene,
-    numbers: Mapping[str, float],
-    restitution: Array,
-    walk: Array,
-    softening: float = 0.0,
-) -> tuple[Record, Surface]:
-    """Landings of particles of given restitutions, and the base that they land on.
-
-    The numbers are the parameters of the scene in one recording.
-    """
-    frequency = numbers["frequency"]
-    if scene.base == SPRUNG:
-        alone = all_parameters({name: np.array([value]) for name, value in numbers.items()})
-        with Workers(1) as workers:
-            found = record_landings(alone, scene, workers)
-            track = base_track(alone, scene, workers)
-        record = Record._make(found[name][0] for name in Record._fields)
-        return record, recoiling(track, frequency, amount(scene.duration))
-    given = {name: np.full(restitution.size, numbers[name]) for name in PARAMETERS}
-    given["restitution"] = restitution
-    if scene.base != HIGH_BOUNCE:  # all share one base, whose velocity A / (1 + e) is that given
-        given["amplitude"] *= (1.0 + restitution) / (1.0 + numbers["restitution"])
-    parameters = all_parameters(given)
-    begin = launches(scene.launch, scene.particles, parameters["frequency"][:1])
-    problem = dimensionless(parameters, scene.duration)
-    batch = Batch(base_of(scene.base, scene.rebound), problem, begin)
-    record = wandering_record(batch, walk, frequency, numbers["gravity"], softening)
-    return record, LEVEL if scene.base == HIGH_BOUNCE else oscillating(numbers)
-
-
-def _motions(
-    scene: Scene, numbers: Mapping[str, float], record: Record, surface: Surface
-) -> list[Motion]:
-    start = launch_times(scene.launch, scene.particles, numbers["frequency"])
-    return [
-        Motion.of(record, p, Launch(time, numbers["launch_velocity"]), numbers["gravity"], surface)
-        for p, time in enumerate(start)
-    ]
-
-
-def _trial(experiment: Experiment, beads: _Beads, seed: np.random.SeedSequence, name: str) -> Trial:
-    setting, walking, filming = (np.random.default_rng(s) for s in seed.spawn(3))
-    scene, variation, camera = experiment.recorded, experiment.variation, experiment.camera
-    off = setting.standard_normal(2)
-    numbers = experiment.parameters
-    numbers["frequency"] *= 1.0 + variation.frequency_setting * off[0]
-    numbers["amplitude"] *= 1.0 + variation.amplitude_setting * off[1]
-    begin, end = experiment.window
-    periods = math.ceil(end * numbers["frequency"]) + 3
-    walk = phase_walk(walking, variation.frequency_jitter, periods)
-    softening = variation.restitution_exponent
-    record, surface = _landings(scene, numbers, beads.restitution, walk, softening)
-    time = begin + np.arange(round((end - begin) * camera.frame_rate)) / camera.frame_rate
-    motions = _motions(scene, numbers, record, surface)
-    filmed = film(heights(motions, time, camera.exposure) + beads.level, camera, filming)
-    kept = np.isfinite(filmed).any(axis=1)
-    tracks = make_tracks(time[kept], filmed[kept], source=name)
-    return Trial(
-        tracks, record, beads.restitution, beads.level, numbers["frequency"], numbers["amplitude"]
-    )

@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.errors import OutputError
-from vibrosweep.lab.experiment import Experiment, perform_trials
+from vibrosweep.lab.experiment import Experiment
+from vibrosweep.lab.trials import perform_trials
 from vibrosweep.store.disk import check_output, replacing
 
 if TYPE_CHECKING:
