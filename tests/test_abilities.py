@@ -31,6 +31,8 @@ def over(base, **keywords):
 
 def perform(base, analysis):
     """Call an analysis that computes anew, with as little as it takes."""
+    if analysis == "orbits":
+        return vs.orbits(over(base), impacts=1, periods=1)
     if analysis == "basins":
         return vs.basins(over(base, launch_velocity=[3.0], duration=3.0))
     if analysis == "sobol":
@@ -69,7 +71,7 @@ def test_what_a_base_cannot_do_is_refused_with_its_sentence(base, asked):
     ("base", "asked"), [c for c in CELLS if not refusal(c[0], **c[1])], ids=str
 )
 def test_what_a_base_can_do_is_not_refused(base, asked):
-    if asked.get("analysis") in ("windows", "bifurcation", "basins", *RESULTS):
+    if asked.get("analysis") in ("windows", "bifurcation", "basins", "orbits", *RESULTS):
         return  # tests of their own compute them
     if "analysis" in asked:
         perform(base, asked["analysis"])

@@ -23,6 +23,7 @@ SPECS = {
         GRID + 'amplitude = [0.4, 1.0]\n[windows]\nconditions = ["locked(1)"]\n',
     ),
     "bifurcation": ("bifurcation", GRID + "amplitude = [1.0, 2.0]\n"),
+    "orbits": ("orbits", 'title = "Orbits"\n[scene]\namplitude = 1.2\n'),
     "basins": ("basins", GRID + "launch_velocity = [1.0, 3.0]\n"),
 }
 FILM = """title = "A film"

@@ -46,6 +46,7 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     "windows": Ability(APART, _FOLLOWED),
     "bifurcation": Ability(APART, _FOLLOWED),
     "basins": Ability(APART, _FOLLOWED),
+    "orbits": Ability(APART, _FOLLOWED),
     "sobol": _ANYWHERE,
     "separations": _ANYWHERE,
     "record": _ANYWHERE,

@@ -54,6 +54,18 @@ def _basin_figure(basins: xr.Dataset) -> Figure:
     return basins_of_attraction(basins)
 
 
+def _orbit_lines(orbits: xr.Dataset) -> Iterable[str]:
+    from vibrosweep.analysis.closed_orbits import summary
+
+    return summary(orbits)
+
+
+def _orbit_figure(orbits: xr.Dataset) -> Figure:
+    from vibrosweep.figures import periodic_orbits
+
+    return periodic_orbits(orbits)
+
+
 def _impact_lines(impacts: xr.Dataset) -> Iterable[str]:
     from vibrosweep.lab.lines import impact_lines
 
@@ -100,6 +112,16 @@ BASINS: Final = register_kind(
         _basin_figure,
         "basins_of_attraction",
         unverified=f"{_PROVES} this holds the attractors that launches lead to",
+    )
+)
+ORBITS: Final = register_kind(
+    ResultKind(
+        "orbits",
+        "vibrosweep orbits",
+        _orbit_lines,
+        _orbit_figure,
+        "periodic_orbits",
+        unverified=f"{_PROVES} this holds periodic orbits, whether they attract or not",
     )
 )
 IMPACTS: Final = register_kind(

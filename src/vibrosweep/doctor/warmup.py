@@ -11,6 +11,7 @@ import numpy as np
 
 from vibrosweep.abilities import refusal
 from vibrosweep.analysis.basins import basins
+from vibrosweep.analysis.closed_orbits import closed_orbits
 from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.evaluate import locked
 from vibrosweep.engine.coupled import base_track
@@ -27,6 +28,7 @@ from vibrosweep.kernels.coupled.settling import settle_jointly
 from vibrosweep.kernels.distinct import first_of_each
 from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.impact import BASE_OF
+from vibrosweep.kernels.orbit_search import find_closed
 from vibrosweep.kernels.record import record
 from vibrosweep.kernels.separation import separate
 from vibrosweep.kernels.settle import settle
@@ -42,6 +44,7 @@ from vibrosweep.scene.scene import bare_scene
 KERNELS: Final[tuple[Any, ...]] = (
     advance,
     combine,
+    find_closed,
     find_fixed,
     first_of_each,
     follow,
@@ -93,6 +96,7 @@ def warm_up() -> Compiled:
             one, _ = batch({"base": base, "rebound": rebound, "duration": 2000.0})
             locked(one, Locked(1), point, workers)
             basins(one, [0.0], [5.0], threads=1)
+            closed_orbits(one, point, impacts=1, periods=1, threads=1)
         mount = {"mass_ratio": 0.01, "mount_frequency": 0.5, "mount_damping": 0.05}
         parameters = all_parameters({name: np.array([value]) for name, value in mount.items()})
         coupled = bare_scene(2, "staggered", 2.0, "rest", 1000, SPRUNG)

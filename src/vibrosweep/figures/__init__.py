@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from vibrosweep.figures.basins import basins_of_attraction
     from vibrosweep.figures.bifurcation import bifurcation_diagram
     from vibrosweep.figures.height_curves import height_time
+    from vibrosweep.figures.orbits import periodic_orbits
     from vibrosweep.figures.plane import parameter_plane
     from vibrosweep.figures.registry import available, save_all
     from vibrosweep.figures.restitution import height_against_restitution
@@ -42,6 +43,7 @@ __all__ = [
     "height_against_restitution",
     "height_time",
     "parameter_plane",
+    "periodic_orbits",
     "return_map",
     "save_all",
     "separation_distributions",
@@ -56,6 +58,7 @@ _HOMES: Final = {
     "bifurcation_diagram": "vibrosweep.figures.bifurcation",
     "height_time": "vibrosweep.figures.height_curves",
     "parameter_plane": "vibrosweep.figures.plane",
+    "periodic_orbits": "vibrosweep.figures.orbits",
     **dict.fromkeys(("available", "save_all"), "vibrosweep.figures.registry"),
     "height_against_restitution": "vibrosweep.figures.restitution",
     "return_map": "vibrosweep.figures.returns",

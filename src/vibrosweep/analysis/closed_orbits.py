@@ -1,0 +1,308 @@
+"""All closed orbits without rest of up to so many impacts in up to so many forcing periods.
+
+Orbits are solutions of equations, found whether they attract or not, and counted once however many
+time-shifted copies (slots) they have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from vibrosweep.analysis.common import attributes, require_ability, require_memory, shared
+from vibrosweep.arrays import Array
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.closed import ADMISSIBLE, MEETS_BASE, RESTS
+from vibrosweep.kernels.impact import base_of
+from vibrosweep.kernels.orbit_search import Closed, Wanted, empty_closed, find_closed
+from vibrosweep.model.measures import VARIABLES
+from vibrosweep.model.parameters import HIGH_BOUNCE, Dimensionless, dimensionless
+from vibrosweep.runs.result import attributes_of
+from vibrosweep.scene.realizations import open_design
+from vibrosweep.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from vibrosweep.scene.sweep import Sweep
+
+__all__ = ["SEEDS", "closed_orbits", "orbits_of_spec", "summary"]
+
+MOST_IMPACTS: Final = 12
+MOST_PERIODS: Final = 64
+# Of each phase; 128 found no more orbits at e in [0.5, 0.98] and kicks a up to 1.2
+SEEDS: Final = 8
+PIECE: Final = 256  # points
+ROOM: Final = 64  # orbits of a point, at first
+PROBLEMS_PER_TASK: Final = 4
+BYTES_PER_IMPACT: Final = 40
+OF_ORBITS: Final = Closed._fields[1 : Closed._fields.index("seeds")]
+NO_ORBIT: Final = -2
+ABSENT: Final = -1
+FLAGS: Final = {
+    "admissible": (
+        "int8",
+        "whether a particle takes the orbit: no earlier landing, no rest",
+        ((NO_ORBIT, "no_orbit"), (RESTS, "rests"), (MEETS_BASE, "lands_earlier"), (1, "yes")),
+    ),
+    "stable": (
+        "int8",
+        "whether both multipliers are inside the unit circle",
+        ((ABSENT, "no_orbit"), (0, "no"), (1, "yes")),
+    ),
+    "balanced": (
+        "int8",
+        "whether points with a real multiplier above 1 are as many as the others",
+        ((ABSENT, "unknown"), (0, "no"), (1, "yes")),
+    ),
+}
+
+
+def closed_orbits(
+    scene: Scene,
+    varied: dict[str, Array],
+    *,
+    impacts: int,
+    periods: int,
+    seeds: int = SEEDS,
+    threads: int,
+) -> xr.Dataset:
+    """Closed orbits of realizations, as `vibrosweep.orbits`, along the dim ``realization``.
+
+    Some inputs of the scene vary, each of shape (realization,).
+    """
+    require_ability("orbits", scene.base)
+    for name, value, most in (
+        ("impacts", impacts, MOST_IMPACTS),
+        ("periods", periods, MOST_PERIODS),
+    ):
+        if value > most:
+            raise ParameterError(
+                f"{name} = {value}: must be at most {most}, since the number of orbits grows "
+                f"exponentially with it"
+            )
+    quantities = scene.quantities(varied)
+    problem = dimensionless(scene.parameters(varied), scene.duration)
+    balances = scene.base == HIGH_BOUNCE and scene.rebound == "rest"
+    wanted = Wanted(impacts, periods, seeds, balances)
+    with Workers(threads) as workers:
+        found = _found(base_of(scene.base, scene.rebound), problem, wanted, workers)
+    unit = {"speed": quantities["gravity"] / (2.0 * quantities["frequency"])}
+    unit["time"] = 1.0 / quantities["frequency"]
+    data = _orbits(found, unit) | _searched(found, wanted, problem.restitution < 1.0)
+    data |= shared(scene, [*varied])
+    names = {n: ("realization", quantities[n], attributes_of(n)) for n in scene.varying(varied)}
+    words = attributes(scene, "Closed orbits") | {"notes": "", "seeds_of_each_phase": seeds}
+    coordinates = {
+        **names,
+        "impacts": ("impacts", np.arange(1, impacts + 1), {"long_name": "impacts of an orbit"}),
+        "periods": ("periods", np.arange(1, periods + 1), {"long_name": "its forcing periods"}),
+    }
+    return xr.Dataset(data, coordinates, words)
+
+
+def orbits_of_spec(spec: Sweep, impacts: int, periods: int, seeds: int, threads: int) -> xr.Dataset:
+    """Closed orbits of all realizations of a sweep, as `vibrosweep.orbits`."""
+    require_ability("orbits", spec.scene.base)
+    design = open_design(spec)
+    varied = design.take(0, design.realizations)
+    found = closed_orbits(
+        spec.scene, varied, impacts=impacts, periods=periods, seeds=seeds, threads=threads
+    )
+    found = _on_axes(found, spec) if design.sampled else found.isel(realization=0)
+    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
+
+
+def _on_axes(found: xr.Dataset, spec: Sweep) -> xr.Dataset:
+    """Return the same with the axes of a grid as dims."""
+    axes = spec.design.axes
+    if not axes:
+        return found
+    follows = {n: found[n] for n in found.coords if found[n].dims == ("realization",)}
+    sizes = [len(values) for values in axes.values()]
+    shaped: dict[str, Any] = {}
+    for name, one in {**follows, **found.data_vars}.items():
+        if "realization" in one.dims:
+            values = one.values.reshape(*sizes, *one.shape[1:])
+            shaped[str(name)] = ((*axes, *one.dims[1:]), values, one.attrs)
+        else:
+            shaped[str(name)] = one
+    coordinates = {n: (n, np.array(v), attributes_of(n)) for n, v in axes.items()}
+    kept = {n: shaped.pop(str(n)) for n in follows if n not in axes}
+    data = {n: v for n, v in shaped.items() if n not in axes}
+    places = {n: found[n] for n in ("impacts", "periods")}
+    return xr.Dataset(data, {**coordinates, **kept, **places}, found.attrs)
+
+
+def _found(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers) -> Closed:
+    """Search piece by piece, each with more room until all its orbits have found some."""
+    pieces = []
+    for start in range(0, problem.kick.size, PIECE):
+        own = Dimensionless(*(values[start : start + PIECE] for values in problem))
+        room, found = ROOM, empty_closed(own.kick.size, ROOM, wanted)
+        found.orbits[:] = -1
+        while (found.orbits < 0).any():
+            require_memory("orbits", own.kick.size * room, 2 * BYTES_PER_IMPACT * wanted.impacts)
+            found = empty_closed(own.kick.size, room, wanted)
+            task = partial(_search, base=base, problem=own, wanted=wanted, out=found)
+            workers.each(task, own.kick.size, PROBLEMS_PER_TASK)
+            room *= 2
+        pieces.append(_ordered(found))
+    most = max(piece.impacts.shape[1] for piece in pieces)
+    return Closed(
+        *(
+            np.concatenate([_padded(v, most, name) for v in values])
+            for name, values in zip(Closed._fields, zip(*pieces, strict=True), strict=True)
+        )
+    )
+
+
+def _search(first: int, last: int, **what: Any) -> None:
+    find_closed(first, last, what["base"], what["problem"], what["wanted"], what["out"])
+
+
+def _ordered(found: Closed) -> Closed:
+    """Return the orbits of each problem by their impacts, periods, and first phase."""
+    most = int(found.orbits.max())
+    absent = np.arange(found.impacts.shape[1]) >= found.orbits[:, np.newaxis]
+    order = np.lexsort((found.times[:, :, 0], found.periods, found.impacts, absent), axis=1)
+    rows, order = np.arange(order.shape[0])[:, np.newaxis], order[:, :most]
+    return found._replace(**{name: getattr(found, name)[rows, order] for name in OF_ORBITS})
+
+
+def _padded(values: NDArray[Any], most: int, name: str) -> NDArray[Any]:
+    """Return the values with room for so many orbits, where they are of orbits."""
+    if name not in OF_ORBITS:
+        return values
+    blank = np.nan if values.dtype.kind == "f" else 0
+    shape = ((0, 0), (0, most - values.shape[1]), *[(0, 0)] * (values.ndim - 2))
+    return np.pad(values, shape, constant_values=blank)
+
+
+def _flagged(name: str, dims: tuple[str, ...], values: NDArray[Any]) -> tuple[Any, ...]:
+    kind, words, flags = FLAGS[name]
+    told = {
+        "long_name": words,
+        "flag_values": np.array([value for value, _ in flags], kind),
+        "flag_meanings": " ".join(meaning for _, meaning in flags),
+    }
+    return dims, values.astype(kind), told
+
+
+def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
+    """Variables of the orbits, in physical units."""
+    each, landing = ("realization", "orbit"), ("realization", "orbit", "impact")
+    present = found.impacts > 0
+    at = np.arange(found.times.shape[2])
+    times, ends = found.times, np.full_like(found.times, np.nan)
+    ends[..., :-1] = times[..., 1:]
+    last = at == found.impacts[..., np.newaxis] - 1
+    ends = np.where(last, times[..., :1] + found.periods[..., np.newaxis], ends)
+    speed, period = (unit[name][:, np.newaxis, np.newaxis] for name in ("speed", "time"))
+    real, imaginary = _multipliers(found.trace, found.determinant)
+    modulus = np.hypot(real, imaginary)[..., 0]
+    return {
+        "cycle_impacts": (each, found.impacts, VARIABLES["cycle_impacts"].attributes),
+        "cycle_periods": (each, found.periods, VARIABLES["cycle_periods"].attributes),
+        "admissible": _flagged("admissible", each, np.where(present, found.admissible, NO_ORBIT)),
+        "stable": _flagged("stable", each, np.where(present, modulus < 1.0, ABSENT)),
+        "multiplier_real": (
+            (*each, "multiplier"),
+            real,
+            {"units": "1", "long_name": "multiplier of the orbit, real part, the larger first"},
+        ),
+        "multiplier_imaginary": (
+            (*each, "multiplier"),
+            imaginary,
+            {"units": "1", "long_name": "multiplier of the orbit, imaginary part"},
+        ),
+        "impact_phase": (
+            landing,
+            times - np.rint(times),
+            {"units": "1", "long_name": "phase of the impact, turns"},
+        ),
+        "flight_time": (
+            landing,
+            (ends - times) * period,
+            {"units": "s", "long_name": "duration of the flight after the impact"},
+        ),
+        "rebound_velocity": (
+            landing,
+            found.speed * speed,
+            {"units": "m s-1", "long_name": "speed at lift-off"},
+        ),
+        "arrival_velocity": (
+            landing,
+            found.arrival * speed,
+            {
+                "units": "m s-1",
+                "long_name": "speed at the end of the flight that follows the impact",
+                "comment": "relative to the base",
+            },
+        ),
+    }
+
+
+def _multipliers(trace: Array, determinant: Array) -> tuple[Array, Array]:
+    """Roots of z^2 - trace z + determinant, the one of larger modulus first; shape (..., 2)."""
+    square = 0.25 * trace * trace - determinant
+    root = np.sqrt(np.abs(square))
+    larger = 0.5 * trace + np.copysign(root, trace)
+    with np.errstate(invalid="ignore", divide="ignore"):  # both are 0
+        smaller = np.where(larger == 0.0, 0.0, determinant / larger)
+    real = np.where(square >= 0.0, [larger, smaller], 0.5 * trace)
+    imaginary = np.where(square >= 0.0, 0.0, [root, -root])
+    return np.moveaxis(real, 0, -1), np.moveaxis(imaginary, 0, -1)
+
+
+def _searched(found: Closed, wanted: Wanted, contracts: NDArray[np.bool_]) -> dict[str, Any]:
+    """Variables that tell how complete the search is."""
+    dims = ("realization", "impacts", "periods")
+    knows = wanted.balances & contracts[:, np.newaxis, np.newaxis]
+    numbers = {
+        "seeds": (found.seeds, "points from which orbits were searched"),
+        "late_orbits": (found.late, "new orbits that the last half of the seeds led to"),
+        "saddle_points": (found.saddles, "points of orbits with a real multiplier above 1"),
+        "other_points": (found.others, "points of the other orbits"),
+    }
+    comment = "of all solutions of p impacts in q periods, shorter orbits run d times among them"
+    data: dict[str, Any] = {
+        name: (dims, values, {"units": "1", "long_name": words})
+        for name, (values, words) in numbers.items()
+    }
+    for name in ("saddle_points", "other_points"):
+        data[name][2]["comment"] = comment
+    balanced = np.where(knows, found.saddles == found.others, ABSENT)
+    data["balanced"] = _flagged("balanced", dims, balanced)
+    count = {"units": "1", "long_name": "number of orbits"}
+    return {"orbit_count": (("realization",), found.orbits, count), **data}
+
+
+def summary(found: xr.Dataset) -> Iterator[str]:
+    """Describe the orbits in a line for each number of impacts and periods, and the search."""
+    p, q = found["cycle_impacts"].values, found["cycle_periods"].values
+    stable = (found["stable"].values == 1) & (found["admissible"].values == ADMISSIBLE)
+    points = max(1, found["orbit_count"].size)
+    for impacts in found["impacts"].values:
+        for periods in found["periods"].values:
+            own = (p == impacts) & (q == periods)
+            if own.any():
+                name = f"{impacts} in {periods} period{'s' if periods > 1 else ''}"
+                taken = own & (found["admissible"].values == ADMISSIBLE)
+                yield (
+                    f"{name:24}{own.sum()} orbits at {points} points, {taken.sum()} of them "
+                    f"admissible, {(own & stable).sum()} of these stable"
+                )
+    late, balanced = int(found["late_orbits"].sum()), found["balanced"].values
+    missed = int(np.count_nonzero(balanced == 0))
+    told = "no count tells whether all were found"
+    if (balanced != ABSENT).any():
+        told = f"{missed} of {np.count_nonzero(balanced != ABSENT)} counts do not balance"
+    yield (
+        f"{'search':24}{int(found['seeds'].sum())} seeds, the last half of which led to {late} new "
+        f"orbits; {told}"
+    )

@@ -1,0 +1,37 @@
+"""``vibrosweep orbits``: find all periodic orbits, whether they attract or not."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Final
+
+from vibrosweep.commands.arguments import positive
+from vibrosweep.commands.picture import add_common, produce
+
+NAME: Final = "orbits"
+HELP: Final = "find all periodic orbits, whether they attract or not"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_common(parser, "its realizations, of which orbits are found")
+    for name, words in (("impacts", "impacts"), ("periods", "forcing periods")):
+        parser.add_argument(
+            f"--{name}",
+            metavar="N",
+            type=positive,
+            default=4,
+            help=f"{words} of an orbit, at most; default: 4",
+        )
+
+
+def perform(options: argparse.Namespace) -> None:
+    from vibrosweep.analysis.closed_orbits import SEEDS, orbits_of_spec
+    from vibrosweep.api.result_kinds import ORBITS
+
+    produce(
+        options,
+        ORBITS,
+        lambda spec, threads: orbits_of_spec(
+            spec, options.impacts, options.periods, SEEDS, threads
+        ),
+    )

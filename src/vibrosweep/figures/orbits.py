@@ -1,0 +1,147 @@
+"""Periodic orbits, stable and unstable: in the plane of states, along a parameter, over a plane."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vibrosweep.arrays import Array
+from vibrosweep.errors import DataError
+from vibrosweep.figures import data, style
+from vibrosweep.figures.basins import basins_of_attraction
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NEEDS", "periodic_orbits"]
+
+NEEDS: Final = data.Needs(
+    ("cycle_impacts", "cycle_periods", "stable", "admissible", "impact_phase", "rebound_velocity")
+)
+OWN: Final = frozenset(("orbit", "impact", "impacts", "periods", "multiplier"))
+
+
+@style.styled
+def periodic_orbits(orbits: xr.Dataset, *, basins: xr.Dataset | None = None) -> Figure:
+    """Draw periodic orbits: filled where they are stable, hollow where they are not.
+
+    Of one realization their impacts are drawn, by phase and speed at lift-off; along one axis of a
+    grid their speeds; over two axes the number of stable orbits.  Orbits that no particle takes are
+    left out.
+
+    Parameters
+    ----------
+    orbits
+        Result of `vibrosweep.orbits`.
+    basins
+        Result of `vibrosweep.basins` at the same parameters, over which the impacts are drawn, at
+        the times of launch that have their phases.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure; it is neither displayed nor written.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable, or has other dims; or there are basins, and several points.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import periodic_orbits
+    >>> found = vs.orbits(amplitude=1.2, impacts=2, periods=2)
+    >>> periodic_orbits(found).axes[0].get_xlabel()
+    'phase of the impact, turns'
+    """
+    NEEDS.check("periodic_orbits", orbits)
+    axes_of = [str(dim) for dim in orbits["stable"].dims if dim not in OWN]
+    if "realization" in axes_of or len(axes_of) > 2 or (axes_of and basins is not None):
+        raise DataError(
+            f"figure periodic_orbits draws one realization, or a grid of one axis or two, and over "
+            f"basins one realization: choose with .isel() along {', '.join(axes_of)}"
+        )
+    if basins is not None:
+        figure = basins_of_attraction(basins)
+        _draw_points(figure.axes[0], orbits, _launch_times(orbits, basins))
+        return figure
+    figure, axes = style.new_figure(style.PAGE, 3.6)
+    if len(axes_of) == 2:
+        _draw_numbers(figure, axes, orbits, axes_of)
+    else:
+        (along,) = axes_of or ("impact_phase",)
+        _draw_points(axes, orbits, np.broadcast_to(*_aligned(orbits, along)))
+        axes.set_xlabel(data.label(orbits, along))
+        axes.set_ylabel(data.label(orbits, "rebound_velocity"))
+        axes.legend(
+            title=data.conditions(orbits),
+            loc="upper left",
+            bbox_to_anchor=(1.0, 1.0),
+            alignment="left",
+        )
+    return figure
+
+
+def _aligned(orbits: xr.Dataset, along: str) -> tuple[Array, tuple[int, ...]]:
+    values, shape = orbits[along].values, orbits["rebound_velocity"].shape
+    return values.reshape(values.shape + (1,) * (len(shape) - values.ndim)), shape
+
+
+def _launch_times(orbits: xr.Dataset, basins: xr.Dataset) -> Array:
+    """Times, within the period of the basins, at which the base has the phases of the impacts."""
+    first, frequency = float(basins["launch_time"][0]), data.pick(orbits, "frequency")
+    turns = orbits["impact_phase"].values - data.pick(orbits, "phase") / (2.0 * np.pi)
+    return np.asarray(first + np.mod(turns - frequency * first, 1.0) / frequency)
+
+
+def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
+    """Draw all impacts of the orbits that particles take, a colour for each (p, q)."""
+    taken = orbits["admissible"].values == 1
+    stable, speed = orbits["stable"].values == 1, orbits["rebound_velocity"].values
+    p, q = orbits["cycle_impacts"].values, orbits["cycle_periods"].values
+    kinds = sorted({(int(a), int(b)) for a, b in zip(p[taken], q[taken], strict=True)})
+    colours = [*style.OKABE_ITO, *(str(grey) for grey in np.linspace(0.3, 0.8, len(kinds)))]
+    many = int(taken.sum()) > style.MANY // 10
+    size = 1.2 if many else 4.5
+    for kind, colour in zip(kinds, colours, strict=False):
+        own = taken & (p == kind[0]) & (q == kind[1])
+        name = f"{kind[0]} in {kind[1]} period{'s' if kind[1] > 1 else ''}"
+        for chosen, filled in ((own & ~stable, False), (own & stable, True)):
+            axes.plot(
+                across[chosen].ravel(),
+                speed[chosen].ravel(),
+                linestyle="none",
+                marker="o",
+                markersize=size,
+                markeredgewidth=0.3 if many else 0.8,
+                markeredgecolor=colour,
+                markerfacecolor=colour if filled else "white",
+                rasterized=many,
+                zorder=3.0 + filled,
+            )
+        axes.plot([], [], "o", color=colour, markersize=4.5, label=name)
+    for name, face in (("stable", "0.3"), ("unstable", "white")):
+        axes.plot([], [], "o", markeredgecolor="0.3", markerfacecolor=face, label=name)
+
+
+def _draw_numbers(figure: Figure, axes: Axes, orbits: xr.Dataset, axes_of: list[str]) -> None:
+    """Draw how many stable orbits particles take at each point of a plane."""
+    held = (orbits["stable"] == 1) & (orbits["admissible"] == 1)
+    number = held.sum("orbit").transpose(axes_of[1], axes_of[0])
+    most = max(1, int(number.max()))
+    drawn = axes.pcolormesh(
+        orbits[axes_of[0]].values,
+        orbits[axes_of[1]].values,
+        number.values,
+        cmap=style.SEQUENTIAL_MAP,
+        vmin=-0.5,
+        vmax=most + 0.5,
+        rasterized=True,
+    )
+    axes.set_xlabel(data.label(orbits, axes_of[0]))
+    axes.set_ylabel(data.label(orbits, axes_of[1]))
+    figure.colorbar(drawn, ax=axes, label="stable orbits")

@@ -1,0 +1,213 @@
+"""All closed orbits of up to so many impacts in up to so many periods, for a batch of problems.
+
+Seeds cover the landing times of p impacts in q periods evenly: quasi-random points of the unit cube
+of p dimensions (the sequence of the generalised golden ratio), the first number the phase, the
+others the further landings.  More are taken until twice as many as led to the last new orbit; and,
+on the map, until orbits balance.
+
+For e < 1 the p equations of the map have no solution at the border of all flights u > 0, and none
+without kicks: their degree is zero.  So the solutions, each of an orbit's points counted, whose
+Jacobian has a real multiplier above 1 are as many as the others; among them are shorter orbits run
+several times.  What does not balance was missed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Flags, Floats, Integers, jit, kernel, part
+from vibrosweep.kernels.bases import Base, Constants, constants, speed
+from vibrosweep.kernels.closed import (
+    Tangent,
+    admits,
+    begin_shortest,
+    close,
+    flight,
+    linearize,
+    power_trace,
+    primitive,
+    same,
+)
+from vibrosweep.model.parameters import Dimensionless
+
+WORTH = 2.5  # kicks by which the speeds of a seed may be off; orbits start from better ones
+LEAST = 8  # impacts from which on the number of seeds grows no more
+PATIENCE = 32  # times the least number of seeds are tried, where orbits go on to be found
+
+
+class Wanted(NamedTuple):
+    """What is looked for."""
+
+    impacts: int  # at most, of an orbit
+    periods: int  # at most
+    seeds: int  # at least, of each (p, q), times 4 for each impact beyond the first
+    balances: bool  # whether the orbits of each (p, q) balance once all are found
+
+
+class Closed(NamedTuple):
+    """Orbits; the first dimension of every array is (problem,), the second (orbit,) or (p, q)."""
+
+    orbits: Integers  # (problem,): their number, -1 where they find no room
+    impacts: Integers
+    periods: Integers
+    admissible: Flags
+    trace: Floats  # of the Jacobian of phase and speed over the orbit
+    determinant: Floats
+    # times, speed, arrival: (problem, orbit, impact): of the landing in periods from that at which
+    # the first flight begins; at the lift-off, absolute; at the landing, relative to the base
+    times: Floats
+    speed: Floats
+    arrival: Floats
+    born: Integers  # number of the seed that led to it
+    # seeds, late: (problem, p, q): seeds, and new orbits found by their last half
+    seeds: Integers
+    late: Integers
+    # saddles, others: points with a real multiplier above 1, and without; see above
+    saddles: Integers
+    others: Integers
+
+
+def empty_closed(problems: int, room: int, wanted: Wanted) -> Closed:
+    """Allocate room for so many orbits of each problem."""
+    each, pairs = (problems, room), (problems, wanted.impacts, wanted.periods)
+    landings = (*each, wanted.impacts)
+    return Closed(
+        orbits=np.zeros(problems, np.int64),
+        impacts=np.zeros(each, np.int64),
+        periods=np.zeros(each, np.int64),
+        admissible=np.zeros(each, np.int8),
+        trace=np.full(each, np.nan),
+        determinant=np.full(each, np.nan),
+        times=np.full(landings, np.nan),
+        speed=np.full(landings, np.nan),
+        arrival=np.full(landings, np.nan),
+        born=np.zeros(each, np.int64),
+        seeds=np.zeros(pairs, np.int64),
+        late=np.zeros(pairs, np.int64),
+        saddles=np.zeros(pairs, np.int64),
+        others=np.zeros(pairs, np.int64),
+    )
+
+
+@jit
+def _seed(number: int, golden: float, p: int, q: int, times: Floats) -> None:
+    """Write landing times of a seed, ascending."""
+    step = 1.0 / golden
+    phase = (0.5 + number * step) % 1.0
+    times[0] = phase
+    for i in range(1, p):
+        step /= golden
+        at = phase + q * ((0.5 + number * step) % 1.0)
+        j = i
+        while j > 1 and times[j - 1] > at:
+            times[j] = times[j - 1]
+            j -= 1
+        times[j] = at
+
+
+@jit
+def _golden(p: int) -> float:
+    """Root of g^(p + 1) = g + 1, by which points of p dimensions are spread."""
+    g = 1.5
+    for _ in range(60):
+        g = (1.0 + g) ** (1.0 / (p + 1))
+    return g
+
+
+@part
+def _balance(out: Closed, i: int, p: int, q: int) -> None:
+    """Count the points of all solutions of (p, q), those of shorter orbits included."""
+    saddles = others = 0
+    for k in range(out.orbits[i]):
+        d = p // out.impacts[i, k]
+        if d * out.impacts[i, k] == p and d * out.periods[i, k] == q:
+            tangent = power_trace(Tangent(out.trace[i, k], out.determinant[i, k]), d)
+            if 1.0 - tangent.trace + tangent.determinant < 0.0:
+                saddles += out.impacts[i, k]
+            else:
+                others += out.impacts[i, k]
+    out.saddles[i, p - 1, q - 1], out.others[i, p - 1, q - 1] = saddles, others
+
+
+@jit
+def _known(i: int, times: Floats, p: int, q: int, out: Closed) -> bool:
+    """Return whether an orbit is among those that are kept."""
+    for k in range(out.orbits[i]):
+        alike = out.impacts[i, k] == p and out.periods[i, k] == q
+        if alike and same(out.times[i, k], times, p, q):
+            return True
+    return False
+
+
+@part
+def _search(
+    fixed: Constants, i: int, p: int, q: int, wanted: Wanted, kick: float, out: Closed
+) -> bool:
+    """Find the orbits of (p, q), shorter ones among them; False where they find no room."""
+    times, scratch, off, matrix = np.empty(p), np.empty(p), np.empty(p), np.empty((p, p))
+    golden = _golden(p)
+    least = wanted.seeds * 4 ** (min(p, LEAST) - 1)
+    number, until, before = 0, least, out.orbits[i]
+    while number < until:
+        number += 1
+        _seed(number, golden, p, q, times)
+        linearize(fixed, times, p, q, off, matrix)
+        worst = 0.0
+        for j in range(p):
+            worst = max(worst, abs(off[j]))
+        if worst <= WORTH * kick and close(fixed, times, p, q, off, matrix):
+            d = primitive(times, p, q)
+            begin_shortest(times, d, q * d // p, scratch)
+            if not _known(i, times, d, q * d // p, out):
+                if out.orbits[i] == out.impacts.shape[1]:
+                    return False
+                _keep(fixed, i, times, d, q * d // p, number, out)
+                until = max(until, min(2 * number, PATIENCE * least))
+        if number == until and wanted.balances and until < PATIENCE * least:
+            _balance(out, i, p, q)
+            if out.saddles[i, p - 1, q - 1] != out.others[i, p - 1, q - 1]:
+                until *= 2
+    out.seeds[i, p - 1, q - 1] = number
+    out.late[i, p - 1, q - 1] = 0
+    for k in range(before, out.orbits[i]):
+        out.late[i, p - 1, q - 1] += 2 * out.born[i, k] > number
+    return True
+
+
+@part
+def _keep(
+    fixed: Constants, i: int, times: Floats, p: int, q: int, number: int, out: Closed
+) -> None:
+    """Keep a new orbit, with what is known of it from its times."""
+    k = out.orbits[i]
+    out.orbits[i] += 1
+    out.impacts[i, k], out.periods[i, k], out.born[i, k] = p, q, number
+    out.times[i, k, :p] = times[:p]
+    tangent = linearize(fixed, times, p, q, np.empty(p), np.empty((p, p)))
+    out.trace[i, k], out.determinant[i, k] = tangent.trace, tangent.determinant
+    out.admissible[i, k] = admits(fixed, times, p, q)
+    for j in range(p):
+        one = flight(fixed, times, p, q, j)
+        out.speed[i, k, j] = speed(fixed, one.x, one.u)
+        out.arrival[i, k, j] = one.v
+
+
+@kernel
+def find_closed(
+    first: int, last: int, base: Base, problem: Dimensionless, wanted: Wanted, out: Closed
+) -> None:
+    """Find the closed orbits of problems first ... last - 1."""
+    for i in range(first, last):
+        out.orbits[i] = 0
+        fixed = constants(base, problem, i)
+        roomy = True
+        for p in range(1, wanted.impacts + 1):
+            for q in range(1, wanted.periods + 1):
+                roomy = roomy and _search(fixed, i, p, q, wanted, problem.kick[i], out)
+        for p in range(1, wanted.impacts + 1):
+            for q in range(1, wanted.periods + 1):
+                _balance(out, i, p, q)
+        if not roomy:
+            out.orbits[i] = -1

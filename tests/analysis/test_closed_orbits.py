@@ -1,0 +1,133 @@
+"""Orbits as a user asks for them: dims, units, codes, refusals, figures."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import vibrosweep as vs
+from vibrosweep.analysis.closed_orbits import closed_orbits, summary
+from vibrosweep.errors import DataError, ParameterError, SpecError
+from vibrosweep.figures import periodic_orbits
+
+FEW = {"impacts": 2, "periods": 2}
+
+
+@pytest.fixture(scope="module")
+def plane():
+    return vs.orbits(restitution=[0.5, 0.9], amplitude=[0.1, 1.2, 3.1], **FEW)
+
+
+def test_axes_of_a_grid_are_dims(plane):
+    assert plane.stable.dims == ("restitution", "amplitude", "orbit")
+    assert plane.impact_phase.dims[-2:] == ("orbit", "impact")
+    assert (
+        plane.orbit_count.values.tolist() == (plane.cycle_impacts > 0).sum("orbit").values.tolist()
+    )
+    assert int(plane.orbit_count[0, 0]) == 0
+    one = plane.sel(restitution=0.9, amplitude=1.2).dropna(
+        "orbit", how="all", subset=["impact_phase"]
+    )
+    alone = vs.orbits(restitution=0.9, amplitude=1.2, **FEW)
+    assert one.impact_phase.values.tolist()[0][0] == alone.impact_phase.values.tolist()[0][0]
+
+
+def test_flights_and_speeds_are_in_physical_units(plane):
+    """Flight times of an orbit add up to its periods, and on the map end with their first speed."""
+    period = 1.0 / plane.frequency
+    total = plane.flight_time.sum("impact")
+    assert np.allclose(total, plane.cycle_periods * period)
+    assert np.allclose(
+        (plane.rebound_velocity * 2.0 / plane.gravity - plane.flight_time).fillna(0.0), 0.0
+    )
+
+
+def test_multipliers_tell_what_attracts(plane):
+    modulus = np.hypot(plane.multiplier_real, plane.multiplier_imaginary)
+    present = plane.cycle_impacts > 0
+    assert bool(
+        ((plane.stable == 1) == (modulus.max("multiplier") < 1.0)).where(present, True).all()
+    )
+    product = (plane.multiplier_real.prod("multiplier")).where(modulus.isel(multiplier=0) > 0)
+    real = plane.multiplier_imaginary.isel(multiplier=0) == 0.0
+    expected = plane.restitution**plane.cycle_impacts
+    assert np.allclose(product.where(real & present, 0.0), expected.where(real & present, 0.0))
+
+
+def test_a_stable_orbit_attracts_launches_on_it():
+    """Its phases and speeds are those of the cycle that a particle settles on."""
+    found = vs.orbits(amplitude=1.2, **FEW)
+    one = found.isel(orbit=int(np.argmax(found.stable.values)), impact=0)
+    record = vs.simulate(
+        amplitude=1.2,
+        launch_time=float(one.impact_phase) + 1.0,
+        launch_velocity=float(one.rebound_velocity) + 1e-3,
+        duration=800.0,
+    )
+    last = record.rebound_velocity.isel(realization=0, particle=0).dropna("impact").values[-1]
+    assert last == pytest.approx(float(one.rebound_velocity), abs=1e-9)
+
+
+def test_what_no_count_tells_is_unknown():
+    assert (vs.orbits(base="moving", impacts=1, periods=1).balanced == -1).all()
+    assert (vs.orbits(restitution=1.0, impacts=1, periods=1).balanced == -1).all()
+    assert (vs.orbits(impacts=1, periods=1).balanced == 1).all()
+
+
+def test_results_do_not_depend_on_threads_nor_on_the_other_points(plane):
+    again = vs.orbits(restitution=[0.5, 0.9], amplitude=[0.1, 1.2, 3.1], threads=1, **FEW)
+    assert plane.equals(again)
+
+
+def test_more_orbits_than_at_first_have_room(monkeypatch):
+    module = "vibrosweep.analysis.closed_orbits"
+    whole = vs.orbits(amplitude=[1.2, 3.1], **FEW)
+    monkeypatch.setattr(f"{module}.ROOM", 1)
+    monkeypatch.setattr(f"{module}.PIECE", 1)
+    assert whole.equals(vs.orbits(amplitude=[1.2, 3.1], **FEW))
+
+
+def test_draws_of_ranges_have_realizations():
+    found = vs.orbits(amplitude=(0.5, 3.0), realizations=4, **FEW)
+    assert found.stable.dims == ("realization", "orbit")
+    assert found.amplitude.dims == ("realization",)
+
+
+def test_bad_input_is_refused_with_its_range():
+    with pytest.raises(ParameterError, match="impacts = 99: must be at most 12"):
+        vs.orbits(impacts=99)
+    with pytest.raises(ParameterError, match="periods = 0: must be a whole number, at least 1"):
+        vs.orbits(periods=0)
+    with pytest.raises(SpecError, match="restitution"):
+        vs.orbits(restitution=2.0)
+    with pytest.raises(ParameterError, match="couples"):
+        vs.orbits(base="sprung", mass_ratio=0.1, mount_frequency=2.0)
+
+
+def test_the_summary_counts_and_judges(plane):
+    lines = list(summary(plane))
+    assert lines[0].startswith("1 in 1 period")
+    assert "0 of 24 counts do not balance" in lines[-1]
+    nothing = closed_orbits(  # too weak a kick for any orbit
+        vs_scene(), {"amplitude": np.array([1e-6])}, impacts=1, periods=1, threads=1
+    )
+    assert len(list(summary(nothing))) == 1
+
+
+def vs_scene():
+    from vibrosweep.scene.keywords import keyword_spec
+
+    return keyword_spec({}).scene
+
+
+def test_figures_show_one_point_a_line_and_a_plane(plane):
+    line = plane.isel(restitution=1)
+    basins = vs.basins(launch_velocity=[3.0, 4.0, 5.0], particles=4, duration=2000.0)
+    for figure in (
+        periodic_orbits(plane),
+        periodic_orbits(line),
+        periodic_orbits(line.isel(amplitude=1)),
+        periodic_orbits(line.isel(amplitude=1), basins=basins),
+    ):
+        assert isinstance(figure, Figure)
+    with pytest.raises(DataError, match=r"choose with \.isel\(\) along amplitude"):
+        periodic_orbits(line, basins=basins)

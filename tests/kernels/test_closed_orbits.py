@@ -1,0 +1,155 @@
+"""Closed orbits: what is found is an orbit, closed forms are among them, and nothing is missed."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vibrosweep.kernels.bases import constants
+from vibrosweep.kernels.closed import ADMISSIBLE, begin_shortest, primitive, same
+from vibrosweep.kernels.impact import base_of, impact
+from vibrosweep.kernels.orbit_search import Wanted, empty_closed, find_closed
+from vibrosweep.model.parameters import dimensionless
+
+GRAVITY = 9.81
+ROOM = 300
+
+
+def problem(e, a, contact_time=1e-4):
+    """Dimensionless problems at f = 1 Hz."""
+    e, a = np.broadcast_arrays(np.asarray(e, float), np.asarray(a, float))
+    one = np.ones(e.size)
+    return dimensionless(
+        {
+            "restitution": e.ravel().copy(),
+            "amplitude": a.ravel() * GRAVITY / 2.0,
+            "frequency": one,
+            "phase": 0.0 * one,
+            "gravity": GRAVITY * one,
+            "launch_velocity": one,
+            "contact_time": contact_time * one,
+        },
+        12.0,
+    )
+
+
+def search(base, e, a, impacts=3, periods=3, rebound="rest"):
+    given_ = problem(e, a)
+    wanted = Wanted(impacts, periods, 8, base == "high-bounce" and rebound == "rest")
+    found = empty_closed(given_.kick.size, ROOM, wanted)
+    find_closed(0, given_.kick.size, base_of(base, rebound), given_, wanted, found)
+    assert (found.orbits >= 0).all()
+    return found
+
+
+@pytest.mark.parametrize("base", ["high-bounce", "moving"])
+def test_every_orbit_is_one_that_the_engine_follows(base):
+    e, a = [0.5, 0.8, 0.9], [0.9, 0.7, 0.62]
+    found, given_ = search(base, e, a), problem(e, a)
+    for i in range(3):
+        fixed = constants(base_of(base, "rest"), given_, i)
+        taken = np.flatnonzero(found.admissible[i, : found.orbits[i]] == ADMISSIBLE)
+        assert taken.size
+        for k in taken:
+            p, q = found.impacts[i, k], found.periods[i, k]
+            times = found.times[i, k, :p]
+            for j in range(p):
+                x = times[j] - np.rint(times[j])
+                shift = 0.0 if base == "high-bounce" else fixed.alpha * math.sin(2 * math.pi * x)
+                hit = impact(fixed, 0.0, x, found.speed[i, k, j] - shift)
+                end = times[j + 1] if j + 1 < p else times[0] + q
+                assert hit.leaves
+                assert hit.flight.time == pytest.approx(end - times[j], abs=1e-11)
+                assert hit.v == pytest.approx(found.arrival[i, k, j], abs=1e-10)
+                after = found.speed[i, k, (j + 1) % p]
+                turned = math.sin(2.0 * math.pi * hit.x)
+                own = hit.u + (0.0 if base == "high-bounce" else fixed.alpha * turned)
+                assert own == pytest.approx(after, abs=1e-10)
+
+
+@pytest.mark.parametrize(("base", "power"), [("high-bounce", 1), ("moving", 2)])
+def test_determinants_are_powers_of_the_restitution(base, power):
+    """The product of the multipliers over a cycle is e^p, or e^(2p)."""
+    found = search(base, [0.4, 0.9], [0.8, 0.6])
+    for i, e in enumerate((0.4, 0.9)):
+        k = slice(0, found.orbits[i])
+        expected = e ** (power * found.impacts[i, k])
+        assert found.determinant[i, k] == pytest.approx(expected, rel=1e-9)
+
+
+@given(st.floats(0.3, 0.99), st.floats(0.02, 1.3), st.sampled_from(["high-bounce", "moving"]))
+@settings(max_examples=40, deadline=None)
+def test_orbits_of_one_impact_are_the_closed_forms(e, a, base):
+    """Landing phases with sin = (1 - e) k / a, and their traces, two for each k that exists."""
+    found = search(base, e, a, impacts=1, periods=4)
+    expected = []
+    for k in range(1, 5):
+        need = (1.0 - e) * k / a
+        if abs(need - 1.0) < 1e-9:
+            return  # the two are as good as one
+        if need < 1.0:
+            x = math.asin(need) / (2.0 * math.pi)
+            expected += [(k, x), (k, 0.5 - x)]
+    own = slice(0, found.orbits[0])
+    landed = np.column_stack([found.periods[0, own], found.times[0, own, 0]])
+    assert landed.shape[0] == len(expected)
+    for k, x in expected:
+        at = np.argmin(np.abs(landed[:, 0] - k) + np.abs(landed[:, 1] - x))
+        slope = 2.0 * math.pi * a * math.cos(2.0 * math.pi * x)
+        trace = 1.0 + e + slope
+        if base == "moving":
+            trace = 1.0 + e * e + (1.0 + e) * slope / 2.0
+        # the phase is as far off as the slope of the sine is small
+        assert landed[at, 1] == pytest.approx(x, abs=4e-15 / abs(math.cos(2.0 * math.pi * x)))
+        assert found.trace[0, own][at] == pytest.approx(trace, abs=1e-9)
+
+
+@given(st.floats(0.5, 0.95), st.floats(0.1, 1.1))
+@settings(max_examples=12, deadline=None)
+def test_solutions_of_the_map_balance(e, a):
+    """Those with a real multiplier above 1 are as many as the others, off bifurcations."""
+    found = search("high-bounce", e, a)
+    trace, det = found.trace[0, : found.orbits[0]], found.determinant[0, : found.orbits[0]]
+    if np.any(np.abs(1.0 - trace + det) < 1e-4) or np.any(np.abs(1.0 + trace + det) < 1e-4):
+        return  # next to a bifurcation
+    assert found.saddles.tolist() == found.others.tolist()
+
+
+def test_one_orbit_has_doubled():
+    """Just above the end of the mode k = 1 at e = 0.9 there is one orbit of two impacts in two."""
+    found = search("high-bounce", 0.9, 0.62, impacts=2, periods=2)
+    own = (found.impacts[0] == 2) & (found.periods[0] == 2)
+    assert own.sum() == 1
+
+
+def test_many_seeds_find_nothing_more():
+    """At e = 0.6 over the moving base sixteen times as many seeds find the same orbits."""
+    given_, base = problem(0.6, 1.1), base_of("moving", "rest")
+    counts = []
+    for seeds in (8, 128):
+        wanted = Wanted(3, 3, seeds, False)
+        found = empty_closed(1, ROOM, wanted)
+        find_closed(0, 1, base, given_, wanted, found)
+        counts.append(int(found.orbits[0]))
+    assert counts[0] == counts[1] > 4
+
+
+def test_too_little_room_is_said():
+    wanted = Wanted(1, 4, 8, True)
+    found = empty_closed(1, 2, wanted)
+    find_closed(0, 1, base_of("high-bounce", "rest"), problem(0.9, 0.9), wanted, found)
+    assert found.orbits[0] == -1
+
+
+def test_an_orbit_is_the_same_from_any_impact_and_period():
+    one = np.array([0.1, 0.8, 1.3])
+    other = np.array([0.8, 1.3, 4.1]) - 7.0
+    assert same(one, other, 3, 4)
+    assert not same(one, other + np.array([0.0, 1e-3, 0.0]), 3, 4)
+    assert primitive(np.array([0.2, 0.9, 2.2, 2.9]), 4, 4) == 2
+    assert primitive(np.array([0.2, 0.9, 2.2, 2.9]), 4, 5) == 4
+    scratch = np.empty(3)
+    begin_shortest(other, 3, 4, scratch)
+    assert other == pytest.approx([-0.2, 0.3, 3.1])
