@@ -95,7 +95,8 @@ def test_separations_of_keywords_and_of_a_result():
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: vs.windows(amplitude=(1.0, 2.0), realizations=2), SpecError, "a list of values"),
+        (lambda: vs.windows(amplitude=1.0, restitution=[0.8]), SpecError, "a list of values"),
+        (lambda: vs.windows(amplitude=(1.0, 2.0), phase=(0.0, 1.0)), SpecError, "phase: "),
         (lambda: vs.windows(amplitude=[1.0, 2.0], conditions=["what"]), SpecError, "'what' is not"),
         (lambda: vs.windows(amplitude=[1.0, 2.0], continuaton=True), SpecError, '"continuation"'),
         (lambda: vs.bifurcation(amplitude=1.0), SpecError, "a list of values for amplitude"),
@@ -164,6 +165,17 @@ def test_windows_of_regular_motion_do_not_fall_apart():
     assert not (found.holds == UNDETERMINED).any()
 
 
+def test_windows_scan_the_ranges_of_a_random_sweep():
+    spec = {"restitution": (0.8, 0.9), "amplitude": (0.2, 3.5), "realizations": 7, "seed": 3}
+    found = vs.windows(spec)
+    assert found.sizes["restitution"] == 25
+    assert found.scan.values[[0, -1]].tolist() == [0.2, 3.5]
+    assert "over the ranges of the uniform design" in found.attrs["grid"]
+    one = found.isel(condition=0, direction=0, window=0)
+    closed = vs.theory.amplitude_max(1, one.restitution.values)
+    assert (abs(one.A_max - closed) <= one.A_max_bracket).all()
+
+
 def test_a_condition_of_landings_keeps_the_duration_of_sweeps():
     found = vs.windows(amplitude=[0.5, 1.0], conditions=["separated"], particles=2)
     assert found.duration == 12.0
@@ -188,5 +200,5 @@ def test_the_command_line_says_it_once(command, tmp_path, monkeypatch, capsys):
     said, complained = capsys.readouterr()
     assert said.count("such orbits may be called unsettled") == 1
     assert not complained
-    with xr.open_dataset(tmp_path / "x.h5", engine="h5netcdf") as found:
+    with xr.open_dataset(tmp_path / f"x_{command}.h5", engine="h5netcdf") as found:
         assert "such orbits may be called unsettled" in found.attrs["notes"]

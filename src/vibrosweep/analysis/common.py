@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -105,16 +105,23 @@ def axis(name: str, values: ArrayLike) -> Array:
 
 
 def grid_axes(
-    spec: Sweep, purpose: str, needed: str, allowed: tuple[str, ...] = ()
+    spec: Sweep,
+    purpose: str,
+    needed: str,
+    allowed: tuple[str, ...] = (),
+    points: Mapping[str, int] | None = None,
 ) -> dict[str, Array]:
     """Axes of a sweep's grid, ascending, by the names of parameters.
 
-    Raises a SpecError that names the purpose unless the design is a grid with the axis that is
-    needed, and no others than those allowed.
+    With `points`, which say how many, ranges of a design that draws are axes of even steps.  Raises
+    a SpecError that names the purpose unless the design is a grid with the axis that is needed, and
+    no others than those allowed.
     """
     axes = {name: np.sort(values) for name, values in spec.design.axes.items()}
+    ranges = spec.design.sampled if points and not axes else {}
+    axes |= {n: np.linspace(*one.ends, (points or {}).get(n, 2)) for n, one in ranges.items()}
     other = [name for name in axes if name not in (needed, *allowed)]
-    if spec.design.name != GRID or needed not in axes or other:
+    if needed not in axes or other or not (ranges or spec.design.name == GRID):
         also = f" and, if need be, of {' or '.join(allowed)}" if allowed else " and no other"
         grid = Word('design = "grid" with an axis of', "a list of values for")
         wrong = Mistake(

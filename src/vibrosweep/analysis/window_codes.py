@@ -59,6 +59,8 @@ def code_of_ends(window: Window) -> int:
 
 def summary(windows: xr.Dataset) -> Iterator[str]:
     """Describe the windows in a line for each condition and direction."""
+    if "grid" in windows.attrs:
+        yield f"{'scan':24}{windows.attrs['grid']}"
     first, last = windows["scan"].values[[0, -1]]
     units = FORCINGS[windows.attrs["forcing"]].units
     unit = "" if units == "1" else f" {units}"

@@ -64,6 +64,7 @@ __all__ = [
 TOLERANCE: Final = 1e-9
 DIRECTIONS: Final = ("up", "down")
 FINEST: Final = 1e-14
+RESTITUTIONS, POINTS = 25, 150  # of a scan over ranges
 # Relative error of the amplitude that `model.forcing.completed` makes of another forcing: at most
 # six roundings, with that of pi
 FORCING_ERROR: Final = 6.0 * HALF_ULP
@@ -124,8 +125,9 @@ def find_windows(
 def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
     """Windows of a sweep file with a [windows] section, as `find_windows`.
 
-    Raises a SpecError where the file has no such section, a condition is not known, or the design
-    is no grid over restitution and a forcing alone.
+    Ranges of a design that draws are scanned in `RESTITUTIONS` and `POINTS` even steps; the
+    attribute ``grid`` says so.  Raises a SpecError where the file has no such section, a condition
+    is not known, or restitution and a forcing are not all that varies.
     """
     require_ability("windows", spec.scene.base)
     if spec.windows is None:
@@ -141,17 +143,24 @@ def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
     except ParameterError as error:
         raise spec.refusal((Key("windows.conditions"), f": {error}")) from error
     forcing = forcing_of(spec.design.sampled)
-    axes = grid_axes(spec, "windows", forcing, ("restitution",))
+    points = {"restitution": RESTITUTIONS, forcing: POINTS}
+    axes = grid_axes(spec, "windows", forcing, ("restitution",), points)
     e = axes.get("restitution", spec.scene.inputs.get("restitution", ()))
     orbits = any(_of_orbits(c) for c in conditions)
-    return find_windows(
+    found = find_windows(
         settling(spec, float(np.max(e, initial=0.0))) if orbits else spec.scene,
         e,
         axes[forcing],
         forcing=forcing,
         threads=threads,
         **{**spec.windows, "conditions": conditions},
-    ).assign_attrs(title=spec.title, sweep_file=spec.text)
+    )
+    if not spec.design.axes:
+        sizes = f"{np.size(e)} restitutions and {POINTS} values of {forcing}"
+        found.attrs["grid"] = (
+            f"{sizes} in even steps over the ranges of the {spec.design.name} design"
+        )
+    return found.assign_attrs(title=spec.title, sweep_file=spec.text)
 
 
 def _of_orbits(condition: Condition | Locked) -> bool:

@@ -24,7 +24,11 @@ def add_common(parser: argparse.ArgumentParser, spec: str) -> None:
     """Add the arguments of such a command; `spec` says what the sweep file must hold."""
     parser.add_argument("spec", metavar="SPEC.toml", type=Path, help=spec)
     parser.add_argument(
-        "-o", "--output", metavar="OUT.h5", type=Path, help="default: the name of the sweep file"
+        "-o",
+        "--output",
+        metavar="OUT.h5",
+        type=Path,
+        help="default: the name of the sweep file, with that of the command",
     )
     parser.add_argument("--threads", metavar="N", type=positive, help="default: all processors")
     parser.add_argument("--force", action="store_true", help="replace existing outputs")
@@ -42,7 +46,7 @@ def produce(
     from vibrosweep.scene.sweep import read_spec
 
     spec = read_spec(options.spec)
-    output = options.output or Path(f"{options.spec.stem}.h5")
+    output = options.output or default_output(options.spec, kind)
     picture = output.with_suffix(".png")
     _check(options, spec, output, picture)
     from vibrosweep.figures.registry import save
@@ -62,6 +66,12 @@ def produce(
     with drawing(output):
         save(kind.figure(found), picture, force=options.force)
     print(f"written to {output} and {picture}")
+
+
+def default_output(spec: Path, kind: ResultKind) -> Path:
+    """Return the name of the sweep file with that of the kind of result, unless it says so."""
+    named = spec.stem if kind.name in spec.stem else f"{spec.stem}_{kind.name}"
+    return Path(f"{named}.h5")
 
 
 def _check(options: argparse.Namespace, spec: Sweep, output: Path, picture: Path) -> None:

@@ -12,7 +12,7 @@ HELP: Final = "find the intervals of the forcing in which conditions hold"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_common(parser, "a grid over the forcing, with [windows]")
+    add_common(parser, "a grid, or ranges, of the forcing, with [windows]")
 
 
 def perform(options: argparse.Namespace) -> None:
