@@ -96,7 +96,11 @@ def test_separations_of_keywords_and_of_a_result():
     ("call", "error", "message"),
     [
         (lambda: vs.windows(amplitude=1.0, restitution=[0.8]), SpecError, "a list of values"),
-        (lambda: vs.windows(amplitude=(1.0, 2.0), phase=(0.0, 1.0)), SpecError, "phase: "),
+        (
+            lambda: vs.windows(amplitude=(1.0, 2.0), phase=(0.0, 1.0), realizations=2),
+            SpecError,
+            "phase",
+        ),
         (lambda: vs.windows(amplitude=[1.0, 2.0], conditions=["what"]), SpecError, "'what' is not"),
         (lambda: vs.windows(amplitude=[1.0, 2.0], continuaton=True), SpecError, '"continuation"'),
         (lambda: vs.bifurcation(amplitude=1.0), SpecError, "a list of values for amplitude"),
