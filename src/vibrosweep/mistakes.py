@@ -35,11 +35,24 @@ class Word(NamedTuple):
     option: str = ""  # that of the file where empty
 
 
+class Cell(NamedTuple):
+    """A place in a table of realizations: a value, a column, a row or, with neither, all of it."""
+
+    table: str  # its file
+    column: str | None = None
+    row: int = 0  # counted from 1, without the line of names
+
+    def __str__(self) -> str:
+        row = f"row {self.row} (the first row of values is 1)" if self.row else ""
+        return row if self.column is None else f'column "{self.column}"{row and f", {row}"}'
+
+
 @dataclass(frozen=True)
 class Mistake:
     """One mistake: what was given, and how to mend it."""
 
-    key: str  # path in a sweep file; ends with a point for a rule between keys of a table
+    # Path in a sweep file, which ends with a point for a rule between keys of a table; or a cell
+    key: str | Cell
     rule: Text  # what is allowed, or what it contradicts
     value: object = ABSENT
     remedy: Text = ()
@@ -84,11 +97,21 @@ class Dialect:
         return "".join(map(self.told, text))
 
     def _told(self, mistake: Mistake) -> str:
+        rest = "; ".join(told for told in map(self.told, (mistake.rule, mistake.remedy)) if told)
+        if isinstance(mistake.key, Cell):
+            return f"{_place(mistake)} {rest}".lstrip()
         head = self.key(mistake.key)
         if mistake.value is not ABSENT:
             head += f" = {cut(self.value(mistake.value))}"
-        rest = "; ".join(told for told in map(self.told, (mistake.rule, mistake.remedy)) if told)
         return f"{head}: {rest}" if head else rest
+
+
+def _place(mistake: Mistake) -> str:
+    """Write a cell of a table, with the value that it holds."""
+    if mistake.value is ABSENT:
+        return str(mistake.key)
+    text = str(mistake.value) or "nothing"
+    return f"{mistake.key}: {cut(text) if text.isprintable() else repr(text)}"
 
 
 def cut(text: str) -> str:
@@ -138,6 +161,17 @@ class Mistakes:
     # Keys, or whole tables, with an invalid value.  Rules that involve one of them are not checked,
     # so that one mistake is never reported twice.
     broken: set[str] = field(default_factory=set)
+
+    def add_cell(
+        self,
+        rule: Text,
+        column: str | None = None,
+        row: int = 0,
+        value: object = ABSENT,
+        remedy: Text = (),
+    ) -> None:
+        """Add a mistake in a table of realizations."""
+        self.listed.append(Mistake(Cell(self.where, column, row), rule, value, remedy))
 
     def add(
         self,

@@ -295,7 +295,22 @@ def test_a_condition_of_ones_own():
         keyword_spec({"duration": 12.0}).scene, [0.9], np.linspace(0.1, 4.0, 40), [calm]
     )
     assert found["condition"].values.tolist() == ["calm"]
+    # a result tells what the condition was
+    assert calm.code in found.attrs["condition_code"]
+    assert "< 2.0" in calm.code
     assert found["window_count"].item() >= 1
+
+
+def test_a_condition_whose_function_a_result_could_not_name_is_refused():
+    builtin = Condition("builtin", len, ())
+    with pytest.raises(ParameterError, match=r"condition builtin: .* write it with def in a file"):
+        _ = builtin.code
+    # typed in a shell, so that there is no source
+    functions = {}
+    exec("def low(ds): return ds['rebound_height_max'] < LEVEL", {"LEVEL": 2.0}, functions)
+    exec("def lower(ds): return ds['rebound_height_max'] < LEVEL", {"LEVEL": 1.0}, functions)
+    low, lower = (Condition(name, one, ()) for name, one in functions.items())
+    assert low.code.removeprefix("low") != lower.code.removeprefix("lower")
 
 
 def test_a_function_that_gives_no_booleans_is_refused():

@@ -1,5 +1,7 @@
 """Choices for a simulation: bases, launches and times."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,14 +9,15 @@ from vibrosweep.engine.landings import launch_times
 from vibrosweep.explore.choice import MOST_PERIODS, Choice, Spread
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.times import Periods
+from vibrosweep.scene.scene import Scene
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()}
-MOUNTED = {**TABLE_1, "mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
+MOUNT = {"mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
 
 
 @pytest.fixture
 def choice():
-    return Choice(MOUNTED, particles=4, rebound="reflect")
+    return Choice(Scene(inputs=TABLE_1, particles=4, rebound="reflect"), mount=MOUNT)
 
 
 def test_launches_are_staggered_as_a_sweep_staggers_them(choice):
@@ -23,16 +26,13 @@ def test_launches_are_staggered_as_a_sweep_staggers_them(choice):
 
 
 def test_launches_can_be_shifted_and_spread(choice):
-    from dataclasses import replace
-
-    spread = replace(choice.with_inputs(frequency=2.0), launch=Spread(0.5, 0.1))
+    spread = choice.with_inputs(frequency=2.0).launched(Spread(0.5, 0.1))
     assert np.allclose(spread.launch_time, 0.25 + 0.05 * np.arange(4) / 4, rtol=0, atol=1e-15)
 
 
 def test_listed_launches_stay_until_their_number_changes(choice):
-    from dataclasses import replace
-
-    listed = replace(choice, launch=(0.0, 0.1, 0.3, 0.4))
+    times = (0.0, 0.1, 0.3, 0.4)
+    listed = replace(choice, scene=replace(choice.scene, launch=times), spread=None)
     assert listed.with_particles(4).launch_time == (0.0, 0.1, 0.3, 0.4)
     assert len(listed.with_particles(7).launch_time) == 7
 
@@ -40,17 +40,18 @@ def test_listed_launches_stay_until_their_number_changes(choice):
 def test_the_mount_counts_over_a_sprung_base_only(choice):
     assert "mass_ratio" not in choice.keywords()
     assert choice.over("sprung").keywords()["mass_ratio"] == 0.001
+    assert choice.over("sprung").over("moving") == choice.over("moving")
 
 
 def test_another_base_has_the_law_that_holds_over_all(choice):
-    assert choice.over("high-bounce").rebound == "reflect"
-    assert choice.over("moving").rebound == "rest"
+    assert choice.over("high-bounce").scene.rebound == "reflect"
+    assert choice.over("moving").scene.rebound == "rest"
 
 
 def test_long_observations_are_drawn_in_part(choice):
     assert choice.shortened() == choice
     longer = choice.lasting(5000.0).shortened()
-    assert longer.end == Periods(MOST_PERIODS)
+    assert longer.scene.duration == Periods(MOST_PERIODS)
     assert longer.periods == MOST_PERIODS
 
 

@@ -34,7 +34,7 @@ def test_axes_may_be_exchanged(points):
 
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
 def test_in_units_of_gravity_they_are_those_of_the_base(points, base):
-    moved = replace(points, base_choice=replace(points.base_choice, base=base))
+    moved = replace(points, base_choice=points.base_choice.over(base))
     gamma = np.linspace(0.01, 2.0, points.count)
     ends, _ = drawn(moved, ("restitution", "base_acceleration"), base_acceleration=gamma)
     assert any(end.is_upper for end in ends)
@@ -51,5 +51,5 @@ def test_it_is_said_why_there_are_none(points):
     ends, reason = drawn(points, ("restitution", "amplitude"), frequency=frequency)
     assert not ends
     assert "depend on frequency, which differs" in reason
-    coupled = replace(points, base_choice=replace(points.base_choice, base="sprung"))
+    coupled = replace(points, base_choice=points.base_choice.over("sprung"))
     assert "particles do not act on" in drawn(coupled, ("restitution", "amplitude"))[1]

@@ -6,14 +6,15 @@ import pytest
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.facts import facts, facts_html
 from vibrosweep.model.parameters import BASES, PARAMETERS
+from vibrosweep.scene.scene import Scene
 
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()}
-MOUNTED = {**TABLE_1, "mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
+MOUNT = {"mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
 
 
 @pytest.mark.parametrize("base", BASES)
 def test_facts_are_those_of_the_observation(base):
-    choice = Choice(MOUNTED, particles=2, end=60.0).over(base)
+    choice = Choice(Scene(inputs=TABLE_1, particles=2, duration=60.0), mount=MOUNT).over(base)
     observed = choice.observe()
     said = dict(facts(choice, observed))
     one = observed.isel(realization=0)
@@ -28,7 +29,7 @@ def test_facts_are_those_of_the_observation(base):
 
 
 def test_what_has_no_value_is_not_known():
-    choice = Choice(TABLE_1, particles=2)
+    choice = Choice(Scene(inputs=TABLE_1, particles=2))
     observed = choice.observe()
     observed = observed.assign(
         {name: observed[name] * np.nan for name in ("dt_min", "rebound_height_max")}

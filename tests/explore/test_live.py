@@ -107,7 +107,7 @@ def test_a_slider_changes_the_pictures_once_for_all_its_movements(page):
     page._follow()
     assert len([c for c in page.document.session_callbacks if c.callback == page._follow]) <= 1
     assert_shows(page.motions[0], choice.simulate())
-    assert choice.particles == 3
+    assert choice.scene.particles == 3
 
 
 def test_both_bases_are_shown_side_by_side(page):
@@ -229,20 +229,24 @@ def test_what_comes_from_a_browser_is_held_to_the_ranges_of_the_widgets(page, wi
     assert "Shown" in page.status.text
     page._tapped(SimpleNamespace(x=wild, y=wild))
     choice = page.controls.choice
-    assert 1 <= choice.particles <= 100
+    assert 1 <= choice.scene.particles <= 100
     assert choice.periods <= 200.0
     for name in page.controls.sliders:
         assert ranges[name][0] <= choice.inputs[name] <= ranges[name][1], name
 
 
+def lasting(choice, seconds):
+    return replace(choice, scene=replace(choice.scene, duration=seconds))
+
+
 def test_a_duration_in_seconds_is_no_more_periods_than_its_slider_has(page):
-    page.controls.set(replace(page.controls.choice, end=90.0))
+    page.controls.set(lasting(page.controls.choice, 90.0))
     page.controls.launch["particles"].value = 1
     sliders = page.controls.sliders
     sliders["frequency"].update(end=1e6)
     sliders["frequency"].value = 1e6
     assert page.controls.choice.periods == 180.0
-    page.controls.set(replace(page.controls.choice, end=190.0).with_inputs(frequency=1.0))
+    page.controls.set(lasting(page.controls.choice, 190.0).with_inputs(frequency=1.0))
     sliders["frequency"].value = 2.0
     assert page.controls.choice.periods == 200.0 == page.controls.launch["periods"].value
 
@@ -251,7 +255,7 @@ def test_a_duration_in_seconds_is_no_more_periods_than_its_slider_has(page):
 def test_a_base_that_there_is_not_is_not_taken(page, wild):
     page.controls.base.active = wild
     assert page.controls.base.active == 0
-    assert page.controls.choice.base == "high-bounce"
+    assert page.controls.choice.scene.base == "high-bounce"
 
 
 def test_a_column_that_there_is_not_is_not_shown(page):

@@ -58,7 +58,7 @@ def test_ends_of_windows_are_points_and_open_ends_are_none():
         np.sort(points.columns["base_acceleration"].values), np.sort(ends[np.isfinite(ends)])
     )
     choice = points.choice(0)
-    assert choice.base == "moving"
+    assert choice.scene.base == "moving"
     assert choice.inputs["base_acceleration"] == points.columns["base_acceleration"].values[0]
     assert "amplitude" not in choice.inputs
     assert points.columns["condition"].codes == {0: "locked(1)", 1: "locked(2)"}

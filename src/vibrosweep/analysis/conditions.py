@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.analysis.requirements import require
 from vibrosweep.errors import ParameterError
+from vibrosweep.model.functions import digest_of, is_own, plain, source_of
 from vibrosweep.model.measures import MEASURE_OF, UNDETERMINED, VARIABLES, known
 from vibrosweep.model.status import Regime, Status
 
@@ -66,6 +67,26 @@ class Condition:
                 f"condition {self.name}: {unknown[0]} is not a measured variable; choose from "
                 f"{', '.join(VARIABLES)}"
             )
+
+    @property
+    def code(self) -> str:
+        """Name, digest of what the function computes, and its source where Python has it.
+
+        The digest is left out for a function that uses values that could change; a ParameterError
+        tells of a function with neither.
+        """
+        function: Any = plain(self.holds)
+        try:
+            digest = digest_of([function], f"condition {self.name}") if is_own(function) else ""
+        except ParameterError:
+            digest = ""
+        source = source_of(function)
+        if not (digest or source):
+            raise ParameterError(
+                f"condition {self.name}: a result could not tell what its function computes; write "
+                f"it with def in a file"
+            )
+        return f"{self.name}: {digest}\n{source}".rstrip()
 
     @property
     def measures(self) -> dict[str, bool]:

@@ -31,6 +31,7 @@ from vibrosweep.analysis.common import (
 from vibrosweep.analysis.conditions import (
     FAILS,
     HOLDS,
+    NAMED,
     NAMES,
     Condition,
     Locked,
@@ -103,6 +104,8 @@ def find_windows(
     if not conditions:
         raise ParameterError("conditions: must name at least one condition")
     chosen = [named(c) if isinstance(c, str) else c for c in conditions]
+    own = [c for c in chosen if isinstance(c, Condition) and c not in NAMED.values()]
+    code = {"condition_code": "\n\n".join(condition.code for condition in own)} if own else {}
     directions = DIRECTIONS if continuation else FRESH
     states = BYTES_PER_STATE * scene.particles if continuation else 0
     require_memory("points of the scan", e.size * a.size, BYTES_PER_POINT + states)
@@ -119,7 +122,7 @@ def find_windows(
     dataset = _dataset(scene, chosen, directions, Scan(forcing, e, a), table)
     dataset[HELD.name] = (HELD.dims, held, HELD.attributes)
     note = note_of(scene, float(e.max())) if any(_of_orbits(c) for c in chosen) else ""
-    return dataset.assign_attrs(tolerance=tolerance, notes=note)
+    return dataset.assign_attrs(tolerance=tolerance, notes=note, **code)
 
 
 def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:

@@ -1,17 +1,18 @@
-"""The realization that a page shows: its parameters, launches and base."""
+"""The scene that a page shows, and how a person changes it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 import vibrosweep as vs
 from vibrosweep.model.forcing import inputs_of
-from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, SPRUNG, STAGGERED
-from vibrosweep.model.times import Periods, Time, amount
+from vibrosweep.model.parameters import LAWS, SPRUNG, STAGGERED
+from vibrosweep.model.times import Periods, amount
+from vibrosweep.scene.scene import Scene
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,34 +32,34 @@ class Spread:
 
 @dataclass(frozen=True)
 class Choice:
-    """A realization to simulate."""
+    """A scene to simulate, and what a person selected beside it."""
 
-    # Name of `vibrosweep.model.forcing.INPUTS` -> value, exactly one forcing among them; parameters
-    # of a mount are used over a sprung base only
-    inputs: Mapping[str, float]
-    # base, rebound: as in `vibrosweep.simulate`
-    base: str = HIGH_BOUNCE
-    rebound: str = LAWS[0]
-    particles: int = 1  # number of particles
-    # A `Spread`, or the launch time of each particle in s
-    launch: Spread | tuple[float, ...] = Spread()
-    end: Time = 12.0  # end of the drawn motion, in s or in forcing periods
+    # Over all points of a result it lacks the inputs in which they differ
+    scene: Scene
+    spread: Spread | None = Spread()  # None where the scene lists its launches
+    # Parameters of a mount that sliders keep while the base has none
+    mount: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def inputs(self) -> dict[str, float]:
+        """Values of all sliders by the names of `vibrosweep.model.forcing.INPUTS`."""
+        return {**self.mount, **self.scene.inputs}
 
     @property
     def launch_time(self) -> tuple[float, ...]:
         """Launch time of each particle, s."""
-        if not isinstance(self.launch, Spread):
-            return self.launch
-        frequency = self.inputs["frequency"]
-        staggered = np.arange(self.particles) / (self.particles * frequency)
-        times = staggered * self.launch.width
-        return tuple((times + self.launch.first / frequency).tolist())
+        scene, spread = self.scene, self.spread or Spread()
+        if not isinstance(scene.launch, str):
+            return scene.launch
+        frequency = scene.inputs["frequency"]
+        staggered = np.arange(scene.particles) / (scene.particles * frequency)
+        return tuple((staggered * spread.width + spread.first / frequency).tolist())
 
     @property
     def periods(self) -> float:
         """End of the drawn motion, in forcing periods."""
-        number = amount(self.end)
-        return number if isinstance(self.end, Periods) else number * self.inputs["frequency"]
+        number, end = amount(self.scene.duration), self.scene.duration
+        return number if isinstance(end, Periods) else number * self.scene.inputs["frequency"]
 
     def shortened(self, most: float = MOST_PERIODS) -> Choice:
         """Return the same choice, drawn for at most that many forcing periods."""
@@ -66,41 +67,49 @@ class Choice:
 
     def lasting(self, periods: float) -> Choice:
         """Return the same choice, drawn for another number of forcing periods."""
-        return replace(self, end=Periods(periods))
+        return self._changed(duration=Periods(periods))
 
     def with_inputs(self, **values: float) -> Choice:
         """Return the same choice with other values of parameters."""
-        return replace(self, inputs={**self.inputs, **values})
+        every = {**self.inputs, **values}
+        names = [name for name in inputs_of(every, self.scene.base) if name in every]
+        used = {name: every.pop(name) for name in names}
+        return replace(self._changed(inputs=used, given=frozenset(used)), mount=every)
 
     def over(self, base: str) -> Choice:
         """Return the choice over another base, with the law of rebound that every base has."""
-        return self if base == self.base else replace(self, base=base, rebound=LAWS[0])
+        if base == self.scene.base:
+            return self
+        return self._changed(base=base, rebound=LAWS[0]).with_inputs()
 
     def with_particles(self, particles: int) -> Choice:
         """Return the choice with another number of particles; listed launches become staggered."""
-        if particles == self.particles:
+        if particles == self.scene.particles:
             return self
-        launch = self.launch if isinstance(self.launch, Spread) else Spread()
-        return replace(self, particles=particles, launch=launch)
+        return self.launched(self.spread or Spread(), particles)
+
+    def launched(self, spread: Spread, particles: int | None = None) -> Choice:
+        """Return the choice with launches at equal intervals."""
+        number = particles or self.scene.particles
+        return replace(self._changed(particles=number, launch=STAGGERED), spread=spread)
+
+    def _changed(self, **fields: Any) -> Choice:
+        return replace(self, scene=replace(self.scene, **fields))
 
     def keywords(self) -> dict[str, Any]:
         """Keywords of `vibrosweep.simulate`."""
-        used = inputs_of(self.inputs, self.base)
-        return {
-            **{name: self.inputs[name] for name in used},
-            "launch_time": list(self.launch_time),
-            **self._observed(),
-        }
+        launch = {"launch_time": list(self.launch_time)}
+        return {**self.scene.inputs, **launch, **self._over_time()}
 
     def sweep_keywords(self) -> dict[str, Any]:
         """Keywords of `vibrosweep.sweep` for the same particles, without physical parameters."""
-        staggered = self.launch == Spread()
-        launch = STAGGERED if staggered else list(self.launch_time)
-        return {"particles": self.particles, "launch": launch, **self._observed()}
+        launch = STAGGERED if self.spread == Spread() else list(self.launch_time)
+        return {"particles": self.scene.particles, "launch": launch, **self._over_time()}
 
-    def _observed(self) -> dict[str, Any]:
-        end = "duration_periods" if isinstance(self.end, Periods) else "duration"
-        return {end: amount(self.end), "base": self.base, "rebound": self.rebound}
+    def _over_time(self) -> dict[str, Any]:
+        scene = self.scene
+        end = "duration_periods" if isinstance(scene.duration, Periods) else "duration"
+        return {end: amount(scene.duration), "base": scene.base, "rebound": scene.rebound}
 
     def simulate(self) -> xr.Dataset:
         """Every landing, as `vibrosweep.simulate` returns it."""
@@ -112,10 +121,10 @@ class Choice:
         The observation lasts `OBSERVED_PERIODS`; over a base of finite mass, which couples the
         particles and takes far longer for each landing, only as long as the drawn motion.
         """
-        coupled = self.base == SPRUNG
+        coupled = self.scene.base == SPRUNG
         longer = self if coupled else self.lasting(max(OBSERVED_PERIODS, self.periods))
         keywords: dict[str, Any] = {
-            **{name: self.inputs[name] for name in inputs_of(self.inputs, self.base)},
+            **self.scene.inputs,
             **longer.sweep_keywords(),
             **dict.fromkeys(("joint",) if coupled else ("regimes", "lyapunov"), True),
         }

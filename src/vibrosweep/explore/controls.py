@@ -55,7 +55,7 @@ class Controls:
         self._ranges: dict[str, tuple[float, float]] = {}
         inputs = {**MOUNT_VALUES, **choice.inputs}
         names = [name for name in INPUTS if name in inputs_of(inputs, SPRUNG)]
-        self.choice = replace(choice, inputs={name: inputs[name] for name in names})
+        self.choice = choice.with_inputs(**{name: inputs[name] for name in names})
         self.sliders = {name: self._slider(name, points) for name in names}
         self.launch = {
             name: Slider(title=title, start=low, end=high, step=step, value=low, name=name)
@@ -92,18 +92,18 @@ class Controls:
 
     def set(self, choice: Choice) -> None:
         """Show a choice; parameters of the mount keep their values where the choice has none."""
-        self.choice = replace(choice, inputs={**self.choice.inputs, **choice.inputs})
+        self.choice = choice.with_inputs(**{**self.choice.inputs, **choice.inputs})
         self._setting = True
         try:
             for name, slider in self.sliders.items():
                 self._move(slider, self.choice.inputs[name])
-                slider.visible = name not in MOUNT or choice.base == SPRUNG
-            launch = choice.launch if isinstance(choice.launch, Spread) else Spread()
-            self._move(self.launch["particles"], choice.particles)
-            self._move(self.launch["first"], launch.first)
-            self._move(self.launch["width"], launch.width)
+                slider.visible = name not in MOUNT or choice.scene.base == SPRUNG
+            spread = choice.spread or Spread()
+            self._move(self.launch["particles"], choice.scene.particles)
+            self._move(self.launch["first"], spread.first)
+            self._move(self.launch["width"], spread.width)
             self._move(self.launch["periods"], self.choice.periods)
-            self.base.active = BASES.index(choice.base)
+            self.base.active = BASES.index(choice.scene.base)
         finally:
             self._setting = False
 
@@ -158,5 +158,4 @@ class Controls:
             return choice.with_particles(int(value))
         if name == "periods":
             return choice.lasting(value)
-        launch = choice.launch if isinstance(choice.launch, Spread) else Spread()
-        return replace(choice, launch=replace(launch, **{name: value}))
+        return choice.launched(replace(choice.spread or Spread(), **{name: value}))

@@ -36,7 +36,7 @@ def window_ends(points: Points, axes: tuple[str, str]) -> tuple[list[WindowEnd],
     Returns the curves that cross the range of the points, and the reason if there are none.
     """
     forcing = next((name for name in axes if name in FORCINGS), None)
-    base = points.base_choice.base
+    base = points.base_choice.scene.base
     if base not in FIXED:
         return [], "closed forms hold for a base that particles do not act on"
     if forcing is None:

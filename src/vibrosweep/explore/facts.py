@@ -12,7 +12,7 @@ import xarray as xr
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.explore.choice import Choice
 from vibrosweep.explore.labels import SYMBOLS, units_text
-from vibrosweep.model.forcing import INPUTS, inputs_of
+from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import known
 from vibrosweep.model.parameters import SPRUNG
 
@@ -20,26 +20,26 @@ from vibrosweep.model.parameters import SPRUNG
 def named(choice: Choice) -> str:
     """Parameters and base of a choice in one line."""
     parts = []
-    for name in inputs_of(choice.inputs, choice.base):
+    for name, value in choice.scene.inputs.items():
         unit = units_text(INPUTS[name].units)
-        parts.append(f"{SYMBOLS[name]} = {choice.inputs[name]:.5g}{unit and f' {unit}'}")
-    return ", ".join([f"{choice.base} base", *parts])
+        parts.append(f"{SYMBOLS[name]} = {value:.5g}{unit and f' {unit}'}")
+    return ", ".join([f"{choice.scene.base} base", *parts])
 
 
 def facts(choice: Choice, result: xr.Dataset) -> Iterator[tuple[str, str]]:
     """Names and values of the properties of a realization, from its choice and the result."""
     one = result.isel(realization=0)
-    yield "base", choice.base
+    yield "base", choice.scene.base
     yield "observed", _period_text(float(one["duration"]) * choice.inputs["frequency"])
     yield "acceleration of the base Γ", f"{float(one['base_acceleration']):.5g}"
-    if choice.base == SPRUNG:
+    if choice.scene.base == SPRUNG:
         yield from _joint(one)
     else:
         yield "regimes of particles", ", ".join(_regimes(one))
         yield "largest Lyapunov exponent per impact", _range(one["lyapunov_largest"].values)
         yield "orbits, slots", ", ".join(_number(one[n]) for n in ("orbit_count", "slot_count"))
     yield "largest rebound height", _number(one["rebound_height_max"], " m")
-    if choice.particles > 1:
+    if choice.scene.particles > 1:
         yield "smallest separation Δt min", _number(one["dt_min"], " s")
         shared = {1: "yes", 0: "no"}.get(int(one["base_shared"]), "not known")
         yield "two particles on the base at once", shared

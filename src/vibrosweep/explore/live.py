@@ -208,11 +208,11 @@ class Page:
     def _simulate(self, what: str) -> None:
         choice = self.controls.choice
         second = bool(self.controls.both.active)
-        if second and choice.base == SPRUNG:
+        if second and choice.scene.base == SPRUNG:
             choice = choice.over(HIGH_BOUNCE)
         shown = [choice]
         if second:
-            shown.append(choice.over(MOVING if choice.base == HIGH_BOUNCE else HIGH_BOUNCE))
+            shown.append(choice.over(MOVING if choice.scene.base == HIGH_BOUNCE else HIGH_BOUNCE))
         self._shown = shown
         self._stop_waiting()
         future = self.background.call(lambda: [one.simulate() for one in shown])

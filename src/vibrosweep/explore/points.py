@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,14 +12,16 @@ from numpy.typing import NDArray
 
 import vibrosweep as vs
 from vibrosweep.arrays import Array
-from vibrosweep.errors import DataError
+from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.explore.choice import Choice, Spread
 from vibrosweep.explore.labels import input_label, label, legible
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
 from vibrosweep.model.measures import known
 from vibrosweep.model.mount import MASSES
-from vibrosweep.model.parameters import BASES, LAWS, STAGGERED
-from vibrosweep.model.times import Periods, amount
+from vibrosweep.model.parameters import STAGGERED
+from vibrosweep.model.times import Periods
+from vibrosweep.scene.keywords import batch
+from vibrosweep.scene.scene import Launch, Scene
 from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 
 if TYPE_CHECKING:
@@ -81,7 +82,9 @@ class Points:
         chosen = self.base_choice.with_inputs(**values)
         if LAUNCHED in self.columns:
             time = float(self.columns[LAUNCHED].values[index])
-            return replace(chosen, particles=1, launch=(time,))
+            return replace(
+                chosen, scene=replace(chosen.scene, particles=1, launch=(time,)), spread=None
+            )
         return chosen
 
     def taken(self, rows: NDArray[np.int64]) -> Points:
@@ -117,7 +120,10 @@ def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
             f"{path}: is a result of the kind {kind!r}, which has no plane of realizations; give "
             f"a result of vibrosweep run, windows, bifurcation or basins"
         )
-    found = makers[kind](dataset)
+    try:
+        found = makers[kind](dataset)
+    except ParameterError as error:
+        raise DataError(f"{path}: {error}; vibrosweep writes no such result") from error
     title = legible(dataset.attrs.get("title", path))
     points = Points(path=path, kind=kind, title=title, **found)
     if not points.count:
@@ -130,16 +136,12 @@ def _require_sound(points: Points) -> None:
     """Raise a DataError for realizations that no command writes and that cannot be simulated."""
     chosen = points.base_choice
     values: dict[str, Any] = {name: points.columns[name].values for name in points.varied}
-    values |= chosen.inputs
-    bad = [name for name, given in values.items() if not np.all(INPUTS[name].accepts(given))]
-    bad += [name for name in inputs_of(values, chosen.base) if name not in values]
-    for name, sound in {
-        "base": chosen.base in BASES,
-        "rebound": chosen.rebound in LAWS,
-        "particles": chosen.particles >= 1,
-        "duration": math.isfinite(amount(chosen.end)),
-    }.items():
-        bad += [] if sound else [name]
+    values |= chosen.scene.inputs
+    bad = [name for name in inputs_of(values, chosen.scene.base) if name not in values]
+    try:
+        batch({**values, **chosen.sweep_keywords()})
+    except SpecError as error:
+        bad += [str(mistake.key).rpartition(".")[2] for mistake in error.mistakes]
     if bad:
         raise DataError(
             f"{points.path}: {', '.join(bad)}: is not what vibrosweep writes; compute it again"
@@ -292,17 +294,19 @@ def _shared(dataset: xr.Dataset, forcing: str) -> Choice:
     given = _given_names(dataset, forcing)
     inputs = {name: float(dataset[name]) for name in given if not dataset[name].ndim}
     listed = dataset.attrs.get("launch", STAGGERED)
-    launch: Spread | tuple[float, ...] = Spread()
+    launch: Launch = STAGGERED
     if not isinstance(listed, str):
         launch = tuple(np.ravel(listed).astype(np.float64).tolist())
     elif listed != STAGGERED:
         launch = tuple(dataset["launch_time"].values.tolist())
     periods = dataset.attrs.get("duration_periods")
-    return Choice(
-        inputs,
-        base=str(dataset.attrs["base"]),
-        rebound=str(dataset.attrs["rebound"]),
+    scene = Scene(
         particles=int(dataset.attrs["particles"]),
         launch=launch,
-        end=float(dataset["duration"].max()) if periods is None else Periods(float(periods)),
+        duration=float(dataset["duration"].max()) if periods is None else Periods(float(periods)),
+        rebound=str(dataset.attrs["rebound"]),
+        base=str(dataset.attrs["base"]),
+        inputs=inputs,
+        given=frozenset(inputs),
     )
+    return Choice(scene, Spread() if launch == STAGGERED else None)

@@ -27,8 +27,8 @@ def table(points: Points, rows: Rows) -> str:
     names = table_columns(points)
     values = [points.columns[name].values[rows].tolist() for name in names]
     if not names:  # a single realization: every parameter is fixed
-        names = [*points.base_choice.inputs]
-        values = [[value] for value in points.base_choice.inputs.values()]
+        inputs = points.base_choice.scene.inputs
+        names, values = [*inputs], [[value] for value in inputs.values()]
     written = io.StringIO()
     writer = csv.writer(written, lineterminator="\n")
     writer.writerow(names)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dis
 import hashlib
+import inspect
+import textwrap
 from collections.abc import Iterable, Iterator
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, Final
@@ -32,6 +34,14 @@ def outside(function: FunctionType) -> dict[str, Any]:
 def is_own(value: object) -> bool:
     """Tell whether this is a Python function, compiled by numba or not."""
     return isinstance(plain(value), FunctionType)
+
+
+def source_of(function: Any) -> str:
+    """Source text of a function; empty where Python does not have it."""
+    try:
+        return textwrap.dedent(inspect.getsource(plain(function)))
+    except (OSError, TypeError):
+        return ""
 
 
 def changes_its_arguments(function: FunctionType) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from types import FunctionType
@@ -15,7 +14,7 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import INPUTS
-from vibrosweep.model.functions import changes_its_arguments, digest_of, plain
+from vibrosweep.model.functions import changes_its_arguments, digest_of, plain, source_of
 from vibrosweep.model.measures import RESERVED, Variable
 
 # How the totals of particles make those of a realization.
@@ -150,10 +149,7 @@ class Observable:
     @property
     def source(self) -> str:
         """Source text of the function; empty where Python does not have it."""
-        try:
-            return textwrap.dedent(inspect.getsource(self.function))
-        except (OSError, TypeError):
-            return ""
+        return source_of(self.function)
 
     @property
     def width(self) -> int:

@@ -75,9 +75,9 @@ def read_table(sweep: Sweep) -> Table:
         columns = _read_csv(path, mistakes)
     chosen = _chosen(columns, sweep, mistakes)
     if not columns:
-        mistakes.add("", "has no columns; give one for each parameter that it samples")
+        mistakes.add_cell("has no columns; give one for each parameter that it samples")
     elif chosen and not columns[chosen[0]].values.size:
-        mistakes.add("", "has no rows; give one for each realization")
+        mistakes.add_cell("has no rows; give one for each realization")
     parameters = {
         name: _numbers(name, columns[name], mistakes) for name in INPUTS if name in chosen
     }
@@ -121,20 +121,17 @@ def _judge_header(path: Path, names: list[str], mistakes: Mistakes) -> None:
             )
     for name in dict.fromkeys(names):
         if names.count(name) > 1:
-            mistakes.add("", f'column "{name}" appears twice; keep one')
+            mistakes.add_cell("appears twice; keep one", name)
 
 
 def _rows(lines: Any, width: int, mistakes: Mistakes) -> Iterator[list[str | None]]:
     """Give the cells of each row that is not empty; only None where there are too many or few."""
-    for row in lines:
-        if row and len(row) != width:
-            mistakes.add(
-                "",
-                f"line {lines.line_num} has {len(row)} values for {width} columns; give one for "
-                f"each",
-            )
+    for number, row in enumerate(filter(None, lines), start=1):
+        if len(row) != width:
+            rule = f"in line {lines.line_num} has {len(row)} values for {width} columns"
+            mistakes.add_cell(rule, row=number, remedy="give one for each")
             yield [None] * width
-        elif row:
+        else:
             yield [cell.strip() for cell in row]
 
 
@@ -160,29 +157,30 @@ def _chosen(columns: Mapping[str, Label], sweep: Sweep, mistakes: Mistakes) -> l
     if sweep.design.columns is not None:
         for name in sweep.design.columns:
             if name not in columns:
-                mistakes.add("", _lacking(name, found, (COLUMNS, " names it")))
+                mistakes.add_cell(_lacking(name, found, (COLUMNS, " names it")), name)
         chosen = [name for name in sweep.design.columns if name in columns]
     else:
         for name in found:
             if name in sweep.scene.given:
-                rule = f'column "{name}" is also fixed, {name} = {sweep.scene.inputs[name]:g} in '
-                mistakes.add("", rule + _source(sweep), remedy="keep one of the two")
+                rule = f"is also fixed, {name} = {sweep.scene.inputs[name]:g} in {_source(sweep)}"
+                mistakes.add_cell(rule, name, remedy="keep one of the two")
         meant = [likely_parameter(name, sweep.scene.base) for name in found if name not in INPUTS]
         known = {*found, *sweep.scene.given, *meant}
         for name in _EXPECTED:
             same = FORCINGS if name in FORCINGS else (name,)
             if known.isdisjoint(same):
-                mistakes.add("", _lacking(name, found, f"{_source(sweep)} does not fix it"))
+                mistakes.add_cell(_lacking(name, found, f"{_source(sweep)} does not fix it"), name)
         chosen = found
     forcings = [name for name in FORCINGS if name in chosen or name in sweep.scene.given]
     if len(forcings) > 1:
         rule = f"{forcings[0]} and {forcings[1]} both give the forcing, here or in {_source(sweep)}"
-        mistakes.add("", rule, remedy="keep one of the two")
+        mistakes.add_cell(rule, remedy="keep one of the two")
     for name, text in mount_mistakes(sweep.scene.base, {*chosen, *sweep.scene.given}).items():
-        what = f"{name} in {_source(sweep)}" if name in sweep.scene.given else f'column "{name}"'
-        lacks = name not in chosen and name not in sweep.scene.given
+        fixed = name in sweep.scene.given
+        lacks = not fixed and name not in chosen
         remedy = ("add the column, or write it as a number in ", SCENE) if lacks else ""
-        mistakes.add("", f"{what} {text}", remedy=remedy)
+        rule = f"{name} in {_source(sweep)} {text}" if fixed else text
+        mistakes.add_cell(rule, None if fixed else name, remedy=remedy)
     for name in chosen:
         _judge_name(name, sweep, mistakes)
     _judge_shapes({name: columns[name] for name in chosen}, mistakes)
@@ -196,22 +194,19 @@ def _judge_name(name: str, sweep: Sweep, mistakes: Mistakes) -> None:
     elsewhere = ("rename it, or list the columns to use in ", COLUMNS)
     guess = None if sweep.design.columns else likely_parameter(name, sweep.scene.base)
     if guess:
-        rule = f'column "{name}" is not a physical parameter; did you mean "{guess}"?'
+        rule = f'is not a physical parameter; did you mean "{guess}"?'
         remedy = ("to keep it as a label rename it, to leave it out list the others in ", COLUMNS)
-        mistakes.add("", f"{rule} Known columns: {', '.join(INPUTS)}", remedy=remedy)
+        mistakes.add_cell(f"{rule} Known columns: {', '.join(INPUTS)}", name, remedy=remedy)
     elif name in RESERVED.union(sweep.scene.measures.own_names):
-        rule = f'column "{name}" has the name of something that a result holds'
-        mistakes.add("", rule, remedy=elsewhere)
+        mistakes.add_cell("has the name of something that a result holds", name, remedy=elsewhere)
     elif name in {*SECTIONS["scene"], *SECTIONS["measure"]}:
-        rule = f'column "{name}" has the name of a key that is the same for all realizations'
-        mistakes.add("", rule, remedy=elsewhere)
+        rule = "has the name of a key that is the same for all realizations"
+        mistakes.add_cell(rule, name, remedy=elsewhere)
     elif not name.isidentifier():
-        mistakes.add(
-            "",
-            f'column "{name}" cannot be a label of a result, whose name is made of letters, digits '
-            f"and underscores",
-            remedy=elsewhere,
+        rule = (
+            "cannot be a label of a result, whose name is made of letters, digits and underscores"
         )
+        mistakes.add_cell(rule, name, remedy=elsewhere)
 
 
 def _judge_shapes(columns: Mapping[str, Label], mistakes: Mistakes) -> None:
@@ -219,16 +214,12 @@ def _judge_shapes(columns: Mapping[str, Label], mistakes: Mistakes) -> None:
     shared = next((column.dims for column in columns.values()), ())
     for name, column in columns.items():
         if len(column.dims) != 1 or column.dims != shared:
-            mistakes.add(
-                "",
-                f'column "{name}" has the dimensions ({", ".join(column.dims)}); all columns must '
-                f"have the same single one",
-            )
+            rule = f"has the dimensions ({', '.join(column.dims)})"
+            mistakes.add_cell(rule, name, remedy="all columns must have the same single one")
     lengths = {name: column.values.size for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
-        mistakes.add(
-            "", f"its columns differ in length, {lengths}; give a value for each realization"
-        )
+        rule = f"its columns differ in length, {lengths}"
+        mistakes.add_cell(rule, remedy="give a value for each realization")
 
 
 def _lacking(name: str, found: Iterable[str], reason: Text) -> Text:
@@ -236,7 +227,7 @@ def _lacking(name: str, found: Iterable[str], reason: Text) -> Text:
     allowed = f"; allowed values: {INPUTS[name].allowed}" if name in INPUTS else ""
     fixed = (f" or write {name} as a number in ", SCENE) if name in INPUTS else ()
     add = f"; add the column (columns found: {has}{allowed})"
-    return (f'column "{name}" is missing and ', reason, add, fixed)
+    return ("is missing and ", reason, add, fixed)
 
 
 def _numbers(name: str, column: Label, mistakes: Mistakes) -> Array:
@@ -249,23 +240,25 @@ def _numbers(name: str, column: Label, mistakes: Mistakes) -> Array:
     unit = column.attributes.get("units", parameter.units)
     scale = factor(unit, parameter.units)
     if scale is None:
-        mistakes.add(
-            "",
-            f'column "{name}" is in {unit!r}, which is not known as a unit of the '
-            f"{parameter.long_name}, {parameter.units}; convert it; known are products of "
-            f"{', '.join(KNOWN_UNITS)}, as in mm s-1",
+        mistakes.add_cell(
+            f"is in {unit!r}, which is not known as a unit of the {parameter.long_name}, "
+            f"{parameter.units}; convert it; known are products of {', '.join(KNOWN_UNITS)}, as in "
+            f"mm s-1",
+            name,
         )
         return numbers
     numbers = numbers * scale[0] / scale[1]
     for row in np.flatnonzero(~parameter.accepts(numbers)).tolist():
         value = values.ravel()[row]
         if value is not None:
-            in_unit = f" {unit}" if "units" in column.attributes else ""
-            mistakes.add(
-                "",
-                f'column "{name}", row {row + 1} (the first row of values is 1): '
-                f"{f'{value}{in_unit}' if str(value) else 'nothing'} is not allowed; the "
-                f"{parameter.long_name} must be a number, {parameter.allowed}; correct the table",
+            in_unit = f"{unit} " if "units" in column.attributes and str(value) else ""
+            mistakes.add_cell(
+                f"{in_unit}is not allowed; the {parameter.long_name} must be a number, "
+                f"{parameter.allowed}",
+                name,
+                row + 1,
+                value,
+                "correct the table",
             )
     return numbers
 
@@ -285,8 +278,7 @@ def _number(value: object) -> float:
 def _judge_labels(labels: Mapping[str, Label], mistakes: Mistakes) -> None:
     """Check that a file can hold the labels, before anything is computed."""
     if len(labels) > _MOST_LABELS:
-        mistakes.add(
-            "",
+        mistakes.add_cell(
             f"has {len(labels)} columns that are no parameters; a result holds at most "
             f"{_MOST_LABELS}",
             remedy=("list the columns to use in ", COLUMNS),
@@ -295,11 +287,8 @@ def _judge_labels(labels: Mapping[str, Label], mistakes: Mistakes) -> None:
         texts = label.values.tolist() if label.values.dtype == object else []
         for row, text in enumerate(texts, start=1):
             if UNSTORABLE.search(text):
-                mistakes.add(
-                    "",
-                    f'column "{name}", row {row} (the first row of values is 1): {text!r} has a '
-                    f"character that no text in a file may have; correct the table",
-                )
+                rule = "has a character that no text in a file may have"
+                mistakes.add_cell(rule, name, row, text, "correct the table")
 
 
 def _label(column: Label) -> Label:
