@@ -1,6 +1,7 @@
 """Every cell of the table of abilities is refused, with its sentence, or not refused at all."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -8,16 +9,19 @@ import vibrosweep as vs
 from vibrosweep.abilities import ANALYSES, BASES, cells, refusal, table
 from vibrosweep.analysis import energy_balance, heights_against_restitution, slot_decay
 from vibrosweep.errors import SpecError, VibrosweepError
+from vibrosweep.explore.points import open_points
 from vibrosweep.kernels.impact import BASE_OF, base_of
 from vibrosweep.kernels.laws import LAW_OF
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import LAWS_OF
+from vibrosweep.model.shapes import WAVEFORMS
 from vibrosweep.proof.verifying import verify
 from vibrosweep.scene.keywords import keyword_spec
 
 CELLS = list(cells())
 MOUNT = {"mass_ratio": 0.1, "mount_frequency": 2.0}
 AXES = {"amplitude": [1.0, 1.1], "restitution": 0.5, "duration": 3.0}
+SHAPES = {name: name for name in WAVEFORMS} | {"harmonics": {"harmonics": [[1, 1.0, 0.0]]}}
 RESULTS = {f.__name__: f for f in (energy_balance, heights_against_restitution, slot_decay)}
 
 
@@ -25,16 +29,26 @@ def add_speed(totals, landing):
     totals[0] += landing.speed
 
 
+def keys_of(asked):
+    """Keywords that ask for a law, a waveform or a measure."""
+    ((kind, name),) = asked.items()
+    if kind == "measure":
+        return {name: True}
+    return {"rebound": name} if kind == "law" else {"waveform": SHAPES[name]}
+
+
 def over(base, **keywords):
     return {"base": base, **(MOUNT if base == "sprung" else {}), **keywords}
 
 
-def perform(base, analysis):
+def perform(base, analysis, **others):
     """Call an analysis that computes anew, with as little as it takes."""
     if analysis == "orbits":
-        return vs.orbits(over(base), impacts=1, periods=1)
+        return vs.orbits(over(base, **others), impacts=1, periods=1)
+    if analysis in ("verify", "explore"):
+        return look(base, analysis, **others)
     if analysis == "basins":
-        return vs.basins(over(base, launch_velocity=[3.0], duration=3.0))
+        return vs.basins(over(base, launch_velocity=[3.0], duration=3.0, **others))
     if analysis == "sobol":
         return keyword_spec(over(base, amplitude=(0.2, 3.5), realizations=4))
     if analysis == "record":
@@ -43,14 +57,26 @@ def perform(base, analysis):
         seen = vs.Observable("seen", add_speed, "sum of speeds")
         return keyword_spec(over(base)).with_observables([seen])
     if analysis in RESULTS:
-        return RESULTS[analysis](vs.sweep(over(base, duration=1.0)))
+        return RESULTS[analysis](vs.sweep(over(base, duration=1.0, **others)))
     if analysis == "separations":
         return keyword_spec(over(base, separation=True))
     if analysis in ("windows", "bifurcation"):
-        return getattr(vs, analysis)(over(base, **AXES))
+        return getattr(vs, analysis)(over(base, **AXES, **others))
+    if analysis == "laboratory":
+        return vs.lab.Experiment(**over(base, **others))
     variation = vs.lab.Variation(**{analysis: 0.1})
     mount = MOUNT if base == "sprung" else {}
     return vs.lab.Experiment(**mount, base=base, variation=variation)
+
+
+def look(base, analysis, **others):
+    """Read a result."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "result.h5"
+        vs.run(
+            over(base, realizations=2, amplitude=(1.0, 2.0), duration=1.0, **others), path
+        ).close()
+        return verify(path) if analysis == "verify" else open_points(path)
 
 
 @pytest.mark.parametrize(("base", "asked"), [c for c in CELLS if refusal(c[0], **c[1])], ids=str)
@@ -61,9 +87,8 @@ def test_what_a_base_cannot_do_is_refused_with_its_sentence(base, asked):
             perform(base, asked["analysis"])
         assert str(caught.value).endswith(sentence)
         return
-    given = {"rebound": asked["law"]} if "law" in asked else {asked["measure"]: True}
     with pytest.raises(SpecError) as listed:
-        keyword_spec(over(base, **given))
+        keyword_spec(over(base, **keys_of(asked)))
     assert sentence in [mistake.rule for mistake in listed.value.mistakes]
 
 
@@ -76,8 +101,18 @@ def test_what_a_base_can_do_is_not_refused(base, asked):
     if "analysis" in asked:
         perform(base, asked["analysis"])
     else:
-        given = {"rebound": asked["law"]} if "law" in asked else {asked["measure"]: True}
-        assert keyword_spec(over(base, **given)).scene.base == base
+        assert keyword_spec(over(base, **keys_of(asked))).scene.base == base
+
+
+@pytest.mark.parametrize(
+    ("analysis", "waveform"),
+    [(a, w) for a in ANALYSES for w in WAVEFORMS if refusal("high-bounce", analysis=a, waveform=w)],
+)
+def test_what_a_waveform_cannot_have_is_refused_with_its_sentence(analysis, waveform):
+    with pytest.raises(VibrosweepError) as caught:
+        perform("high-bounce", analysis, waveform=SHAPES[waveform])
+    sentence = refusal("high-bounce", analysis=analysis, waveform=waveform)
+    assert str(caught.value).endswith(sentence)
 
 
 @pytest.mark.parametrize("base", BASES)

@@ -1,4 +1,4 @@
-"""Table of what can be computed over each base: laws of rebound, measures and analyses.
+"""Table of what can be computed over each base: laws of rebound, waveforms, measures, analyses.
 
 Messages, the page of abilities and tests derive from it: nothing else says what a base cannot do.
 """
@@ -12,8 +12,16 @@ from typing import Final
 
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, LAWS_OF, MOVING, SPRUNG
+from vibrosweep.model.shapes import SINE_NAME, WAVEFORMS
 
 APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
+
+
+# Bases that move with each waveform
+SHAPED: Final[Mapping[str, tuple[str, ...]]] = {
+    **dict.fromkeys(WAVEFORMS, (HIGH_BOUNCE,)),
+    SINE_NAME: BASES,
+}
 
 
 @dataclass(frozen=True)
@@ -24,11 +32,16 @@ class Ability:
     # Why it cannot be had over another base; ``{base}`` and ``{others}`` stand for that one, and
     # for those over which it can
     why: str
+    waveforms: tuple[str, ...] = WAVEFORMS  # with which it can be had
 
 
 _FOLLOWED = (
     "follows particles one by one, which base = {base} couples: compute a sweep instead "
     "(vibrosweep run), or take base = {others}"
+)
+_INDEPENDENT = (
+    "holds for particles that do not act on each other, and over base = {base} they do: compute "
+    "the sweep with mass_ratio = 0, or with base = {others}"
 )
 _ANYWHERE = Ability(BASES, "")
 _OF_PARTICLES: Final[Mapping[bool | None, Ability]] = {
@@ -43,22 +56,17 @@ _OF_PARTICLES: Final[Mapping[bool | None, Ability]] = {
     ),
 }
 ANALYSES: Final[Mapping[str, Ability]] = {
-    "windows": Ability(APART, _FOLLOWED),
-    "bifurcation": Ability(APART, _FOLLOWED),
-    "basins": Ability(APART, _FOLLOWED),
-    "orbits": Ability(APART, _FOLLOWED),
+    "windows": Ability(APART, _FOLLOWED, (SINE_NAME,)),
+    "bifurcation": Ability(APART, _FOLLOWED, (SINE_NAME,)),
+    "basins": Ability(APART, _FOLLOWED, (SINE_NAME,)),
+    "orbits": Ability(APART, _FOLLOWED, (SINE_NAME,)),
     "sobol": _ANYWHERE,
     "separations": _ANYWHERE,
     "record": _ANYWHERE,
     "observables": _ANYWHERE,
-    **dict.fromkeys(
-        ("energy_balance", "heights_against_restitution", "slot_decay"),
-        Ability(
-            APART,
-            "holds for particles that do not act on each other, and over base = {base} they do: "
-            "compute the sweep with mass_ratio = 0, or with base = {others}",
-        ),
-    ),
+    "heights_against_restitution": Ability(APART, _INDEPENDENT),
+    **dict.fromkeys(("energy_balance", "slot_decay"), Ability(APART, _INDEPENDENT, (SINE_NAME,))),
+    **dict.fromkeys(("verify", "explore", "laboratory"), Ability(BASES, "", (SINE_NAME,))),
     # imperfections of an experiment in the laboratory
     "frequency_jitter": Ability(
         (HIGH_BOUNCE,), "cannot be computed with base = {base}; leave it out"
@@ -70,21 +78,33 @@ ANALYSES: Final[Mapping[str, Ability]] = {
 }
 
 
-def refusal(base: str, *, law: str = "", measure: str = "", analysis: str = "") -> str:
+def refusal(
+    base: str, *, law: str = "", waveform: str = "", measure: str = "", analysis: str = ""
+) -> str:
     """Say in one sentence why something cannot be had over a base; empty where it can.
 
-    Anything but one of `BASES` is refused.  A law is one of `LAWS`, a measure a key of
-    `vibrosweep.model.measures.MEASURES`, an analysis a key of `ANALYSES`.
+    Anything but one of `BASES` is refused.  A law is one of `LAWS`, a waveform one of `WAVEFORMS`,
+    a measure a key of `vibrosweep.model.measures.MEASURES`, an analysis a key of `ANALYSES`.
     """
     if base not in BASES:
         return f'base = "{base}": must be {_quoted(BASES)}'
     if law and law not in LAWS_OF[base]:
         return _refused_law(base, law)
+    if waveform and base not in SHAPED[waveform]:
+        return (
+            f'waveform = "{waveform}" is not implemented with base = "{base}": take waveform = '
+            f'"{SINE_NAME}", or base = {_quoted(SHAPED[waveform])}'
+        )
     wanted = [_OF_PARTICLES[MEASURES[measure].coupled]] if measure else []
     wanted += [ANALYSES[analysis]] if analysis else []
     for ability in wanted:
         if base not in ability.bases:
             return ability.why.format(base=_quoted([base]), others=_quoted(ability.bases))
+        if waveform and waveform not in ability.waveforms:
+            return (
+                f'cannot be had with waveform = "{waveform}" yet: take waveform = '
+                f"{_quoted(ability.waveforms)}"
+            )
     return ""
 
 
@@ -113,10 +133,19 @@ def table() -> Iterator[str]:
     yield f"|---|{'---|' * len(BASES)}"
     for one in _choices():
         ((kind, name),) = one.items()
-        kept = ("no" if refusal(base, **one) else "yes" for base in BASES)
+        kept = (_kept(base, one) for base in BASES)
         yield f"| {kind} `{name}` | {' | '.join(kept)} |"
 
 
+def _kept(base: str, one: dict[str, str]) -> str:
+    """Say whether something can be had over a base, and with which waveforms where not with all."""
+    if refusal(base, **one):
+        return "no"
+    waveforms = ANALYSES[one["analysis"]].waveforms if "analysis" in one else WAVEFORMS
+    return "yes" if waveforms == WAVEFORMS else ", ".join(waveforms)
+
+
 def _choices() -> list[dict[str, str]]:
-    laws, measures = [{"law": law} for law in LAWS], [{"measure": key} for key in MEASURES]
-    return laws + measures + [{"analysis": name} for name in ANALYSES]
+    laws, waveforms = [{"law": law} for law in LAWS], [{"waveform": name} for name in WAVEFORMS]
+    measures = [{"measure": key} for key in MEASURES]
+    return laws + waveforms + measures + [{"analysis": name} for name in ANALYSES]

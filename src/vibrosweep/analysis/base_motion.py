@@ -12,6 +12,7 @@ from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
 from vibrosweep.model.parameters import HIGH_BOUNCE, SPRUNG
+from vibrosweep.model.shapes import name_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,8 +63,13 @@ def recoils(dataset: xr.Dataset) -> bool:
     return base_name(dataset) == SPRUNG
 
 
-def refuse_recoil(dataset: xr.Dataset, analysis: str) -> None:
-    """Raise a DataError for an analysis that holds only for independent particles."""
-    wrong = refusal(base_name(dataset), analysis=analysis)
+def waveform_name(dataset: xr.Dataset) -> str:
+    """Return the waveform of a dataset, one of `WAVEFORMS`; by default the sine."""
+    return name_in(dataset.attrs)
+
+
+def require_scene(dataset: xr.Dataset, analysis: str) -> None:
+    """Raise a DataError where an analysis cannot be had of the scene of a dataset."""
+    wrong = refusal(base_name(dataset), analysis=analysis, waveform=waveform_name(dataset))
     if wrong:
         raise DataError(f"{analysis} {wrong}")

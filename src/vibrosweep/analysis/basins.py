@@ -62,7 +62,7 @@ def basins(
     rest for good are one attractor.  All that are aperiodic have one index, and so have all that
     are unsettled, which is no attractor: ``regime`` says so.
     """
-    require_ability("basins", scene.base)
+    require_ability("basins", scene)
     times = np.atleast_1d(np.asarray(launch_time, dtype=np.float64))
     if times.ndim != 1 or not times.size or not np.all(np.isfinite(times)):
         raise ParameterError("launch_time: must be one or more finite times in s")
@@ -102,7 +102,7 @@ def basins_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
 
     Raises a SpecError unless its design is a grid of launch velocities.
     """
-    require_ability("basins", spec.scene.base)
+    require_ability("basins", spec.scene)
     speeds = grid_axes(spec, "basins", "launch_velocity")["launch_velocity"]
     times = launch_times(spec.scene.launch, spec.scene.particles, spec.scene.inputs["frequency"])
     scene = settling(spec, spec.scene.inputs["restitution"])
@@ -153,7 +153,7 @@ def _shortest(
     recurs = orbits.impacts[first] > 0
     rows = first[recurs]
     own = Dimensionless(*(values[rows] for values in problem))
-    base, found = base_of(scene.base, scene.rebound), empty_shortest(rows.size)
+    base, found = base_of(scene.base, scene.rebound, scene.waveform), empty_shortest(rows.size)
     states = (orbits.phase[rows], orbits.flight[rows], orbits.impacts[rows])
     workers.each(
         lambda begin, end: shortest_flights(begin, end, base, own, *states, found), rows.size, 16

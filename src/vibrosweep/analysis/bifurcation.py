@@ -90,7 +90,7 @@ def bifurcation(
     duration is over, and then `samples` further impacts are kept.  What is unsettled by ``regime``
     may be on its way to an attractor.
     """
-    require_ability("bifurcation", scene.base)
+    require_ability("bifurcation", scene)
     a = axis(forcing, scan)
     if not np.all(np.diff(a) > 0.0):
         raise ParameterError(f"{forcing}: must be in ascending order")
@@ -129,7 +129,7 @@ def bifurcation_of_spec(
 
     Raises a SpecError unless the design is such a grid.
     """
-    require_ability("bifurcation", spec.scene.base)
+    require_ability("bifurcation", spec.scene)
     forcing = forcing_of(spec.design.sampled)
     scan = grid_axes(spec, "bifurcation diagrams", forcing)[forcing]
     scene = settling(spec, spec.scene.inputs["restitution"])
@@ -174,7 +174,7 @@ def _impacts(
     count = orbits.phase.size
     problem = problem._replace(end_count=np.full(count, np.inf))
     out = empty_record(count, samples + 1)  # a flight ends with the next landing
-    batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
+    batch = Batch(base_of(scene.base, scene.rebound, scene.waveform), problem, launch)
     frequency, gravity = (
         np.repeat(parameters[name], scene.particles)[:, np.newaxis]
         for name in ("frequency", "gravity")

@@ -75,7 +75,7 @@ def closed_orbits(
 
     Some inputs of the scene vary, each of shape (realization,).
     """
-    require_ability("orbits", scene.base)
+    require_ability("orbits", scene)
     for name, value, most in (
         ("impacts", impacts, MOST_IMPACTS),
         ("periods", periods, MOST_PERIODS),
@@ -90,7 +90,7 @@ def closed_orbits(
     balances = scene.base == HIGH_BOUNCE and scene.rebound == "rest"
     wanted = Wanted(impacts, periods, seeds, balances)
     with Workers(threads) as workers:
-        found = _found(base_of(scene.base, scene.rebound), problem, wanted, workers)
+        found = _found(base_of(scene.base, scene.rebound, scene.waveform), problem, wanted, workers)
     unit = {"speed": quantities["gravity"] / (2.0 * quantities["frequency"])}
     unit["time"] = 1.0 / quantities["frequency"]
     data = _orbits(found, unit) | _searched(found, wanted, problem.restitution < 1.0)
@@ -107,7 +107,7 @@ def closed_orbits(
 
 def orbits_of_spec(spec: Sweep, impacts: int, periods: int, seeds: int, threads: int) -> xr.Dataset:
     """Closed orbits of all realizations of a sweep, as `vibrosweep.orbits`."""
-    require_ability("orbits", spec.scene.base)
+    require_ability("orbits", spec.scene)
     design = open_design(spec)
     varied = design.take(0, design.realizations)
     found = closed_orbits(

@@ -60,6 +60,7 @@ def attributes(scene: Scene, title: str) -> dict[str, Any]:
         "launch": scene.launch if isinstance(scene.launch, str) else np.asarray(scene.launch),
         "base": scene.base,
         "rebound": scene.rebound,
+        "waveform": scene.waveform.text,
         "forcing": scene.forcing(),
         "impact_budget": scene.measures.impact_budget,
         **periods_given(scene.duration, scene.measures.transient),
@@ -82,9 +83,9 @@ def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:
     return fixed
 
 
-def require_ability(analysis: str, base: str) -> None:
-    """Refuse a base over which an analysis cannot be had."""
-    wrong = refusal(base, analysis=analysis)
+def require_ability(analysis: str, scene: Scene) -> None:
+    """Refuse a scene of which an analysis cannot be had."""
+    wrong = refusal(scene.base, analysis=analysis, waveform=scene.waveform.name)
     if wrong:
         raise ParameterError(f"{analysis}: {wrong}")
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import moves, refuse_recoil
+from vibrosweep.analysis.base_motion import moves, require_scene
 from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
@@ -80,7 +80,7 @@ def slot_decay(
     >>> found.modulus_predicted.values.round(3), found.modulus_fitted.values.round(3)
     (array([0.949]), array([0.949]))
     """
-    refuse_recoil(record, "slot_decay")
+    require_scene(record, "slot_decay")
     require(record, "slot_decay", *NEEDS)
     particles = record.sizes["particle"]
     if cycle_impacts < 1:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import xarray as xr
 
-from vibrosweep.analysis.base_motion import moves, refuse_recoil
+from vibrosweep.analysis.base_motion import moves, require_scene
 from vibrosweep.analysis.record_flights import arrival_speeds, base_motion
 from vibrosweep.analysis.records import variable
 from vibrosweep.analysis.requirements import require
@@ -79,7 +79,7 @@ def energy_balance(
     >>> bool((abs(energy_balance(record, since=400.0).balance) < 1e-9).all())
     True
     """
-    refuse_recoil(record, "energy_balance")
+    require_scene(record, "energy_balance")
     require(record, "energy_balance", *NEEDS)
     one = [_balances(record, i, since, impacts) for i in range(record.sizes["realization"])]
     *means, count, rests = np.moveaxis(np.array(one), 1, 0)

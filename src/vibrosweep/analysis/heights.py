@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import moves, refuse_recoil
+from vibrosweep.analysis.base_motion import moves, require_scene
 from vibrosweep.analysis.records import per_realization, variable
 from vibrosweep.analysis.requirements import require
 from vibrosweep.arrays import Array
@@ -68,7 +68,7 @@ def heights_against_restitution(
 
     names = ("restitution", "frequency", "gravity", "rebound_height_max", "rebound_height_mean")
     sweep = flat(sweep)
-    refuse_recoil(sweep, "heights_against_restitution")
+    require_scene(sweep, "heights_against_restitution")
     require(sweep, "heights_against_restitution", *names)
     e = per_realization(sweep, "restitution")
     known = np.isfinite(sweep["rebound_height_max"].values)

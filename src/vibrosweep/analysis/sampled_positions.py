@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
@@ -15,6 +17,8 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.status import Status
 
 __all__ = ["positions"]
+
+OF_SCENE: Final = ("base", "rebound", "waveform")  # attributes that are kept
 
 
 def positions(record: xr.Dataset, times: ArrayLike) -> xr.Dataset:
@@ -75,7 +79,7 @@ def positions(record: xr.Dataset, times: ArrayLike) -> xr.Dataset:
             "base_height": variable(dims[::2], np.array(levels), "height of the base", "m"),
         },
         {**kept, "time": variable(("time",), instants, "time", "s")},
-        {name: record.attrs[name] for name in ("base", "rebound") if name in record.attrs},
+        {name: record.attrs[name] for name in OF_SCENE if name in record.attrs},
     )
 
 

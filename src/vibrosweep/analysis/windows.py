@@ -91,7 +91,7 @@ def find_windows(
     differences between the directions.  A bracket around an edge is at most `tolerance` wide,
     relative to the edge; that of a locked orbit holds the exact edge.
     """
-    require_ability("windows", scene.base)
+    require_ability("windows", scene)
     if forcing not in FORCINGS:
         raise ParameterError(f"forcing = {forcing!r}: must be one of {', '.join(FORCINGS)}")
     e, a = axis("restitution", restitution), axis(forcing, scan)
@@ -132,7 +132,7 @@ def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
     attribute ``grid`` says so.  Raises a SpecError where the file has no such section, a condition
     is not known, or restitution and a forcing are not all that varies.
     """
-    require_ability("windows", spec.scene.base)
+    require_ability("windows", spec.scene)
     if spec.windows is None:
         raise spec.refusal(
             (

@@ -24,6 +24,7 @@ Values = ArrayLike | Mapping[str, float] | None
 # Of the words, those that are always known
 Base = Literal["high-bounce", "moving", "sprung"] | str | None
 Law = Literal["rest", "reflect"] | str | None
+Waveform = Literal["sine", "parabolic"] | Mapping[str, Any] | None
 Launch = Literal["staggered"] | Sequence[float] | ArrayLike | None
 Design = Literal["uniform", "latin", "sobol", "grid"] | str
 
@@ -52,6 +53,7 @@ class MotionKeywords(TypedDict, total=False):
     duration_periods: float | None
     base: Base
     rebound: Law
+    waveform: Waveform
 
 
 class BatchKeywords(MotionKeywords, total=False):

@@ -68,6 +68,10 @@ def sweep(
             ``"high-bounce"``, a base that stays at height zero and kicks, ``"moving"``, or
             ``"sprung"``, a moving base of finite mass; the law of rebound, ``"rest"`` or
             ``"reflect"``, the latter over a high-bounce base only.
+        waveform
+            Shape of the motion of the base: ``"sine"``, ``"parabolic"``, or the harmonics of its
+            velocity with number, weight and phase in rad,
+            ``{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}``.
         mass_ratio, particle_mass, base_mass, mount_frequency, mount_damping
             Of a sprung base, as physical parameters: the mass of one particle in units of that of
             the base, or both masses (kg); natural frequency (Hz) and damping ratio of its mount.

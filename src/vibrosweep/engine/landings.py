@@ -66,7 +66,7 @@ def _recorded(
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
     trajectories = parameters["frequency"].size * scene.particles
     out = empty_record(trajectories, capacity)
-    batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
+    batch = Batch(base_of(scene.base, scene.rebound, scene.waveform), problem, launch)
     units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
 
     def task(first: int, last: int) -> None:

@@ -55,7 +55,7 @@ def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> 
     frequency, particles = parameters["frequency"], scene.particles
     launch = launches(scene.launch, particles, frequency)
     found = follow(problem, launch, measures.tolerance * frequency, scene, workers)
-    base = base_of(scene.base, scene.rebound)
+    base = base_of(scene.base, scene.rebound, scene.waveform)
     of_base = lifts(base, problem), lowest(base, problem)
     measured = of_realizations(found.whole, parameters, *of_base)
     heights = _launch_heights(parameters, problem, launch, of_base[1])

@@ -125,7 +125,7 @@ def statistics(
     kinds = KINDS if observer is not None else (*KINDS, *kinds_of(scene))
     each = workers.statistics(total, kinds)
     windowed = scene.windowed  # loops over all launches
-    base = fitted(base_of(scene.base, scene.rebound), problem)
+    base = fitted(base_of(scene.base, scene.rebound, scene.waveform), problem)
     batch = Batch(base, problem, launch)
     options = Options(
         scene.budget,
@@ -172,7 +172,7 @@ def _orbits(
 ) -> Orbits:
     orbits = empty_orbits(each.status.size)
 
-    batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
+    batch = Batch(base_of(scene.base, scene.rebound, scene.waveform), problem, launch)
     exponents = int(scene.measures.lyapunov)
     plain = each._replace(kinds=())  # one machine code, whatever statistics are chosen
 
@@ -204,7 +204,7 @@ def _separations(
     complete = whole.status == Status.COMPLETED
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)
     windowed = scene.windowed  # loops over all launches
-    batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
+    batch = Batch(base_of(scene.base, scene.rebound, scene.waveform), problem, launch)
     # costly to allocate
     workspaces = [workspace(particles) for _ in range(min(size, workers.threads))]
 
@@ -227,7 +227,7 @@ def _error_bounds(
 ) -> Trust:
     bounds = empty_trust(tolerance.size * scene.particles)
 
-    batch = Batch(base_of(scene.base, scene.rebound), problem, launch)
+    batch = Batch(base_of(scene.base, scene.rebound, scene.waveform), problem, launch)
 
     def task(first: int, last: int) -> None:
         trust(first, last, batch, tolerance, scene.budget, bounds)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vibrosweep as vs
+from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError, SpecError
 from vibrosweep.explore.choice import Choice, Spread
@@ -18,7 +19,8 @@ from vibrosweep.explore.labels import input_label, label, legible
 from vibrosweep.model.forcing import FORCINGS, INPUTS, inputs_of
 from vibrosweep.model.measures import known
 from vibrosweep.model.mount import MASSES
-from vibrosweep.model.parameters import STAGGERED
+from vibrosweep.model.parameters import HIGH_BOUNCE, STAGGERED
+from vibrosweep.model.shapes import name_in
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.keywords import batch
 from vibrosweep.scene.scene import Launch, Scene
@@ -120,6 +122,9 @@ def of_result(dataset: xr.Dataset, path: Path, kind: str) -> Points:
             f"{path}: is a result of the kind {kind!r}, which has no plane of realizations; give "
             f"a result of vibrosweep run, windows, bifurcation or basins"
         )
+    base = str(dataset.attrs.get("base", HIGH_BOUNCE))
+    if wrong := refusal(base, analysis="explore", waveform=name_in(dataset.attrs)):
+        raise DataError(f"{path}: {wrong}")
     try:
         found = makers[kind](dataset)
     except ParameterError as error:

@@ -8,11 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vibrosweep.analysis.base_motion import base_name, recoils
+from vibrosweep.analysis.base_motion import base_name, recoils, waveform_name
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.paint import Points
 from vibrosweep.figures.window_curves import Forcing, draw_windows
+from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.store.rows import flat
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
     points = paint.scatter_points(data.quantity(sweep, "restitution"), vertical)
     axes.set(xlabel=data.label(sweep, "restitution"), ylabel=label)
     _set_view(axes, points)
-    if not recoils(sweep):
+    if not recoils(sweep) and waveform_name(sweep) == SINE_NAME:
         draw_windows(axes, forcing, over=points.cells is not None)
     _paint_variable(figure, axes, points, sweep, variable)
     # a colour bar names its variable, but a legend does not

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vibrosweep import theory
-from vibrosweep.analysis.base_motion import base_name, moves, recoils
+from vibrosweep.analysis.base_motion import base_name, moves, recoils, waveform_name
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
+from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.model.window_begin import lower_end
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     top = 1.06 * max(float(np.max(before, initial=floor)), float(np.max(after, initial=floor)))
     # over a moving base a particle may still be rising when it lands
     lowest = min(float(np.min(before, initial=0.0)), float(np.min(after, initial=0.0)))
-    if not recoils(one):
+    if not recoils(one) and waveform_name(one) == SINE_NAME:
         _draw_strip(axes, one, lowest, top)
         _draw_locked(axes, one, top)
     _draw_points(axes, before, after, late, data.pick(one, "duration") / 2.0)

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, jit
-from vibrosweep.kernels.bases import Base, Constants, after_rest, counted, take
+from vibrosweep.kernels.bases import Base, Constants, after_rest, counted, lifts_alike, take
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.lanes import ROW
 from vibrosweep.kernels.statistics import Kinds
@@ -107,7 +107,10 @@ def empty_rests(kinds: Kinds) -> Rests:
 
 @jit
 def once_round(kinds: Kinds, fixed: Constants, x_start: float, u_start: float) -> Cycle:
-    """Totals of the cycle through a state; those of no impacts where a rest lies on the way."""
+    """Totals of the cycle through a state.
+
+    Those of no impacts where a rest lies on the way, by which the cycle is known.
+    """
     n, x, u = 0.0, x_start, u_start
     found: Cycle = no_impacts(kinds)
     while found[CYCLE_LANDINGS] == 0.0 or x != x_start or u != u_start:
@@ -115,7 +118,7 @@ def once_round(kinds: Kinds, fixed: Constants, x_start: float, u_start: float) -
         n, x, u = hit.n_off, hit.x_off, hit.u
         landing = Landing(hit.x, hit.flight.time, hit.v, hit.u, not hit.leaves)
         found = added(kinds, found, n, landing, counted(fixed, hit.flight, hit.u))
-        if not hit.leaves and (x != x_start or u != u_start):
+        if not hit.leaves and lifts_alike(fixed.base) and (x != x_start or u != u_start):
             found = no_impacts(kinds)
             break
     return found
@@ -127,9 +130,10 @@ def _count_cycle(
 ) -> None:
     """Note the totals of the cycle that lane j has entered."""
     found = no_impacts(kinds)
-    if s[OF_RESTS + j] == s[ROW.RESTS_ANCHOR + j]:  # no rest is known on the way
+    alike = lifts_alike(fixed.base)
+    if s[OF_RESTS + j] == s[ROW.RESTS_ANCHOR + j] or not alike:  # no rest is known on the way
         found = once_round(kinds, fixed, s[ROW.X + j], s[ROW.U + j])
-    if found[CYCLE_LANDINGS] > 0.0 and found[CYCLE_RESTS] == 0.0:
+    if found[CYCLE_LANDINGS] > 0.0 and (found[CYCLE_RESTS] == 0.0 or not alike):
         set_cycle(kinds, s, j, found)
         return
     line = realization % ROOM_FOR_RESTS
@@ -202,7 +206,7 @@ def close_cycle(
     since = s[ROW.N + j] - s[ROW.N_ANCHOR + j]
     rested = s[OF_RESTS + j] - s[ROW.RESTS_ANCHOR + j]
     last, jumps = True, saves_work(s, j, jump)
-    if not windowed and rested > 0.0 and not jumps:
+    if lifts_alike(chosen.base) and not windowed and rested > 0.0 and not jumps:
         # the orbit from rest to rest is unique, and was passed `rested` times since the anchor
         impacts = age - 0.5 * s[ROW.NEXT_ANCHOR + j]
         found = since / rested, impacts / rested, 1.0

@@ -6,7 +6,7 @@ reduction of a flight s to s - rint(s) is exact, so nothing is lost as time grow
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,10 @@ from vibrosweep.kernels.bases import (
 )
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
+from vibrosweep.kernels.harmonics import shape_of
 from vibrosweep.kernels.laws import law_of
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
+from vibrosweep.model.shapes import SINE, Waveform
 
 Instant = tuple[float, float]  # whole periods and phase
 
@@ -58,20 +60,21 @@ class Impact(NamedTuple):
     leaves: bool  # whether it leaves at once
 
 
-def base_of(base: str, rebound: str) -> Base:
+def base_of(base: str, rebound: str, waveform: Waveform = SINE) -> Base:
     """Base and law of rebound by their names, in `vibrosweep.model.parameters` BASES and LAWS.
 
     Raises a ParameterError unless particles over the base are independent of each other, and it
-    implements the law.
+    implements the law and the waveform.
     """
     if base not in BASE_OF:
         raise ParameterError(
             f'base = "{base}": couples particles, which cannot be followed one by one; take '
             f"one of {', '.join(BASE_OF)}"
         )
-    if wrong := refusal(base, law=rebound):
+    if wrong := refusal(base, law=rebound) or refusal(base, waveform=waveform.name):
         raise ParameterError(wrong)
-    return BASE_OF[base](law_of(rebound))
+    made: Any = BASE_OF[base](law_of(rebound))
+    return made if waveform == SINE else made._replace(waveform=shape_of(waveform))
 
 
 @jit

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vibrosweep.kernels._jit import Floats, Integers, jit
-from vibrosweep.kernels.bases import Constants, after_rest, fly
+from vibrosweep.kernels.bases import Constants, after_rest, fly, lifts_alike
 from vibrosweep.kernels.impact import Instant, land
 from vibrosweep.kernels.joint import Joint
 from vibrosweep.kernels.lanes import VECTOR
@@ -140,7 +140,12 @@ def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
 def _followed_by_landings(
     fixed: Constants, windowed: bool, begin: Instant, x_end: float
 ) -> Instant:
-    """Whole periods that bound the lift-offs from rest whose next landing is inside the window."""
+    """Whole periods that bound the lift-offs from rest whose next landing is inside the window.
+
+    None is where a rest may end at several phases of a period.
+    """
+    if not lifts_alike(fixed.base):
+        return np.inf, -np.inf
     x_lift, u_lift = after_rest(fixed)
     flight, _ = fly(fixed, x_lift, u_lift)
     x, passed = land(x_lift, flight)

@@ -1,8 +1,8 @@
 """The orbit that each trajectory settles on: regime, cycle, multipliers, Lyapunov exponents.
 
 Cycles without rests are those that were recognised while the trajectory was advanced (see
-`cycles`).  After a rest the state is that of the one lift-off from rest there is, bit for bit: with
-its second rest an orbit has closed its cycle, which it entered with the first.  The exponents of
+`cycles`).  After a rest the state is that of a lift-off, bit for bit; where there is only one, an
+orbit has closed its cycle with its second rest, and entered it with the first.  The exponents of
 an orbit that does not recur are means along it, over the landings in the window; those of a cycle
 are in `exponents`.
 """
@@ -105,12 +105,12 @@ def empty_orbits(trajectories: int) -> Orbits:
 
 
 class Rests(NamedTuple):
-    """Rests of a trajectory, up to the second from which it is lifted."""
+    """Rests of a trajectory, until it has been lifted twice in the same state."""
 
-    lifted: int  # those from which it is lifted: 0, 1 or 2
+    cycle: int  # rests of the cycle that this closes; 0 where it was not closed
     seen: int  # those in the window
-    first: float  # whole periods of the first lift-off
-    # impacts, periods: from the first lift-off to the second, the cycle
+    first: float  # whole periods of the first of these lift-offs
+    # impacts, periods: of the cycle
     impacts: int
     periods: int
 
@@ -126,12 +126,14 @@ def _follow(
 ) -> tuple[State, Rests, float, float]:
     """Simulate a trajectory to its end, or until two rests have closed its cycle.
 
-    Returns the state reached; what `Rests` holds; and, of the impacts in the window, the sum of the
-    logarithms of areas, and the bound of its rounding error.
+    Lift-offs are compared with that of rest 1, 2, 4, ... (Brent's algorithm), so that the cycle is
+    found whatever rests came before it.  Returns the state reached; what `Rests` holds; and, of the
+    impacts in the window, the sum of the logarithms of areas, and the bound of its rounding error.
     """
     n, x, u = launched
     c, d = 1.0, 0.0
     lifted, seen, first, since, impacts, periods = 0, 0, np.nan, 0, 0, 0
+    anchor, x_first, u_first, closed = 0, np.nan, np.nan, 0
     area, slack = 0.0, 0.0
     growth.empty(g)
     for age in range(budget):
@@ -153,12 +155,14 @@ def _follow(
             break
         n, x, u = hit.n_off, hit.x_off, hit.u
         if not hit.leaves:
-            if lifted == 0:
-                lifted, first, since = 1, n, age
-            elif n > first:  # not where it makes no headway
-                lifted, impacts, periods = 2, age - since, int(n - first)
+            lifted += 1
+            same = x == x_first and u == u_first
+            if same and n > first:  # not where it makes no headway
+                closed, impacts, periods = lifted - anchor, age - since, int(n - first)
                 break
-    return (n, x, u), Rests(lifted, seen, first, impacts, periods), area, slack
+            if not same and lifted >= 2 * anchor:
+                anchor, first, since, x_first, u_first = lifted, n, age, x, u
+    return (n, x, u), Rests(closed, seen, first, impacts, periods), area, slack
 
 
 @jit
@@ -291,7 +295,8 @@ def settle(
     base, problem, launches = batch
     particles = launches.whole.shape[1]
     g = np.empty(growth.ROOM)
-    judged, doubtful = -1, 0  # realization whose orbit with rests was judged, and the result
+    # realization and lift-off whose orbit with rests was judged, and the result
+    judged, x_judged, doubtful = -1, np.nan, 0
     for t in range(first, last):
         i = t // particles
         fixed = constants(base, problem, i)
@@ -317,12 +322,12 @@ def settle(
                 continue
         launched = (n, x, launch_speed(fixed, problem, i, x))
         state, rests, area, slack = _follow(fixed, launched, begin, end, budget, g)
-        if rests.lifted == 2:
+        if rests.cycle > 0:
             _, x, u = state
-            if judged != i:
-                judged = i
+            if judged != i or x != x_judged:
+                judged, x_judged = i, x
                 doubtful = 0 if is_certain(fixed, x, u, rests.impacts, 0.0) else 1
-            out.regime[t], out.rests[t], out.uncertain[t] = RESTING, 1, doubtful
+            out.regime[t], out.rests[t], out.uncertain[t] = RESTING, rests.cycle, doubtful
             out.impacts[t], out.periods[t] = rests.impacts, rests.periods
             out.since[t] = rests.first + (x - problem.phase[i])
             _write_cycle(fixed, t, (rests.first, x, u), out)

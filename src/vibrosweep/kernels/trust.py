@@ -159,9 +159,9 @@ def _impact(fixed: Constants, x: float, u: float, frame: Frame, box: Box, cycles
 def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: float) -> bool:
     """Return whether no rounding can change a decision along a cycle.
 
-    (x, u) is a state of the cycle; of one with a rest, the lift-off from it.  `modulus` is that of
+    (x, u) is a state of the cycle; of one with rests, the lift-off from one.  `modulus` is that of
     the leading multiplier, by which the error of one cycle is passed on to the next; 0 of a cycle
-    with a rest, which begins anew.
+    with a rest, at which it begins anew.
     """
     if not modulus < 1.0:
         return False
@@ -178,9 +178,11 @@ def is_certain(fixed: Constants, x: float, u: float, impacts: int, modulus: floa
         if rest_is_doubtful(fixed, hit.x, hit.w, (all_cycles * off, all_cycles * faster)):
             return False
         _, x, u, leaves = lift_off(fixed, 0.0, hit.x, hit.w)
-        if not leaves:
-            return abs(hit.x - x) > hit.error + x_error
         frame, box = hit.frame, hit.box
+        if not leaves:
+            if not abs(hit.x - x) > hit.error + x_error:
+                return False
+            frame, box = (1.0, 0.0), liftoff_error(fixed)
     return True
 
 

@@ -5,6 +5,9 @@ gains (1 + e) times the velocity of the base, which is the kick of the high-boun
 
     A = (1 + e) V0        V0 = 2 pi f B        Gamma = 2 pi f V0 / g
 
+Of another waveform V0 scales the velocity as it is given, B is half the height from the lowest to
+the highest level, and Gamma the greatest downward acceleration, which is what throws a ball.
+
 The kernels are given the amplitude A: that double is what a realization is.  In the same way the
 masses of a particle and of the base may be given in place of their ratio.
 """
@@ -21,6 +24,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT
 from vibrosweep.model.parameters import LARGEST, MOUNT, PARAMETERS, SPRUNG, Parameter
+from vibrosweep.model.shapes import SINE, Waveform
 
 AMPLITUDE: Final = "amplitude"
 ACCELERATION: Final = "base_acceleration"
@@ -99,7 +103,7 @@ def sources(name: str, forcing: str) -> frozenset[str]:
     return _SOURCES[forcing] | _SOURCES[name] | {forcing}
 
 
-def completed(given: Mapping[str, Array]) -> dict[str, Array]:
+def completed(given: Mapping[str, Array], waveform: Waveform = SINE) -> dict[str, Array]:
     """Add what follows: amplitude and acceleration of the base, and the ratio of masses.
 
     To what `inputs_of` names, each of shape (realization,), in the order of `INPUTS`.  Only an
@@ -107,16 +111,17 @@ def completed(given: Mapping[str, Array]) -> dict[str, Array]:
     of masses; `vibrosweep.model.parameters.representable` tells.
     """
     name, e = forcing_of(given), given["restitution"]
-    value, omega, gravity = given[name], 2.0 * math.pi * given["frequency"], given["gravity"]
+    value, frequency, gravity = given[name], given["frequency"], given["gravity"]
+    fall = waveform.fall * frequency
     if name == AMPLITUDE:
         velocity = value / (1.0 + e)
     elif name == "base_displacement":
-        velocity = omega * value
+        velocity = waveform.per_displacement * frequency * value
     elif name == ACCELERATION:
-        velocity = value * gravity / omega
+        velocity = value * gravity / fall
     else:
         velocity = value
-    found = {AMPLITUDE: (1.0 + e) * velocity, ACCELERATION: omega * velocity / gravity}
+    found = {AMPLITUDE: (1.0 + e) * velocity, ACCELERATION: fall * velocity / gravity}
     if not MASSES.keys().isdisjoint(given):
         particle, base = (given[mass] for mass in MASSES)
         with np.errstate(over="ignore"):  # out of range, as `representable` tells

@@ -12,12 +12,14 @@ import h5netcdf
 import numpy as np
 from numpy.typing import NDArray
 
+from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS_OF, MOUNT, PARAMETERS, SPRUNG, STAGGERED
+from vibrosweep.model.shapes import name_in
 from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.axes import judge_axes
 from vibrosweep.proof.judgement import Judgement
@@ -60,6 +62,9 @@ def read_sample(
         for group in (file, *(file.groups[name] for name in file.groups if name == "record")):
             if group.attrs["rebound"] not in LAWS_OF.get(group.attrs.get("base", HIGH_BOUNCE), ()):
                 raise _unsound(path, ["rebound or base"])
+            base = str(group.attrs.get("base", HIGH_BOUNCE))
+            if wrong := refusal(base, analysis="verify", waveform=name_in(group.attrs)):
+                raise DataError(f"{path}: the proof {wrong}")
         sample = _drawn(path, file, size, seed, observables)
         record = _record(file, sample) if "record" in file.groups else None
         setting, axes = asked(path, file, sample.rows), list(judge_axes(path))

@@ -18,6 +18,7 @@ from vibrosweep.mistakes import toml
 from vibrosweep.model.observables import Observable
 from vibrosweep.model.outside_laws import OUTSIDE
 from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.shapes import Waveform
 from vibrosweep.model.times import Periods, unit_of
 from vibrosweep.scene.columns import GivenTable
 from vibrosweep.scene.design import Axis, Design, Range
@@ -51,6 +52,10 @@ KEYS: Final[Mapping[str, str]] = {
     "design.name": "sample.design",
     "design.sampled": "",
     "record.inputs": "record",
+    "scene.waveform.name": "scene.waveform",
+    "scene.waveform.tones": "scene.waveform.harmonics",
+    "record.waveform.name": "record.waveform",
+    "record.waveform.tones": "record.waveform.harmonics",
 }
 LONGEST: Final = 200
 
@@ -86,7 +91,7 @@ def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
 def _entries(path: str, key: str, value: Any) -> Iterator[tuple[str, object]]:
     """Yield every value of the field at a path as a sweep file gives it, with its key there."""
     members: Mapping[str, Any] = {}
-    if isinstance(value, Sweep | Scene | Design | Measures | Observable):
+    if isinstance(value, Sweep | Scene | Design | Measures | Observable | Waveform):
         # a field that is not compared, such as a function, has its digest in another field
         members = {f.name: getattr(value, f.name) for f in fields(value) if f.compare}
     elif isinstance(value, Mapping):

@@ -175,6 +175,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
             "notes": "; ".join(f"{about}: {text}" for about, text in notes(spec, design).items()),
             "base": spec.scene.base,
             "rebound": spec.scene.rebound,
+            "waveform": spec.scene.waveform.text,
             "forcing": spec.scene.forcing(design.sampled),
             "particles": spec.scene.particles,
             "design": spec.design.name,
@@ -263,6 +264,7 @@ def write_record(file: Group, record: Scene, workers: Workers) -> None:
         {
             "base": record.base,
             "rebound": record.rebound,
+            "waveform": record.waveform.text,
             "forcing": record.forcing(),
             **periods_given(record.duration),
         }

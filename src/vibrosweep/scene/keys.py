@@ -35,6 +35,7 @@ from vibrosweep.model.scene_measures import KEYS
 from vibrosweep.model.times import Periods
 from vibrosweep.scene.columns import GivenTable
 from vibrosweep.scene.design import DESIGNS, GRID
+from vibrosweep.scene.waveform import waveform_of
 
 SUFFIXES: Final = (".csv", ".nc")
 
@@ -310,6 +311,7 @@ _SCENE: Final[Mapping[str, Check]] = {
     "duration_periods": partial(_positive, "forcing periods"),
     "base": partial(one_of, BASES),
     "rebound": partial(one_of, LAWS),
+    "waveform": waveform_of,
 }
 SECTIONS: Final[Sections] = {
     "scene": _SCENE,

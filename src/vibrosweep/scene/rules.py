@@ -63,10 +63,13 @@ def settings(name: str, table: Table, shared: Table, mistakes: Mistakes) -> dict
             "give one for each particle",
             involves=[f"{name}.launch", "scene.launch"],
         )
-    wrong = refusal(own["base"], law=own["rebound"])
-    if wrong and not {"base", "rebound"}.isdisjoint(table):
-        involved = [f"{t}.{key}" for t in (name, "scene") for key in ("base", "rebound")]
-        mistakes.add(f"{name}.", wrong, involves=involved)
+    for key, wrong in (
+        ("rebound", refusal(own["base"], law=own["rebound"])),
+        ("waveform", refusal(own["base"], waveform=own["waveform"].name)),
+    ):
+        if wrong and not {"base", key}.isdisjoint(table):
+            involved = [f"{t}.{k}" for t in (name, "scene") for k in ("base", key)]
+            mistakes.add(f"{name}.", wrong, involves=involved)
     return own
 
 
@@ -272,7 +275,7 @@ def check_extremes(
     ends: dict[str, tuple[float, ...]] = {name: (value,) for name, value in scene.inputs.items()}
     ends |= {name: tuple(sorted({*spread.ends})) for name, spread in sampled.items()}
     corners = np.array([*itertools.product(*ends.values())]).T
-    values = completed(dict(zip(ends, corners, strict=True)))
+    values = completed(dict(zip(ends, corners, strict=True)), scene.waveform)
     # the phase does not affect the number of periods
     arrays = only_parameters(values) | {"phase": np.zeros(corners.shape[1])}
     try:

@@ -22,6 +22,7 @@ from vibrosweep.model.forcing import (
 )
 from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, STAGGERED
 from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.model.times import Periods, Time, amount, in_seconds
 
 Launch = str | tuple[float, ...]
@@ -34,7 +35,7 @@ class Scene:
     Raises
     ------
     ParameterError
-        The base does not implement the law of rebound.
+        The base does not implement the law of rebound, or the waveform.
     """
 
     particles: int = 1  # number of particles per realization
@@ -46,6 +47,7 @@ class Scene:
     # and to compare
     skip: bool = True
     base: str = HIGH_BOUNCE  # one of `vibrosweep.model.parameters.BASES`
+    waveform: Waveform = SINE
     # Physical parameters by the names of `vibrosweep.model.forcing.INPUTS`, in their units: those
     # that do not vary, defaults included; of the forcings no more than one, and those of a mount
     # for a sprung base only.  The engine takes arrays of all parameters instead.
@@ -54,6 +56,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         wrong = refusal(self.base, law=self.rebound)
+        wrong = wrong or refusal(self.base, waveform=self.waveform.name)
         if wrong:
             raise ParameterError(wrong)
 
@@ -112,7 +115,8 @@ class Scene:
             {
                 n: np.ascontiguousarray(varied[n]) if n in varied else np.full(size, self.inputs[n])
                 for n in names
-            }
+            },
+            self.waveform,
         )
 
     def parameters(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:

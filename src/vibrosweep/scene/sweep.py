@@ -21,7 +21,7 @@ from vibrosweep.scene.keys import Tables, read_tables
 from vibrosweep.scene.scene import Scene
 
 # Fields of a scene that [record] takes from [scene], beside the inputs
-SHARED: Final = ("particles", "launch", "duration", "rebound", "base")
+SHARED: Final = ("particles", "launch", "duration", "rebound", "base", "waveform")
 
 
 @dataclass(frozen=True)

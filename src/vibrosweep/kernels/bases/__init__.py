@@ -51,6 +51,7 @@ __all__ = [
     "leave",
     "lift_off",
     "lifts",
+    "lifts_alike",
     "lowest",
     "may_land",
     "pending",
@@ -212,7 +213,12 @@ def lift_off(fixed: Constants, n: float, x: float, w: float) -> tuple[float, flo
 
 @generic
 def after_rest(fixed: Constants) -> tuple[float, float]:
-    """Phase and speed with which a particle leaves after a rest."""
+    """Phase and speed with which a particle leaves after a rest, where `lifts_alike`."""
+
+
+@generic
+def lifts_alike(base: Base) -> bool:
+    """Return whether every rest ends in the same phase and speed, those of `after_rest`."""
 
 
 @generic

@@ -15,7 +15,6 @@ if and only if |f| < 1 and 0 < -g s < 2 (1 + f).
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -35,21 +34,35 @@ from vibrosweep.kernels.laws import (
     speed_rounding,
 )
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
-from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
-from vibrosweep.model.arcsine import ARCSINE_ERROR
+from vibrosweep.kernels.waveforms import (
+    LiftOffs,
+    Shape,
+    Sine,
+    first_lift_off,
+    kick_bend,
+    kick_rounding,
+    kick_slope,
+    left_out,
+    lift_off_error,
+    lift_offs,
+    lifts_once,
+    next_lift_off,
+    peak_of,
+    put_phases,
+    take_phases,
+    velocity,
+)
 from vibrosweep.model.parameters import Dimensionless
 
 # A landing phase is a sum below 1 of two exact numbers; near 0 its rounding is smaller.
 LANDING_ERROR = 0.5 * HALF_ULP
-# x_lift is the arcsine of r / a: four roundings of the ratio, then the function.
-RATIO_ERROR = 4.0 * HALF_ULP
-CURVATURE = 2.0 * math.pi * math.pi  # half the second derivative of sin(2 pi x)
 
 
 class HighBounce(NamedTuple):
-    """The base, with its law of rebound."""
+    """The base, with its law of rebound, and the shape of its kick over a period."""
 
     law: Law
+    waveform: Shape = Sine()
 
 
 class Constants(NamedTuple):
@@ -60,9 +73,9 @@ class Constants(NamedTuple):
     e: float
     a: float
     r: float
-    # x_lift, wait, u_lift: of a rest: phase of the lift-off, 0 or infinite where there is none, and
-    # next flight
-    x_lift: float
+    # x_lift, wait, u_lift: of a rest: phase of the lift-off, or of several, 0 or infinite where
+    # there is none, and next flight
+    x_lift: LiftOffs
     wait: float
     u_lift: float
 
@@ -70,15 +83,16 @@ class Constants(NamedTuple):
 @implements(bases.constants, HighBounce)
 def constants_high_bounce(base: HighBounce, problem: Dimensionless, i: int) -> Constants:
     a, r = problem.kick[i], problem.rest_flight[i]
-    wait, u_lift = (0.0, r) if a > r else (np.inf, 0.0)
-    return Constants(base, problem.restitution[i], a, r, problem.liftoff_phase[i], wait, u_lift)
+    wait, u_lift = (0.0, r) if a * peak_of(base.waveform) > r else (np.inf, 0.0)
+    x_lift = lift_offs(base.waveform, a, r, problem.liftoff_phase[i])
+    return Constants(base, problem.restitution[i], a, r, x_lift, wait, u_lift)
 
 
 @implements(bases.put, Constants)
 def put_high_bounce(fixed: Constants, s: Floats, j: int) -> None:
     row = ROW.CONSTANTS + j
     s[row], s[row + STRIDE], s[row + 2 * STRIDE] = fixed.e, fixed.a, fixed.r
-    s[row + 3 * STRIDE] = fixed.x_lift if fixed.wait == 0.0 else np.nan
+    put_phases(fixed.base.waveform, fixed.x_lift, fixed.wait, s, j)
     s[row + 4 * STRIDE] = fixed.u_lift
 
 
@@ -86,7 +100,7 @@ def put_high_bounce(fixed: Constants, s: Floats, j: int) -> None:
 def take_high_bounce(base: HighBounce, s: Floats, j: int) -> Constants:
     row = ROW.CONSTANTS + j
     e, a, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
-    return Constants(base, e, a, r, s[row + 3 * STRIDE], 0.0, s[row + 4 * STRIDE])
+    return Constants(base, e, a, r, take_phases(base.waveform, s, j), 0.0, s[row + 4 * STRIDE])
 
 
 @implements(bases.fly, Constants)
@@ -156,7 +170,7 @@ def lowest_high_bounce(base: HighBounce, problem: Dimensionless) -> Floats | Non
 
 @bases.lifts.register(HighBounce)
 def lifts_high_bounce(base: HighBounce, problem: Dimensionless) -> NDArray[np.bool_]:
-    return problem.kick > problem.rest_flight
+    return problem.kick * peak_of(base.waveform) > problem.rest_flight
 
 
 @implements(bases.leave, Constants)
@@ -171,7 +185,7 @@ def speed_high_bounce(fixed: Constants, x: float, u: float) -> float:
 
 @implements(bases.rebound, Constants)
 def rebound_high_bounce(fixed: Constants, x: float, v: float) -> float:
-    return speed_after(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
+    return speed_after(fixed.base.law, fixed.e, v, _kick(fixed, x))
 
 
 @implements(bases.lift_off, Constants)
@@ -179,10 +193,11 @@ def lift_off_high_bounce(
     fixed: Constants, n: float, x: float, w: float
 ) -> tuple[float, float, float, bool]:
     leaves = w > fixed.r
-    later = n + (fixed.wait + (1.0 if x > fixed.x_lift else 0.0))
+    x_lift, carry = next_lift_off(fixed.base.waveform, fixed.x_lift, x)
+    later = n + (fixed.wait + carry)
     return (
         n if leaves else later,
-        x if leaves else fixed.x_lift,
+        x if leaves else x_lift,
         w if leaves else fixed.u_lift,
         leaves,
     )
@@ -190,7 +205,12 @@ def lift_off_high_bounce(
 
 @implements(bases.after_rest, Constants)
 def after_rest_high_bounce(fixed: Constants) -> tuple[float, float]:
-    return fixed.x_lift, fixed.u_lift
+    return first_lift_off(fixed.base.waveform, fixed.x_lift), fixed.u_lift
+
+
+@implements(bases.lifts_alike, HighBounce)
+def lifts_alike_high_bounce(base: HighBounce) -> bool:
+    return lifts_once(base.waveform)
 
 
 @implements(bases.contact_time, Constants)
@@ -199,16 +219,16 @@ def contact_time_high_bounce(fixed: Constants) -> float:
 
 
 @jit
-def _kick_slope(x: float, a: float) -> float:
-    """Derivative of the kick a sin(2 pi x) by the phase."""
-    return 2.0 * math.pi * a * cos_turns(x)
+def _kick(fixed: Constants, x: float) -> float:
+    """Kick of an impact at phase x."""
+    return fixed.a * velocity(fixed.base.waveform, x)
 
 
 @implements(bases.jacobian, Constants)
 def jacobian_high_bounce(fixed: Constants, flight: Flight) -> Jacobian:
     x, v = flight.landing, flight.v
-    by_speed, by_kick = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
-    k = by_kick * _kick_slope(x, fixed.a)
+    by_speed, by_kick = slopes(fixed.base.law, fixed.e, v, _kick(fixed, x))
+    k = by_kick * kick_slope(fixed.base.waveform, fixed.a, x)
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
 
 
@@ -216,13 +236,13 @@ def jacobian_high_bounce(fixed: Constants, flight: Flight) -> Jacobian:
 def jacobian_error_high_bounce(
     fixed: Constants, flight: Flight, error: float, spread: Spread
 ) -> tuple[float, float, float]:
-    by_phase = 2.0 * CURVATURE * fixed.a * (error + HALF_ULP)
+    by_phase = kick_bend(fixed.base.waveform, fixed.a, flight.landing, error)
     return 0.0, 2.0 * curvature(fixed.base.law, fixed.e) * spread[1], by_phase
 
 
 @implements(bases.reverses, Constants)
 def reverses_high_bounce(fixed: Constants, x: float, v: float) -> float:
-    by_speed, _ = slopes(fixed.base.law, fixed.e, v, fixed.a * sin_turns(x))
+    by_speed, _ = slopes(fixed.base.law, fixed.e, v, _kick(fixed, x))
     return -1.0 if by_speed < 0.0 else 1.0
 
 
@@ -241,15 +261,14 @@ def density_high_bounce(fixed: Constants, u: float) -> float:
 def fixed_residual_high_bounce(
     fixed: Constants, x: float, k: float, sign: float
 ) -> tuple[float, float, float]:
-    a = fixed.a
     need = kick_to_repeat(fixed.base.law, fixed.e, k, sign)
-    return a * sin_turns(x) - need, _kick_slope(x, a), a
+    return _kick(fixed, x) - need, kick_slope(fixed.base.waveform, fixed.a, x), fixed.a
 
 
 @implements(bases.fixed_attracts, Constants)
 def fixed_attracts_high_bounce(fixed: Constants, x: float, k: float) -> bool:
-    by_speed, by_kick = slopes(fixed.base.law, fixed.e, k, fixed.a * sin_turns(x))
-    pull = -by_kick * _kick_slope(x, fixed.a)
+    by_speed, by_kick = slopes(fixed.base.law, fixed.e, k, _kick(fixed, x))
+    pull = -by_kick * kick_slope(fixed.base.waveform, fixed.a, x)
     return abs(by_speed) < 1.0 and 0.0 < pull < 2.0 * (1.0 + by_speed)
 
 
@@ -276,11 +295,12 @@ def rebound_error_high_bounce(
     fixed: Constants, flight: Flight, added: tuple[float, float], error: float, v_error: float
 ) -> float:
     x, v = flight.landing, flight.v
-    law, e, a, sine = fixed.base.law, fixed.e, fixed.a, sin_turns(x)
-    w = speed_after(law, e, v, a * sine)
-    kicked = abs(_kick_slope(x, a)) * added[0] + speed_rounding(law, e, v, w)
-    kicked += a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(sine)
-    kicked += a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
+    law, e, a, shape = fixed.base.law, fixed.e, fixed.a, fixed.base.waveform
+    of_base = velocity(shape, x)
+    w = speed_after(law, e, v, a * of_base)
+    kicked = abs(kick_slope(shape, a, x)) * added[0] + speed_rounding(law, e, v, w)
+    kicked += kick_rounding(shape, a, of_base)
+    kicked += left_out(shape, a, x, error)
     return kicked + curvature(law, e) * v_error * v_error
 
 
@@ -296,14 +316,11 @@ def rest_is_doubtful_high_bounce(fixed: Constants, x: float, w: float, spread: S
 
 @implements(error_bounds.liftoff_error, Constants)
 def liftoff_error_high_bounce(fixed: Constants) -> tuple[float, float]:
-    a, r = fixed.a, fixed.r
-    if abs(a - r) <= KICK_ERROR * a + REST_ERROR * r:
+    shape, a, r = fixed.base.waveform, fixed.a, fixed.r
+    most = a * peak_of(shape)
+    if abs(most - r) <= KICK_ERROR * most + REST_ERROR * r:
         return np.inf, np.inf
-    if a < r:  # it is never lifted
+    if most < r:  # it is never lifted
         return 0.0, 0.0
-    ratio = r / a
-    slope = math.sqrt(max(0.0, (1.0 - ratio) * (1.0 + ratio)))
-    change = RATIO_ERROR * ratio
-    if slope * slope <= 8.0 * change:  # the kick barely reaches the threshold
-        return np.inf, np.inf
-    return 2.0 * change / (2.0 * math.pi * slope) + ARCSINE_ERROR * fixed.x_lift, REST_ERROR * r
+    error = lift_off_error(shape, a, r, fixed.x_lift)
+    return error, REST_ERROR * r if error < np.inf else np.inf

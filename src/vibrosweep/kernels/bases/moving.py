@@ -112,6 +112,11 @@ def after_rest_moving(fixed: MovingConstants) -> tuple[float, float]:
     return fixed.x_lift, 0.0
 
 
+@implements(bases.lifts_alike, Moving)
+def lifts_alike_moving(base: Moving) -> bool:
+    return True
+
+
 @implements(bases.contact_time, MovingConstants)
 def contact_time_moving(fixed: MovingConstants) -> float:
     return fixed.r

@@ -1,0 +1,255 @@
+"""A base that moves as a sum of harmonics, whose number the type tells: their loops are unrolled.
+
+The sum over harmonics is Clenshaw's, from one sine and one cosine.  Its rounding: a step that
+computes b_k = p_k + t b_(k+1) - b_(k+2) makes a coefficient off by two roundings, of p_k - b_(k+2)
+and of b_k, and |b_k| is at most the sum of |p_j| (j - k + 1) over j >= k; summed over k these are
+at most j (j + 1) of each |p_j|.  An error of the cosine turns the angle: by Bernstein's inequality
+harmonic j changes by at most j^2 of it.  Those of the sine, of the coefficients and of the last two
+operations are added.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from vibrosweep.kernels._jit import OF_A_PIECE, Floats, fma, implements, jit
+from vibrosweep.kernels.lanes import ROW, STRIDE
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR
+from vibrosweep.kernels.sine import cos_turns, sin_turns, waves
+from vibrosweep.kernels.waveforms import (
+    LiftOffs,
+    Parabolic,
+    Shape,
+    Sine,
+    first_lift_off,
+    kick_bend,
+    kick_rounding,
+    kick_slope,
+    left_out,
+    lift_off_error,
+    lift_offs,
+    lifts_once,
+    next_lift_off,
+    peak_of,
+    put_phases,
+    take_phases,
+    velocity,
+)
+from vibrosweep.model.shapes import (
+    HARMONICS_NAME,
+    PARABOLIC_NAME,
+    SINE_NAME,
+    TWO_PI,
+    Waveform,
+    zeros,
+)
+from vibrosweep.model.turns import turns_of_radians
+
+STEPS = 100  # of Newton's method within a bracket, which every third halves
+
+
+class Harmonics(NamedTuple):
+    """A sum of p_h sin(2 pi h x) + q_h cos(2 pi h x)."""
+
+    # p, q: of the harmonics 1, 2, ...
+    p: tuple[float, ...]
+    q: tuple[float, ...]
+    # valley, peak: phases of each local maximum above 0, and of the minimum before it
+    valley: tuple[float, ...]
+    peak: tuple[float, ...]
+    highest: float  # of w
+    # rounding, slope_rounding: bounds of the errors of w and of w'
+    rounding: float
+    slope_rounding: float
+    bend: float  # bound of half |w''|
+
+
+@jit
+def _clenshaw(shape: Shape, x: float, sloped: float) -> float:
+    """Sum of p_h sin(2 pi h x) + q_h cos(2 pi h x); with `sloped` 1 the derivative by 2 pi x."""
+    sine, cosine = sin_turns(x), cos_turns(x)
+    twice = 2.0 * cosine
+    b, b_before, d, d_before = 0.0, 0.0, 0.0, 0.0
+    most = len(shape.p)
+    for k in range(most):
+        h = most - k
+        of_sine, of_cosine = shape.p[h - 1], shape.q[h - 1]
+        if sloped != 0.0:
+            of_sine, of_cosine = -h * of_cosine, h * of_sine
+        b, b_before = fma(twice, b, of_sine - b_before), b
+        d, d_before = fma(twice, d, of_cosine - d_before), d
+    total: float = fma(sine, b, fma(cosine, d, -d_before))
+    return total
+
+
+@implements(velocity, Harmonics)
+def velocity_harmonics(shape: Harmonics, x: float) -> float:
+    return _clenshaw(shape, x, 0.0)
+
+
+@implements(kick_slope, Harmonics)
+def kick_slope_harmonics(shape: Harmonics, a: float, x: float) -> float:
+    return 2.0 * math.pi * a * _clenshaw(shape, x, 1.0)
+
+
+@implements(kick_rounding, Harmonics)
+def kick_rounding_harmonics(shape: Harmonics, a: float, w: float) -> float:
+    return a * fma(KICK_ERROR + HALF_ULP, abs(w), shape.rounding)
+
+
+@implements(left_out, Harmonics)
+def left_out_harmonics(shape: Harmonics, a: float, x: float, error: float) -> float:
+    return a * (shape.slope_rounding + shape.bend * error) * error
+
+
+@implements(kick_bend, Harmonics)
+def kick_bend_harmonics(shape: Harmonics, a: float, x: float, error: float) -> float:
+    return a * (2.0 * shape.bend * error + shape.slope_rounding)
+
+
+@implements(peak_of, Harmonics)
+def peak_of_harmonics(shape: Harmonics) -> float:
+    return shape.highest
+
+
+@jit
+def _rise(shape: Harmonics, a: float, r: float, k: int) -> float:
+    """Phase at which the kick rises through r on the way to peak k; NaN where it does not."""
+    low, high = shape.valley[k], shape.peak[k]  # the valley may be a period back
+    if not (a * velocity(shape, low - np.rint(low)) <= r and a * velocity(shape, high) > r):
+        return np.nan
+    x = 0.5 * (low + high)
+    for step in range(STEPS):
+        there = x - np.rint(x)
+        off = fma(a, velocity(shape, there), -r)
+        low, high = (x, high) if off <= 0.0 else (low, x)
+        slope = kick_slope(shape, a, there)
+        tried = x - off / slope
+        halves = step % 3 == 2 or not low < tried < high
+        tried = 0.5 * (low + high) if halves else tried
+        if abs(tried - x) <= HALF_ULP * abs(x) or abs(off) <= HALF_ULP * r:
+            break
+        x = tried
+    return x - np.rint(x)  # type: ignore[no-any-return]
+
+
+def _for_each_peak(term: str) -> Any:
+    """Function of (shape, a, r, s, j) that returns a tuple with what the term says of each peak."""
+
+    @functools.cache
+    def written(count: int) -> Any:
+        terms = "".join(f"{term.format(k=k, row=ROW.TRIES + k * STRIDE)}, " for k in range(count))
+        names: dict[str, Any] = {"rise": _rise}
+        exec(f"def written(shape, a, r, s, j):\n    return ({terms})\n", names)
+        return names["written"]
+
+    def call(shape: Harmonics, *arguments: Any) -> Any:
+        return written(len(shape.peak))(shape, *arguments)
+
+    @overload(call, jit_options=OF_A_PIECE, strict=False)
+    def chosen(shape: Any, *arguments: Any) -> Any:
+        return written(len(shape.types[Harmonics._fields.index("peak")]))
+
+    return call
+
+
+_rises = _for_each_peak("rise(shape, a, r, {k})")
+_taken = _for_each_peak("s[{row} + j]")
+
+
+@implements(lift_offs, Harmonics)
+def lift_offs_harmonics(shape: Harmonics, a: float, r: float, of_sine: float) -> LiftOffs:
+    return _rises(shape, a, r, 0.0, 0)
+
+
+@implements(lifts_once, Harmonics)
+def lifts_once_harmonics(shape: Harmonics) -> bool:
+    return len(shape.peak) == 1
+
+
+@implements(next_lift_off, Harmonics)
+def next_lift_off_harmonics(shape: Harmonics, phases: LiftOffs, x: float) -> tuple[float, float]:
+    found, ahead, later = np.nan, np.inf, 0.0
+    for k in range(len(phases)):
+        over = 1.0 if x > phases[k] else 0.0
+        nearer = (phases[k] - x) + over < ahead
+        found = phases[k] if nearer else found
+        later = over if nearer else later
+        ahead = (phases[k] - x) + over if nearer else ahead
+    return found, later
+
+
+@implements(first_lift_off, Harmonics)
+def first_lift_off_harmonics(shape: Harmonics, phases: LiftOffs) -> float:
+    return next_lift_off(shape, phases, -0.5)[0]
+
+
+@implements(lift_off_error, Harmonics)
+def lift_off_error_harmonics(shape: Harmonics, a: float, r: float, phases: LiftOffs) -> float:
+    worst, bend = 0.0, 2.0 * a * shape.bend
+    for k in range(len(phases)):
+        for x in (shape.valley[k], shape.peak[k]):
+            w = velocity(shape, x - np.rint(x))
+            if abs(a * w - r) <= 2.0 * (kick_rounding(shape, a, w) + REST_ERROR * r):
+                return np.inf
+        x = phases[k]
+        if x == x:
+            w = velocity(shape, x)
+            off = abs(fma(a, w, -r)) + kick_rounding(shape, a, w) + 2.0 * REST_ERROR * r
+            slope = kick_slope(shape, a, x) - a * shape.slope_rounding
+            # Kantorovich's condition for Newton's method
+            if not (slope > 0.0 and off * bend <= 0.25 * slope * slope):
+                return np.inf
+            worst = max(worst, 2.0 * off / slope + HALF_ULP)
+    return worst
+
+
+@implements(put_phases, Harmonics)
+def put_phases_harmonics(
+    shape: Harmonics, phases: LiftOffs, wait: float, s: Floats, j: int
+) -> None:
+    for k in range(len(phases)):
+        s[ROW.TRIES + k * STRIDE + j] = phases[k]
+
+
+@implements(take_phases, Harmonics)
+def take_phases_harmonics(shape: Harmonics, s: Floats, j: int) -> LiftOffs:
+    return _taken(shape, 0.0, 0.0, s, j)
+
+
+@functools.lru_cache(maxsize=64)
+def shape_of(waveform: Waveform) -> Shape:
+    """Return the shape that kernels are compiled for."""
+    if waveform.name != HARMONICS_NAME:
+        return {SINE_NAME: Sine, PARABOLIC_NAME: Parabolic}[waveform.name]()
+    most = max(h for h, _, _ in waveform.tones)
+    weight, phase = np.zeros(most), np.zeros(most)
+    for h, c, psi in waveform.tones:
+        weight[h - 1], phase[h - 1] = c, psi
+    sines, cosines = np.empty(most), np.empty(most)
+    waves(turns_of_radians(phase), sines, cosines)
+    p, q = weight * cosines, weight * sines
+    number = np.arange(1.0, most + 1.0)
+    size = np.abs(p) + np.abs(q)
+    # (5.3 h^2 + h + 4.5) half ulps in the sum, 9 of a coefficient
+    rounding = HALF_ULP * float(np.sum(size * (6.0 * number**2 + number + 14.0)))
+    sloped = HALF_ULP * float(np.sum(size * number * (6.0 * number**2 + number + 16.0)))
+    turns = zeros(waveform, 1)
+    valleys = np.concatenate([[turns[-1] - 1.0], turns[:-1]])
+    rises = waveform.slope(0.5 * (valleys + turns)) > 0.0
+    rises &= waveform.velocity(turns) > 0.0
+    return Harmonics(
+        tuple(p.tolist()),
+        tuple(q.tolist()),
+        tuple(valleys[rises].tolist()),
+        tuple(turns[rises].tolist()),
+        waveform.highest,
+        rounding,
+        TWO_PI * sloped,
+        0.5005 * waveform.sum_of(2),
+    )

@@ -1,0 +1,213 @@
+"""Velocity of the base over a period, by the type of its shape, in units of V0.
+
+A shape is a named tuple: empty for the sine and the triangle, with the numbers of one sweep for
+`vibrosweep.kernels.harmonics.Harmonics`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Floats, generic, implements
+from vibrosweep.kernels.lanes import ROW, STRIDE
+from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR
+from vibrosweep.kernels.sine import COSINE_ERROR, SINE_ERROR, cos_turns, sin_turns
+from vibrosweep.model.arcsine import ARCSINE_ERROR
+
+Shape = Any
+LiftOffs = Any  # phases in turns at which a resting particle is lifted: a number, or a tuple
+CURVATURE = 2.0 * math.pi * math.pi  # half the second derivative of sin(2 pi x)
+# x_lift is the arcsine of r / a: four roundings of the ratio, then the function.
+RATIO_ERROR = 4.0 * HALF_ULP
+
+
+class Sine(NamedTuple):
+    """The sine sin(2 pi x)."""
+
+
+class Parabolic(NamedTuple):
+    """The triangle 4 x, |x| <= 1/4, and 2 |x| beyond: the height is made of parabolas."""
+
+
+@generic
+def velocity(shape: Shape, x: float) -> float:
+    """Velocity w of the base at a phase in [-1/2, 1/2]."""
+
+
+@generic
+def kick_slope(shape: Shape, a: float, x: float) -> float:
+    """Derivative of a w(x) by the phase."""
+
+
+@generic
+def kick_rounding(shape: Shape, a: float, w: float) -> float:
+    """Bound of the error of a w at an exact phase, with that of a."""
+
+
+@generic
+def left_out(shape: Shape, a: float, x: float, error: float) -> float:
+    """Bound of the change of a w within `error` of x, less what its computed derivative says."""
+
+
+@generic
+def kick_bend(shape: Shape, a: float, x: float, error: float) -> float:
+    """Bound of the change of the derivative of a w within `error` of x."""
+
+
+@generic
+def peak_of(shape: Shape) -> float:
+    """Largest value of w."""
+
+
+@generic
+def lift_offs(shape: Shape, a: float, r: float, of_sine: float) -> LiftOffs:
+    """Phases at which the kick a w(x) rises through r, in which NaN stands for none.
+
+    `of_sine` is that of the sine.
+    """
+
+
+@generic
+def lifts_once(shape: Shape) -> bool:
+    """Return whether a rest ends at one phase only, whatever a and r."""
+
+
+@generic
+def next_lift_off(shape: Shape, phases: LiftOffs, x: float) -> tuple[float, float]:
+    """Phase at which a particle is lifted that rests from phase x, and whole periods until then."""
+
+
+@generic
+def first_lift_off(shape: Shape, phases: LiftOffs) -> float:
+    """Return the phase of a lift-off, the only one where there are not several."""
+
+
+@generic
+def lift_off_error(shape: Shape, a: float, r: float, phases: LiftOffs) -> float:
+    """Bound of the errors of the phases of lift-offs, infinite where one may be missed.
+
+    Somewhere the kick exceeds r, by more than rounding.
+    """
+
+
+@generic
+def put_phases(shape: Shape, phases: LiftOffs, wait: float, s: Floats, j: int) -> None:
+    """Put the phases of lift-offs into lane j, or NaN where the wait for them is infinite.
+
+    A single one is the fourth of its constants; several take rows of a search for the landing.
+    """
+
+
+@generic
+def take_phases(shape: Shape, s: Floats, j: int) -> LiftOffs:
+    """Take them back."""
+
+
+@implements(velocity, Sine)
+def velocity_sine(shape: Shape, x: float) -> float:
+    return sin_turns(x)
+
+
+@implements(kick_slope, Sine)
+def kick_slope_sine(shape: Shape, a: float, x: float) -> float:
+    return 2.0 * math.pi * a * cos_turns(x)
+
+
+@implements(kick_rounding, Sine)
+def kick_rounding_sine(shape: Shape, a: float, w: float) -> float:
+    return a * (SINE_ERROR + KICK_ERROR + HALF_ULP) * abs(w)
+
+
+@implements(left_out, Sine)
+def left_out_sine(shape: Shape, a: float, x: float, error: float) -> float:
+    return a * (2.0 * math.pi * COSINE_ERROR + CURVATURE * error) * error
+
+
+@implements(kick_bend, Sine)
+def kick_bend_sine(shape: Shape, a: float, x: float, error: float) -> float:
+    return 2.0 * CURVATURE * a * (error + HALF_ULP)
+
+
+@implements(peak_of, Sine, Parabolic)
+def peak_of_one(shape: Shape) -> float:
+    return 1.0
+
+
+@implements(lift_offs, Sine)
+def lift_offs_sine(shape: Shape, a: float, r: float, of_sine: float) -> float:
+    return of_sine
+
+
+@implements(lifts_once, Sine, Parabolic)
+def lifts_once_always(shape: Shape) -> bool:
+    return True
+
+
+@implements(next_lift_off, Sine, Parabolic)
+def next_lift_off_single(shape: Shape, phases: float, x: float) -> tuple[float, float]:
+    return phases, 1.0 if x > phases else 0.0
+
+
+@implements(first_lift_off, Sine, Parabolic)
+def first_lift_off_single(shape: Shape, phases: float) -> float:
+    return phases
+
+
+@implements(lift_off_error, Sine)
+def lift_off_error_sine(shape: Shape, a: float, r: float, phases: float) -> float:
+    ratio = r / a
+    slope = math.sqrt(max(0.0, (1.0 - ratio) * (1.0 + ratio)))
+    change = RATIO_ERROR * ratio
+    if slope * slope <= 8.0 * change:  # the kick barely reaches the threshold
+        return np.inf
+    return 2.0 * change / (2.0 * math.pi * slope) + ARCSINE_ERROR * phases
+
+
+@implements(put_phases, Sine, Parabolic)
+def put_phases_single(shape: Shape, phases: float, wait: float, s: Floats, j: int) -> None:
+    s[ROW.CONSTANTS + 3 * STRIDE + j] = phases if wait == 0.0 else np.nan
+
+
+@implements(take_phases, Sine, Parabolic)
+def take_phases_single(shape: Shape, s: Floats, j: int) -> float:
+    return s[ROW.CONSTANTS + 3 * STRIDE + j]  # type: ignore[no-any-return]
+
+
+@implements(velocity, Parabolic)
+def velocity_parabolic(shape: Shape, x: float) -> float:
+    near = abs(x)
+    far = 0.5 - near
+    return 4.0 * math.copysign(far if far < near else near, x)
+
+
+@implements(kick_slope, Parabolic)
+def kick_slope_parabolic(shape: Shape, a: float, x: float) -> float:
+    return 4.0 * a if abs(x) <= 0.25 else -4.0 * a
+
+
+@implements(kick_rounding, Parabolic)
+def kick_rounding_parabolic(shape: Shape, a: float, w: float) -> float:
+    return a * (KICK_ERROR + HALF_ULP) * abs(w)
+
+
+@implements(left_out, Parabolic)
+def left_out_parabolic(shape: Shape, a: float, x: float, error: float) -> float:
+    return a * 8.0 * error if abs(abs(x) - 0.25) <= error else 0.0
+
+
+@implements(kick_bend, Parabolic)
+def kick_bend_parabolic(shape: Shape, a: float, x: float, error: float) -> float:
+    return a * 8.0 if abs(abs(x) - 0.25) <= error else 0.0
+
+
+@implements(lift_offs, Parabolic)
+def lift_offs_parabolic(shape: Shape, a: float, r: float, of_sine: float) -> float:
+    return 0.25 * (r / a) if a > r else np.nan
+
+
+@implements(lift_off_error, Parabolic)
+def lift_off_error_parabolic(shape: Shape, a: float, r: float, phases: float) -> float:
+    return RATIO_ERROR * phases

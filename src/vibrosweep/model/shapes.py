@@ -1,0 +1,187 @@
+"""Shapes of the motion of the base over a period.
+
+The base has the velocity V0 w(X) and the height (V0 / f) W(X), W' = w, at the phase X in turns; w
+has the period 1 and the mean zero:
+
+    w(X) = sum c_h sin(2 pi h X + psi_h)        W(X) = -sum c_h cos(2 pi h X + psi_h) / (2 pi h)
+
+or, for "parabolic", w(X) = 4 X for |X| <= 1/4 and 2 - 4 X for 1/4 <= X <= 3/4.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vibrosweep.arrays import Array
+from vibrosweep.mistakes import toml
+
+PARABOLIC_NAME: Final = "parabolic"
+SINE_NAME: Final = "sine"
+HARMONICS_NAME: Final = "harmonics"
+WAVEFORMS: Final = (SINE_NAME, PARABOLIC_NAME, HARMONICS_NAME)
+MOST_HARMONICS: Final = 16
+TWO_PI: Final = 2.0 * math.pi
+OFF: Final = 0.49087
+NARROW: Final = 2.0**-44  # turns; two roots as near as that are one
+
+Tone = tuple[int, float, float]  # number, weight and phase in rad of a harmonic
+
+
+@dataclass(frozen=True)
+class Waveform:
+    """A shape, by one of `WAVEFORMS`; harmonics in the order of their numbers, each once."""
+
+    name: str = SINE_NAME
+    tones: tuple[Tone, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """Value of the key ``waveform`` of a sweep file that asks for it."""
+        if self.name != HARMONICS_NAME:
+            return self.name
+        return toml({self.name: [list(tone) for tone in self.tones]})
+
+    def height(self, x: ArrayLike) -> Array:
+        """W at phases in turns."""
+        if self.name == PARABOLIC_NAME:
+            y, rises = _folded(x)
+            return np.asarray(np.where(rises, 2.0 * y * y - 0.125, 0.125 - 2.0 * y * y))
+        return self._sum(x, -1)
+
+    def velocity(self, x: ArrayLike) -> Array:
+        """W', which is w, at phases in turns."""
+        if self.name == PARABOLIC_NAME:
+            y, rises = _folded(x)
+            return np.asarray(np.where(rises, 4.0 * y, -4.0 * y))
+        return self._sum(x, 0)
+
+    def slope(self, x: ArrayLike) -> Array:
+        """Derivative of w by the phase in turns."""
+        if self.name == PARABOLIC_NAME:
+            return np.asarray(np.where(_folded(x)[1], 4.0, -4.0))
+        return self._sum(x, 1)
+
+    @property
+    def highest(self) -> float:
+        """Largest velocity, in units of V0."""
+        return _of(self).highest
+
+    @property
+    def per_displacement(self) -> float:
+        """V0 in units of f times half the height from the lowest to the highest level."""
+        return _of(self).per_displacement
+
+    @property
+    def fall(self) -> float:
+        """Greatest downward acceleration in units of f V0."""
+        return _of(self).fall
+
+    def sum_of(self, power: int) -> float:
+        """Sum of (2 pi h)^power |c_h|, which the derivative of that order of w never exceeds."""
+        return math.fsum((TWO_PI * h) ** power * abs(c) for h, c, _ in self._tones)
+
+    @property
+    def _tones(self) -> tuple[Tone, ...]:
+        return self.tones or ((1, 1.0, 0.0),)
+
+    def _sum(self, x: ArrayLike, order: int) -> Array:
+        """Derivative of w of an order; of order -1 the integral of mean zero."""
+        x = np.asarray(x, dtype=np.float64)
+        found = np.zeros_like(x)
+        for h, weight, phase in self._tones:
+            angle = TWO_PI * (h * x - np.rint(h * x)) + phase
+            found += weight * (TWO_PI * h) ** order * np.sin(angle + 0.5 * math.pi * order)
+        return found
+
+
+SINE: Final = Waveform()
+
+
+def name_in(attributes: Mapping[str, Any]) -> str:
+    """Name of the waveform that attributes of a result tell; by default the sine."""
+    given = str(attributes.get("waveform", SINE_NAME))
+    return given if given in WAVEFORMS else HARMONICS_NAME
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    highest: float
+    per_displacement: float
+    fall: float
+
+
+@functools.lru_cache(maxsize=64)
+def _of(waveform: Waveform) -> _Sizes:
+    if waveform.name == SINE_NAME:
+        return _Sizes(1.0, TWO_PI, TWO_PI)
+    if waveform.name == PARABOLIC_NAME:
+        return _Sizes(1.0, 8.0, 4.0)
+    velocities = waveform.velocity(zeros(waveform, 1))
+    levels = waveform.height(zeros(waveform, 0))
+    fall = -float(np.min(waveform.slope(zeros(waveform, 2))))
+    return _Sizes(
+        highest=float(velocities.max()),
+        per_displacement=2.0 / float(levels.max() - levels.min()),
+        fall=fall,
+    )
+
+
+def _folded(x: ArrayLike) -> tuple[Array, Array]:
+    """Distance in turns from the middle of the half period that rises, or falls; and which."""
+    x = np.asarray(x, dtype=np.float64)
+    near = x - np.rint(x)
+    rises = np.abs(near) <= 0.25
+    return np.where(rises, near, near - np.copysign(0.5, near)), rises
+
+
+def zeros(waveform: Waveform, order: int, level: float = 0.0) -> Array:
+    """Phases in [-1/2, 1/2], ascending, where the derivative of w of an order crosses a level.
+
+    The waveform is of harmonics.  None is missed but two that are as near as `NARROW`: an interval
+    is left out once the next derivative, bounded, says that it holds none, and halved until its
+    function is monotone.
+    """
+    bounds = [waveform.sum_of(order + 1) * 1.001, waveform.sum_of(order + 2) * 1.001]
+
+    def value(x: Array) -> Array:
+        return waveform._sum(x, order) - level
+
+    def slope(x: Array) -> Array:
+        return waveform._sum(x, order + 1)
+
+    most = max(h for h, _, _ in waveform.tones)
+    edges = np.linspace(0.0, 1.0, 16 * most + 1) - OFF  # no edge where a zero is likely
+    left, right = edges[:-1], edges[1:]
+    found = []
+    while left.size:
+        middle, half = 0.5 * (left + right), 0.5 * (right - left)
+        empty = np.abs(value(middle)) > bounds[0] * half
+        monotone = np.abs(slope(middle)) > bounds[1] * half
+        narrow = half < NARROW
+        crosses = (value(left) < 0.0) != (value(right) < 0.0)
+        done = ~empty & (monotone | narrow)
+        found.append(_bisected(value, left[done & crosses], right[done & crosses]))
+        rest = ~empty & ~done
+        left, right = (
+            np.concatenate([left[rest], middle[rest]]),
+            np.concatenate([middle[rest], right[rest]]),
+        )
+    every = np.concatenate(found)
+    return np.sort(every - np.rint(every))
+
+
+def _bisected(value: Callable[[Array], Array], left: Array, right: Array) -> Array:
+    """Crossing of a level between the ends of intervals, at which the signs differ."""
+    below = value(left) < 0.0
+    for _ in range(60):
+        middle = 0.5 * (left + right)
+        same = (value(middle) < 0.0) == below
+        left, right = np.where(same, middle, left), np.where(same, right, middle)
+    return 0.5 * (left + right)
