@@ -43,7 +43,7 @@ def timed(name: str) -> Iterator[None]:
 def measured(e: np.ndarray, amplitude: np.ndarray) -> xr.Dataset:
     """The sweep itself, with separations and regimes, over 12 s."""
     plain = bare_scene(PARTICLES, "staggered", 12.0, "rest", 10**6)
-    scene = plain.measuring(transient=0.0, separation=True, regimes=True)
+    scene = plain.with_measures(transient=0.0, separation=True, regimes=True)
     parameters = all_parameters({"restitution": e, "amplitude": amplitude})
     with Workers(2) as workers:
         found = measure(parameters, scene, workers)

@@ -262,7 +262,7 @@ def windows(rng: np.random.Generator, base: str, workers: Workers) -> tuple[int,
         wanted = own.measures(begin, end)
         if wanted is None:
             continue
-        asked = replace(watched.measuring(transient=begin), duration=end)
+        asked = replace(watched.with_measures(transient=begin), duration=end)
         found = measure(parameters, asked, workers)
         size = max(1.0, abs(float(np.nan_to_num(wanted["flight_height_max"]))) / height)
         near = {"height": CLOSE * size * height, "": CLOSE / f}

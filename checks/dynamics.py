@@ -34,7 +34,7 @@ def plane(workers, **changes):
     """Every realization of the plane; the largest deviation of a sum of exponents from ln e."""
     spec = read_spec(PLANE)
     scene = spec.scene
-    observation = scene.measuring(**changes)
+    observation = scene.with_measures(**changes)
     grid = np.meshgrid(
         spec.design.sampled["restitution"].values, spec.design.sampled["amplitude"].values
     )

@@ -123,7 +123,9 @@ def apart(left, right):
 def short(workers, _options):
     """Measures of paper.toml over its own 12 s on both bases."""
     drawn = of_paper()
-    found = [measured(drawn, PAPER.scene.measuring(trust=False), base, workers) for base in BOTH]
+    found = [
+        measured(drawn, PAPER.scene.with_measures(trust=False), base, workers) for base in BOTH
+    ]
     launch = np.arange(PAPER.scene.particles) / PAPER.scene.particles
     times = [
         simulate(**drawn, launch_time=launch, duration=PAPER.scene.duration, base=base)[

@@ -76,7 +76,7 @@ def examine(case: Case, workers: Workers, proved: bool = True) -> Findings:
     )
     coupled = case.base == SPRUNG
     alone = {"joint": True} if coupled else {"regimes": True, "trust": True}
-    watched = plain.measuring(
+    watched = plain.with_measures(
         transient=case.transient, separation=True, per_particle=True,
         tolerance=1e-9 / case.scene["frequency"], **alone,
     )  # fmt: skip

@@ -193,7 +193,7 @@ def window_edges(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
             "gravity": 2.0, "launch_velocity": flight, "contact_time": 1e-9,
         }  # fmt: skip
         plain = bare_scene(1, (start,), end, law, 10_000)
-        watched = plain.measuring(transient=begin, separation=True)
+        watched = plain.with_measures(transient=begin, separation=True)
         parameters = {name: np.array([scene[name]]) for name in PARAMETERS}
         count = int(measure(parameters, watched, workers)["impact_count"][0])
         if bounce == 1.0:
@@ -218,7 +218,7 @@ def bad_company(law: str, cases: int, seed: int, workers: Workers) -> Outcome:
         scenes = [dyadic_scene(rng) for _ in range(40)]
         given = {name: np.array([scene[name] for scene in scenes]) for name in PARAMETERS}
         given["frequency"][:] = 1.0
-        observation = bare_scene(3, (0.0, 0.25, 0.3), 12.0, law, 2000).measuring(
+        observation = bare_scene(3, (0.0, 0.25, 0.3), 12.0, law, 2000).with_measures(
             transient=0.0, separation=True, per_particle=True, regimes=True, trust=True,
             tolerance=1e-9,
         )  # fmt: skip
@@ -250,7 +250,7 @@ def many_particles(law: str, cases: int, seed: int, workers: Workers) -> Outcome
     rng = np.random.default_rng(seed)
     launch = tuple(rng.uniform(0.0, 1.0, number).tolist())
     plain = bare_scene(number, launch, 3.0, law, 1000)
-    measured = measure(given, plain.measuring(transient=0.0, separation=True), workers)
+    measured = measure(given, plain.with_measures(transient=0.0, separation=True), workers)
     record = record_landings(given, plain, workers)
     times = record["landing_time"][0]
     order = np.argsort(times, axis=None)

@@ -74,7 +74,7 @@ def observe():
         plain = bare_scene(particles, launch, 12.0, "rest", 10**6)
         keys = {"transient": 0.0, "separation": True, "per_particle": True}
         keys |= {name: changes.pop(name) for name in vars(plain.measures) if name in changes}
-        return replace(plain.measuring(**keys), **changes)
+        return replace(plain.with_measures(**keys), **changes)
 
     return make
 
@@ -85,7 +85,7 @@ def record(workers):
     from vibrosweep.engine.landings import record_landings
 
     def landings(values, scene):
-        return record_landings(values, scene.measuring(transient=-np.inf), workers)
+        return record_landings(values, scene.with_measures(transient=-np.inf), workers)
 
     return landings
 

@@ -44,12 +44,12 @@ def package(sweep: Sweep, orbits: list[Orbit], threads: int) -> Iterator[Point]:
         times = list(found["landing_time"][np.arange(realization.size), particle])
         error, note = worst(orbits, times)
         counts = found["impact_count"].sum(axis=1)
-        watch = keep.measuring(transient=0.0, trust=True, tolerance=TRUSTED)
+        watch = keep.with_measures(transient=0.0, trust=True, tolerance=TRUSTED)
         until = measure(sweep.arrays, watch, workers)["trusted_until"]
         lost = int(np.count_nonzero(until < sweep.duration))
         note = note or f"{lost} of {sweep.lanes} orbits not trusted to {TRUSTED:g} s"
         for name, skip in ((STATISTICS, True), (NOTHING_SKIPPED, False)):
-            watch = replace(keep.measuring(transient=0.0), skip=skip)
+            watch = replace(keep.with_measures(transient=0.0), skip=skip)
             measure(sweep.arrays, watch, workers)
             measured, seconds = timed(lambda watch=watch: measure(sweep.arrays, watch, workers))
             impacts = int(measured["impact_count"].sum())

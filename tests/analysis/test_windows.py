@@ -396,7 +396,7 @@ def test_windows_hold_the_base_acceleration_and_how_times_were_given():
     given |= {"duration_periods": 50.0, "transient_periods": 10.0}
     assert given.items() <= found.attrs.items()
     again = find_windows(
-        replace(scene, duration=25.0).measuring(transient=5.0),
+        replace(scene, duration=25.0).with_measures(transient=5.0),
         [0.5, 0.9],
         [0.2, 1.0, 5.0],
         ["locked(1)"],

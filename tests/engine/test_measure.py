@@ -229,7 +229,7 @@ def test_batches_do_not_change_a_bit(data, rebound, one_frequency, random_scenes
     launch = (0.0, 0.2, -1.1, 0.2)
     scene = observe(launch, rebound=rebound, duration=6.0, impact_budget=1000)
     if data.draw(st.booleans(), label="transient"):
-        scene = scene.measuring(transient=2.5)
+        scene = scene.with_measures(transient=2.5)
     whole = measure(inputs, scene, workers)
     cuts = data.draw(st.lists(st.integers(1, size - 1), unique=True).map(sorted), label="cuts")
     parts = [

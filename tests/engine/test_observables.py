@@ -111,7 +111,7 @@ def test_every_landing_in_the_window_is_seen(base, transient, scenes, observe, r
 def test_other_measures_and_threads_change_no_bit(base, scenes, observe):
     """Over 400 periods most orbits repeat; other measures count them, an observable follows."""
     plain = observe(particles=5, duration=400.0, base=base, regimes=True)
-    asked = plain.measuring(observables=(ALL,))
+    asked = plain.with_measures(observables=(ALL,))
     with Workers(1) as one, Workers(3) as three:
         without = measure(scenes, plain, one)
         found, again = measure(scenes, asked, one), measure(scenes, asked, three)

@@ -166,7 +166,7 @@ def test_an_orbit_that_is_lifted_from_two_rests_is_resting(
     asked = observe((0.0, 0.37), duration=duration, separation=False, base=kind[0], rebound=kind[1])
     begin = share * duration
     found = measure(
-        inputs, asked.measuring(transient=begin, regimes=True, lyapunov=exponents), workers
+        inputs, asked.with_measures(transient=begin, regimes=True, lyapunov=exponents), workers
     )
     kept = record(inputs, asked)
     for place in np.ndindex(12, 2):
@@ -206,7 +206,9 @@ def test_two_rests_close_a_cycle_however_long_it_is(parameters, observe, workers
     assert once["particle_rest_count"].item() == 1
     assert once["regime"].item() == Regime.UNSETTLED
     assert np.isnan(once["lyapunov_largest"].item())
-    before = measure(inputs, replace(asked.measuring(transient=5000.0), duration=9000.0), workers)
+    before = measure(
+        inputs, replace(asked.with_measures(transient=5000.0), duration=9000.0), workers
+    )
     assert before["particle_rest_count"].item() == 0
     assert before["lyapunov_largest"].item() > 0.0
 
@@ -218,8 +220,8 @@ def test_exponents_do_not_change_what_is_said_of_regimes(parameters, observe, wo
     )
     for rebound in ("rest", "reflect"):
         asked = observe(duration=200.0, rebound=rebound, separation=False, launch=(0.0, 0.4))
-        plain = measure(inputs, asked.measuring(regimes=True), workers)
-        exponents = measure(inputs, asked.measuring(lyapunov=True), workers)
+        plain = measure(inputs, asked.with_measures(regimes=True), workers)
+        exponents = measure(inputs, asked.with_measures(lyapunov=True), workers)
         for name in (variable.name for variable in MEASURES["regimes"].variables):
             assert np.array_equal(plain[name], exponents[name], equal_nan=True), name
 

@@ -100,7 +100,7 @@ def test_sums_are_closer_to_the_exact_ones_than_those_of_following():
     scene = observed(4000.0, 4, separation=False)
     skipped, followed = both(parameters, scene)
     with Workers(1) as workers:
-        everything = scene.measuring(transient=-math.inf)
+        everything = scene.with_measures(transient=-math.inf)
         record = record_landings(parameters, everything, workers)
     flights = 2.0 * record["rebound_velocity"] / 9.81
     exact = np.array(
@@ -160,7 +160,7 @@ def test_realizations_without_excitation_have_the_separations_of_their_landings(
     skipped, followed = both(parameters, scene)
     assert_same(skipped, followed, rtol=1e-11)
     with Workers(1) as workers:
-        everything = scene.measuring(transient=-math.inf)
+        everything = scene.with_measures(transient=-math.inf)
         landing = record_landings(parameters, everything, workers)["landing_time"]
     for i, (one, other) in enumerate(landing):
         gap = np.nanmin(np.abs(one[:, np.newaxis] - other))

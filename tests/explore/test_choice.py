@@ -57,9 +57,9 @@ def test_long_observations_are_drawn_in_part(choice):
 
 def test_what_is_observed_are_the_same_particles(choice):
     launched = choice.over("moving")
-    observed = launched.observe()
+    observed = launched.sweep()
     assert observed.regime.shape == (1, 4)
     assert float(observed.duration[()]) == 2000.0
-    coupled = choice.over("sprung").observe()
+    coupled = choice.over("sprung").sweep()
     record = choice.over("sprung").simulate()
     assert int(coupled.impact_count[0]) == int(record.impact_count.sum())

@@ -15,7 +15,7 @@ MOUNT = {"mass_ratio": 0.001, "mount_frequency": 0.37, "mount_damping": 0.05}
 @pytest.mark.parametrize("base", BASES)
 def test_facts_are_those_of_the_observation(base):
     choice = Choice(Scene(inputs=TABLE_1, particles=2, duration=60.0), mount=MOUNT).over(base)
-    observed = choice.observe()
+    observed = choice.sweep()
     said = dict(facts(choice, observed))
     one = observed.isel(realization=0)
     assert said["base"] == base
@@ -30,7 +30,7 @@ def test_facts_are_those_of_the_observation(base):
 
 def test_what_has_no_value_is_not_known():
     choice = Choice(Scene(inputs=TABLE_1, particles=2))
-    observed = choice.observe()
+    observed = choice.sweep()
     observed = observed.assign(
         {name: observed[name] * np.nan for name in ("dt_min", "rebound_height_max")}
     )

@@ -49,7 +49,7 @@ given, found = map(Path, sys.argv[1:])
 results = []
 with Workers(1) as workers:
     for scene, observation in pickle.loads(given.read_bytes()):
-        endless = observation.measuring(transient=-float("inf"))
+        endless = observation.with_measures(transient=-float("inf"))
         results.append((measure(scene, observation, workers),
                         record_landings(scene, endless, workers)))
 found.write_bytes(pickle.dumps(results))
@@ -209,7 +209,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.scene.scene import bare_scene
 observation = bare_scene(3, "staggered", 12.0, "rest", 10**6)
-observation = observation.measuring(transient=0.0, separation=True)
+observation = observation.with_measures(transient=0.0, separation=True)
 with Workers(1) as workers:
     measure(all_parameters({}), observation, workers)
 for kernel in (advance, combine, separate):

@@ -7,9 +7,9 @@ import xarray as xr
 
 from vibrosweep.model.measures import MEASURE_OF, MEASURES, RECORD, VARIABLES
 from vibrosweep.model.mount import OF_MOUNT
+from vibrosweep.proof.coordinates import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.judges import JUDGES
 from vibrosweep.proof.recorded import RECORDED
-from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.verifying import verify
 
 # those of coupled particles: test_verify_sprung.py

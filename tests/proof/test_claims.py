@@ -10,7 +10,7 @@ from flint import arb
 from vibrosweep.model.measures import MEASURES, VARIABLES
 from vibrosweep.proof.judgement import judge
 from vibrosweep.proof.judges import JUDGES
-from vibrosweep.proof.measured import Measured
+from vibrosweep.proof.measures import ProvedMeasures
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
@@ -34,7 +34,7 @@ SCENE = Realization(
     rebound="rest",
     base="high-bounce",
 )
-MEASURED = Measured(
+MEASURED = ProvedMeasures(
     values={"dt_min": arb("0.5"), "dt_min_same_index": None},
     fastest=arb(4),
     flights=[Flight(arb("1.6"), arb("0.8"), arb("1.6"), None)],

@@ -10,7 +10,7 @@ import pytest
 
 import vibrosweep as vs
 from vibrosweep.proof.coupled import CHANGE, prove
-from vibrosweep.proof.measured import measures
+from vibrosweep.proof.measures import prove_measures
 from vibrosweep.proof.reference.coupled import coupled
 from vibrosweep.proof.sample import Realization
 
@@ -50,7 +50,7 @@ def landings_of(trajectories):
 def test_order_of_the_landings(transient):
     one = realization(transient=transient)
     trajectories, _ = prove(one, 1000)
-    values = measures(one, trajectories).values
+    values = prove_measures(one, trajectories).values
     last = [t.landing_time[-1] for t in trajectories]
     for name, h in (("1", 1), ("2", 2), ("3", 3), ("half", 1 / 2), ("third", 1 / 3)):
         mean = sum(cmath.exp(2j * math.pi * h * 1.3 * t) for t in last) / 3
@@ -157,7 +157,7 @@ def test_nothing_is_claimed_where_rounding_may_decide(number, side):
 def test_claims_are_of_every_measure():
     one = realization(transient=1.0)
     trajectories, estimate = prove(one, 1000)
-    measured = measures(one, trajectories)
+    measured = prove_measures(one, trajectories)
     claims = estimate.claims(one, measured)
     assert claims.keys() == measured.values.keys()
     exact = {name for name, claim in claims.items() if claim == 0.0}

@@ -9,7 +9,7 @@ import pytest
 from flint import arb
 
 from vibrosweep.model.status import Status
-from vibrosweep.proof.measured import measures
+from vibrosweep.proof.measures import prove_measures
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
 from vibrosweep.proof.sample import Realization
 
@@ -118,7 +118,7 @@ def test_definitions(seed, transient):
         trajectory(rng, int(rng.integers(0, most + 1)), bool(rng.random() < 0.3 and most > 3))
         for _ in range(particles)
     ]
-    found = measures(scene(particles, transient), trajectories)
+    found = prove_measures(scene(particles, transient), trajectories)
     plain, overlap = expected(trajectories, transient or -math.inf)
     for name, value in plain.items():
         assert agree(found.values[name], value), name
@@ -134,7 +134,7 @@ def test_launch_counts_for_the_height_only_inside_the_window():
     launched = 25.0 / (2.0 * 9.81)
     low = trajectory(rng, 3, False)
     for transient, counts in ((0.0, True), (0.5, True), (0.51, False)):
-        heights = measures(scene(2, transient), [low, low]).values
+        heights = prove_measures(scene(2, transient), [low, low]).values
         own = heights["rebound_height_max"]
         top = max(float(own), launched) if counts else float(own)
         assert float(heights["flight_height_max"]) == pytest.approx(top, rel=1e-15)
@@ -142,7 +142,7 @@ def test_launch_counts_for_the_height_only_inside_the_window():
 
 def test_no_landing_at_all():
     nothing = Trajectory(LAUNCH, (), False, Status.COMPLETED, 128)
-    values = measures(scene(2), [nothing, nothing]).values
+    values = prove_measures(scene(2), [nothing, nothing]).values
     undefined = {"rebound_height_mean", "rebound_height_max", "flight_time_mean", "dt_min"}
     assert {n for n in undefined if values[n] is None} == undefined
     assert values["impact_count"] == values["base_shared"] == 0
@@ -151,5 +151,7 @@ def test_no_landing_at_all():
 
 def test_squares_beyond_doubles_are_not_finite():
     fast = Impact(arb(1), arb(1), arb(1e200), False, 1, arb(0), flight(1e100), arb(1e100))
-    values = measures(scene(1), [Trajectory(LAUNCH, (fast,), False, Status.COMPLETED, 128)]).values
+    values = prove_measures(
+        scene(1), [Trajectory(LAUNCH, (fast,), False, Status.COMPLETED, 128)]
+    ).values
     assert values["status"] == Status.NON_FINITE

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibrosweep as vs
-from vibrosweep.proof.observed import Rounded
+from vibrosweep.proof.observables import Rounded
 from vibrosweep.proof.reference._flint import arb
 
 SPRUNG = {"mass_ratio": 0.05, "mount_frequency": 4.0, "mount_damping": 0.1}

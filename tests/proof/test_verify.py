@@ -15,8 +15,8 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.measures import MEASURE_OF, MEASURES, RECORD
 from vibrosweep.model.mount import OF_MOUNT
 from vibrosweep.model.status import Regime
+from vibrosweep.proof.coordinates import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.sampling import VARIABLES, read_sample
-from vibrosweep.proof.setting import RECORD_COORDINATES, SWEEP_COORDINATES
 from vibrosweep.proof.verification import State
 from vibrosweep.proof.verifying import verify
 from vibrosweep.runs.driver import run_sweep

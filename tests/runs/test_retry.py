@@ -216,7 +216,7 @@ def test_a_retry_with_any_other_measure_is_refused(tmp_path, output):
         spec = parse_spec(LONG.format(budget=300, other=""))
         value = getattr(spec.scene.measures, field.name)
         other = {field.name: not value if isinstance(value, bool) else value + 1}
-        spec = spec.measuring(**other)
+        spec = spec.with_measures(**other)
         with pytest.raises(
             RunError, match=rf"another sweep or version:\n(.*\n)*  measure.{field.name}: "
         ):

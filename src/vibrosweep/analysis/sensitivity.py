@@ -72,7 +72,7 @@ def sobol_indices(
     mixed = [np.where(np.arange(low.size) == k, b, a) for k in range(low.size)]
     every = dict(zip(ranges, np.concatenate([a, b, *mixed]).T, strict=True))
     with Workers(threads) as workers:
-        found = _measured(every, scene.measuring(**needed), workers, outputs)
+        found = _measured(every, scene.with_measures(**needed), workers, outputs)
     parts = found.reshape(len(outputs), 2 + low.size, base)
     first, total = _indices(parts)
     random = np.random.default_rng(seed + 1)

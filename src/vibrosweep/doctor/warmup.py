@@ -90,7 +90,7 @@ def warm_up() -> Compiled:
             longer = replace(endless, duration=2.0 * PERIODS_TO_RECUR)
             for parameters in batches:
                 measure(parameters, replace(endless, measures=measures), workers)
-                measure(parameters, longer.measuring(transient=transient), workers)
+                measure(parameters, longer.with_measures(transient=transient), workers)
         for base, rebound in ways:
             point = {"restitution": np.array([0.9]), "amplitude": np.array([1.2])}
             one, _ = batch({"base": base, "rebound": rebound, "duration": 2000.0})

@@ -119,7 +119,7 @@ def _counted(
     # a trajectory with more than `most` is followed no further: the record is refused anyway
     budget = min(scene.measures.impact_budget, most + LOOK_AFTER)
     # counted as they will be kept: one by one
-    enough = replace(scene.measuring(impact_budget=budget), skip=False)
+    enough = replace(scene.with_measures(impact_budget=budget), skip=False)
     if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import count_coupled
 

@@ -90,7 +90,7 @@ def measure_all(parameters: Mapping[str, Array], scene: Scene, workers: Workers)
     if usable.all():
         return measure(parameters, scene, workers)
     sizes = {"realization": usable.size, "particle": scene.particles}
-    sizes |= {along: len(values) for along, values in scene.measures.own_dims.items()}
+    sizes |= {along: len(values) for along, values in scene.measures.observable_dims.items()}
     found = {v.name: _refused(v, sizes) for v in scene.measures.variables}
     if usable.any():
         kept = {name: values[usable] for name, values in parameters.items()}

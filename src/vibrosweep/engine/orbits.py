@@ -29,7 +29,7 @@ def find_orbits(problem: Dimensionless, launch: Launches, scene: Scene, workers:
     cycles are means over the window of the problem.  The scene must agree with the launches
     in the number of particles, and with the problem in whether the window begins after a launch.
     """
-    return settled(problem, launch, replace(scene.measuring(lyapunov=True), skip=True), workers)
+    return settled(problem, launch, replace(scene.with_measures(lyapunov=True), skip=True), workers)
 
 
 def label_orbits(orbits: Orbits, realizations: int) -> Codes:

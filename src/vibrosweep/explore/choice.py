@@ -115,7 +115,7 @@ class Choice:
         """Every landing, as `vibrosweep.simulate` returns it."""
         return vs.simulate(**self.keywords())
 
-    def observe(self) -> xr.Dataset:
+    def sweep(self) -> xr.Dataset:
         """Regimes, exponents and separations, as `vibrosweep.sweep` returns them.
 
         The observation lasts `OBSERVED_PERIODS`; over a base of finite mass, which couples the

@@ -48,7 +48,7 @@ def facts(choice: Choice, result: xr.Dataset) -> Iterator[tuple[str, str]]:
 def facts_html(choice: Choice) -> str:
     """`facts` of a realization as a table, or the reason why they cannot be computed."""
     try:
-        found = list(facts(choice, choice.observe()))
+        found = list(facts(choice, choice.sweep()))
     except VibrosweepError as error:
         return html.escape(str(error))
     rows = (f"<tr><td>{html.escape(a)}</td><td>{html.escape(b)}</td></tr>" for a, b in found)

@@ -43,8 +43,8 @@ def _variables() -> Iterator[str]:
     yield from _rows("`[record]`", RECORD.values())
 
 
-def _rows(asked: str, variables: Collection[Variable]) -> Iterator[str]:
-    yield f"| **{asked}** | |"
+def _rows(key: str, variables: Collection[Variable]) -> Iterator[str]:
+    yield f"| **{key}** | |"
     each = [v for v in variables if v.long_name.endswith(OF_EACH)]
     if each:
         names = ", ".join(f"`{v.name}`" for v in each)

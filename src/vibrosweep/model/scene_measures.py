@@ -48,17 +48,17 @@ class Measures:
     @property
     def variables(self) -> tuple[Variable, ...]:
         """Variables of a result, in their order."""
-        asked = (measure for key, measure in MEASURES.items() if getattr(self, key))
+        taken = (measure for key, measure in MEASURES.items() if getattr(self, key))
         own = (one.variable for one in self.observables)
-        return (*ALWAYS, *(variable for measure in asked for variable in measure.variables), *own)
+        return (*ALWAYS, *(variable for measure in taken for variable in measure.variables), *own)
 
     @property
-    def own_names(self) -> set[str]:
+    def observable_names(self) -> set[str]:
         """Names that observables bring into a result."""
-        return {one.name for one in self.observables}.union(self.own_dims)
+        return {one.name for one in self.observables}.union(self.observable_dims)
 
     @property
-    def own_dims(self) -> dict[str, tuple[float, ...]]:
+    def observable_dims(self) -> dict[str, tuple[float, ...]]:
         """Dimensions of observables, with their coordinates."""
         return {one.along: one.values for one in self.observables if one.along}
 

@@ -34,8 +34,8 @@ RECOMPUTED: Final = ("recomputed", "uncertain", "exponent_error", "exponent_sum_
 
 def measure_bounds(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
     """Recompute all rows over all landings: their counts and, unless coupled, error bounds."""
-    bounded = sample.observation.base != SPRUNG
-    everything = _all_landings(sample.observation).measuring(trust=bounded)
+    bounded = sample.scene.base != SPRUNG
+    everything = _all_landings(sample.scene).with_measures(trust=bounded)
     return measure_all(sample.parameters, everything, workers)
 
 
@@ -44,13 +44,13 @@ def measure_again(sample: Sample, workers: Workers) -> dict[str, NDArray[Any]]:
     names = {name for name in sample.stored if VARIABLES[name].judged in RECOMPUTED}
     if not names:
         return {}
-    asked = sample.observation.measuring(**{MEASURE_OF[name]: True for name in names})
-    found = measure_all(sample.parameters, asked, workers)
+    scene = sample.scene.with_measures(**{MEASURE_OF[name]: True for name in names})
+    found = measure_all(sample.parameters, scene, workers)
     return {name: found[name] for name in names}
 
 
-def _all_landings(observation: Scene) -> Scene:
-    return observation.measuring(transient=-math.inf)
+def _all_landings(scene: Scene) -> Scene:
+    return scene.with_measures(transient=-math.inf)
 
 
 class Errors(NamedTuple):
@@ -67,7 +67,7 @@ def landing_errors(
 ) -> list[Errors]:
     """Proved errors of the kernel's landings of each particle of a row."""
     parameters = {name: values[row : row + 1] for name, values in sample.parameters.items()}
-    found = record_landings(parameters, _all_landings(sample.observation), workers)
+    found = record_landings(parameters, _all_landings(sample.scene), workers)
     return [
         _errors(
             {name: values[0, particle] for name, values in found.items()},

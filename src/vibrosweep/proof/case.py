@@ -14,8 +14,8 @@ from vibrosweep.model.observables import Observable
 from vibrosweep.proof.bounds import Errors
 from vibrosweep.proof.coupled import Estimate
 from vibrosweep.proof.cycle import largest_exponent
-from vibrosweep.proof.measured import Measured, measures
-from vibrosweep.proof.observed import Observed, observed
+from vibrosweep.proof.measures import ProvedMeasures, prove_measures
+from vibrosweep.proof.observables import ProvedObservable, prove_observable
 from vibrosweep.proof.recurrence import SAID, Cycle, Orbit, State, numbered
 from vibrosweep.proof.reference._flint import exact
 from vibrosweep.proof.reference.results import Impact, Trajectory
@@ -62,20 +62,20 @@ class Case:
     estimate: Estimate | None = None
 
     @cached_property
-    def measures(self) -> Measured:
+    def measures(self) -> ProvedMeasures:
         """Proved measures."""
-        return measures(self.realization, self.trajectories)
+        return prove_measures(self.realization, self.trajectories)
 
     @cached_property
     def claims(self) -> Mapping[str, float | None]:
         """Largest errors of the measures that the dataset admits."""
         return (self.estimate or self.bounds).claims(self.realization, self.measures)
 
-    def observed(self, observable: Observable) -> Observed:
+    def observable(self, observable: Observable) -> ProvedObservable:
         """Proved value of an observable, and the largest errors that the dataset admits."""
         errors = partial((self.estimate or self.bounds).landing_errors, self.realization)
         status: Any = self.measures.values["particle_status"]
-        found = observed(observable, self.realization, self.trajectories, status, errors)
+        found = prove_observable(observable, self.realization, self.trajectories, status, errors)
         if self.claims["impact_count"] is None:
             return found._replace(claims=[None] * len(found.claims))
         return found

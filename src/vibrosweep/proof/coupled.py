@@ -17,7 +17,7 @@ from fractions import Fraction
 from itertools import cycle
 from typing import Final, NamedTuple
 
-from vibrosweep.proof.measured import HARMONICS, Measured
+from vibrosweep.proof.measures import HARMONICS, ProvedMeasures
 from vibrosweep.proof.reference._flint import UndecidableError, arb, ctx, exact
 from vibrosweep.proof.reference.coupled import (
     PATIENCE,
@@ -68,7 +68,7 @@ class Estimate(NamedTuple):
         speed = self.relative + 8.0 * EPS
         return LandingErrors(phase, 2.0 * phase, speed, speed)
 
-    def claims(self, realization: Realization, measured: Measured) -> dict[str, float | None]:
+    def claims(self, realization: Realization, measured: ProvedMeasures) -> dict[str, float | None]:
         """Largest error of each variable, in its own unit; None: not claimed."""
         frequency = realization.parameters["frequency"]
         rounding = (measured.longest + len(realization.launch_times) + 10) * EPS

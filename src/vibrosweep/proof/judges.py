@@ -18,7 +18,7 @@ from vibrosweep.model.status import Regime, Status
 from vibrosweep.proof.bounds import change_of_bound, untrusted
 from vibrosweep.proof.case import Case
 from vibrosweep.proof.judgement import Judgement, judge
-from vibrosweep.proof.observed import Observed
+from vibrosweep.proof.observables import ProvedObservable
 from vibrosweep.proof.statistics import Proved
 
 Judgements: TypeAlias = Iterator[Judgement]
@@ -43,7 +43,7 @@ def judge_row(case: Case, name: str) -> Judgements:
         yield from how.otherwise(case, name)
 
 
-def judge_observed(observable: Observable, values: Any, found: Observed) -> Judgements:
+def judge_observable(observable: Observable, values: Any, found: ProvedObservable) -> Judgements:
     """Judge the values of an observable in a realization by what proved landings give."""
     stored = np.atleast_1d(values).tolist()
     each = observable.particles == "each"

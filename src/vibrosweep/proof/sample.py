@@ -56,7 +56,7 @@ class Sample:
     total: int  # number of realizations in the dataset
     rows: NDArray[np.int64]  # indices of those drawn, in increasing order
     parameters: Mapping[str, Array]  # as of a `Realization`, each of shape (row,)
-    observation: Scene  # what was launched, watched and measured
+    scene: Scene
     current: bool  # True if this version and git revision computed the dataset
     stored: Mapping[str, NDArray[Any]]  # the dataset's measured variables, each of shape (row, ...)
     # Its coordinates: numbers, arrays over the particles, or sampled ones of shape (row,)
@@ -67,19 +67,19 @@ class Sample:
 
     def realization(self, row: int) -> Realization:
         """Return the realization of one of the rows."""
-        observation, rounding = self.observation, 0.0
+        scene, rounding = self.scene, 0.0
         parameters = {name: float(values[row]) for name, values in self.parameters.items()}
         begin, end = (
             _exact(time, parameters["frequency"])
-            for time in (observation.measures.transient, observation.duration)
+            for time in (scene.measures.transient, scene.duration)
         )
-        if isinstance(observation.launch, str):
+        if isinstance(scene.launch, str):
             period = 1 / Fraction(parameters["frequency"])
-            steps = range(observation.particles)
+            steps = range(scene.particles)
             rounding = 2.0**-51 * (float(end) + float(period))
-            launch = tuple(j * period / observation.particles for j in steps)
+            launch = tuple(j * period / scene.particles for j in steps)
         else:
-            launch = tuple(Fraction(time) for time in observation.launch)
+            launch = tuple(Fraction(time) for time in scene.launch)
             if isinstance(begin, Fraction) or isinstance(end, Fraction):
                 rounding = 2.0**-51 * float(end)  # launches are compared in periods
         return Realization(
@@ -87,10 +87,10 @@ class Sample:
             launch_times=launch,
             transient=begin,
             duration=end,
-            windowed=observation.windowed,
+            windowed=scene.windowed,
             launch_rounding=rounding,
-            rebound=observation.rebound,
-            base=observation.base,
+            rebound=scene.rebound,
+            base=scene.base,
         )
 
 

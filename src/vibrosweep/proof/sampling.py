@@ -22,14 +22,14 @@ from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS_OF, MOUNT, PARAMETERS,
 from vibrosweep.model.shapes import name_in
 from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.axes import judge_axes
-from vibrosweep.proof.judgement import Judgement
-from vibrosweep.proof.sample import Sample
-from vibrosweep.proof.setting import (
+from vibrosweep.proof.coordinates import (
     RECORD_COORDINATES,
     SWEEP_COORDINATES,
     Expected,
-    asked,
+    expected,
 )
+from vibrosweep.proof.judgement import Judgement
+from vibrosweep.proof.sample import Sample
 from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.scene import Scene, bare_scene
 from vibrosweep.store.provenance import provenance
@@ -67,7 +67,7 @@ def read_sample(
                 raise DataError(f"{path}: the proof {wrong}")
         sample = _drawn(path, file, size, seed, observables)
         record = _record(file, sample) if "record" in file.groups else None
-        setting, axes = asked(path, file, sample.rows), list(judge_axes(path))
+        setting, axes = expected(path, file, sample.rows), list(judge_axes(path))
     _require_sound(path, sample, VARIABLES)
     if record is not None:
         _require_sound(path, record, RECORD)
@@ -87,12 +87,12 @@ def _drawn(
     here = provenance(threads=1)
     own = [one.name for one in observables]
     names = [n for n in VARIABLES if n in file.variables]
-    observation = _observation(file, file.attrs)
+    scene = _scene(file, file.attrs)
     return Sample(
         total=total,
         rows=rows,
-        parameters={n: _parameter(file, n, chosen, rows) for n in _taken(observation.base)},
-        observation=observation,
+        parameters={n: _parameter(file, n, chosen, rows) for n in _taken(scene.base)},
+        scene=scene,
         current=all(file.attrs.get(name) == here.get(name) for name in ("source", "git_revision")),
         stored={name: read_rows(file, name, chosen) for name in names},
         coordinates=_coordinates(file, chosen),
@@ -163,16 +163,14 @@ def _record(file: Any, sample: Sample) -> Sample:
     group, rows = file.groups["record"], np.zeros(1, np.int64)
     shared = {
         "particles": group.variables["impact_count"].shape[1],
-        "impact_budget": sample.observation.measures.impact_budget,
+        "impact_budget": sample.scene.measures.impact_budget,
     }
-    observation = _observation(group, {**group.attrs, **shared})
+    scene = _scene(group, {**group.attrs, **shared})
     return Sample(
         total=1,
         rows=rows,
-        parameters={
-            name: np.atleast_1d(group.variables[name][...]) for name in _taken(observation.base)
-        },
-        observation=observation,
+        parameters={name: np.atleast_1d(group.variables[name][...]) for name in _taken(scene.base)},
+        scene=scene,
         current=sample.current,
         stored={name: group.variables[name][...] for name in RECORD},
         # in the record of a grid, a parameter that is an axis has one value along `realization`
@@ -186,11 +184,11 @@ def _record(file: Any, sample: Sample) -> Sample:
     )
 
 
-def _observation(file: Any, attributes: Mapping[str, Any]) -> Scene:
+def _scene(file: Any, attributes: Mapping[str, Any]) -> Scene:
     launch: str | tuple[float, ...] = STAGGERED
     if attributes["launch"] != STAGGERED:
         launch = tuple(file.variables["launch_time"][...].tolist())
-    watched = bare_scene(
+    seen = bare_scene(
         particles=int(attributes["particles"]),
         launch=launch,
         duration=_time(file, attributes, "duration"),
@@ -199,8 +197,8 @@ def _observation(file: Any, attributes: Mapping[str, Any]) -> Scene:
         base=str(attributes.get("base", HIGH_BOUNCE)),
     )
     if "transient" not in file.variables:
-        return watched
-    return watched.measuring(
+        return seen
+    return seen.with_measures(
         transient=_time(file, attributes, "transient"),
         tolerance=float(attributes.get("tolerance", math.inf)),
     )
@@ -214,16 +212,16 @@ def _time(file: Any, attributes: Mapping[str, Any], name: str) -> Time:
 
 def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable]) -> None:
     """Raise for data that no sweep can have written and that no kernel should be given."""
-    observation, known = sample.observation, {**PARAMETERS, **MOUNT}
+    scene, known = sample.scene, {**PARAMETERS, **MOUNT}
     bad = [n for n, v in sample.parameters.items() if not np.all(known[n].accepts(v))]
-    times = () if isinstance(observation.launch, str) else observation.launch
-    if math.isnan(amount(observation.measures.transient)) or not all(
-        math.isfinite(time) for time in (amount(observation.duration), *times)
+    times = () if isinstance(scene.launch, str) else scene.launch
+    if math.isnan(amount(scene.measures.transient)) or not all(
+        math.isfinite(time) for time in (amount(scene.duration), *times)
     ):
         bad.append("transient, duration or launch_time")
-    if observation.particles < 1 or (times and len(times) != observation.particles):
+    if scene.particles < 1 or (times and len(times) != scene.particles):
         bad.append("particles")
-    shapes = {"realization": sample.rows.size, "particle": observation.particles}
+    shapes = {"realization": sample.rows.size, "particle": scene.particles}
     for name, variable in registry.items():
         if name not in sample.stored:
             bad += [] if name in MEASURE_OF else [name]

@@ -136,7 +136,7 @@ def statistics_claims(
     """Largest errors of statistics, of a realization and of each particle.
 
     By bounds of the errors of flights; flights, the fastest and the longest are as in
-    `vibrosweep.proof.measured.Measured`.
+    `vibrosweep.proof.measures.ProvedMeasures`.
     """
     p, reference = realization.parameters, realization.reference
     gravity, launch = p["gravity"], p["launch_velocity"]

@@ -27,7 +27,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-from vibrosweep.proof.measured import Measured
+from vibrosweep.proof.measures import ProvedMeasures
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight
 from vibrosweep.proof.sample import Realization
@@ -91,7 +91,9 @@ class Bounds(NamedTuple):
         # gravity adds twice the duration to a speed, in units of g / 2 f
         return LandingErrors(phase, duration, speed + 2.0 * duration, speed)
 
-    def claims(self, realization: Realization, measured: Measured) -> Mapping[str, float | None]:
+    def claims(
+        self, realization: Realization, measured: ProvedMeasures
+    ) -> Mapping[str, float | None]:
         """Largest error of each variable, in its own unit; None: not claimed."""
         dt, period = self.landing_time, 1.0 / realization.parameters["frequency"]
         exact: dict[str, float | None] = {"at_rest_count": 0.0, "status": 0.0}
@@ -116,7 +118,7 @@ class Bounds(NamedTuple):
         return exact | windowed
 
 
-def _separations(dt: float, measured: Measured, period: float) -> dict[str, float | None]:
+def _separations(dt: float, measured: ProvedMeasures, period: float) -> dict[str, float | None]:
     claimed: dict[str, float | None] = {}
     for name in ("dt_min", "dt_min_same_index"):
         gap: Any = measured.values[name]

@@ -25,9 +25,10 @@ from vibrosweep.proof.bounds import (
     measure_bounds,
 )
 from vibrosweep.proof.case import Case
+from vibrosweep.proof.coordinates import Expected
 from vibrosweep.proof.coupled import MAX_COUPLED, Estimate, prove
 from vibrosweep.proof.judgement import Judgement, judge
-from vibrosweep.proof.judges import judge_observed, judge_row
+from vibrosweep.proof.judges import judge_observable, judge_row
 from vibrosweep.proof.recorded import judge_record
 from vibrosweep.proof.reference._flint import UndecidableError
 from vibrosweep.proof.reference.ball import trajectory
@@ -36,7 +37,6 @@ from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Trajectory
 from vibrosweep.proof.sample import Realization, Sample
 from vibrosweep.proof.sampling import read_sample
-from vibrosweep.proof.setting import Expected
 from vibrosweep.proof.tolerances import Bounds
 from vibrosweep.proof.verification import Outcome, Report, State
 from vibrosweep.runs.progress import Advance, silent
@@ -125,7 +125,7 @@ def verify(
         )
     given = observables_of(observables)
     drawn, record, setting, axes = read_sample(source, sample, seed, given)
-    coupled = drawn.observation.base == SPRUNG
+    coupled = drawn.scene.base == SPRUNG
     if max_landings is None:
         max_landings = MAX_COUPLED if coupled else MAX_LANDINGS
     claimed = {v.name for v in MEASURES["trust"].variables} <= drawn.stored.keys()
@@ -193,15 +193,15 @@ def _checked(
         bounds=bounds,
         trajectories=proof.trajectories,
         errors=errors,
-        tolerance=sample.observation.measures.tolerance,
+        tolerance=sample.scene.measures.tolerance,
         estimate=proof.estimate,
     )
     for name in sample.stored:
         judged += judge_row(case, name)
     estimated = []
     for one, values in sample.observables.items() if case.trajectories else ():
-        found = case.observed(one)
-        judged += judge_observed(one, values[row], found)
+        found = case.observable(one)
+        judged += judge_observable(one, values[row], found)
         estimated += [one.name] if found.estimated else []
     landings = _landings(proof.trajectories)
     place = int(sample.rows[row])

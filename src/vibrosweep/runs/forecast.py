@@ -155,7 +155,7 @@ def _record_file(record: Scene, size: int, workers: Workers) -> tuple[float, flo
     Measured on a shorter record: as many landings of each particle as fill a small file.
     """
     most = 1 + SAMPLE_BYTES // (BYTES_PER_LANDING * record.particles)
-    short = record.measuring(impact_budget=min(record.measures.impact_budget, most))
+    short = record.with_measures(impact_budget=min(record.measures.impact_budget, most))
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "record.h5"
         began = time.perf_counter()

@@ -162,7 +162,7 @@ def _timed(
     """Compute realizations over a fraction of their duration; return seconds and results."""
     scene = spec.scene
     if share < 1.0:
-        scene = replace(scene, duration=fraction_of(scene.duration, share)).measuring(
+        scene = replace(scene, duration=fraction_of(scene.duration, share)).with_measures(
             transient=fraction_of(scene.measures.transient, share),
             impact_budget=max(1, int(scene.measures.impact_budget * share)),
         )

@@ -159,7 +159,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
         file.coordinate(name, (REALIZATION,), label.attributes, label.values[: design.realizations])
     frequency = None if "frequency" in varied else float(quantities["frequency"][0])
     _declare_launches(file, spec.scene.launch, spec.scene.particles, frequency)
-    for name, places in spec.scene.measures.own_dims.items():
+    for name, places in spec.scene.measures.observable_dims.items():
         file.coordinate(name, (name,), {"long_name": name.replace("_", " ")}, np.array(places))
     for variable in spec.scene.measures.variables:
         file.variable(variable)

@@ -84,7 +84,7 @@ def retry_failed(
         another run is in the way.
     """
     if impact_budget:
-        spec = spec.measuring(impact_budget=impact_budget)
+        spec = spec.with_measures(impact_budget=impact_budget)
     with holding(output) as directory:
         if not output.exists() and read_manifest(directory) is not None:
             raise RunError(f"{output}: is not finished; finish the run before any of it is retried")

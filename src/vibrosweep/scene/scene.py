@@ -60,7 +60,7 @@ class Scene:
         if wrong:
             raise ParameterError(wrong)
 
-    def measuring(self, **changes: Any) -> Scene:
+    def with_measures(self, **changes: Any) -> Scene:
         """Return the same scene with other values of some keys of [measure]."""
         return replace(self, measures=replace(self.measures, **changes))
 
@@ -150,4 +150,4 @@ def bare_scene(
 ) -> Scene:
     """Return a scene without inputs, of which every landing is looked at."""
     scene = Scene(particles=particles, launch=launch, duration=duration, rebound=rebound, base=base)
-    return scene.measuring(impact_budget=impact_budget).recorded()
+    return scene.with_measures(impact_budget=impact_budget).recorded()

@@ -37,19 +37,19 @@ class Sweep:
     # How the stability windows are found that are asked for, by the keys of [windows], or None
     windows: Mapping[str, Any] | None
 
-    def measuring(self, **changes: Any) -> Sweep:
+    def with_measures(self, **changes: Any) -> Sweep:
         """Return the same sweep with other values of some keys of [measure]."""
         record = self.record
         if record is not None and "impact_budget" in changes:
-            record = record.measuring(impact_budget=changes["impact_budget"])
-        return replace(self, scene=self.scene.measuring(**changes), record=record)
+            record = record.with_measures(impact_budget=changes["impact_budget"])
+        return replace(self, scene=self.scene.with_measures(**changes), record=record)
 
     def with_observables(self, observables: Iterable[Observable]) -> Sweep:
         """Return the same sweep with observables.
 
         Raises a ParameterError as `vibrosweep.model.observables.observables_of` does.
         """
-        return self.measuring(observables=observables_of(observables))
+        return self.with_measures(observables=observables_of(observables))
 
     @property
     def inputs(self) -> tuple[Path, ...]:
@@ -71,7 +71,7 @@ class Sweep:
     @property
     def sizes(self) -> dict[str, int]:
         """Lengths of the dimensions of a result, apart from that of realizations."""
-        own = {along: len(values) for along, values in self.scene.measures.own_dims.items()}
+        own = {along: len(values) for along, values in self.scene.measures.observable_dims.items()}
         return {"particle": self.scene.particles, **own}
 
 

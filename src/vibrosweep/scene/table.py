@@ -197,7 +197,7 @@ def _judge_name(name: str, sweep: Sweep, mistakes: Mistakes) -> None:
         rule = f'is not a physical parameter; did you mean "{guess}"?'
         remedy = ("to keep it as a label rename it, to leave it out list the others in ", COLUMNS)
         mistakes.add_cell(f"{rule} Known columns: {', '.join(INPUTS)}", name, remedy=remedy)
-    elif name in RESERVED.union(sweep.scene.measures.own_names):
+    elif name in RESERVED.union(sweep.scene.measures.observable_names):
         mistakes.add_cell("has the name of something that a result holds", name, remedy=elsewhere)
     elif name in {*SECTIONS["scene"], *SECTIONS["measure"]}:
         rule = "has the name of a key that is the same for all realizations"

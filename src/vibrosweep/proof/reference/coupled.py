@@ -99,13 +99,13 @@ class _Problem:
         """Raise `UncertainError` unless a landing and the lift-off after it are narrow."""
         radius = arb(10) ** -self.digits
         time = radius * arb(self.parameters["contact_time"])
-        asked = [(impact.landing_time, time), (impact.phase, radius)]
+        balls = [(impact.landing_time, time), (impact.phase, radius)]
         if impact.liftoff_time is not None and impact.rebound_velocity is not None:
             velocity = time * arb(self.parameters["gravity"]) / 2
-            asked += [(impact.liftoff_time, time), (impact.rebound_velocity, velocity)]
+            balls += [(impact.liftoff_time, time), (impact.rebound_velocity, velocity)]
         if impact.flight is not None:
-            asked.append((impact.flight.duration, radius))
-        for ball, small in asked:
+            balls.append((impact.flight.duration, radius))
+        for ball, small in balls:
             if not (ball.rel_accuracy_bits() >= self.bits or ball.rad() <= small):
                 raise UncertainError("a result to the digits asked for", number)
 

@@ -39,7 +39,7 @@ class Expected:
     unknown: Mapping[str, str]  # reasons why other coordinates are not known, by name
 
 
-def asked(path: Path, file: Any, rows: NDArray[np.int64]) -> Expected:
+def expected(path: Path, file: Any, rows: NDArray[np.int64]) -> Expected:
     """Return the coordinates of rows, growing, that the sweep file stored in a dataset specifies.
 
     A table with a relative path is looked for beside the dataset.

@@ -20,7 +20,7 @@ import numpy as np
 from vibrosweep.model.landing import Landing
 from vibrosweep.model.observables import UNIT, Observable
 from vibrosweep.model.status import Status
-from vibrosweep.proof.measured import GUARD_BITS
+from vibrosweep.proof.measures import GUARD_BITS
 from vibrosweep.proof.reference._flint import arb, ctx, exact
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.reference.results import Flight, Impact, Trajectory
@@ -134,7 +134,7 @@ class Total(NamedTuple):
     error: float  # largest error that is admitted
 
 
-class Observed(NamedTuple):
+class ProvedObservable(NamedTuple):
     """Proved value of an observable, one for each particle where they are kept apart."""
 
     values: list[Proved]
@@ -142,25 +142,25 @@ class Observed(NamedTuple):
     estimated: bool  # True where the errors are estimated by changes of the function
 
 
-def observed(
+def prove_observable(
     observable: Observable,
     realization: Realization,
     trajectories: Sequence[Trajectory],
     status: Sequence[int],
     errors: Errors,
-) -> Observed:
+) -> ProvedObservable:
     """Value of an observable by its definition; `status` is that of each particle."""
     with ctx.workprec(GUARD_BITS + max(one.precision_bits for one in trajectories)):
-        return _observed(observable, realization, trajectories, status, errors)
+        return _proved(observable, realization, trajectories, status, errors)
 
 
-def _observed(
+def _proved(
     observable: Observable,
     realization: Realization,
     trajectories: Sequence[Trajectory],
     status: Sequence[int],
     errors: Errors,
-) -> Observed:
+) -> ProvedObservable:
     seen = [list(_landings(realization, one, errors)) for one in trajectories]
     estimated = False
     try:
@@ -183,7 +183,7 @@ def _observed(
     scale = observable.scale(arb(p["frequency"]), arb(p["gravity"]))
     powers = sum(abs(int(power or 1)) for _, power in UNIT.findall(observable.units))
     rounding = (4 + 6 * powers) * EPS
-    return Observed(
+    return ProvedObservable(
         [None if one is None else one.value * scale for one in totals],
         [
             0.0
@@ -195,10 +195,10 @@ def _observed(
     )
 
 
-def _unknown(observable: Observable, particles: int) -> Observed:
+def _unknown(observable: Observable, particles: int) -> ProvedObservable:
     """Say nothing of an observable."""
     number = particles if observable.particles == "each" else 1
-    return Observed([None] * number, [None] * number, True)
+    return ProvedObservable([None] * number, [None] * number, True)
 
 
 def _landings(

@@ -43,7 +43,7 @@ MOST_GAPS: Final = 4096
 
 
 @dataclass(frozen=True)
-class Measured:
+class ProvedMeasures:
     """Proved measures of a realization, and distances that show if rounding can change them."""
 
     # By the names of `vibrosweep.model.measures`; a list over the particles for those of each
@@ -62,13 +62,13 @@ class Measured:
     overlap: arb | None
 
 
-def measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measured:
+def prove_measures(realization: Realization, trajectories: Sequence[Trajectory]) -> ProvedMeasures:
     """Measure a realization from the proved trajectories of all its particles."""
     with ctx.workprec(GUARD_BITS + max(t.precision_bits for t in trajectories)):
-        return _measures(realization, trajectories)
+        return _proved(realization, trajectories)
 
 
-def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> Measured:
+def _proved(realization: Realization, trajectories: Sequence[Trajectory]) -> ProvedMeasures:
     begin = exact(realization.transient) if realization.windowed else arb.neg_inf()
     frequency = arb(realization.parameters["frequency"])
     landings = landings_of(realization, trajectories)
@@ -93,7 +93,7 @@ def _measures(realization: Realization, trajectories: Sequence[Trajectory]) -> M
     values["particle_status"] = list(status)
     if realization.coupled:
         values |= _ordering(realization, trajectories, landings, begin)
-    return Measured(
+    return ProvedMeasures(
         values=values,
         fastest=largest(abs(speed) for speed in whole.speeds),
         flights=whole.flights,
@@ -130,7 +130,7 @@ def _closest_same_index(landings: Sequence[Landing]) -> arb | None:
 
 
 def _overlap(landings: Sequence[Landing], begin: arb) -> arb | None:
-    """Longest overlap of two stays inside the window, as `Measured` says.
+    """Longest overlap of two stays inside the window, as `ProvedMeasures` says.
 
     The partner with which a stay overlaps longest is the one that stays longest of those that
     landed before it, so the longest stay of each of the two longest-staying particles is kept.
