@@ -84,7 +84,7 @@ def _complain(message: Text) -> None:
 
 
 def _drop_output() -> None:
-    """Let nothing more be written to a standard output that takes nothing."""
+    """Discard further output where standard output is closed."""
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -114,7 +114,7 @@ def _interruptible() -> Iterator[None]:
     if threading.current_thread() is threading.main_thread():
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             ending = getattr(signal, name, None)
-            # what is ignored stays so, as nohup wants it
+            # ignored signals stay ignored, as under nohup
             if ending is not None and signal.getsignal(ending) is not signal.SIG_IGN:
                 handlers[ending] = signal.signal(ending, interrupt)
     yield

@@ -1,4 +1,4 @@
-"""Every mistake a user can make, as one family of exceptions; and what is warned of.
+"""Every mistake a user can make, as one family of exceptions; and warnings.
 
 Each message is one clear text that names the file, the key, the value, what is allowed and what
 to do.  The command line prints it, with its own options, and exits with code 2; no traceback is
@@ -108,7 +108,7 @@ class TrackError(VibrosweepError, ValueError):
 
 
 class OtherKernelsWarning(UserWarning):
-    """Other code follows the particles of a result now than that which has computed it."""
+    """The code that now follows the particles of a result is not the code that computed it."""
 
 
 class ShortObservationWarning(UserWarning):

@@ -12,10 +12,10 @@ def lazily(
 ) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a package from the module in which each public name stands.
 
-    `replaced` says what to write instead of a name that is public no more.
+    `replaced` gives new spellings of names that are no longer public.
 
-    A name with which that of its module ends is the module itself.  No name may be that of another
-    module of the package: once that is imported, Python finds it first.
+    A name that is the last part of its module's name stands for the module.  No name may be that of
+    another module of the package: once that is imported, Python finds it first.
     """
 
     def find(name: str) -> Any:

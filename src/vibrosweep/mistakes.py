@@ -1,7 +1,7 @@
 """Mistakes as data, and the dialects in which they are told.
 
-A mistake is what was given under which key, the rule that it breaks and the remedy.  A text is a
-tuple of parts: plain strings, and what a sweep file, Python and the command line write differently.
+A mistake holds a key, the value given, the rule that it breaks and the remedy.  A text is a tuple
+of parts: plain strings, and what a sweep file, Python and the command line write differently.
 """
 
 from __future__ import annotations

@@ -104,5 +104,5 @@ def test_files_that_hdf5_cannot_read(sound, tmp_path, monkeypatch):
         require_readable(cut)
     fake.write_text("import time; time.sleep(60)")
     monkeypatch.setattr(trial, "PATIENCE", 0.3)
-    with pytest.raises(ValueError, match="does not come to an end"):
+    with pytest.raises(ValueError, match="does not finish reading it"):
         require_readable(cut)  # which would read it, without an error, in a minute

@@ -1,6 +1,6 @@
 """Analyses of results and records: dataset in, dataset out, one question per file.
 
-A `Condition` that is a function of one's own is one of those that `vibrosweep.windows` takes.
+`vibrosweep.windows` takes a `Condition`, made of a function of one's own.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ def waveform_name(dataset: xr.Dataset) -> str:
 
 
 def require_scene(dataset: xr.Dataset, analysis: str) -> None:
-    """Raise a DataError where an analysis cannot be had of the scene of a dataset."""
+    """Raise a DataError where an analysis cannot take the scene of a dataset."""
     wrong = refusal(base_name(dataset), analysis=analysis, waveform=waveform_name(dataset))
     if wrong:
         raise DataError(f"{analysis} {wrong}")

@@ -59,8 +59,8 @@ def basins(
 
     As `vibrosweep.basins`: launch times in s, and velocities in m s-1, in any order; the result
     holds each once, ascending.  The scene's particles and launches are ignored.  All launches at
-    rest for good are one attractor.  All that are aperiodic have one index, and so have all that
-    are unsettled, which is no attractor: ``regime`` says so.
+    rest for good are one attractor.  All aperiodic launches share one index, and so do all
+    unsettled ones, which are no attractor: ``regime`` tells.
     """
     require_ability("basins", scene)
     times = np.atleast_1d(np.asarray(launch_time, dtype=np.float64))
@@ -127,7 +127,7 @@ def summary(found: xr.Dataset) -> Iterator[str]:
 
 
 def _labels(orbits: Orbits) -> Codes:
-    """Label of the orbit of each launch; below zero what is no cycle, one label for a regime."""
+    """Label of the orbit of each launch; orbits that are no cycle share one below zero per regime."""
     labels = label_orbits(orbits, 1)[0]
     return np.where(labels == NO_ORBIT, -1 - orbits.regime.astype(np.int64), labels)
 

@@ -87,8 +87,8 @@ def bifurcation(
 
     At the first point of each direction particles are launched as the scene says; at every further
     one they start from the state reached at the previous one.  They settle until they recur or the
-    duration is over, and then `samples` further impacts are kept.  What is unsettled by ``regime``
-    may be on its way to an attractor.
+    duration is over, and then `samples` further impacts are kept.  Orbits that ``regime`` calls
+    unsettled may be on their way to an attractor.
     """
     require_ability("bifurcation", scene)
     a = axis(forcing, scan)

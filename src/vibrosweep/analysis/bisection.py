@@ -1,7 +1,7 @@
 """Edges of a code along an axis: a coarse scan, then all edges of all rows bisected at once.
 
-A code says what holds at a point: 0 and 1 for a condition, or more values where a middle one can
-hide between two others that a coarse scan sees.
+A code says what holds at a point: 0 and 1 for a condition, or more values where a coarse scan can
+step over a middle one.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def _scan(
 
 
 def _bisect(evaluate: Evaluate, brackets: _Brackets, tolerance: float) -> _Brackets:
-    """Halve all brackets until they are narrow; a third code inside makes two of one."""
+    """Halve all brackets until they are narrow; a third code inside splits one in two."""
     finished = brackets.take(slice(0, 0))
     while brackets.row.size:
         middle = 0.5 * (brackets.near + brackets.far)

@@ -1,8 +1,8 @@
-"""Separations, order and gaps against what landings that know nothing of each other give.
+"""Separations, order and gaps compared with those of independent landings.
 
-Such landings come close too.  Particle i lands n_i times in a window T, at phases of the density
-rho_i (in turns); if it lands at most about once per forcing period, coincidences of particles are a
-Poisson process: with
+Independent landings come close by chance.  Particle i lands n_i times in a window T, at phases of
+the density rho_i (in turns); if it lands at most about once per forcing period, coincidences of
+particles are a Poisson process: with
 
     Lambda = sum over pairs i < j of (2 n_i n_j / T) int rho_i rho_j
 
@@ -28,7 +28,7 @@ __all__ = ["order_against_chance", "separations_against_chance"]
 
 # Harmonics of a density of phases: peaks down to 1/32 of a turn are resolved
 HARMONICS: Final = 16
-# Mean square of the upper half of them from which on phases are taken for points, as of a cycle
+# Mean square of the upper half of the harmonics above which phases count as points, as on a cycle
 # of up to ten impacts: a density has next to nothing there
 POINTS: Final = 0.1
 # Landings per forcing period; more come in clumps (chatter), which are not independent
@@ -80,9 +80,9 @@ def order_against_chance(
     since
         Beginning of the window, in s; it ends after the last whole period.
     surrogates
-        How many.
+        Number of surrogates.
     seed
-        Of the shifts.
+        Seed of the random shifts.
 
     Returns
     -------
@@ -90,8 +90,8 @@ def order_against_chance(
         Dim ``realization``: ``dt_min`` (s), ``coincidence_rate`` (s-1) and its ratio to that of
         uniform phases ``phase_factor``, ``dt_min_over_chance``, ``dt_min_chance``,
         ``dt_min_surrogate_share``, ``order_over_chance``, ``order_chance`` and ``gap_chance``.
-        What needs independent landings is NaN where a particle rests, lands more than 1.2 times
-        per period, or keeps to few phases, as a locked one does.
+        Variables that assume independent landings are NaN where a particle rests, lands more than
+        1.2 times per period, or keeps to few phases, as a locked one does.
 
     Raises
     ------

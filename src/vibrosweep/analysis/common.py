@@ -24,7 +24,7 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import Sweep
 from vibrosweep.system import physical_memory
 
-# Of the forcings, what a result holds in any case
+# Forcings that every result holds
 KEPT: Final = ("amplitude", "base_acceleration")
 # Multiples of the time that the orbit which is found first takes: near the ends of its window, and
 # on longer cycles, others take longer
@@ -68,7 +68,7 @@ def attributes(scene: Scene, title: str) -> dict[str, Any]:
 
 
 def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:
-    """Variables without dimensions: times, and what is not varied nor follows from that."""
+    """Variables without dimensions: times, and parameters that all realizations share."""
     values = {name: np.array([INPUTS[name].low]) for name in varied if name not in scene.inputs}
     found = scene.quantities(values)
     differ = {*differing(varied, scene.forcing(varied))}
@@ -84,7 +84,7 @@ def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:
 
 
 def require_ability(analysis: str, scene: Scene) -> None:
-    """Refuse a scene of which an analysis cannot be had."""
+    """Refuse a scene that an analysis cannot take."""
     wrong = refusal(scene.base, analysis=analysis, waveform=scene.waveform.name)
     if wrong:
         raise ParameterError(f"{analysis}: {wrong}")
@@ -114,8 +114,8 @@ def grid_axes(
 ) -> dict[str, Array]:
     """Axes of a sweep's grid, ascending, by the names of parameters.
 
-    With `points`, which say how many, ranges of a design that draws are axes of even steps.  Raises
-    a SpecError that names the purpose unless the design is a grid with the axis that is needed, and
+    With `points`, their numbers, ranges of a design that draws become axes of even steps.  Raises a
+    SpecError that names the purpose unless the design is a grid with the axis that is needed, and
     no others than those allowed.
     """
     axes = {name: np.sort(values) for name, values in spec.design.axes.items()}
@@ -135,7 +135,7 @@ def grid_axes(
 
 
 def require_memory(what: str, count: int, bytes_each: int) -> None:
-    """Refuse, with a ParameterError, what has too many points to fit into this machine's memory."""
+    """Raise a ParameterError where so many points do not fit into this machine's memory."""
     available = physical_memory()
     if count * bytes_each > available:
         raise ParameterError(

@@ -28,7 +28,7 @@ FAILS, HOLDS = 0, 1  # codes of a decided condition
 
 @dataclass(frozen=True)
 class Condition:
-    """A condition on what was measured of a realization.
+    """A condition on the measured variables of a realization.
 
     Attributes
     ----------
@@ -37,9 +37,9 @@ class Condition:
     holds
         Function from a dataset with dim ``realization`` to booleans, one per realization.  The
         dataset holds the variables named below, the physical parameters as coordinates, and the
-        attribute ``particles``.  Where one of these variables has no value, or the realization
-        did not complete, the condition is undetermined, whatever the function gives; one that
-        judges that itself gives codes instead: `HOLDS`, `FAILS` or `UNDETERMINED`.
+        attribute ``particles``.  Where one of these variables has no value, or the realization did
+        not complete, the condition is undetermined, whatever the function gives; a function that
+        judges this itself gives codes instead: `HOLDS`, `FAILS` or `UNDETERMINED`.
     variables
         The measured variables that `holds` reads.
     sentence

@@ -28,7 +28,7 @@ def crossings(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     record
         Record of every landing, as `simulate` returns it.
     realization
-        Which, by position.
+        Its position in the record.
 
     Returns
     -------

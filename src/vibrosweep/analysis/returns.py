@@ -34,7 +34,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     record
         Record of every landing, as `simulate` returns it.
     realization
-        Which, by position.
+        Its position in the record.
     since
         Landings from this time on, in s, are taken.
 

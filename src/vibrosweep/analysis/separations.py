@@ -101,7 +101,7 @@ def separation_against(
     parameter
         Name of a parameter that differs between realizations, as ``"restitution"``.
     bins
-        How many; fewer where the parameter takes fewer values.
+        Number of bins; fewer where the parameter takes fewer values.
     measure, quantiles
         As for `separation_distribution`.
 

@@ -1,10 +1,10 @@
 """Stability windows: the intervals of the forcing in which a condition holds, for each restitution.
 
 A coarse scan over the forcing finds between which of its points a condition begins or ceases to
-hold; all these edges, of all restitutions, are then bisected together.  What hides between two
-neighbouring points of the scan, a window narrower than its step, is not seen: the scan is the
-resolution.  Locked orbits are the exception, for a scan also sees where they exist without being
-stable: every window of theirs that is wider than the tolerance is found.
+hold; all these edges, of all restitutions, are then bisected together.  A window narrower than the
+step of the scan may hide between two of its points: the scan is the resolution.  Locked orbits are
+the exception, for a scan also sees where they exist without being stable: every window of a locked
+orbit that is wider than the tolerance is found.
 """
 
 from __future__ import annotations
@@ -86,10 +86,10 @@ def find_windows(
 ) -> xr.Dataset:
     """Intervals of the forcing in which conditions hold, for every restitution.
 
-    As `vibrosweep.windows`, of a scene with the values of the restitution, and of the forcing that
-    is named in ascending order.  With `continuation` coexisting and hysteretic windows show as
-    differences between the directions.  A bracket around an edge is at most `tolerance` wide,
-    relative to the edge; that of a locked orbit holds the exact edge.
+    As `vibrosweep.windows`, for a scene, values of the restitution, and ascending values of a
+    forcing.  With `continuation` coexisting and hysteretic windows show as differences between the
+    directions.  A bracket around an edge is at most `tolerance` wide, relative to the edge; that of
+    a locked orbit holds the exact edge.
     """
     require_ability("windows", scene)
     if forcing not in FORCINGS:
@@ -130,7 +130,7 @@ def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
 
     Ranges of a design that draws are scanned in `RESTITUTIONS` and `POINTS` even steps; the
     attribute ``grid`` says so.  Raises a SpecError where the file has no such section, a condition
-    is not known, or restitution and a forcing are not all that varies.
+    is not known, or parameters other than restitution and a forcing vary.
     """
     require_ability("windows", spec.scene)
     if spec.windows is None:
@@ -167,7 +167,7 @@ def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
 
 
 def _of_orbits(condition: Condition | Locked) -> bool:
-    """Return whether a condition is judged of what orbits settle on."""
+    """Tell whether a condition depends on the orbits that particles settle on."""
     needed = condition.measures if isinstance(condition, Condition) else {}
     return not needed.keys().isdisjoint({"regimes", "lyapunov"})
 

@@ -1,1 +1,1 @@
-"""The public functions, a file for each trade; `vibrosweep` itself gives them by name."""
+"""The public functions, which `vibrosweep` exports."""

@@ -1,4 +1,4 @@
-"""Questions that are answered by computing anew: windows, bifurcations, basins, and the like.
+"""Analyses that compute realizations of their own: windows, bifurcations, basins and others.
 
 All take the keywords of `vibrosweep.sweep`, or the path of a sweep file, or a mapping.
 """
@@ -66,13 +66,12 @@ def windows(
     xarray.Dataset
         Dims (condition, direction, restitution, window): ``A_min`` and ``A_max`` (m s-1), the
         middles of brackets of width ``A_min_bracket`` and ``A_max_bracket``, NaN where a window
-        reaches the end of the scan and past the last window; ``window_ends``, which of its ends are
-        so open, and beyond which it is undetermined whether the condition holds.  Names begin with
-        the symbol of what is scanned: ``A``, ``V0``, ``B``, ``Gamma``.
-        Dims (condition, direction, restitution): ``window_count`` and ``widest``, the
-        index of the widest window, -1 without any.  Dims (condition, direction, restitution, scan):
-        ``holds``, whether the condition holds at a point of the scan, -1 where that is
-        undetermined.
+        reaches the end of the scan and past the last window; ``window_ends``, a code that tells
+        which ends are open in this way, and beyond which ends the condition is undetermined.  Names
+        begin with the symbol of what is scanned: ``A``, ``V0``, ``B``, ``Gamma``. Dims (condition,
+        direction, restitution): ``window_count`` and ``widest``, the index of the widest window, -1
+        without any.  Dims (condition, direction, restitution, scan): ``holds``, whether the
+        condition holds at a point of the scan, -1 where that is undetermined.
 
     Raises
     ------

@@ -96,7 +96,7 @@ def has_record(path: str | os.PathLike[str]) -> bool:
 
 def _open(path: str | os.PathLike[str], group: str | None) -> xr.Dataset:
     with reading(path), warnings.catch_warnings():
-        # of attributes that do not fit, which another program may have written
+        # h5netcdf warns of unexpected attributes, which another program may have written
         warnings.simplefilter("ignore", xr.SerializationWarning)
         # without phony_dims a foreign file makes h5netcdf warn
         dataset = xr.open_dataset(path, engine="h5netcdf", group=group, phony_dims="access")

@@ -1,4 +1,4 @@
-"""Arcsine as arithmetic that is written out, of a number or an array, compiled or not.
+"""Arcsine of a number or an array in plain arithmetic, compiled or not.
 
 A library's arcsine differs in the last bit between processors.  Fused operations are left out, so
 that numpy gives the bits of compiled code.

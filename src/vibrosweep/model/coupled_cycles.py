@@ -78,7 +78,7 @@ class Cycle(NamedTuple):
     Attributes
     ----------
     base, periods
-        On what it bounces; after how many forcing periods it repeats.
+        The base it bounces on; the number of forcing periods after which it repeats.
     particle, time
         Shape (impact,): which particle lands, counted from 0, and when, in forcing periods.
     speed, approach
@@ -148,7 +148,8 @@ def _after(base: CoupledBase, deviation: Array, approach: float) -> Array:
 def _residual(
     unknown: Array, base: CoupledBase, particle: NDArray[np.int64], periods: int
 ) -> Array:
-    """Miss of the base by each flight, of the law by each impact, and of the state at the end."""
+    """Residuals of each flight at its end, of the law at each impact, and of the state after a
+    cycle."""
     found = _follow(unknown, base, particle, periods)
     index, shift = _before(particle, periods)
     flight = found.time - found.time[index] + shift
@@ -180,7 +181,9 @@ def find_cycle(
     miss = np.abs(_residual(solution, base, lands, periods)).max()
     real = (found.intervals > 0.0).all() and (found.approach > 0.0).all()
     if not (real and miss <= RESIDUAL * k * k):
-        raise ParameterError(f"{base}: found no orbit of k = {k} with these impacts; guess better")
+        raise ParameterError(
+            f"{base}: found no orbit of k = {k} with these impacts; begin with a better guess"
+        )
     return found
 
 
@@ -192,7 +195,7 @@ def staggered(base: CoupledBase, k: int, slots: ArrayLike) -> Cycle:
     Parameters
     ----------
     base
-        On what it bounces.
+        The base it bounces on.
     k
         Mode: forcing periods between two impacts of a particle.
     slots

@@ -276,10 +276,10 @@ def bunch(
     """Landing times of particles in one slot that repeat a given sequence of orders.
 
     To first order in the mass ratio, see the module; in periods, from the mean of the particles at
-    that landing.  `rank`, of the same shape (landing, particle), says by how many of the others a
-    particle is preceded at each landing of the repeated sequence.  None where the landings that
-    follow do not come in the assumed order, or mode k is not stable at mu = 0: there is no such
-    pattern.  Raises a ParameterError where a row of `rank` is no permutation of the particles.
+    that landing.  `rank`, of the same shape (landing, particle), gives the number of particles that
+    land before each particle at each landing of the repeated sequence.  None where the landings
+    that follow do not come in the assumed order, or mode k is not stable at mu = 0: there is no
+    such pattern.  Raises a ParameterError where a row of `rank` is no permutation of the particles.
     """
     order = np.asarray(rank)
     particles = np.arange(order.shape[1])

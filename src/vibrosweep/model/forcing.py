@@ -1,4 +1,4 @@
-"""The four ways to give how strongly the base is driven, and what follows from what is given.
+"""The four ways to state the forcing of the base, and the quantities that follow from them.
 
 The base moves with the velocity V0 sin(2 pi f t + phi), where it moves at all.  A ball that lands
 gains (1 + e) times the velocity of the base, which is the kick of the high-bounce map:
@@ -8,7 +8,7 @@ gains (1 + e) times the velocity of the base, which is the kick of the high-boun
 Of another waveform V0 scales the velocity as it is given, B is half the height from the lowest to
 the highest level, and Gamma the greatest downward acceleration, which is what throws a ball.
 
-The kernels are given the amplitude A: that double is what a realization is.  In the same way the
+The kernels are given the amplitude A, and this double defines the realization.  In the same way the
 masses of a particle and of the base may be given in place of their ratio.
 """
 
@@ -73,8 +73,8 @@ def forcing_of(given: Collection[str]) -> str:
 def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
     """Names of the inputs that describe a realization, given or by default.
 
-    What is given for the mount fits together (`vibrosweep.model.mount.mount_mistakes`).  Raises a
-    ParameterError where two forcings are given.
+    The parameters given for the mount are consistent (`vibrosweep.model.mount.mount_mistakes`).
+    Raises a ParameterError where two forcings are given.
     """
     left_out = FORCINGS.keys() - {forcing_of(given)}
     if base != SPRUNG:
@@ -85,7 +85,7 @@ def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
 
 
 def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
-    """Names of what differs between realizations: of `INPUTS` what is varied, and what follows.
+    """Names of quantities that differ between realizations: varied inputs, and those that follow.
 
     The forcing is the one that is given, varied or not.
     """
@@ -94,9 +94,9 @@ def differing(varied: Collection[str], forcing: str) -> tuple[str, ...]:
 
 
 def sources(name: str, forcing: str) -> frozenset[str]:
-    """Names of the inputs that one follows from, where it is not given itself.
+    """Names of the inputs from which a quantity follows, where it is not given itself.
 
-    One is the amplitude, the acceleration of the base, or the ratio of masses.
+    The quantity is the amplitude, the acceleration of the base, or the ratio of masses.
     """
     if name == MASS_RATIO:
         return frozenset(MASSES)
@@ -104,11 +104,11 @@ def sources(name: str, forcing: str) -> frozenset[str]:
 
 
 def completed(given: Mapping[str, Array], waveform: Waveform = SINE) -> dict[str, Array]:
-    """Add what follows: amplitude and acceleration of the base, and the ratio of masses.
+    """Complete inputs by the amplitude and acceleration of the base, and by the ratio of masses.
 
-    To what `inputs_of` names, each of shape (realization,), in the order of `INPUTS`.  Only an
-    amplitude above its range can come out, of a displacement or an acceleration, and such a ratio
-    of masses; `vibrosweep.model.parameters.representable` tells.
+    The inputs are those of `inputs_of`, each of shape (realization,), in the order of `INPUTS`.
+    Only an amplitude above its range can come out, of a displacement or an acceleration, and such a
+    ratio of masses; `vibrosweep.model.parameters.representable` tells.
     """
     name, e = forcing_of(given), given["restitution"]
     value, frequency, gravity = given[name], given["frequency"], given["gravity"]
@@ -131,13 +131,13 @@ def completed(given: Mapping[str, Array], waveform: Waveform = SINE) -> dict[str
 
 
 def only_parameters(values: Mapping[str, Array]) -> dict[str, Array]:
-    """Return what the engine takes of `completed`: `PARAMETERS`, and `MOUNT` of a sprung base."""
+    """Return the parameters that the engine takes: `PARAMETERS`, and `MOUNT` over a sprung base."""
     mount = [name for name in MOUNT if name in values]
     return {name: values[name] for name in (*PARAMETERS, *mount)}
 
 
 def refuse_large(values: Mapping[str, Array], forcing: str) -> None:
-    """Refuse a forcing that makes an amplitude above its range, and masses of such a ratio.
+    """Refuse a forcing whose amplitude, or masses whose ratio, is above its range.
 
     The values are those of `completed`; the ParameterError names the forcing, or the masses.
     """

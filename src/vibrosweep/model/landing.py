@@ -1,4 +1,4 @@
-"""A landing, as statistics are given it."""
+"""A landing, the argument of statistics and observables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Landing(NamedTuple):
-    """A landing in the window, as an observable's function is given it.
+    """A landing in the window, the argument of an observable's function.
 
     Attributes
     ----------

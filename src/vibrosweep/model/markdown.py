@@ -1,4 +1,4 @@
-"""The registry of measures as tables of the documentation, which holds just these.
+"""Tables of the documentation, written from the registry of measures.
 
 ``python -m vibrosweep.model.markdown docs/sweep-files.md docs/results.md`` writes them anew between
 their markers.
@@ -34,7 +34,7 @@ def _keys() -> Iterator[str]:
 
 
 def _variables() -> Iterator[str]:
-    """Give every variable under the key that has it measured."""
+    """Yield every variable under the key that asks for it."""
     yield "| variable | meaning |"
     yield "|---|---|"
     yield from _rows("always", ALWAYS)
@@ -65,7 +65,7 @@ def _rows(key: str, variables: Collection[Variable]) -> Iterator[str]:
 
 
 def _comment(variable: Variable) -> str:
-    """Give what the long name leaves open; what stands elsewhere too, as a reference."""
+    """Return the comment of a variable, or a reference to where the same comment stands."""
     comment = variable.comment
     holders = [v for v in _ALL if len(comment) > LONG and comment in v.comment]
     home = max(holders, key=lambda v: len(v.comment), default=variable)
@@ -77,7 +77,7 @@ TABLES: Final = {"keys of measure": "\n".join(_keys()), "variables": "\n".join(_
 
 
 def insert(text: str) -> str:
-    """Put the tables between those of their markers that a page has, which stay.
+    """Write each table between its markers where the page has them.
 
     Raises a ValueError where the page has no markers, or only the first of a pair.
     """

@@ -1,6 +1,6 @@
 """Every measure once: its key in a sweep file, its variables, what it requires and what it costs.
 
-Whatever else names a measure derives from here: the keys of [measure], what a scene asks for
+All that names a measure derives from this registry: the keys of [measure], what a scene asks for
 (`vibrosweep.model.scene_measures`), what a result declares, what stands where nothing could be
 computed, how `vibrosweep verify` judges, reserved names, and tables of the pages.
 """
@@ -47,7 +47,7 @@ class Variable:
 
     @property
     def blank(self) -> float:
-        """Value that stands where nothing was computed: none, or the status that says so."""
+        """Placeholder where nothing was computed, or the status that says so."""
         if np.dtype(self.dtype).kind == "f":
             return math.nan
         codes = [code for code, _ in self.flags]
@@ -70,7 +70,7 @@ class Variable:
 
     @property
     def label(self) -> str:
-        """Its name, with what its numbers are in."""
+        """Name, with the unit of its numbers."""
         unit = f"per {self.per}" if self.per else "" if self.units == "1" else self.units
         return f"{self.name} ({unit})" if unit else self.name
 
@@ -579,22 +579,22 @@ OPTIONS: Final[Mapping[str, Option]] = {
 VARIABLES: Final[Mapping[str, Variable]] = {
     v.name: v for v in (*ALWAYS, *(v for one in MEASURES.values() for v in one.variables))
 }
-# The key that has a variable measured, of those that are not always
+# Key that asks for each variable that is not always measured
 MEASURE_OF: Final[Mapping[str, str]] = {
     v.name: key for key, measure in MEASURES.items() for v in measure.variables
 }
-# Variables of which a realization has one number, whatever asked for it
+# Variables with one number for each realization
 OF_REALIZATIONS: Final[Mapping[str, Variable]] = {
     name: variable for name, variable in VARIABLES.items() if variable.dims == _R
 }
 
 
 def known(name: str, held: Mapping[Any, Any]) -> NDArray[np.bool_]:
-    """Tell where a variable holds a value, and not what stands where there is none.
+    """Mark where a variable holds a value, not a placeholder.
 
-    That is NaN, `UNDETERMINED`, and of a cycle 0 where none was found.  `held` are arrays by their
-    names, or a dataset, as a sweep holds them; any value of what is not in `VARIABLES`, such as a
-    label of a table, is one unless it is NaN.
+    A placeholder is NaN, `UNDETERMINED`, or 0 for a cycle that was not found.  `held` are arrays by
+    their names, or a dataset, as a sweep holds them; any value of what is not in `VARIABLES`, such
+    as a label of a table, is one unless it is NaN.
     """
     values, variable = np.asarray(held[name]), VARIABLES.get(name)
     if values.dtype.kind == "f":

@@ -1,4 +1,4 @@
-"""An observable: a user's own function of every landing, declared as a measure is."""
+"""Observables: functions of a user that see every landing, declared as measures are."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Observable:
     Parameters
     ----------
     name
-        Of the variable in the result.
+        Name of the variable in the result.
     function
         ``function(landing)``, plain Python that numba compiles: a number of each `Landing` in the
         window, in vector code where it has no branch; ``landings`` says how the numbers of a
@@ -39,7 +39,7 @@ class Observable:
         of each particle's landings, with the particle's own `totals`, a float64 array of one number
         for each of `values`, or of one number; it changes `totals` and returns nothing.
     meaning
-        In a few words.
+        Long name of the variable.
     units
         Of the totals: ``"1"``, or a product of powers of m and s, as in ``"m s-1"``.  The function
         computes in forcing periods (1 / f) and lengths of g / (2 f^2); totals are converted.
@@ -55,7 +55,7 @@ class Observable:
         How the totals of particles become one: ``"sum"``, ``"max"``, ``"min"``; or ``"each"`` to
         keep them apart.  By default as those of landings, else ``"sum"``.
     initial
-        What `totals` begin with, ``float("inf")`` for a minimum; a particle without a landing in
+        Initial value of `totals`, ``float("inf")`` for a minimum; a particle without a landing in
         the window keeps it.
 
     Raises
@@ -98,7 +98,7 @@ class Observable:
         object.__setattr__(self, "code", digest)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Let `code` be that of the function that a process has."""
+        """Pickle without `code`, which another process takes from its own function."""
         given = (self.name, self.function, self.meaning, self.units, self.along, self.values)
         return type(self), (*given, self.particles, self.initial, self.landings)
 
@@ -177,7 +177,7 @@ class Observable:
         return totals if self.along else totals[..., 0]
 
     def scale(self, frequency: Any, gravity: Any) -> Any:
-        """Value in `units` of one of the function's units; of arrays, for each realization."""
+        """Value in `units` of one unit of the function; of arrays, for each realization."""
         size = 1.0 + 0.0 * frequency
         for unit, power in UNIT.findall(self.units):
             one = 1.0 / frequency if unit == "s" else gravity / (2.0 * frequency * frequency)
@@ -186,7 +186,7 @@ class Observable:
 
 
 def observables_of(given: Iterable[Observable]) -> tuple[Observable, ...]:
-    """Check observables that are asked for together, whose functions are those of this moment.
+    """Check the observables of a sweep, and take their functions as they are now.
 
     Raises a ParameterError where one is no `Observable`, or two have names or dimensions in common.
     """

@@ -26,7 +26,7 @@ class Law:
     Parameters
     ----------
     name
-        What ``rebound`` is set to.
+        Value of ``rebound`` that selects it.
     kept
         ``kept(e, v)``: the speed k that an impact at speed v keeps, plain Python that numba
         compiles.  Without functions of math it is evaluated in ball arithmetic too, as `verify`
@@ -36,15 +36,15 @@ class Law:
     bend
         ``bend(e)``: a bound of the modulus of the second derivative of k by v, for all v >= 0.
     roundings
-        How many roundings the value of `kept` may be off, each half an ulp of it.
+        Number of roundings, each half an ulp, by which the value of `kept` may be wrong.
     ball_kept, ball_slope
         The same two for balls of `flint.arb`, where `kept` and `slope` cannot take them.
 
     Raises
     ------
     ParameterError
-        The name is none, or a function takes other arguments, draws numbers at random, or depends
-        on something that can change without notice.
+        The name is not allowed, or a function takes other arguments, draws numbers at random, or
+        depends on something that can change without notice.
 
     Examples
     --------
@@ -97,7 +97,8 @@ class Law:
 
 
 def register_law(law: Law) -> Law:
-    """Let ``rebound`` be the name of a law; one of that name from outside is replaced.
+    """Register a law under its name, a value of ``rebound``; an outside law of that name is
+    replaced.
 
     Parameters
     ----------

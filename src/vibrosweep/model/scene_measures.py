@@ -42,7 +42,7 @@ class Measures:
             self._ask(other)
 
     def over(self, base: str) -> Measures:
-        """Return the same measures, with those that a base brings with it."""
+        """Return the same measures, with those that are always taken over this base."""
         return replace(self, ordering=True) if base == SPRUNG else self
 
     @property

@@ -249,8 +249,8 @@ class _Chunks:
         if isinstance(error, VibrosweepError):
             raise error
         if isinstance(error, KilledWorker):
-            # Dask gives up every chunk that was submitted to four workers when they died.  Which of
-            # them kills workers shows when each is computed alone.
+            # Dask gives up every chunk that was submitted to four workers when they died.  Computed
+            # alone, each shows whether it kills its worker.
             if index == self._alone:
                 self.failed[index] = "the workers that computed it died, time after time"
             else:

@@ -31,7 +31,7 @@ from vibrosweep.store.provenance import version
 EXEMPT: Final[Mapping[str, str]] = {
     "text": "wording and comments; the values of the text are in the other fields",
     "source": "where the sweep file lies",
-    "windows": "what `vibrosweep windows` looks for; a sweep computes nothing of it",
+    "windows": "keys of `vibrosweep windows`, from which a sweep computes nothing",
     "scene.given": "which parameters are stated and which are defaults; their values are there",
     "scene.skip": "whether cycles are counted instead of followed, which gives the same bits",
     "design.table": "where the table lies; the digest of its contents takes its place",
@@ -44,7 +44,7 @@ EXEMPT: Final[Mapping[str, str]] = {
 LIBRARIES: Final = ("numpy", "scipy", "numba", "llvmlite")
 # Sources that could affect the drawing, computing or storing of a sweep.
 SUBPACKAGES: Final = ("model", "theory", "kernels", "engine", "scene", "store", "runs")
-# Fields whose keys in the sweep file are other ones
+# Fields whose keys in the sweep file have other names
 KEYS: Final[Mapping[str, str]] = {
     "scene.inputs": "",
     "scene.measures": "measure",

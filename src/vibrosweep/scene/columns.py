@@ -88,7 +88,7 @@ def _of_frame(frame: Any) -> dict[str, Label]:
     found = {}
     for name in frame.columns:
         values = frame[name].to_numpy()
-        if values.dtype.kind not in "iuf":  # what is missing among texts is an empty one
+        if values.dtype.kind not in "iuf":  # a missing text becomes an empty one
             values = frame[name].astype(object).where(frame[name].notna(), "").to_numpy()
         found[str(name)] = Label(values)
     return found

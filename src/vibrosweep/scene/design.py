@@ -1,4 +1,4 @@
-"""Designs, which say what realizations are computed: ranges or axes, and how values are drawn.
+"""Designs: ranges or axes of the parameters that vary, and how values are drawn.
 
 `DESIGNS` holds the designs that draw, each with the points of the unit cube that it takes and the
 way in which a coordinate of a point becomes a value; `register_design` adds one.
@@ -80,7 +80,7 @@ class Design:
 
     @property
     def source(self) -> str:
-        """Code of the functions that draw, where others than this package's do."""
+        """Code of the functions that draw; empty for those of this package."""
         return DESIGNS[self.name].source if self.name in DESIGNS else ""
 
 
@@ -89,7 +89,7 @@ class Drawn(NamedTuple):
 
     points: Points
     place: Place
-    source: str = ""  # code of the functions, where others than this package's
+    source: str = ""  # code of the functions; empty for those of this package
 
 
 def linear(unit: Array, low: float, high: float) -> Array:
@@ -171,7 +171,7 @@ def register_design(name: str, place: Place, points: str | Points = "uniform") -
     Parameters
     ----------
     name
-        What ``design`` is then set to.
+        Value of ``design`` that selects it.
     place
         ``place(unit, low, high)``, which turns coordinates, an array of numbers in [0, 1], into
         values in the range of a parameter.

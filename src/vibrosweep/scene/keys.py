@@ -1,8 +1,8 @@
 """Tables and keys of a sweep file, which are the keywords of Python: types and ranges of each.
 
-What several keys say together is judged in `vibrosweep.scene.rules`.  The checks are plain
-functions: building the models of a validation library took longer than reading, computing and
-writing a small sweep.
+Contradictions between keys are judged in `vibrosweep.scene.rules`.  The checks are plain functions:
+building the models of a validation library took longer than reading, computing and writing a small
+sweep.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def _table(name: str, value: object) -> Mapping[str, Any]:
 
 
 def whole(allowed: str, low: int, high: int, value: object) -> int:
-    """Return a whole number between two."""
+    """Return a whole number within a range, or raise ValueError."""
     integer = isinstance(value, int) and not isinstance(value, bool)
     if integer and low <= value <= high:  # type: ignore[operator]
         return int(value)  # type: ignore[call-overload, no-any-return]
@@ -172,7 +172,7 @@ def whole(allowed: str, low: int, high: int, value: object) -> int:
 
 
 def flag(value: object) -> bool:
-    """Return what is true or false."""
+    """Return a boolean, or raise ValueError."""
     if isinstance(value, bool):
         return value
     raise ValueError("must be ", SWITCH)
@@ -200,7 +200,7 @@ def _launch(value: object) -> str | tuple[float, ...]:
 
 
 def one_of(names: Sequence[str], value: object) -> str:
-    """Return one of some words."""
+    """Return a value that is one of these names, or raise ValueError."""
     if isinstance(value, str) and value in names:
         return value
     raise ValueError(f"must be {quoted(names)}")
@@ -237,7 +237,7 @@ def _design(value: object) -> str | GivenTable:
 
 
 def _conditions(value: object) -> tuple[Any, ...]:
-    """Return names of conditions, or what judges as `vibrosweep.analysis.Condition` does."""
+    """Return conditions: names, or objects such as `vibrosweep.analysis.Condition`."""
     listed = value if isinstance(value, list) else []
     if listed and all(isinstance(one, str) or hasattr(one, "judge") for one in listed):
         return tuple(dict.fromkeys(listed))

@@ -1,4 +1,4 @@
-"""Keywords of Python, or a mapping of them, to the same checked sweep that a file gives.
+"""Turn keywords of Python, or a mapping of them, into the checked sweep that a file would give.
 
 A physical parameter that is a tuple is a range, a list or an array is an axis of a grid, and a
 number is fixed.  Keywords become the tables of a sweep file, and those are checked.
@@ -101,7 +101,7 @@ def _numbers(name: str, value: object, mistakes: Mistakes) -> Array:
 
 
 def _tables(given: Mapping[str, Any], homes: tuple[str, ...], mistakes: Mistakes) -> dict[str, Any]:
-    """Tables of the sweep file that asks for the same."""
+    """Return the tables of an equivalent sweep file."""
     data: dict[str, Any] = {
         name: _plain(name, value)
         for name, value in given.items()
@@ -187,7 +187,7 @@ def _plain(name: str, value: Any) -> Any:
 
 
 def short_axis(values: Any) -> Any:
-    """Write long axes of even steps shortly, where this gives the same values."""
+    """Write a long axis of even steps as start, stop and num, where that gives the same values."""
     if not (isinstance(values, list) and LONG <= len(values) <= MAX_STEPS):
         return values
     if not all(isinstance(v, float) for v in values) or not values[0] < values[-1]:

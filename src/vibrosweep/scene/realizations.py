@@ -53,7 +53,7 @@ def open_design(sweep: Sweep) -> Realizations:
     balanced best when the number of realizations is a power of two; ``grid`` takes all
     combinations, the last parameter varying fastest; ``table`` reads them.  Raises a TableError
     where the table cannot be used, and a SpecError for more realizations than a Sobol' sequence has
-    points, or than a Latin hypercube in memory.
+    points, or than a Latin hypercube can hold in memory.
     """
     design = sweep.design
     if design.name == TABLE:
@@ -70,7 +70,7 @@ def open_design(sweep: Sweep) -> Realizations:
 
 
 def chosen(design: Realizations, rows: Sequence[int]) -> Realizations:
-    """Return the design of some realizations of another, given by their growing indices."""
+    """Return a design that holds some realizations of another, selected by increasing indices."""
     places = np.asarray(rows, dtype=np.int64)
 
     def columns(start: int, stop: int) -> list[Array]:

@@ -113,7 +113,7 @@ def check_forcing(scene: Table, sample: Table, mistakes: Mistakes) -> None:
 
 
 def check_mount(base: str, scene: Table, sample: Table, mistakes: Mistakes) -> None:
-    """Report what is lacking of the mount of a base of finite mass, or is given for another base.
+    """Report parameters of a mount that a base of finite mass lacks, or that another base is given.
 
     Columns of a table that the file does not name are judged when the table is read.
     """
@@ -245,7 +245,7 @@ def record(
         first, second, *_ = forcings
         also = ("gives the forcing, and so does ", Key(f"record.{first}"))
         mistakes.add(f"record.{second}", also, given[second], "keep one of the two")
-    # what the record does not take from the sweep: another way to give the same, another base
+    # values of the sweep that [record] replaces: it gives them in another way, or has another base
     replaced = {*FORCINGS} if forcings else set()
     replaced |= {*MASSES} if MASS_RATIO in given else set()
     replaced |= set() if MASSES.keys().isdisjoint(given) else {MASS_RATIO}
@@ -267,7 +267,7 @@ def record(
 def check_extremes(
     key: str, scene: Scene, sampled: Mapping[str, Range | Axis], mistakes: Mistakes
 ) -> None:
-    """Report if a realization of a scene, with its extreme parameters, is too extreme.
+    """Report parameters whose extreme values cannot be computed together.
 
     The amplitude may follow from a forcing that makes it too large, and the mass ratio from masses;
     forcing periods may be too many to be counted exactly.

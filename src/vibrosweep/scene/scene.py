@@ -1,4 +1,4 @@
-"""Description of what moves and what is looked at, the same whatever computes it."""
+"""Scenes: particles, a base, and what is measured of them."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class Scene:
     duration: Time = 12.0  # end of the observation: a number in s, or `Periods`
     rebound: str = LAWS[0]  # one of `vibrosweep.model.parameters.LAWS`
     measures: Measures = field(default_factory=Measures)
-    # True to count what is known already instead of following it; off where every landing is kept,
-    # and to compare
+    # True to count repetitions of a cycle instead of following them; False where every landing is
+    # kept, and for comparison
     skip: bool = True
     base: str = HIGH_BOUNCE  # one of `vibrosweep.model.parameters.BASES`
     waveform: Waveform = SINE
@@ -52,7 +52,7 @@ class Scene:
     # that do not vary, defaults included; of the forcings no more than one, and those of a mount
     # for a sprung base only.  The engine takes arrays of all parameters instead.
     inputs: Mapping[str, float] = field(default_factory=dict)
-    given: frozenset[str] = frozenset()  # names of the inputs that are no defaults
+    given: frozenset[str] = frozenset()  # names of the inputs that were stated
 
     def __post_init__(self) -> None:
         wrong = refusal(self.base, law=self.rebound)
@@ -65,7 +65,7 @@ class Scene:
         return replace(self, measures=replace(self.measures, **changes))
 
     def recorded(self) -> Scene:
-        """Return the same scene, of which every landing is looked at, and nothing measured."""
+        """Return the same scene without measures, its window wide enough for every landing."""
         budget = self.measures.impact_budget
         every = Measures(transient=-math.inf, tolerance=math.inf, impact_budget=budget)
         return replace(self, measures=every)
@@ -77,7 +77,7 @@ class Scene:
 
     @property
     def budget(self) -> int:
-        """Impacts after which a particle is given up: the budget up to a whole number of looks."""
+        """Impacts after which a particle is given up: the impact budget, rounded up."""
         from vibrosweep.kernels.advance import LOOK_AFTER  # slow to import
 
         return -(-self.measures.impact_budget // LOOK_AFTER) * LOOK_AFTER
@@ -98,14 +98,14 @@ class Scene:
         return {"duration": self.duration, **windowed}
 
     def forcing(self, varied: Collection[str] = ()) -> str:
-        """Name of the forcing that is given; one that varies takes the place of the own one."""
+        """Name of the forcing; one that varies replaces that of the scene."""
         return forcing_of([name for name in varied if name in FORCINGS] or self.given)
 
     def quantities(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
         """Return all quantities of realizations; some `INPUTS` vary, each of shape (realization,).
 
-        By default there are as many as values of what varies, or one.  The result holds what is
-        given, all of `vibrosweep.model.parameters.PARAMETERS`, of a sprung base also of
+        There are as many realizations as values of a varying input, or `size`. The result holds the
+        stated inputs, all of `vibrosweep.model.parameters.PARAMETERS`, of a sprung base also of
         `vibrosweep.model.parameters.MOUNT`, and the acceleration of the base.
         """
         size = size or max((values.size for values in varied.values()), default=1)
@@ -124,7 +124,7 @@ class Scene:
         return only_parameters(self.quantities(varied, size))
 
     def timed(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
-        """Return the `quantities` of these realizations, and both times in s."""
+        """Return the `quantities` of these realizations, and their times in s."""
         found = self.quantities(varied, size)
         return found | {n: in_seconds(t, found["frequency"]) for n, t in self.times.items()}
 
@@ -134,7 +134,7 @@ class Scene:
         return {name: found[name] for name in self.varying(varied)}
 
     def varying(self, varied: Collection[str]) -> tuple[str, ...]:
-        """Names of what differs between realizations: what varies, and what follows from it."""
+        """Names of quantities that differ between realizations: varying inputs, and others."""
         times = [name for name, time in self.times.items() if isinstance(time, Periods)]
         found = differing(varied, self.forcing(varied))
         return (*found, *times) if "frequency" in varied else found
@@ -148,6 +148,6 @@ def bare_scene(
     impact_budget: int,
     base: str = HIGH_BOUNCE,
 ) -> Scene:
-    """Return a scene without inputs, of which every landing is looked at."""
+    """Return a scene without inputs or measures, its window wide enough for every landing."""
     scene = Scene(particles=particles, launch=launch, duration=duration, rebound=rebound, base=base)
     return scene.with_measures(impact_budget=impact_budget).recorded()

@@ -107,7 +107,7 @@ def parse_spec(text: str, source: Path | None = None) -> Sweep:
     mistakes = Mistakes("the sweep's text" if source is None else str(source))
     try:
         data = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # too many digits, too deep
+    except (ValueError, RecursionError) as error:  # too many digits, too deeply nested
         raise SpecError(f"{mistakes.where}: is not valid TOML: {error}") from error
     return checked(data, text, source, mistakes)
 
@@ -115,8 +115,8 @@ def parse_spec(text: str, source: Path | None = None) -> Sweep:
 def checked(data: Mapping[str, Any], text: str, source: Path | None, mistakes: Mistakes) -> Sweep:
     """Validate what a sweep file holds, as `tomllib` reads it.
 
-    `text` and `source` are those of `Sweep`; `mistakes` takes the mistakes, and words them for the
-    SpecError that lists all.
+    `text` and `source` are those of `Sweep`; a SpecError lists all `mistakes`, to which this
+    function adds its own.
     """
     title, tables = read_tables(data, mistakes)
     if title is None:
@@ -147,7 +147,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     rules.check_mount(base, scene, sample, mistakes)
     measures = Measures(**tables.get("measure", {}))
     rules.check_measures(base, measures, mistakes)
-    # one forcing only, for where two were reported
+    # one forcing only, also where two were reported
     forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
     given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]
     values = {name: numbers.get(name, INPUTS[name].default) for name in inputs_of(given, base)}

@@ -125,7 +125,7 @@ def _judge_header(path: Path, names: list[str], mistakes: Mistakes) -> None:
 
 
 def _rows(lines: Any, width: int, mistakes: Mistakes) -> Iterator[list[str | None]]:
-    """Give the cells of each row that is not empty; only None where there are too many or few."""
+    """Yield the cells of each row that is not empty, all None where their number is wrong."""
     for number, row in enumerate(filter(None, lines), start=1):
         if len(row) != width:
             rule = f"in line {lines.line_num} has {len(row)} values for {width} columns"
@@ -215,7 +215,7 @@ def _judge_shapes(columns: Mapping[str, Label], mistakes: Mistakes) -> None:
     for name, column in columns.items():
         if len(column.dims) != 1 or column.dims != shared:
             rule = f"has the dimensions ({', '.join(column.dims)})"
-            mistakes.add_cell(rule, name, remedy="all columns must have the same single one")
+            mistakes.add_cell(rule, name, remedy="all columns must share a single dimension")
     lengths = {name: column.values.size for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
         rule = f"its columns differ in length, {lengths}"

@@ -49,7 +49,7 @@ def factor(unit: str, wanted: str) -> tuple[float, float] | None:
     """Numerator and denominator of what a value in one unit is multiplied by for another.
 
     A unit is a product of known units with exponents, as ``mm s-1``, ``mm.s^-1`` or ``mm/s``.  None
-    where it is not known, or is one of something else.
+    where the unit is not known, or measures something else.
     """
     given, target = _parsed(unit), _parsed(wanted)
     if given is None or target is None or given[2] != target[2]:

@@ -191,7 +191,7 @@ def _begun(directory: Path, name: str, path: Path) -> Disk:
 
 
 def clear_partials(directory: Path, name: str = "*") -> None:
-    """Remove temporary files of killed processes, which nobody holds, where `name` fits theirs."""
+    """Remove temporary files that killed processes left, where their names match `name`."""
     for partial in directory.glob(f".{name}.{'[0-9a-f]' * 8}.partial"):
         with suppress(OSError), partial.open("r+b") as file:
             if locked(file.fileno(), wait=False):

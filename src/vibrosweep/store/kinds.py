@@ -38,7 +38,7 @@ class ResultKind:
     name
         Name of the kind, which its files hold as the attribute ``result``.
     command
-        What makes such a result, as messages call it.
+        The command that makes such a result, as messages name it.
     lines
         Function from the dataset to the lines that ``vibrosweep info`` prints.
     draw
@@ -146,6 +146,6 @@ def load_dataset(path: Path) -> xr.Dataset:
     from vibrosweep.store.reading import reading
 
     with reading(path), warnings.catch_warnings():
-        # of attributes that do not fit, which another program may have written
+        # h5netcdf warns of unexpected attributes, which another program may have written
         warnings.simplefilter("ignore", xr.SerializationWarning)
         return xr.load_dataset(path, engine="h5netcdf")

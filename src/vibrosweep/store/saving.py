@@ -27,9 +27,9 @@ def save_result(
     dataset
         Result of an analysis.
     path
-        Where to.
+        Path of the new file.
     kind
-        What `register_kind` has registered.
+        The kind, as registered by `register_kind`.
     force
         Whether an existing file is replaced.
 

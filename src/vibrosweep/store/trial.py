@@ -46,7 +46,7 @@ def _try(path: Path, inode: int, size: int, modified: int) -> None:
             timeout=patience,
         )
     except subprocess.TimeoutExpired as error:
-        raise ValueError(f"HDF5 does not come to an end with it in {patience:.0f} s") from error
+        raise ValueError(f"HDF5 does not finish reading it in {patience:.0f} s") from error
     if done.returncode < 0:
         raise ValueError(f"HDF5 crashes on it (signal {-done.returncode})")
     if done.returncode:
