@@ -127,7 +127,7 @@ def summary(found: xr.Dataset) -> Iterator[str]:
 
 
 def _labels(orbits: Orbits) -> Codes:
-    """Label of the orbit of each launch; orbits that are no cycle share one below zero per regime."""
+    """Label of the orbit of each launch; without a cycle one below zero for its regime."""
     labels = label_orbits(orbits, 1)[0]
     return np.where(labels == NO_ORBIT, -1 - orbits.regime.astype(np.int64), labels)
 

@@ -1,4 +1,4 @@
-"""The commands, a file each; what a command needs is imported when it runs.
+"""The commands, one file each, which imports other modules when the command runs.
 
 Each file states its ``NAME`` and ``HELP``, adds its arguments to a parser, and performs the
 command, returning an exit code or None for success.

@@ -1,4 +1,4 @@
-"""Where a sweep is computed: threads of this process, or workers of a Dask cluster."""
+"""Place of the computation: threads of this process, or workers of a Dask cluster."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import Final
 from vibrosweep.commands.arguments import positive, whole
 
 NAME: Final = "verify"
-HELP: Final = "hold a result file against proved values"
+HELP: Final = "compare a result file with proved values"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -25,7 +25,7 @@ class Background:
         return not all(task.done() for task in self._tasks)
 
     def call(self, work: Callable[[], T]) -> Future[T]:
-        """Start a task; one that was given before and has not begun is cancelled."""
+        """Start a task; an earlier task that has not begun is cancelled."""
         for task in self._tasks:
             task.cancel()
         task = self._executor.submit(self._perform, work)

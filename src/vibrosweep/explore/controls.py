@@ -86,7 +86,7 @@ class Controls:
         self.set(self.choice)
 
     def held(self, name: str, value: float) -> float:
-        """The value within the range of a slider that is nearest to a given one."""
+        """Value within the range of a slider that is nearest to a given value."""
         low, high = self._ranges[name]
         return min(max(value, low), high)
 

@@ -66,7 +66,7 @@ def fill(
     """Add the widgets and figures to a document; return where `TEMPLATE` places them, by name.
 
     The style sheet lays the page out.  Each picture and each text is a root of its own, because
-    Bokeh lays out again all that is in the same root when a text changes.  `left` stands around
+    Bokeh repeats the layout of a whole root when one of its texts changes.  `left` stands around
     the plane, `right` below the motions.
     """
     roots = [*left, *(root for motion in motions for root in motion.roots), *right]

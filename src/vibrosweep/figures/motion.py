@@ -52,9 +52,9 @@ def parabolas(motion: Motion, gravity: float) -> Array:
     """Return each flight as two quadratic Bezier curves: shape (flight, 5 points, 2).
 
     Points 0, 2 and 4 lie on the parabola: the launch, the apex (or the end, if the flight is cut
-    before it) and the end.  At points 1 and 3 the tangents at the neighbouring points intersect.  A
-    single curve would be exact too, but renderers approximate curves by polygons and would cut the
-    apex off; they always draw the end point of a curve.
+    before it) and the end.  Points 1 and 3 are the intersections of the tangents at the
+    neighbouring points.  A single curve would be exact too, but renderers approximate curves by
+    polygons and would cut the apex off; they always draw the end point of a curve.
     """
     rise = _rise(motion, gravity)
     top = rise * (motion.velocity - gravity * rise / 2.0)

@@ -1,6 +1,6 @@
 """From camera tracks of real particles to landings, estimates, and a comparison with prediction.
 
-An `Experiment` is a virtual one, whose landings are known: `perform_trials` films it.
+An `Experiment` describes a virtual experiment, whose landings are known: `perform_trials` films it.
 """
 
 from __future__ import annotations

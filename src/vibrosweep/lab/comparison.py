@@ -30,7 +30,7 @@ def _columns(impacts: xr.Dataset) -> dict[str, Array]:
 
 
 def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
-    """Select the particles nearly all of whose flights were measured.
+    """Mark the particles of which nearly all flights were measured.
 
     Particles that rest, or bounce too low for the camera, are left out: a mean over some of their
     flights would be biased.

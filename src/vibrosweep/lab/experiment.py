@@ -48,7 +48,7 @@ class Variation:
     frequency_setting
         Standard deviation of the mean frequency from repeat to repeat, relative.
     amplitude_setting
-        The same for the amplitude.
+        Standard deviation of the amplitude from repeat to repeat, relative.
     restitution_spread
         Standard deviation of the restitution among the particles; they stay the same in all
         repeats.

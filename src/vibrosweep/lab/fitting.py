@@ -28,7 +28,7 @@ TURNED_ABOVE: Final = 0.05
 class View(NamedTuple):
     """Knowledge beside the tracks, and quantities to be found."""
 
-    # Height in m at which particles land; None if it is to be found from the flights
+    # Height in m at which particles land; None to find it from the flights
     base: float | None = None
     exposure: float = 0.0  # time for which the shutter is open, s
     # One of `MOTIONS`: the base moves, has a constant level, or the contacts decide

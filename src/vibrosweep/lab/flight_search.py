@@ -36,7 +36,7 @@ FIRST_SHARE: Final = 0.6
 POOR: Final = 1e-6
 # Share of poor flights from which on the search has failed
 MOSTLY: Final = 0.5
-# Standard deviations of the noise within which a sample is on the base
+# Distance from the base, in standard deviations of the noise, within which a sample is on it
 OFF_BASE: Final = 3.0
 SCALES: Final = 3  # most accelerations that are tried, each shown by the flights of the one before
 # Iterations: in most tracks no sample changes its flight after three.
@@ -100,7 +100,8 @@ def _searched(samples: Samples, gravity: float, base: float | None, exposure: fl
     flights = _settle(samples, noise, gravity, base, exposure)
     if base is not None or flights.poor.mean() < MOSTLY:
         return flights
-    # with a stay after every flight the parabolas meet below the base, where the lowest samples lie
+    # where every flight is followed by a stay the parabolas meet below the base, at which the
+    # lowest samples lie
     parted = _settle(samples, noise, gravity, low_points(samples, noise, None)[1], exposure)
     rests = samples.height[parted.member < 0]
     if not rests.size or parted.poor.mean() >= MOSTLY:

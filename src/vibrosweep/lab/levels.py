@@ -32,9 +32,9 @@ def flights_on_levels(
 ) -> Flights:
     """Find flights, with a level for each particle where the bounces contradict a common one.
 
-    They do if the chi-square of the levels about their mean is less probable than that of a poor
-    flight.  The contacts belong to the same samples and were found without a level; the other
-    arguments are those of `find_flights`.
+    The bounces contradict it if the chi-square of the levels about their mean is less probable than
+    that of a poor flight.  The contacts belong to the same samples and were found without a level;
+    the other arguments are those of `find_flights`.
     """
     level, error, alike = _levels(contacts, int(samples.particle[-1]) + 1)
     known = np.isfinite(error) & ~alike

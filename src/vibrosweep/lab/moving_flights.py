@@ -96,7 +96,7 @@ def flights_over(
 
 
 def _levels(shaken: Shaken, samples: Samples) -> Array:
-    """Level below each particle; for one without contacts, as if it were mostly on the base."""
+    """Level below each particle; one without contacts is taken to lie mostly on the base."""
     above = samples.height - shaken.oscillation.height(samples.time)
     levels = np.array(
         [np.quantile(above[samples.particle == p], LOW) for p in range(samples.particle[-1] + 1)]

@@ -231,7 +231,7 @@ def fit_shaken(
     # scaled, because a trace without noise determines some parameters far better than others
     slopes = np.asarray(found.jac)
     size = np.linalg.norm(slopes, axis=0)
-    size[size == 0.0] = 1.0  # a level all of whose contacts are outliers
+    size[size == 0.0] = 1.0  # a level of which all contacts are outliers
     slopes = slopes / size
     inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
     covariance = inverse / np.outer(size, size) * max(1.0, misfit)

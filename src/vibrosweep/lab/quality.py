@@ -47,10 +47,10 @@ def find_swaps(
 ) -> list[tuple[int, int, int]]:
     """Find the frames from which on the identities of two particles are swapped.
 
-    Returns (frame, one, other).  There neither particle continues its flight, each continues that
-    of the other, and neither is near the base.  A swap at nearly the same height and speed cannot
-    be found; a flight that fits badly follows.  Times are of shape (frame,), heights of shape
-    (frame, particle); `noise` is the standard deviation of a position, m.
+    Returns (frame, one, other).  In that frame neither particle continues its own flight, each
+    continues that of the other, and neither is near the base.  A swap at nearly the same height and
+    speed cannot be found, and leaves a flight that fits badly.  Times are of shape (frame,),
+    heights of shape (frame, particle); `noise` is the standard deviation of a position, m.
     """
     before, after = np.diff(time)[:-1, np.newaxis], np.diff(time)[1:, np.newaxis]
     expected = height[1:-1] + (height[1:-1] - height[:-2]) * after / before

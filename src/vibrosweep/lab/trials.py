@@ -96,7 +96,7 @@ def predicted_means(experiment: Experiment) -> dict[str, Array]:
     Parameters
     ----------
     experiment
-        The scene, and when it is recorded.
+        The scene, and the window that is recorded.
 
     Returns
     -------

@@ -34,7 +34,7 @@ def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
     """Fit contacts with a moving base and with one at a constant level, and compare both.
 
     The result is undetermined if the contacts do not determine the motion, as those of a locked
-    orbit, which all have one phase.  A frequency (Hz) of None is to be found.
+    orbit, which all have one phase.  A frequency (Hz) of None is estimated.
     """
     few = contacts.first(MOST)
     if _too_few(few):
@@ -53,9 +53,9 @@ def which_base(contacts: Contacts, frequency: float | None = None) -> Judgement:
 
 
 def moves(contacts: Contacts, shaken: Shaken, *, free: bool) -> bool:
-    """Return whether contacts favour the moving base fitted to them over one at a constant level.
+    """Tell whether contacts favour the moving base fitted to them over one at a constant level.
 
-    The frequency of that is adjusted if `free`, as it was for the moving base.
+    The frequency of the latter is adjusted if `free`, as it was for the moving base.
     """
     if _too_few(contacts):
         return False

@@ -148,8 +148,7 @@ def _after(base: CoupledBase, deviation: Array, approach: float) -> Array:
 def _residual(
     unknown: Array, base: CoupledBase, particle: NDArray[np.int64], periods: int
 ) -> Array:
-    """Residuals of each flight at its end, of the law at each impact, and of the state after a
-    cycle."""
+    """Residuals of each flight, of the law at each impact, and of the state after a cycle."""
     found = _follow(unknown, base, particle, periods)
     index, shift = _before(particle, periods)
     flight = found.time - found.time[index] + shift

@@ -97,8 +97,7 @@ class Law:
 
 
 def register_law(law: Law) -> Law:
-    """Register a law under its name, a value of ``rebound``; an outside law of that name is
-    replaced.
+    """Register a law under its name, a value of ``rebound``, or replace one from outside.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ _ARGUMENTS: Final[Mapping[str, Parameter]] = {
 
 
 def physical(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a function to refuse arguments outside their ranges, by their names; NaN is outside."""
+    """Let a function refuse arguments outside the ranges of their names; NaN is outside."""
     names = inspect.signature(function)
 
     @functools.wraps(function)

@@ -1,4 +1,4 @@
-"""Verification of a finished dataset: whether each number is within its claimed error."""
+"""Verification of a finished dataset: each number is compared with its claimed error."""
 
 from vibrosweep.proof.verification import Report
 from vibrosweep.proof.verifying import verify

@@ -28,7 +28,7 @@ from vibrosweep.scene.scene import Scene
 # Variables of the bounds, in the order of the fields of `Bounds`
 BOUNDS: Final = tuple(f"{field}_error" for field in Bounds._fields)
 
-# Keys of `vibrosweep.proof.judges.JUDGES` that compare with the numbers that are found now
+# Keys of `vibrosweep.proof.judges.JUDGES` that compare stored numbers with recomputed ones
 RECOMPUTED: Final = ("recomputed", "uncertain", "exponent_error", "exponent_sum_error")
 
 

@@ -40,7 +40,7 @@ class Expected:
 
 
 def expected(path: Path, file: Any, rows: NDArray[np.int64]) -> Expected:
-    """Return the coordinates of rows, growing, that the sweep file stored in a dataset specifies.
+    """Return the coordinates that the sweep file stored in a dataset gives increasing rows.
 
     A table with a relative path is looked for beside the dataset.
     """

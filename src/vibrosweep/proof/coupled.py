@@ -2,7 +2,7 @@
 
 No bound of the errors of coupled particles is proved.  Instead the reference follows a realization
 twice: as it is, and with its parameters changed by a relative `CHANGE`, some up and some down, and
-with each launch delayed after the one before by that fraction of a period, since simultaneous
+with each launch delayed by that fraction of a period more than the one before, since simultaneous
 landings would otherwise stay simultaneous.  These changes are some hundred times a rounding error.
 The largest change of any landing or lift-off, of any velocity and of any height is the estimate of
 the largest error in doubles.  Where a decision changes, nothing is claimed.
@@ -35,7 +35,7 @@ from vibrosweep.proof.tolerances import reaches
 MAX_COUPLED: Final = 1000
 MAX_BITS: Final = 1 << 13
 CHANGE: Final = 2.0**-44
-SIGNS: Final = (1.0, -1.0, 1.0, 1.0, -1.0)  # no pattern that could cancel
+SIGNS: Final = (1.0, -1.0, 1.0, 1.0, -1.0)  # signs without a pattern in which changes could cancel
 
 
 class Estimate(NamedTuple):

@@ -35,7 +35,7 @@ class Judge(NamedTuple):
 
 
 def judge_row(case: Case, name: str) -> Judgements:
-    """Judge a variable of a realization as far as that is possible."""
+    """Judge a variable of a realization by all that is known."""
     how = JUDGES[VARIABLES[name].judged]
     if case.trajectories:
         yield from how.by_proof(case, name)
@@ -44,7 +44,7 @@ def judge_row(case: Case, name: str) -> Judgements:
 
 
 def judge_observable(observable: Observable, values: Any, found: ProvedObservable) -> Judgements:
-    """Judge the values of an observable in a realization by what proved landings give."""
+    """Judge the values of an observable in a realization by those of proved landings."""
     stored = np.atleast_1d(values).tolist()
     each = observable.particles == "each"
     for k, (value, claim) in enumerate(zip(found.values, found.claims, strict=True)):
@@ -127,7 +127,7 @@ def _cycle(case: Case, name: str) -> Judgements:
 
 
 def _uncertain(case: Case, name: str) -> Judgements:
-    """Judge a code that rounding may decide by the one that this version computes."""
+    """Judge a code that depends on rounding by the code that this version computes."""
     for particle, stored in enumerate(case.stored[name].tolist()):
         if case.trajectories and case.cycles[particle] is None:
             yield judge(name, particle, float(stored), UNDETERMINED, 0.0)

@@ -117,7 +117,8 @@ def _status(trajectory: Trajectory, flights: Flights, realization: Realization) 
 def _closest(landings: Sequence[Landing]) -> arb | None:
     """Smallest time between landings of different particles, given in the order of time.
 
-    It is found between neighbours: a landing in between would be closer to one of the two.
+    It lies between neighbours in time, since a landing in between would be closer to one of the
+    two.
     """
     pairs = ((a, b) for a, b in pairwise(landings) if a.particle != b.particle)
     return _least([abs(b.time - a.time) for a, b in pairs])

@@ -3,9 +3,9 @@
 The user's function is evaluated twice for each landing, on the proved numbers and on balls around
 them as wide as the errors that a dataset admits; both round as doubles do, operation by operation.
 The second ball then holds what the kernel can have found, and its distance from the first is
-claimed.  A function that needs more of its numbers than arithmetic, or that chooses where a ball
-lies on both sides, is evaluated at the middle of the proved numbers instead, and as far beside it
-as each of them may be wrong: the sum of these changes is an *estimate* of the error.
+claimed.  A function that uses more than arithmetic, or that compares a ball with a number inside
+it, is evaluated at the middle of the proved numbers instead, and as far beside it as each of them
+may be wrong: the sum of these changes is an *estimate* of the error.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class OpenError(ArithmeticError):
 
 
 class Rounded:
-    """Ball that holds a result in doubles, whichever numbers of the operands' balls it is of."""
+    """Ball that holds the result in doubles for all numbers in the balls of the operands."""
 
     __array_ufunc__ = None
     __hash__ = None  # type: ignore[assignment]
@@ -84,7 +84,7 @@ class Rounded:
         return Rounded(abs(self.ball))
 
     def _above(self, other: object, least: bool) -> bool:
-        """Tell whether this is above another, or not below it where that is the `least`."""
+        """Tell whether this exceeds another number, or with `least` is not below it."""
         ball = _ball(other)
         if ball is None:
             raise TypeError
@@ -196,7 +196,7 @@ def _proved(
 
 
 def _unknown(observable: Observable, particles: int) -> ProvedObservable:
-    """Say nothing of an observable."""
+    """Return values and claims that say nothing."""
     number = particles if observable.particles == "each" else 1
     return ProvedObservable([None] * number, [None] * number, True)
 

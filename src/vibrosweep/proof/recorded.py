@@ -43,7 +43,7 @@ def judge_record(
 
 
 def _landing(impact: Impact | None) -> dict[str, Any]:
-    """Return the numbers that must be recorded of a landing; None stands for NaN."""
+    """Return the numbers that a record must hold of a landing; None stands for NaN."""
     if impact is None:
         return {"landing_time": None, "liftoff_time": None, "rebound_velocity": None, "rested": 0}
     return {

@@ -103,8 +103,8 @@ class Orbit:
     def recurrence(self, time: float, stated: int) -> Cycle | None:
         """Cycle without rests from a stated time on, of the stated impacts if that is correct.
 
-        With NaN for the time (s) the last state is taken, and 0 impacts are none stated.  None
-        where the orbit does not repeat.
+        The last state is taken where the time (s) is NaN; 0 impacts mean that none are stated.
+        None where the orbit does not repeat.
         """
         if self.trajectory.at_rest:
             return None
@@ -218,8 +218,8 @@ def numbered(
 ) -> list[int] | None:
     """Numbers of the orbits of particles, in the order of the particles on them.
 
-    From cycle and representative of each particle; -1 for one that does not recur, for which there
-    is None.  None if it cannot be decided whether two particles are on one orbit.
+    Each particle is given by its cycle and representative, or by None if it does not recur, and
+    then has the number -1.  None if it cannot be decided whether two particles are on one orbit.
     """
     numbers: list[int] = []
     firsts: list[tuple[Cycle, State]] = []

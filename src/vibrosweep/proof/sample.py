@@ -61,7 +61,7 @@ class Sample:
     stored: Mapping[str, NDArray[Any]]  # the dataset's measured variables, each of shape (row, ...)
     # Its coordinates: numbers, arrays over the particles, or sampled ones of shape (row,)
     coordinates: Mapping[str, NDArray[Any]]
-    others: Mapping[str, str]  # why its other variables cannot be compared, by their names
+    others: Mapping[str, str]  # reasons why other variables cannot be compared, by name
     # Observables that are compared, with their values in the rows
     observables: Mapping[Observable, NDArray[Any]]
 

@@ -50,10 +50,10 @@ def read_sample(
 ) -> tuple[Sample, Sample | None, Expected, list[Judgement]]:
     """Draw realizations without replacement; all where there are no more than `size`.
 
-    The second sample is the dataset's record of every landing, where it holds one; then comes what
-    its sweep file asks for, and judgements of the axes.  Raises a ParameterError for a size or a
-    seed that cannot be used, and a DataError where there is no such file, it is not a result that
-    can be read, or observables are not those of it.
+    The second sample is the dataset's record of every landing, where it holds one; then come the
+    coordinates that its sweep file specifies, and judgements of the axes.  Raises a ParameterError
+    for a size or a seed that cannot be used, and a DataError where there is no such file, it is not
+    a result that can be read, or observables are not those of it.
     """
     for name, value, low in (("sample", size, 1), ("seed", seed, 0)):
         if value < low:
@@ -127,7 +127,7 @@ def _others(file: Any, known: tuple[str, ...], identity: Mapping[str, str]) -> d
 def _require_same(
     path: Path, file: Any, identity: Mapping[str, str], observables: Sequence[Observable]
 ) -> None:
-    """Raise for an observable that is not what the file was computed with."""
+    """Raise for an observable with which the file was not computed."""
     for one in observables:
         if not one.landings:
             raise ParameterError(
@@ -211,7 +211,7 @@ def _time(file: Any, attributes: Mapping[str, Any], name: str) -> Time:
 
 
 def _require_sound(path: Path, sample: Sample, registry: Mapping[str, Variable]) -> None:
-    """Raise for data that no sweep can have written and that no kernel should be given."""
+    """Raise for data that no sweep can have written, before a kernel is given it."""
     scene, known = sample.scene, {**PARAMETERS, **MOUNT}
     bad = [n for n, v in sample.parameters.items() if not np.all(known[n].accepts(v))]
     times = () if isinstance(scene.launch, str) else scene.launch

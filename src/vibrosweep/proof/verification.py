@@ -55,7 +55,7 @@ class Outcome:
 
     @property
     def place(self) -> str:
-        """Its place in the dataset, in words."""
+        """Place in the dataset, in words."""
         return RECORD if self.realization is None else f"realization {self.realization}"
 
 
@@ -127,7 +127,7 @@ class Report:
     # Comparisons of what all realizations share with the sweep file
     coordinates: Sequence[Judgement]
     names: Sequence[str]  # every variable of the dataset
-    unknown: Mapping[str, str]  # why a variable cannot be compared at all, by its name
+    unknown: Mapping[str, str]  # reason why a variable cannot be compared at all, by name
     estimated: Sequence[str]  # names of observables whose claims are estimates
 
     @property
@@ -147,7 +147,7 @@ class Report:
         return {name: reports[name] for name in self.names if name in reports}
 
     def not_compared(self) -> Mapping[str, str]:
-        """Variables of the dataset of which no number was compared, and why."""
+        """Variables of the dataset without a compared number, and the reasons."""
         reports = self.variables()
         return {
             name: self._reason(name)

@@ -73,7 +73,7 @@ def verify(
     path
         Result of a sweep.
     observables
-        Those of the result that are compared, as they were given to `vibrosweep.run`: the file does
+        Observables of the result to compare, as they were given to `vibrosweep.run`: the file does
         not hold their functions.  Each must give a number of a landing (`landings` is given).  It
         is evaluated in ball arithmetic; where it calls more than arithmetic, or chooses where
         rounding may decide, its error is estimated by its changes, and the report says so.
@@ -265,7 +265,7 @@ def _proved(sample: Sample, row: int, bounds: Bounds, landings: int, max_landing
         trajectories, estimate = prove(realization, max_landings)
     except UndecidableError:
         return _Proof(State.UNDECIDED)
-    except TooManyLandingsError:  # those before the window count, too
+    except TooManyLandingsError:  # landings before the window count, too
         return _Proof(State.TOO_LONG)
     if estimate is None:
         return _Proof(State.NO_CLAIM)

@@ -1,1 +1,1 @@
-"""Slow truth: the map in ball arithmetic with proved errors, and the study's fixed-step scheme."""
+"""The proved reference: trajectories over every base in ball arithmetic."""

@@ -11,9 +11,9 @@ so landing before the end, 2 V' <= g (T - t0), and rest, w <= g tau_c / 2, compa
 division has made inexact.  Without excitation V and v stay exact while they fit the precision, and
 even a tie is decided.  The dimensionless map is the case g = 2, f = 1, phi = 0.
 
-Where only phase and flight matter, as on a cycle, the map is written in forcing periods:
-x' = x + u, w = e u + a sin(2 pi x').  The law decides how much of the speed an impact keeps; e v
-and e u stand for it here.
+Where only phase and flight matter, as on a cycle, the map is written in forcing periods: x' = x +
+u, w = e u + a sin(2 pi x').  The law decides how much of the speed an impact keeps; here e v and e
+u stand for that.
 """
 
 from __future__ import annotations

@@ -163,7 +163,7 @@ def _step(c: Course, s: arb, height: arb, slope: arb) -> arb:
 
 
 def _down(height: arb, slope: arb, bend: arb) -> arb:
-    """Time in which a parabola with these values at its beginning comes down to 0, at least."""
+    """Least time in which a parabola with these initial values comes down to 0."""
     bend = bend.upper().max(arb(0))
     reach = (slope * slope + 2 * bend * height).sqrt()
     if slope < 0:

@@ -82,7 +82,7 @@ class MovingMap(NamedTuple):
     def flight(self, x: arb, y: arb, impact: int, lift: arb | None = None) -> arb | None:
         """Ball of the durations of flights from a ball of states; None where they land at once.
 
-        After a rest, `lift` is the phase of the lift-off.
+        `lift` is the phase of the lift-off after a rest.
         """
         c = Clearance(self.alpha, x, y)
         if lift is None and (y < 0 or (y.is_zero() and self.presses(x, impact))):
