@@ -47,6 +47,10 @@ def perform(base, analysis, **others):
         return vs.orbits(over(base, **others), impacts=1, periods=1)
     if analysis in ("verify", "explore"):
         return look(base, analysis, **others)
+    if analysis == "branches":
+        return vs.branches(over(base, amplitude=[1.0, 1.1], **others))
+    if analysis == "boundaries":
+        return vs.boundaries(over(base, amplitude=[1.0, 1.1], restitution=[0.5, 0.6], **others))
     if analysis == "basins":
         return vs.basins(over(base, launch_velocity=[3.0], duration=3.0, **others))
     if analysis == "sobol":
@@ -96,7 +100,17 @@ def test_what_a_base_cannot_do_is_refused_with_its_sentence(base, asked):
     ("base", "asked"), [c for c in CELLS if not refusal(c[0], **c[1])], ids=str
 )
 def test_what_a_base_can_do_is_not_refused(base, asked):
-    if asked.get("analysis") in ("windows", "bifurcation", "basins", "orbits", *RESULTS):
+    if asked.get("analysis") in (
+        "windows",
+        "bifurcation",
+        "basins",
+        "orbits",
+        "branches",
+        "boundaries",
+        "branches",
+        "boundaries",
+        *RESULTS,
+    ):
         return  # tests of their own compute them
     if "analysis" in asked:
         perform(base, asked["analysis"])

@@ -24,6 +24,8 @@ SPECS = {
     ),
     "bifurcation": ("bifurcation", GRID + "amplitude = [1.0, 2.0]\n"),
     "orbits": ("orbits", 'title = "Orbits"\n[scene]\namplitude = 1.2\n'),
+    "branches": ("branches", GRID + "amplitude = [0.4, 4.0]\n"),
+    "boundaries": ("boundaries", GRID + "amplitude = [0.4, 4.0]\nrestitution = [0.5, 0.9]\n"),
     "basins": ("basins", GRID + "launch_velocity = [1.0, 3.0]\n"),
 }
 FILM = """title = "A film"

@@ -2,10 +2,10 @@
 
 `sweep` computes realizations in memory, `run` into a file that survives interruptions, and
 `simulate` gives every landing of a small scene, `positions` the heights between; `windows`,
-`bifurcation`, `basins`, `orbits`, `sobol` and `separations` answer one question each.  All take
-the same keywords and return an `xarray.Dataset`.  `analysis` holds what is derived from a result or
-a record, `figures` draws, `lab` reads camera tracks, `theory` holds closed forms, `errors` what is
-raised.
+`bifurcation`, `basins`, `orbits`, `branches`, `boundaries`, `sobol` and `separations` answer one
+question each.  All take the same keywords and return an `xarray.Dataset`.  `analysis` holds what is
+derived from a result or a record, `figures` draws, `lab` reads camera tracks, `theory` holds closed
+forms, `errors` what is raised.
 
 Importing this package loads neither numba nor xarray: they are loaded when first used.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from vibrosweep import analysis, errors, figures, lab, theory
     from vibrosweep.analysis.sampled_positions import positions
     from vibrosweep.api.analyses import basins, bifurcation, separations, sobol, windows
-    from vibrosweep.api.periodic import orbits
+    from vibrosweep.api.periodic import boundaries, branches, orbits
     from vibrosweep.api.results import open_record, open_sweep
     from vibrosweep.api.simulation import simulate
     from vibrosweep.api.sweeps import run, sweep
@@ -50,6 +50,8 @@ __all__ = [
     "analysis",
     "basins",
     "bifurcation",
+    "boundaries",
+    "branches",
     "errors",
     "figures",
     "lab",
@@ -80,7 +82,7 @@ _HOMES: Final = {
     **dict.fromkeys(("LANDINGS_OF_AN_EXPONENT", "Regime", "Status"), "vibrosweep.model.status"),
     **dict.fromkeys(("run", "sweep"), "vibrosweep.api.sweeps"),
     **dict.fromkeys(("open_record", "open_sweep"), "vibrosweep.api.results"),
-    "orbits": "vibrosweep.api.periodic",
+    **dict.fromkeys(("boundaries", "branches", "orbits"), "vibrosweep.api.periodic"),
     "positions": "vibrosweep.analysis.sampled_positions",
     **dict.fromkeys(("ResultKind", "register_kind"), "vibrosweep.store.kinds"),
     "save_result": "vibrosweep.store.saving",

@@ -60,6 +60,8 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     "bifurcation": Ability(APART, _FOLLOWED, (SINE_NAME,)),
     "basins": Ability(APART, _FOLLOWED, (SINE_NAME,)),
     "orbits": Ability(APART, _FOLLOWED, (SINE_NAME,)),
+    "branches": Ability(APART, _FOLLOWED, (SINE_NAME,)),
+    "boundaries": Ability(APART, _FOLLOWED, (SINE_NAME,)),
     "sobol": _ANYWHERE,
     "separations": _ANYWHERE,
     "record": _ANYWHERE,

@@ -90,7 +90,8 @@ def closed_orbits(
     balances = scene.base == HIGH_BOUNCE and scene.rebound == "rest"
     wanted = Wanted(impacts, periods, seeds, balances)
     with Workers(threads) as workers:
-        found = _found(base_of(scene.base, scene.rebound, scene.waveform), problem, wanted, workers)
+        base = base_of(scene.base, scene.rebound, scene.waveform)
+        found = find_all(base, problem, wanted, workers)
     unit = {"speed": quantities["gravity"] / (2.0 * quantities["frequency"])}
     unit["time"] = 1.0 / quantities["frequency"]
     data = _orbits(found, unit) | _searched(found, wanted, problem.restitution < 1.0)
@@ -138,8 +139,11 @@ def _on_axes(found: xr.Dataset, spec: Sweep) -> xr.Dataset:
     return xr.Dataset(data, {**coordinates, **kept, **places}, found.attrs)
 
 
-def _found(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers) -> Closed:
-    """Search piece by piece, each with more room until all its orbits have found some."""
+def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers) -> Closed:
+    """Find all closed orbits of a batch, those of each problem in order.
+
+    The search goes piece by piece, each with more room until all its orbits have found some.
+    """
     pieces = []
     for start in range(0, problem.kick.size, PIECE):
         own = Dimensionless(*(values[start : start + PIECE] for values in problem))
@@ -203,7 +207,7 @@ def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
     last = at == found.impacts[..., np.newaxis] - 1
     ends = np.where(last, times[..., :1] + found.periods[..., np.newaxis], ends)
     speed, period = (unit[name][:, np.newaxis, np.newaxis] for name in ("speed", "time"))
-    real, imaginary = _multipliers(found.trace, found.determinant)
+    real, imaginary = multipliers(found.trace, found.determinant)
     modulus = np.hypot(real, imaginary)[..., 0]
     return {
         "cycle_impacts": (each, found.impacts, VARIABLES["cycle_impacts"].attributes),
@@ -247,7 +251,7 @@ def _orbits(found: Closed, unit: dict[str, Array]) -> dict[str, Any]:
     }
 
 
-def _multipliers(trace: Array, determinant: Array) -> tuple[Array, Array]:
+def multipliers(trace: Array, determinant: Array) -> tuple[Array, Array]:
     """Roots of z^2 - trace z + determinant, the one of larger modulus first; shape (..., 2)."""
     square = 0.25 * trace * trace - determinant
     root = np.sqrt(np.abs(square))

@@ -9,12 +9,13 @@ from typing import Unpack
 
 import xarray as xr
 
+from vibrosweep.analysis.branches import boundaries_of_spec, branches_of_spec
 from vibrosweep.analysis.closed_orbits import orbits_of_spec
 from vibrosweep.api.given_sweep import Spec, as_sweep
 from vibrosweep.api.keyword_types import SweepKeywords
 from vibrosweep.runs.driver import count, thread_count
 
-__all__ = ["orbits"]
+__all__ = ["boundaries", "branches", "orbits"]
 
 
 def orbits(
@@ -79,3 +80,135 @@ def orbits(
     impacts, periods = count("impacts", impacts), count("periods", periods)
     checked = as_sweep(spec, keywords)
     return orbits_of_spec(checked, impacts, periods, count("seeds", seeds), thread_count(threads))
+
+
+def branches(
+    spec: Spec | None = None,
+    /,
+    *,
+    impacts: int = 1,
+    periods: int = 1,
+    doublings: int = 0,
+    points: int = 1000,
+    threads: int | None = None,
+    **keywords: Unpack[SweepKeywords],
+) -> xr.Dataset:
+    """Follow periodic orbits along a parameter, round folds, and find their bifurcations.
+
+    All orbits at the values of the axis are followed to both sides, each once, until they leave its
+    range, touch the base, or come to rest.  Saddle-nodes, doublings of the period, grazes and rests
+    are solutions of equations for the orbit, the parameter and the multiplier at once.
+
+    Parameters
+    ----------
+    spec
+        Instead of keywords: a mapping of them, or the path of a sweep file.
+    impacts, periods
+        Impacts of an orbit at the values of the axis, and its forcing periods, at most; up to 12
+        and 64.
+    doublings
+        How often orbits that are born where another one doubles its period are followed, too; at
+        most 6, and no orbit of more than 64 impacts.
+    points
+        Of an orbit to each side, at most; at least 10.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    **keywords
+        Those of `vibrosweep.sweep`, of which ``restitution`` or a forcing is a list of two values
+        or more; launches and times do not matter.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (branch, point): the parameter under its name, ``stable``, ``admissible``; with dim
+        multiplier ``multiplier_real`` and ``multiplier_imaginary``; with dim impact
+        ``impact_phase`` (turns) and ``rebound_velocity`` (m s-1).  Dims (branch, event):
+        ``bifurcation``, its parameter ``bifurcation_amplitude`` (or of another name), and
+        with dim impact ``bifurcation_phase``.  Dim branch: ``cycle_impacts``, ``cycle_periods``,
+        ``parent``, the branch that it was born from; with dim end ``ends``, why it ends.
+
+    Raises
+    ------
+    SpecError
+        Keywords hold mistakes, all of which are listed, or there are other axes.
+    ParameterError
+        `impacts`, `periods`, `doublings` or `points` are not allowed, or the base couples
+        particles.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0])
+    >>> met = found.isel(branch=0)
+    >>> doubles = float(met.bifurcation_amplitude[met.bifurcation == 1])
+    >>> abs(doubles - vs.theory.amplitude_max(1, 0.5)) < 1e-12
+    True
+    """
+    wanted = count("impacts", impacts), count("periods", periods)
+    checked = as_sweep(spec, keywords)
+    depth = _not_negative("doublings", doublings)
+    most = count("points", points)
+    return branches_of_spec(checked, wanted, depth, most, thread_count(threads))
+
+
+def boundaries(
+    spec: Spec | None = None,
+    /,
+    *,
+    impacts: int = 1,
+    periods: int = 1,
+    doublings: int = 0,
+    points: int = 1000,
+    threads: int | None = None,
+    **keywords: Unpack[SweepKeywords],
+) -> xr.Dataset:
+    """Trace bifurcations of periodic orbits over the plane of restitution and forcing.
+
+    At each restitution of the axis orbits are followed along the forcing, as by
+    `vibrosweep.branches`, and each of their bifurcations to both sides in the plane.
+
+    Parameters
+    ----------
+    spec
+        Instead of keywords: a mapping of them, or the path of a sweep file.
+    impacts, periods, doublings
+        As of `vibrosweep.branches`.
+    points
+        Of a curve to each side, and of an orbit, at most; at least 10.
+    threads
+        Number of threads, by default all processors; the result does not depend on it.
+    **keywords
+        Those of `vibrosweep.sweep`, of which ``restitution`` and a forcing are lists of two values
+        or more; a curve that meets none of the restitutions is not found.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dims (curve, point): ``restitution`` and the forcing under its name; and the other
+        variables of `vibrosweep.branches`.  Dim curve: ``bifurcation``, what happens there.
+
+    Raises
+    ------
+    SpecError
+        Keywords hold mistakes, all of which are listed, or there are other axes.
+    ParameterError
+        `impacts`, `periods`, `doublings` or `points` are not allowed, or the base couples
+        particles.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> found = vs.boundaries(restitution=[0.5, 0.9], amplitude=[0.1, 5.0])
+    >>> found.bifurcation.values.tolist()  # a doubling and a saddle-node
+    [1, 0]
+    """
+    wanted = count("impacts", impacts), count("periods", periods)
+    checked = as_sweep(spec, keywords)
+    depth = _not_negative("doublings", doublings)
+    most = count("points", points)
+    return boundaries_of_spec(checked, wanted, depth, most, thread_count(threads))
+
+
+def _not_negative(name: str, value: int) -> int:
+    """Return a whole number that may be 0."""
+    return count(name, value) if value != 0 or isinstance(value, bool) else 0

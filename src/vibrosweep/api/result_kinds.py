@@ -66,6 +66,24 @@ def _orbit_figure(orbits: xr.Dataset) -> Figure:
     return periodic_orbits(orbits)
 
 
+def _line_lines(lines: xr.Dataset) -> Iterable[str]:
+    from vibrosweep.analysis.branches import summary
+
+    return summary(lines)
+
+
+def _branch_figure(branches: xr.Dataset) -> Figure:
+    from vibrosweep.figures import orbit_branches
+
+    return orbit_branches(branches)
+
+
+def _boundary_figure(boundaries: xr.Dataset) -> Figure:
+    from vibrosweep.figures import orbit_boundaries
+
+    return orbit_boundaries(boundaries)
+
+
 def _impact_lines(impacts: xr.Dataset) -> Iterable[str]:
     from vibrosweep.lab.lines import impact_lines
 
@@ -122,6 +140,26 @@ ORBITS: Final = register_kind(
         _orbit_figure,
         "periodic_orbits",
         unverified=f"{_PROVES} this holds periodic orbits, whether they attract or not",
+    )
+)
+BRANCHES: Final = register_kind(
+    ResultKind(
+        "branches",
+        "vibrosweep branches",
+        _line_lines,
+        _branch_figure,
+        "orbit_branches",
+        unverified=f"{_PROVES} this holds periodic orbits, whether they attract or not",
+    )
+)
+BOUNDARIES: Final = register_kind(
+    ResultKind(
+        "boundaries",
+        "vibrosweep boundaries",
+        _line_lines,
+        _boundary_figure,
+        "orbit_boundaries",
+        unverified=f"{_PROVES} this holds bifurcations of periodic orbits",
     )
 )
 IMPACTS: Final = register_kind(

@@ -12,6 +12,8 @@ from typing import Final
 from vibrosweep.commands import (
     basins,
     bifurcation,
+    boundaries,
+    branches,
     doctor,
     examples,
     explore,
@@ -39,6 +41,8 @@ COMMANDS: Final[tuple[ModuleType, ...]] = (
     bifurcation,
     basins,
     orbits,
+    branches,
+    boundaries,
     verify,
     lab,
     doctor,

@@ -19,6 +19,19 @@ def whole(text: str, low: int = 0, high: int | None = None) -> int:
     return value
 
 
+def add_lines(parser: argparse.ArgumentParser) -> None:
+    """Add what decides which lines of orbits are followed, and how far."""
+    for name, words, default in (
+        ("impacts", "impacts of an orbit, at most", 1),
+        ("periods", "its forcing periods, at most", 1),
+        ("doublings", "how often orbits born at a doubling are followed", 0),
+        ("points", "of a line to each side, at most", 1000),
+    ):
+        kind = whole if default == 0 else positive
+        told = f"{words}; default: {default}"
+        parser.add_argument(f"--{name}", metavar="N", type=kind, default=default, help=told)
+
+
 def some(number: int, thing: str) -> str:
     """Count things: 1 particle, 2 particles."""
     return f"{number} {thing}{'' if number == 1 else 's'}"

@@ -14,6 +14,7 @@ from vibrosweep.analysis.basins import basins
 from vibrosweep.analysis.closed_orbits import closed_orbits
 from vibrosweep.analysis.conditions import Locked
 from vibrosweep.analysis.evaluate import locked
+from vibrosweep.analysis.orbit_lines import Plane, branches_along
 from vibrosweep.engine.coupled import base_track
 from vibrosweep.engine.landings import all_parameters, record_landings
 from vibrosweep.engine.measure import measure
@@ -22,10 +23,12 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import OutputError
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels.advance import advance
+from vibrosweep.kernels.continuation import follow_line
 from vibrosweep.kernels.coupled.follow import follow
 from vibrosweep.kernels.coupled.motion_record import trace
 from vibrosweep.kernels.coupled.settling import settle_jointly
 from vibrosweep.kernels.distinct import first_of_each
+from vibrosweep.kernels.extended import FIX_E, correct_point, directions, splitting
 from vibrosweep.kernels.fixed import find_fixed
 from vibrosweep.kernels.impact import BASE_OF
 from vibrosweep.kernels.orbit_search import find_closed
@@ -36,6 +39,7 @@ from vibrosweep.kernels.shortest import shortest_flights
 from vibrosweep.kernels.sine import waves
 from vibrosweep.kernels.totals import combine
 from vibrosweep.kernels.trust import trust
+from vibrosweep.model.forcing import AMPLITUDE
 from vibrosweep.model.parameters import LAWS, SPRUNG
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.scene.keywords import batch
@@ -44,15 +48,19 @@ from vibrosweep.scene.scene import bare_scene
 KERNELS: Final[tuple[Any, ...]] = (
     advance,
     combine,
+    correct_point,
+    directions,
     find_closed,
     find_fixed,
     first_of_each,
     follow,
+    follow_line,
     record,
     separate,
     settle,
     settle_jointly,
     shortest_flights,
+    splitting,
     trace,
     trust,
     waves,
@@ -97,6 +105,8 @@ def warm_up() -> Compiled:
             locked(one, Locked(1), point, workers)
             basins(one, [0.0], [5.0], threads=1)
             closed_orbits(one, point, impacts=1, periods=1, threads=1)
+            plane = Plane(one, AMPLITUDE, np.array([0.5]), np.array([1.0, 5.0]), 100)
+            branches_along(plane, FIX_E, (1, 1), 1, workers)
         mount = {"mass_ratio": 0.01, "mount_frequency": 0.5, "mount_damping": 0.05}
         parameters = all_parameters({name: np.array([value]) for name, value in mount.items()})
         coupled = bare_scene(2, "staggered", 2.0, "rest", 1000, SPRUNG)

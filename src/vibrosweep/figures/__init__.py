@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from vibrosweep.figures.basins import basins_of_attraction
     from vibrosweep.figures.bifurcation import bifurcation_diagram
     from vibrosweep.figures.height_curves import height_time
+    from vibrosweep.figures.lines import orbit_boundaries, orbit_branches
     from vibrosweep.figures.orbits import periodic_orbits
     from vibrosweep.figures.plane import parameter_plane
     from vibrosweep.figures.registry import available, save_all
@@ -42,6 +43,8 @@ __all__ = [
     "decay_in_a_slot",
     "height_against_restitution",
     "height_time",
+    "orbit_boundaries",
+    "orbit_branches",
     "parameter_plane",
     "periodic_orbits",
     "return_map",
@@ -58,6 +61,7 @@ _HOMES: Final = {
     "bifurcation_diagram": "vibrosweep.figures.bifurcation",
     "height_time": "vibrosweep.figures.height_curves",
     "parameter_plane": "vibrosweep.figures.plane",
+    **dict.fromkeys(("orbit_boundaries", "orbit_branches"), "vibrosweep.figures.lines"),
     "periodic_orbits": "vibrosweep.figures.orbits",
     **dict.fromkeys(("available", "save_all"), "vibrosweep.figures.registry"),
     "height_against_restitution": "vibrosweep.figures.restitution",

@@ -67,7 +67,7 @@ def periodic_orbits(orbits: xr.Dataset, *, basins: xr.Dataset | None = None) -> 
         )
     if basins is not None:
         figure = basins_of_attraction(basins)
-        _draw_points(figure.axes[0], orbits, _launch_times(orbits, basins))
+        _draw_over(figure.axes[0], orbits, _launch_times(orbits, basins))
         return figure
     figure, axes = style.new_figure(style.PAGE, 3.6)
     if len(axes_of) == 2:
@@ -96,6 +96,28 @@ def _launch_times(orbits: xr.Dataset, basins: xr.Dataset) -> Array:
     first, frequency = float(basins["launch_time"][0]), data.pick(orbits, "frequency")
     turns = orbits["impact_phase"].values - data.pick(orbits, "phase") / (2.0 * np.pi)
     return np.asarray(first + np.mod(turns - frequency * first, 1.0) / frequency)
+
+
+def _draw_over(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
+    """Draw all impacts of the orbits that particles take, without colours of their own."""
+    taken = orbits["admissible"].values == 1
+    stable, speed = orbits["stable"].values == 1, orbits["rebound_velocity"].values
+    low, high = axes.get_ylim()
+    for chosen, marker, size, face, edge in (
+        (taken & ~stable, "o", 3.0, "white", "black"),
+        (taken & stable, "D", 5.0, "black", "white"),
+    ):
+        axes.plot(
+            across[chosen].ravel(),
+            speed[chosen].ravel(),
+            marker,
+            markersize=size,
+            markerfacecolor=face,
+            markeredgecolor=edge,
+            markeredgewidth=0.7,
+            zorder=3.0,
+        )
+    axes.set_ylim(low, high)
 
 
 def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:

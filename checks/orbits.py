@@ -1,0 +1,131 @@
+"""Orbits and their bifurcations by a slow way of their own: 60 digits, differences, no kernels.
+
+Run with ``python checks/orbits.py``; takes about a minute.  A flight is found by steps of 1/200
+period and Newton's method on its height, the multipliers of an orbit from differences of its p-fold
+impact, and a bifurcation as a root of orbit and multiplier at once, again from differences.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+
+import vibrosweep as vs
+
+ctx.prec = 220  # bits
+GRAVITY = 9.81
+TOLERANCE = 1e-12  # relative, of a parameter
+TURN = 2 * arb.pi()
+State = tuple[Any, Any]
+
+
+def fly(base: str, e: Any, a: Any, x: Any, y: Any) -> State:
+    """Duration of a flight from phase x with the relative speed y, and the relative arrival."""
+    if base == "high-bounce":
+        return y, y
+    alpha = a / (1 + e)
+    u = y + alpha * (TURN * x).sin()
+
+    def height(s: Any) -> Any:
+        return s * (u - s) / 2 + alpha / (2 * TURN) * ((TURN * (x + s)).cos() - (TURN * x).cos())
+
+    def arrival(s: Any) -> Any:
+        return 2 * s - u + alpha * (TURN * (x + s)).sin()
+
+    s = arb(1) / 200
+    while height(s) > 0:
+        s += arb(1) / 200
+    for _ in range(12):
+        s = (s + 2 * height(s) / arrival(s)).mid()
+    return s, arrival(s)
+
+
+def cycle(base: str, e: Any, a: Any, p: int, x: Any, y: Any) -> State:
+    """Phase, not reduced, and relative speed after p impacts."""
+    for _ in range(p):
+        s, v = fly(base, e, a, x, y)
+        x, y = (x + s).mid(), e * v
+        y = (y + a * (TURN * x).sin()).mid() if base == "high-bounce" else y.mid()
+    return x, y
+
+
+def trace(base: str, e: Any, a: Any, p: int, x: Any, y: Any) -> Any:
+    """Trace of the Jacobian of p impacts, from central differences."""
+    h = arb(2) ** -70
+    along = (cycle(base, e, a, p, x + h, y)[0] - cycle(base, e, a, p, x - h, y)[0]) / (2 * h)
+    across = (cycle(base, e, a, p, x, y + h)[1] - cycle(base, e, a, p, x, y - h)[1]) / (2 * h)
+    return along + across
+
+
+def bifurcation(
+    base: str, e: Any, orbit: tuple[int, int], multiplier: int, guess: Sequence[float]
+) -> Any:
+    """Kick at which an orbit has a multiplier, from a guess of phase, relative speed and kick."""
+    p, q = orbit
+    determinant = e**p if base == "high-bounce" else e ** (2 * p)
+
+    def equations(z: list[Any]) -> list[Any]:
+        x, y, a = z
+        after, speed = cycle(base, e, a, p, x, y)
+        off = 1 - multiplier * trace(base, e, a, p, x, y) + determinant
+        return [after - x - q, speed - y, off]
+
+    z, h = [arb(float(g)) for g in guess], arb(2) ** -50
+    for _ in range(12):
+        off = equations(z)
+        columns = []
+        for c in range(3):
+            moved = [value + h if k == c else value for k, value in enumerate(z)]
+            columns.append([(m - o) / h for m, o in zip(equations(moved), off, strict=True)])
+        slopes = arb_mat(3, 3, [columns[c][r].mid() for r in range(3) for c in range(3)])
+        step = slopes.solve(arb_mat(3, 1, [one.mid() for one in off]))
+        z = [(value - step[k, 0]).mid() for k, value in enumerate(z)]
+    assert all(abs(float(step[k, 0])) < 1e-20 for k in range(3)), "no bifurcation there"
+    return z[2]
+
+
+def compare(base: str, e: str, q: int, judge: Callable[[str, float, Any], None]) -> None:
+    """Compare the saddle-node and the doubling of the orbits (2, q) at a restitution."""
+    found = vs.branches(
+        restitution=float(e), amplitude=[0.5, 3.0, 5.0, 8.0], impacts=2, periods=q, base=base
+    )
+    exact = arb(float(e))
+    for i in np.flatnonzero((found.cycle_impacts == 2) & (found.cycle_periods == q)):
+        one = found.isel(branch=int(i))
+        for kind, multiplier in ((0, 1), (1, -1)):
+            for k in np.flatnonzero(one.bifurcation.values == kind):
+                a = float(one.bifurcation_amplitude[k]) * 2.0 / GRAVITY
+                phases = one.bifurcation_phase.values[k, :2]
+                points = one.amplitude.values * 2.0 / GRAVITY
+                near = int(np.nanargmin(np.abs(points - a)))
+                speed = float(one.rebound_velocity[near, 0]) * 2.0 / GRAVITY
+                if base == "moving":
+                    speed -= a / (1.0 + float(e)) * np.sin(2.0 * np.pi * phases[0])
+                kick = bifurcation(base, exact, (2, q), multiplier, (phases[0], speed, a))
+                name = f"{base} e = {e} (2, {q}) multiplier {multiplier:+d}"
+                judge(name, a, kick)
+
+
+def main() -> int:
+    worst = 0.0
+
+    def judge(name: str, found: float, exact: Any) -> None:
+        nonlocal worst
+        off = abs(float((arb(found) - exact) / exact))
+        worst = max(worst, off)
+        print(f"{name:44}a = {exact.str(20, radius=False)}  off by {off:.1e}")
+
+    for base in ("high-bounce", "moving"):
+        for e in ("0.5", "0.8"):
+            for q in (1, 3):
+                compare(base, e, q, judge)
+    print(f"largest relative difference {worst:.1e}, allowed {TOLERANCE:.0e}")
+    return 0 if worst <= TOLERANCE else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

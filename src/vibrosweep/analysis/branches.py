@@ -1,0 +1,268 @@
+"""Orbits along one parameter, and their bifurcations in two, as datasets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import xarray as xr
+
+from vibrosweep.analysis.closed_orbits import MOST_IMPACTS, MOST_PERIODS, multipliers
+from vibrosweep.analysis.common import attributes, grid_axes, require_ability, shared
+from vibrosweep.analysis.orbit_lines import (
+    ENDS,
+    EVENTS,
+    Line,
+    Plane,
+    branches_along,
+    curves_of,
+)
+from vibrosweep.arrays import Array
+from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import ParameterError
+from vibrosweep.kernels.closed import MEETS_BASE, RESTS
+from vibrosweep.kernels.extended import FIX_DRIVE, FIX_E
+from vibrosweep.model.forcing import INPUTS, forcing_of
+from vibrosweep.model.measures import VARIABLES, Variable
+from vibrosweep.runs.result import coordinate_attributes
+
+if TYPE_CHECKING:
+    from vibrosweep.scene.sweep import Sweep
+
+__all__ = ["POINTS", "boundaries_of_spec", "branches_of_spec", "summary"]
+
+POINTS: Final = 1000
+FEWEST_POINTS: Final = 10
+NONE: Final = -2
+MOST_DOUBLINGS: Final = 6
+LONGEST: Final = 64  # impacts of an orbit that doubles
+
+
+def branches_of_spec(
+    spec: Sweep, wanted: tuple[int, int], doublings: int, points: int, threads: int
+) -> xr.Dataset:
+    """Orbits along the axis of a sweep, as `vibrosweep.branches`.
+
+    `wanted` holds the most impacts and periods.  Raises a SpecError unless its design is a grid
+    with an axis of the restitution, or of a forcing, and no other.
+    """
+    require_ability("branches", spec.scene)
+    _require(wanted, doublings, points)
+    forcing = forcing_of({*spec.design.sampled, *spec.scene.given})
+    along = "restitution" if "restitution" in spec.design.axes else forcing
+    values = grid_axes(spec, "branches", along)[along]
+    e = np.array([spec.scene.inputs["restitution"]]) if along == forcing else values
+    drive = values if along == forcing else np.array([spec.scene.inputs[forcing]])
+    _require_range(along, values)
+    plane = Plane(spec.scene, forcing, e, drive, points)
+    condition = FIX_E if along == forcing else FIX_DRIVE
+    with Workers(threads) as workers:
+        lines = branches_along(plane, condition, wanted, doublings, workers)
+    data = _lines(lines, plane, "branch", [along], spec) | _events(lines, plane, along, spec)
+    dims = ("branch",)
+    parents = np.array([line.parent for line in lines], np.int64)
+    words = "branch whose orbit doubles where this one is born, -1 without any"
+    data["parent"] = (dims, parents, {"units": "1", "long_name": words})
+    data |= shared(spec.scene, [along])
+    told = attributes(spec.scene, "Periodic orbits along a parameter") | {"along": along}
+    return xr.Dataset(data, attrs=told | _source(spec))
+
+
+def boundaries_of_spec(
+    spec: Sweep, wanted: tuple[int, int], doublings: int, points: int, threads: int
+) -> xr.Dataset:
+    """Curves of bifurcations over the plane of a sweep, as `vibrosweep.boundaries`.
+
+    `wanted` holds the most impacts and periods.  Raises a SpecError unless its design is a grid of
+    the restitution and a forcing.
+    """
+    require_ability("boundaries", spec.scene)
+    _require(wanted, doublings, points)
+    forcing = forcing_of(spec.design.sampled)
+    axes = grid_axes(spec, "boundaries", forcing, ("restitution",))
+    if "restitution" not in axes:
+        axes |= grid_axes(spec, "boundaries", "restitution", (forcing,))
+    for name, values in axes.items():
+        _require_range(name, values)
+    e, drive = axes["restitution"], axes[forcing]
+    with Workers(threads) as workers:
+        lines = [
+            line
+            for one in e
+            for line in branches_along(
+                Plane(spec.scene, forcing, np.array([one]), drive, points),
+                FIX_E,
+                wanted,
+                doublings,
+                workers,
+            )
+        ]
+    plane = Plane(spec.scene, forcing, e, drive, points)
+    curves = curves_of(plane, lines, e)
+    data = _lines(curves, plane, "curve", ["restitution", forcing], spec)
+    kinds = np.array([curve.kind for curve in curves], np.int8)
+    kind = Variable("bifurcation", ("curve",), "int8", "1", "what happens there", flags=EVENTS[:4])
+    data["bifurcation"] = (kind.dims, kinds, kind.attributes)
+    data |= shared(spec.scene, ["restitution", forcing])
+    told = attributes(spec.scene, "Curves of bifurcations") | {"forcing": forcing}
+    return xr.Dataset(data, attrs=told | _source(spec))
+
+
+def _source(spec: Sweep) -> dict[str, str]:
+    return {"notes": "", "title": spec.title, "sweep_file": spec.text}
+
+
+def _require(wanted: tuple[int, int], doublings: int, points: int) -> None:
+    for name, value, low, high in (
+        ("impacts", wanted[0], 1, MOST_IMPACTS),
+        ("periods", wanted[1], 1, MOST_PERIODS),
+        ("doublings", doublings, 0, MOST_DOUBLINGS),
+        ("points", points, FEWEST_POINTS, 10**6),
+    ):
+        if not low <= value <= high:
+            raise ParameterError(f"{name} = {value}: must be at least {low} and at most {high}")
+    if wanted[0] * 2**doublings > LONGEST:
+        raise ParameterError(
+            f"impacts = {wanted[0]} and doublings = {doublings}: make orbits of up to "
+            f"{wanted[0] * 2**doublings} impacts, and at most {LONGEST} are followed; lower one"
+        )
+
+
+def _require_range(name: str, values: Array) -> None:
+    if values.size < 2:
+        raise ParameterError(
+            f"{name}: must be two values or more, the ends of its range among them"
+        )
+
+
+def _lines(
+    lines: Sequence[Line], plane: Plane, dim: str, along: Sequence[str], spec: Sweep
+) -> dict[str, Any]:
+    """Variables of lines and their points, NaN past the last point of each."""
+    impacts = max((line.p for line in lines), default=1)
+    points = max((line.z.shape[0] for line in lines), default=0)
+    trace, determinant = (_padded([getattr(one, n) for one in lines], points) for n in _OF_POINTS)
+    real, imaginary = multipliers(trace, determinant)
+    present = np.isfinite(trace)
+    stable = np.where(present, np.hypot(real, imaginary)[..., 0] < 1.0, -1)
+    admissible = np.full(trace.shape, NONE)
+    for i, line in enumerate(lines):
+        admissible[i, : line.admissible.size] = line.admissible
+    speed = np.full((*trace.shape, impacts), np.nan)
+    phase = speed.copy()
+    for i, line in enumerate(lines):
+        times = line.z[:, : line.p]
+        phase[i, : times.shape[0], : line.p] = times - np.rint(times)
+        speed[i, : times.shape[0], : line.p] = line.speed
+    unit = spec.scene.inputs["gravity"] / (2.0 * spec.scene.inputs["frequency"])
+    each, landing = (dim, "point"), (dim, "point", "impact")
+    data: dict[str, Any] = {
+        name: (
+            each,
+            _padded([_values(one, plane, name, one.z) for one in lines], points),
+            coordinate_attributes(INPUTS[name]),
+        )
+        for name in along
+    }
+    for name in ("cycle_impacts", "cycle_periods"):
+        values = [line.p if name == "cycle_impacts" else line.q for line in lines]
+        data[name] = ((dim,), np.array(values, np.int64), VARIABLES[name].attributes)
+    flags = {
+        "stable": (stable, ((-1, "no_point"), (0, "no"), (1, "yes")), "whether it attracts"),
+        "admissible": (
+            admissible,
+            ((NONE, "no_point"), (RESTS, "rests"), (MEETS_BASE, "lands_earlier"), (1, "yes")),
+            "whether a particle takes the orbit: no earlier landing, no rest",
+        ),
+    }
+    for name, (codes, meanings, words) in flags.items():
+        one = Variable(name, each, "int8", "1", words, flags=meanings)
+        data[name] = (each, codes.astype(np.int8), one.attributes)
+    ends = Variable("ends", (dim, "end"), "int8", "1", "why the line ends", flags=ENDS)
+    codes = np.array([line.ends for line in lines], np.int8).reshape(len(lines), 2)
+    return data | {
+        "ends": (ends.dims, codes, ends.attributes),
+        "multiplier_real": ((*each, "multiplier"), real, _words("multiplier, real part")),
+        "multiplier_imaginary": (
+            (*each, "multiplier"),
+            imaginary,
+            _words("multiplier, imaginary part"),
+        ),
+        "impact_phase": (landing, phase, _words("phase of the impact, turns")),
+        "rebound_velocity": (landing, speed * unit, _words("speed at lift-off", "m s-1")),
+    }
+
+
+_OF_POINTS: Final = ("trace", "determinant")
+
+
+def _words(long_name: str, units: str = "1") -> dict[str, str]:
+    return {"units": units, "long_name": long_name}
+
+
+def _values(line: Line, plane: Plane, name: str, z: Array) -> Array:
+    """Values of a parameter at points of a line, in its own unit."""
+    e, drive = z[..., line.p], z[..., line.p + 1]
+    return e if name == "restitution" else np.asarray(drive / plane.scale)
+
+
+def _padded(rows: Sequence[Array], length: int) -> Array:
+    found = np.full((len(rows), length), np.nan)
+    for i, row in enumerate(rows):
+        found[i, : row.size] = row
+    return found
+
+
+def _events(lines: Sequence[Line], plane: Plane, along: str, spec: Sweep) -> dict[str, Any]:
+    """Bifurcations on lines, in their order along each."""
+    most = max((len(line.events) for line in lines), default=0)
+    kinds = np.full((len(lines), most), NONE, np.int8)
+    phase = np.full((len(lines), most, max((line.p for line in lines), default=1)), np.nan)
+    values = np.full((len(lines), most), np.nan)
+    for i, line in enumerate(lines):
+        for k, event in enumerate(line.events):
+            kinds[i, k] = event.kind
+            times = event.z[: line.p]
+            phase[i, k, : line.p] = times - np.rint(times)
+            values[i, k] = _values(line, plane, along, event.z)
+    each = ("branch", "event")
+    flags = ((NONE, "none"), *EVENTS)
+    kind = Variable("bifurcation", each, "int8", "1", "what happens there", flags=flags)
+    words = coordinate_attributes(INPUTS[along])
+    return {
+        "bifurcation": (each, kinds, kind.attributes),
+        f"bifurcation_{along}": (each, values, words),
+        "bifurcation_phase": (
+            (*each, "impact"),
+            phase,
+            _words("phase of the impact, turns"),
+        ),
+    }
+
+
+def summary(found: xr.Dataset) -> Iterator[str]:
+    """Describe branches, or curves, in a line each."""
+    dim = "branch" if "branch" in found.dims else "curve"
+    if not found.sizes[dim]:
+        yield "no orbit was found" if dim == "branch" else "no bifurcation was found"
+    kinds, ends = dict(EVENTS), dict(ENDS)
+    along = str(found.attrs["along" if dim == "branch" else "forcing"])
+    unit = "" if INPUTS[along].units == "1" else f" {INPUTS[along].units}"
+    for i in range(found.sizes[dim]):
+        one = found.isel({dim: i})
+        p, q = int(one["cycle_impacts"]), int(one["cycle_periods"])
+        why = ", ".join(ends[int(code)].replace("_", " ") for code in one["ends"].values)
+        if dim == "branch":
+            met = [
+                f"{kinds[int(k)].replace('_', ' ')} at {value:.12g}{unit}"
+                for k, value in zip(
+                    one["bifurcation"].values, one[f"bifurcation_{along}"].values, strict=True
+                )
+                if k != NONE
+            ]
+            text = "; ".join(met) or "no bifurcation"
+        else:
+            text = kinds[int(one["bifurcation"])].replace("_", " ")
+        name = f"{p} in {q} period{'s' if q > 1 else ''}"
+        yield f"{name:18}{int(one[along].count())} points ({why}); {text}"

@@ -1,0 +1,31 @@
+"""``vibrosweep branches``: periodic orbits along a parameter, and their bifurcations."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Final
+
+from vibrosweep.commands.arguments import add_lines
+from vibrosweep.commands.picture import add_common, produce
+
+NAME: Final = "branches"
+HELP: Final = "follow periodic orbits along a parameter, and find their bifurcations"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_common(parser, "a grid over restitution, or over the forcing")
+    add_lines(parser)
+
+
+def perform(options: argparse.Namespace) -> None:
+    from vibrosweep.analysis.branches import branches_of_spec
+    from vibrosweep.api.result_kinds import BRANCHES
+
+    wanted = options.impacts, options.periods
+    produce(
+        options,
+        BRANCHES,
+        lambda spec, threads: branches_of_spec(
+            spec, wanted, options.doublings, options.points, threads
+        ),
+    )

@@ -1,0 +1,210 @@
+"""Branches of periodic orbits along a parameter, and curves of their bifurcations over a plane."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vibrosweep.figures import data, style
+from vibrosweep.figures.plane import parameter_plane
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["NEEDS", "orbit_boundaries", "orbit_branches"]
+
+NEEDS: Final = data.Needs(("bifurcation", "cycle_impacts", "cycle_periods", "admissible"))
+AT_BORDER: Final = 1e-9  # of stability, where a stable part of a branch ends
+# By the codes of `bifurcation`: the marker of a point, the dashes of a curve, and the name
+KINDS: Final = (
+    ("s", "-", "saddle-node"),
+    ("o", "--", "period doubling"),
+    ("^", "-.", "grazing"),
+    ("v", ":", "rest"),
+    ("o", "--", "period doubling"),
+)
+
+
+@style.styled
+def orbit_branches(branches: xr.Dataset) -> Figure:
+    """Draw the speeds of periodic orbits along a parameter, and where they bifurcate.
+
+    Thick where an orbit is stable, thin where it is not; a colour for each number of impacts in
+    each number of forcing periods.
+
+    Parameters
+    ----------
+    branches
+        Result of `vibrosweep.branches`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure; it is neither displayed nor written.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import orbit_branches
+    >>> found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], doublings=3)
+    >>> orbit_branches(found).axes[0].get_xlabel()
+    'amplitude $A$ (m s$^{-1}$)'
+    """
+    NEEDS.check("orbit_branches", branches)
+    along = str(branches.attrs["along"])
+    figure, axes = style.new_figure(style.PAGE, 3.6)
+    for number, (kind, rows) in enumerate(_by_kind(branches, "branch").items()):
+        colour = style.OKABE_ITO[number % len(style.OKABE_ITO)]
+        for i in rows:
+            one = branches.isel(branch=i)
+            at, speed = one[along].values, one["rebound_velocity"].values[:, : kind[0]]
+            modulus = np.hypot(one["multiplier_real"].values, one["multiplier_imaginary"].values)
+            stable = modulus[:, :1] <= 1.0 + AT_BORDER
+            axes.plot(at, speed, color=colour, linewidth=0.6)
+            axes.plot(at, np.where(stable, speed, np.nan), color=colour, linewidth=1.8)
+        axes.plot([], [], color=colour, label=_name(kind))
+    _mark_events(axes, branches, along)
+    axes.set_xlabel(data.label(branches, along))
+    axes.set_ylabel(data.label(branches, "rebound_velocity"))
+    _explain(axes, branches)
+    return figure
+
+
+def _mark_events(axes: Axes, branches: xr.Dataset, along: str) -> None:
+    """Mark bifurcations on the points of their branches that are next to them."""
+    seen = set()
+    for i in range(branches.sizes["branch"]):
+        one = branches.isel(branch=i)
+        values, p = one[along].values, int(one["cycle_impacts"])
+        phases = one["impact_phase"].values[:, 0]
+        for code, at, phase in zip(
+            one["bifurcation"].values,
+            one[f"bifurcation_{along}"].values,
+            one["bifurcation_phase"].values[:, 0],
+            strict=True,
+        ):
+            if code < 0:
+                continue
+            marker, _, name = KINDS[code]
+            off = np.abs(values - at) + np.abs((phases - phase + 0.5) % 1.0 - 0.5)
+            speed = one["rebound_velocity"].values[np.nanargmin(off), :p]
+            axes.plot(
+                np.full(p, at),
+                speed,
+                marker,
+                markersize=4.0,
+                markerfacecolor="white",
+                markeredgecolor="black",
+                markeredgewidth=0.7,
+                label="" if name in seen else name,
+                zorder=4.0,
+            )
+            seen.add(name)
+
+
+@style.styled
+def orbit_boundaries(
+    boundaries: xr.Dataset, *, sweep: xr.Dataset | None = None, variable: str | None = None
+) -> Figure:
+    """Draw the curves on which periodic orbits are born, double their period, graze or rest.
+
+    Curves are thin where another landing comes first, so that no particle takes the orbit.
+
+    Parameters
+    ----------
+    boundaries
+        Result of `vibrosweep.boundaries`.
+    sweep
+        Result of a sweep over restitution and amplitude, or acceleration, whose plane the curves
+        are drawn over.
+    variable
+        What is drawn there, as `vibrosweep.figures.parameter_plane` takes it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure; it is neither displayed nor written.
+
+    Raises
+    ------
+    DataError
+        The dataset lacks a variable.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import orbit_boundaries
+    >>> found = vs.boundaries(restitution=[0.5, 0.9], amplitude=[0.1, 5.0])
+    >>> orbit_boundaries(found).axes[0].get_xlabel()
+    'restitution $e$'
+    """
+    NEEDS.check("orbit_boundaries", boundaries)
+    forcing = str(boundaries.attrs["forcing"])
+    if sweep is None:
+        figure, axes = style.new_figure(style.PAGE, 3.6)
+        axes.set_xlabel(data.label(boundaries, "restitution"))
+        axes.set_ylabel(data.label(boundaries, forcing))
+    else:
+        figure = parameter_plane(sweep, variable)
+        axes = figure.axes[0]
+        forcing = data.drawn_forcing(sweep) or forcing
+        data.Needs((forcing,)).check("orbit_boundaries", boundaries)
+    view = axes.axis() if sweep is not None else None
+    colours = ["white", *style.OKABE_ITO] if sweep is not None else [*style.OKABE_ITO]
+    seen = set()
+    for number, (kind, rows) in enumerate(_by_kind(boundaries, "curve").items()):
+        for i in rows:
+            one = boundaries.isel(curve=i)
+            code = int(one["bifurcation"])
+            name = f"{_name(kind)}, {KINDS[code][2]}"
+            taken = one["admissible"].values == 1
+            for chosen, width in ((np.ones_like(taken), 0.5), (taken, 1.3)):
+                axes.plot(
+                    one["restitution"].values,
+                    np.where(chosen, one[forcing].values, np.nan),
+                    color=colours[number % len(colours)],
+                    linestyle=KINDS[code][1],
+                    linewidth=width,
+                    label=name if width > 1.0 and name not in seen else "",
+                    zorder=3.0,
+                )
+            seen.add(name)
+    if view is not None:
+        axes.axis(view)
+    else:
+        _explain(axes, boundaries)
+    return figure
+
+
+def _by_kind(lines: xr.Dataset, dim: str) -> dict[tuple[int, int], list[int]]:
+    """Indices of lines by their impacts and periods."""
+    found: dict[tuple[int, int], list[int]] = {}
+    for i in range(lines.sizes[dim]):
+        kind = int(lines["cycle_impacts"][i]), int(lines["cycle_periods"][i])
+        found.setdefault(kind, []).append(i)
+    return dict(sorted(found.items()))
+
+
+def _name(kind: tuple[int, int]) -> str:
+    return f"{kind[0]} in {kind[1]} period{'s' if kind[1] > 1 else ''}"
+
+
+def _explain(axes: Axes, lines: xr.Dataset) -> None:
+    title = data.conditions(lines.drop_dims("point"))
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(
+        handles,
+        labels,
+        title=title,
+        loc="upper left",
+        bbox_to_anchor=(1.0, 1.0),
+        alignment="left",
+    )

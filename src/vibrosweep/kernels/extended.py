@@ -1,0 +1,273 @@
+"""Equations of an orbit with two conditions more, for Newton's method.
+
+A point z holds the p landing times of an orbit, the restitution, and the drive, which is the kick,
+or its (1 + e)-th part where the velocity of the base is given.  Two conditions beside the p
+equations of the orbit make it one of finitely many; a bifurcation with one parameter fixed is
+found by Newton's method on the orbit and on its multiplier at once, which is regular at a fold.
+
+Derivatives by the parameters, and those of conditions, are central differences: their error of
+1e-10 slows Newton's method down by no step and leaves its solution as exact as the equations.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import Floats, jit, kernel, part
+from vibrosweep.kernels.bases import Base, Constants, constants, lift_off, rebound
+from vibrosweep.kernels.bases.chords import clearing
+from vibrosweep.kernels.closed import ascends, flight, linearize, solve
+from vibrosweep.model.parameters import Dimensionless
+
+# Conditions: a multiplier is 1, or -1; a flight touches the base; an impact just rests.  FIX_E and
+# FIX_DRIVE hold a parameter, ALONG the distance from a point in a direction.
+SADDLE_NODE, DOUBLING, GRAZE, REST = range(4)
+FIX_E, FIX_DRIVE, ALONG = -3, -2, -1
+DIFFERENCE = 1e-6
+STEPS = 8  # of Newton's method, from a point so near that 4 suffice
+SMALL_STEP = 1e-9  # the last but one
+FARTHEST = 0.2  # that a point is corrected by
+
+
+class Range(NamedTuple):
+    """What is followed, how far, and how."""
+
+    p: int
+    q: int
+    condition: int  # of all points of the line: FIX_E, FIX_DRIVE, or a bifurcation
+    relative: bool  # whether the drive is that of the velocity of the base
+    # low_e, high_e, low_drive, high_drive: of the parameters
+    low_e: float
+    high_e: float
+    low_drive: float
+    high_drive: float
+    longest: float  # step
+
+
+class Work(NamedTuple):
+    """Memory for the equations."""
+
+    matrix: Floats
+    off: Floats
+    inner: Floats
+    plus: Floats
+    minus: Floats
+
+
+@jit
+def work_for(p: int) -> Work:
+    """Allocate memory for an orbit of p impacts."""
+    n = p + 2
+    return Work(np.empty((n, n)), np.empty(n), np.empty((p, p)), np.empty(p), np.empty(p))
+
+
+# loops over the elements: an expression of whole arrays takes numba half a second to compile
+
+
+@jit
+def put_between(out: Floats, one: Floats, other: Floats, share: float) -> None:
+    """Write the point between two others, or beyond them."""
+    for c in range(out.size):
+        out[c] = one[c] + share * (other[c] - one[c])
+
+
+@jit
+def put_ahead(out: Floats, z: Floats, step: float, direction: Floats) -> None:
+    """Write the point so far from another in a direction."""
+    for c in range(out.size):
+        out[c] = z[c] + step * direction[c]
+
+
+@jit
+def normalize(direction: Floats) -> float:
+    """Make the length of a direction 1; return what it was."""
+    length = 0.0
+    for value in direction:
+        length += value * value
+    length = math.sqrt(length)
+    for c in range(direction.size):
+        direction[c] /= length
+    return length
+
+
+@part
+def place(base: Base, problem: Dimensionless, z: Floats, p: int, relative: bool) -> Constants:
+    """Constants at the parameters of a point, as realization 0 of the problem."""
+    # of its other numbers, an orbit without rests needs the threshold of rest alone
+    problem.restitution[0] = z[p]
+    problem.kick[0] = z[p + 1] * (1.0 + z[p]) if relative else z[p + 1]
+    return constants(base, problem, 0)
+
+
+@part
+def value_of(
+    base: Base, problem: Dimensionless, span: Range, z: Floats, condition: int, work: Work
+) -> float:
+    """Value of a condition, which changes its sign where the bifurcation is."""
+    p, q = span.p, span.q
+    fixed = place(base, problem, z, p, span.relative)
+    if condition <= DOUBLING:
+        tangent = linearize(fixed, z, p, q, work.plus, work.inner)
+        sign = -1.0 if condition == SADDLE_NODE else 1.0
+        return 1.0 + sign * tangent.trace + tangent.determinant
+    least = math.inf
+    for i in range(p):
+        one = flight(fixed, z, p, q, i)
+        if condition == GRAZE:
+            least = min(least, clearing(fixed, one))
+        else:
+            w = rebound(fixed, one.landing, one.v)
+            if w > fixed.r or not lift_off(fixed, 0.0, one.landing, w)[3]:
+                least = min(least, w - fixed.r)
+    return least
+
+
+@part
+def _row(
+    base: Base, problem: Dimensionless, span: Range, z: Floats, condition: int, work: Work, row: int
+) -> None:
+    """Write a bifurcation as an equation, with its derivatives."""
+    n, above = span.p + 2, 0.0
+    for k in range(2 * n + 1):
+        c, kept = k // 2, z[min(k // 2, n - 1)]
+        if k < 2 * n:
+            z[c] = kept + (DIFFERENCE if k % 2 == 0 else -DIFFERENCE)
+        value = value_of(base, problem, span, z, condition, work)
+        if k == 2 * n:
+            work.off[row] = value
+            continue
+        z[c] = kept
+        if k % 2 == 0:
+            above = value
+        else:
+            work.matrix[row, c] = (above - value) / (2.0 * DIFFERENCE)
+
+
+@part
+def _equations(
+    base: Base,
+    problem: Dimensionless,
+    span: Range,
+    z: Floats,
+    condition: int,
+    held: Floats,
+    direction: Floats,
+    work: Work,
+) -> None:
+    """Write the equations of the orbit, and those of the line and of one more condition."""
+    p, q, n = span.p, span.q, span.p + 2
+    for row, asked in ((p, span.condition), (p + 1, condition)):
+        if asked >= SADDLE_NODE:
+            _row(base, problem, span, z, asked, work, row)
+            continue
+        work.off[row] = 0.0
+        for c in range(n):
+            at = direction[c] if asked == ALONG else 0.0
+            if (asked == FIX_E and c == p) or (asked == FIX_DRIVE and c == p + 1):
+                at = 1.0
+            work.matrix[row, c] = at
+            work.off[row] += at * (z[c] - held[c])
+    for k in range(5):
+        c, kept = p + k // 2, z[min(p + k // 2, n - 1)]
+        if k < 4:
+            z[c] = kept + (DIFFERENCE if k % 2 == 0 else -DIFFERENCE)
+        fixed = place(base, problem, z, p, span.relative)
+        linearize(fixed, z, p, q, work.minus if k % 2 else work.plus, work.inner)
+        if k < 4:
+            z[c] = kept
+        for i in range(p):
+            if k == 4:
+                work.off[i] = work.plus[i]
+                for j in range(p):
+                    work.matrix[i, j] = work.inner[i, j]
+            elif k % 2:
+                work.matrix[i, c] = (work.plus[i] - work.minus[i]) / (2.0 * DIFFERENCE)
+
+
+@part
+def correct(
+    base: Base,
+    problem: Dimensionless,
+    span: Range,
+    z: Floats,
+    condition: int,
+    held: Floats,
+    direction: Floats,
+    work: Work,
+) -> bool:
+    """Newton's method on the orbit, the condition of the line, and one more; whether it converges.
+
+    `held` and `direction` are a point and a direction, of conditions that hold something.
+    """
+    n, small = span.p + 2, 0
+    for _ in range(STEPS):
+        _equations(base, problem, span, z, condition, held, direction, work)
+        if not solve(work.matrix, work.off, n):
+            return False
+        longest = 0.0
+        for c in range(n):
+            longest = max(longest, abs(work.off[c]))
+            z[c] -= work.off[c]
+        if not (longest < FARTHEST and ascends(z, span.p, span.q)):
+            return False
+        small = small + 1 if longest < SMALL_STEP else 0
+        if small == 2:
+            return True
+    return False
+
+
+@part
+def turn_along(
+    base: Base, problem: Dimensionless, span: Range, z: Floats, direction: Floats, work: Work
+) -> bool:
+    """Make the direction that of the line at a point, on the side that it was on."""
+    n = span.p + 2
+    _equations(base, problem, span, z, ALONG, z, direction, work)
+    for c in range(n):
+        work.off[c] = 1.0 if c == n - 1 else 0.0
+    if not solve(work.matrix, work.off, n):
+        return False
+    put_ahead(direction, work.off, 0.0, work.off)
+    return normalize(direction) < math.inf
+
+
+@kernel
+def correct_point(
+    base: Base, problem: Dimensionless, span: Range, z: Floats, condition: int
+) -> bool:
+    """Newton's method from a point, whose fixed parameters it has; whether it converges."""
+    return correct(base, problem, span, z, condition, z.copy(), z, work_for(span.p))
+
+
+@kernel
+def directions(
+    base: Base, problem: Dimensionless, span: Range, z: Floats, direction: Floats
+) -> bool:
+    """Make the direction, any that is not across the line, that of the line at a point."""
+    return turn_along(base, problem, span, z, direction, work_for(span.p))
+
+
+@kernel
+def splitting(base: Base, problem: Dimensionless, span: Range, z: Floats, split: Floats) -> bool:
+    """Direction, of shape (2 p + 2,), in which an orbit twice as long leaves one that doubles."""
+    p, n = span.p, 2 * span.p
+    fixed = place(base, problem, z, p, span.relative)
+    times, off, matrix = np.empty(n), np.empty(n), np.empty((n, n))
+    for i in range(n):
+        times[i] = z[i] if i < p else z[i - p] + span.q
+        off[i] = (1.0 if i < p else -1.0) / (1.0 + i % p)
+        split[i] = off[i]
+    split[n] = split[n + 1] = 0.0
+    for _ in range(2):  # inverse iteration
+        linearize(fixed, times, n, 2 * span.q, off, matrix)
+        for i in range(n):
+            off[i] = split[i]
+        if not solve(matrix, off, n):
+            return False
+        normalize(off)
+        for i in range(n):
+            split[i] = off[i]
+    return True

@@ -1,0 +1,186 @@
+"""Orbits along a parameter and curves of their bifurcations, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import vibrosweep as vs
+from vibrosweep.analysis.branches import summary
+from vibrosweep.errors import ParameterError, SpecError
+from vibrosweep.figures import orbit_boundaries, orbit_branches, parameter_plane
+
+SADDLE_NODE, DOUBLING, GRAZING = 0, 1, 2
+GRAVITY, FREQUENCY = 9.81, 1.0
+BASES = ("high-bounce", "moving")
+
+
+def ends_of_mode(k, e, base):
+    """A_min and A_max of the mode k, in m/s at 1 Hz."""
+    born = (1.0 - e) * k
+    if base == "moving":
+        ratio = (1.0 + e * e) / (1.0 + e)
+        last = math.hypot(born, 2.0 * ratio / math.pi)
+    else:
+        last = math.hypot(born, (1.0 + e) / math.pi)
+    return born * GRAVITY / 2.0, last * GRAVITY / 2.0
+
+
+def met(found, branch, kind):
+    one = found.isel(branch=branch)
+    return one.bifurcation_amplitude.values[one.bifurcation.values == kind]
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("e", [0.3, 0.8, 0.99])
+def test_one_impact_is_born_and_doubles_where_the_closed_forms_say(base, e):
+    found = vs.branches(restitution=e, amplitude=[0.01, 20.0, 60.0], periods=4, base=base)
+    modes = found.cycle_periods.values.tolist()
+    assert sorted(modes) == [1, 2, 3, 4]
+    for branch, k in enumerate(modes):
+        born, last = ends_of_mode(k, e, base)
+        assert met(found, branch, SADDLE_NODE) == pytest.approx([born], abs=1e-12)
+        assert met(found, branch, DOUBLING) == pytest.approx([last], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("base", "ratios"),
+    [
+        ("high-bounce", [6.30, 5.09, 4.673, 4.664]),
+        ("moving", [4.73, 4.63, 4.651, 4.664]),
+    ],
+)
+def test_the_cascade_accumulates_with_the_ratio_of_feigenbaum(base, ratios):
+    found = vs.branches(restitution=0.5, amplitude=[2.3, 5.0], base=base, doublings=5)
+    chain = [0]
+    while np.any(found.parent.values == chain[-1]):
+        chain.append(int(np.flatnonzero(found.parent.values == chain[-1])[0]))
+    assert found.cycle_impacts.values[chain].tolist() == [1, 2, 4, 8, 16, 32]
+    steps = np.diff([met(found, branch, DOUBLING)[0] for branch in chain])
+    assert steps[:-1] / steps[1:] == pytest.approx(ratios, abs=6e-3)
+    assert steps[-2] / steps[-1] == pytest.approx(4.6692, abs=0.01)
+
+
+@pytest.mark.parametrize("base", BASES)
+@pytest.mark.parametrize("e", [0.5, 0.8])
+def test_two_impacts_are_born_at_saddle_nodes(base, e):
+    """Of (2, 1) and (2, 3): the orbits of both sides of the fold exist beyond it only."""
+    found = vs.branches(
+        restitution=e, amplitude=[0.5, 3.0, 5.0, 8.0], impacts=2, periods=3, base=base
+    )
+    for q in (1, 3):
+        own = (found.cycle_impacts == 2) & (found.cycle_periods == q)
+        born = [a for i in np.flatnonzero(own.values) for a in met(found, i, SADDLE_NODE)]
+        assert born
+        for at in born:
+            count = [
+                vs.orbits(restitution=e, amplitude=at * share, impacts=2, periods=q, base=base)
+                for share in (1.0 - 1e-5, 1.0 + 1e-5)
+            ]
+            number = [int(((o.cycle_impacts == 2) & (o.cycle_periods == q)).sum()) for o in count]
+            assert number[1] - number[0] == 2
+
+
+def test_a_branch_goes_round_its_fold_and_knows_why_it_ends():
+    found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], base="moving", impacts=2)
+    one = found.isel(branch=0)
+    values = one.amplitude.dropna("point").values
+    least = int(np.argmin(values))
+    assert 0 < least < values.size - 1
+    assert values[0] == pytest.approx(5.0) == values[-1]
+    touching = found.isel(branch=int(np.flatnonzero(found.cycle_impacts.values == 2)[-1]))
+    assert 3 in touching.ends.values  # touches the base
+    assert GRAZING in touching.bifurcation.values
+    assert ((touching.admissible.dropna("point") != 0) | (touching.stable == -1)).sum() > 0
+
+
+def test_where_a_flight_grazes_it_touches_the_base_without_a_relative_speed():
+    found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], base="moving", impacts=2)
+    for branch in range(found.sizes["branch"]):
+        for at in met(found, branch, GRAZING):
+            p = int(found.cycle_impacts[branch])
+            q = int(found.cycle_periods[branch])
+            inside = vs.orbits(restitution=0.5, amplitude=at * (1 + 1e-6), base="moving", impacts=p)
+            outside = vs.orbits(
+                restitution=0.5, amplitude=at * (1 - 1e-6), base="moving", impacts=p
+            )
+            taken = [
+                int(((o.cycle_impacts == p) & (o.cycle_periods == q) & (o.admissible == 1)).sum())
+                for o in (outside, inside)
+            ]
+            assert abs(taken[1] - taken[0]) == 1
+
+
+@pytest.mark.parametrize("name", ["base_velocity", "base_displacement", "base_acceleration"])
+def test_other_forcings_bifurcate_at_the_same_amplitude(name):
+    """The restitution is followed at a fixed forcing, which then is another amplitude."""
+    scale = {
+        "base_velocity": 2.0 * math.pi * FREQUENCY / GRAVITY,
+        "base_displacement": (2.0 * math.pi * FREQUENCY) ** 2 / GRAVITY,
+        "base_acceleration": 1.0,
+    }[name]
+    found = vs.branches(restitution=[0.05, 0.99], base="moving", **{name: 1.1 / scale})
+    one = found.isel(branch=0)
+    for e in one.bifurcation_restitution.values[one.bifurcation.values == DOUBLING]:
+        gamma = math.hypot(math.pi * (1.0 - e) / (1.0 + e), 2.0 * (1.0 + e * e) / (1.0 + e) ** 2)
+        assert gamma == pytest.approx(1.1, abs=1e-12)
+    assert (one.bifurcation == DOUBLING).sum() >= 1
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_boundaries_are_the_closed_forms_at_every_point(base):
+    found = vs.boundaries(restitution=[0.4, 0.9], amplitude=[0.01, 8.0], base=base, periods=2)
+    found = found.isel(curve=found.bifurcation.values != GRAZING)
+    assert found.sizes["curve"] == 4
+    for i in range(4):
+        one = found.isel(curve=i).dropna("point", subset=["restitution"])
+        k, kind = int(one.cycle_periods), int(one.bifurcation)
+        e, a = one.restitution.values, one.amplitude.values
+        expected = [ends_of_mode(k, value, base)[kind] for value in e]
+        assert a == pytest.approx(expected, abs=1e-12)
+        assert e.min() == pytest.approx(0.4)
+        assert e.max() == pytest.approx(0.9)
+        assert (one.admissible == 1).all()
+
+
+def test_what_spends_its_points_says_so():
+    found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], points=10)
+    assert 5 in found.ends.values
+    assert "points spent" in "".join(summary(found))
+
+
+def test_no_orbit_gives_no_branch():
+    found = vs.branches(restitution=0.5, amplitude=[0.01, 0.02])
+    assert found.sizes["branch"] == 0
+    assert list(summary(found)) == ["no orbit was found"]
+    assert isinstance(orbit_branches(found), Figure)
+
+
+def test_bad_input_is_refused_with_its_range():
+    grid = {"amplitude": [1.0, 5.0]}
+    for asked, message in (
+        ({"impacts": 13}, "impacts = 13: must be at least 1 and at most 12"),
+        ({"doublings": 7}, "doublings = 7: must be at least 0 and at most 6"),
+        ({"points": 3}, "points = 3: must be at least 10"),
+        ({"impacts": 4, "doublings": 5}, "lower one"),
+    ):
+        with pytest.raises(ParameterError, match=message):
+            vs.branches(**grid, **asked)
+    with pytest.raises(ParameterError, match="two values or more"):
+        vs.branches(amplitude=[1.0])
+    with pytest.raises(SpecError, match="branches need"):
+        vs.branches(amplitude=[1.0, 2.0], frequency=[1.0, 2.0])
+    with pytest.raises(SpecError, match="boundaries need"):
+        vs.boundaries(amplitude=[1.0, 2.0])
+
+
+def test_figures_show_branches_and_curves_alone_and_over_a_sweep():
+    branches = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], doublings=2, base="moving")
+    assert isinstance(orbit_branches(branches), Figure)
+    curves = vs.boundaries(restitution=[0.8, 0.9], amplitude=[0.5, 3.5])
+    plane = vs.sweep(restitution=[0.8, 0.85, 0.9], amplitude=[0.5, 2.0, 3.5])
+    before = len(parameter_plane(plane).axes[0].lines)
+    drawn = orbit_boundaries(curves, sweep=plane).axes[0]
+    assert len(drawn.lines) == before + 2 * curves.sizes["curve"]
+    assert len(orbit_boundaries(curves).axes[0].lines) == 2 * curves.sizes["curve"]
