@@ -11,5 +11,5 @@ with suppress(ValueError):  # numba takes what is no number for nothing
     if int(os.environ.get("NUMBA_NUM_THREADS", "1")) < 1:  # with this it cannot be imported
         raise VibrosweepError(
             f"NUMBA_NUM_THREADS={os.environ['NUMBA_NUM_THREADS']}: numba takes no number below 1; "
-            f"unset it, the number of threads of this package is given to it"
+            f"unset it, and give the number of threads to vibrosweep"
         )

@@ -37,7 +37,7 @@ Flags = NDArray[np.int8]
 # Division by zero gives inf or NaN, as in numpy; Python's exception would stop vectorisation.
 # Nobody calls compiled code through a C pointer.
 OPTIONS = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
-# Nor does Python call a piece of a kernel: what it would need to do so is a quarter of all code.
+# Python never calls a piece of a kernel either: wrappers for that would be a quarter of all code.
 OF_A_PART = OPTIONS | {"no_cpython_wrapper": True}
 OF_A_PIECE = OF_A_PART | {"forceinline": True}
 # Pieces inherit this from the kernel that they are compiled for.
@@ -94,7 +94,7 @@ def _caching_in(directory: Path) -> Iterator[None]:
 def _as_python(function: F) -> F:
     """Have plain Python divide as machine code does, by zero to an infinity or NaN, and silently.
 
-    Numbers of numpy do so, where Python's own raise: those that are handed on are made such.
+    Numbers of numpy do so, where Python's own raise: floats that are passed on become numpy's.
     """
 
     @functools.wraps(function)
@@ -136,7 +136,7 @@ def _piece(function: F, options: dict[str, Any]) -> F:
         return _as_python(function)
 
     @functools.cache
-    def alone() -> Any:  # hardly a piece is ever called so: none is prepared for it
+    def alone() -> Any:  # compiled on demand: pieces are hardly ever called from Python
         return njit(**OPTIONS)(function)
 
     @functools.wraps(function)
@@ -304,7 +304,8 @@ def _vectors_of_nothing() -> None:
 def _wide_vector_registers(typingctx: Any) -> Any:
     """Ask for vectors of `vector_bits` in the loops of the function that this is called in.
 
-    Said where the loop stands: LLVM makes it vector code before that function is inlined.
+    Call it in the function that holds the loop: LLVM vectorises a loop before it inlines the
+    function.
     """
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:

@@ -128,7 +128,7 @@ def _step(
         x, passed = land(x_from, time)
         n = n_from + passed
         inside = n <= s[ROW.X_END + j] - x
-        # the budget does not hold for the landing after the end, which ends a flight that counts
+        # the landing after the end ends a flight that counts: the budget does not apply to it
         landed = landed & (may_land(fixed, s, j, budget) | (not inside))
         seen = landed & inside
         # after a rest for good the phase is NaN, which is never before the end
@@ -219,7 +219,7 @@ def _write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> No
     """Write the statistics of the trajectory in place j to its own slot."""
     # arrays are used last where no branch is: else numba counts references at every call
     lane = int(s[ROW.LANE + j]) if j >= 0 else -1
-    if lane < 0:  # never; told here, the compiler wraps no index below
+    if lane < 0:  # never true: it tells the compiler that no index below is negative
         return
     over = False
     fixed = take(base, s, j)

@@ -62,7 +62,7 @@ CYCLE: Final = CycleRows()
 
 
 class Chosen(NamedTuple):
-    """Choices by type, for which kernels are compiled: the base with its law, the statistics."""
+    """Choices by type when kernels are compiled: the base with its law, and the statistics."""
 
     base: Base
     kinds: Kinds
@@ -101,7 +101,7 @@ WHOSE = 0  # before the totals
 
 
 def empty_rests(kinds: Kinds) -> Rests:
-    """Memory of which nothing is known."""
+    """Allocate the cache of orbits from rest to rest, all empty."""
     return np.full((ROOM_FOR_RESTS, len(kinds) + 2), -1.0)
 
 

@@ -1,4 +1,4 @@
-"""Logarithm and exponential as arithmetic that is written out.
+"""Logarithm and exponential in plain arithmetic.
 
 A library's functions differ in the last bit between processors and versions, and a call stops a
 loop from becoming vector code.  The polynomials are those of least largest relative error, by the

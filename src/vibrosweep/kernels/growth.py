@@ -21,7 +21,7 @@ BLOCKS = 32
 
 
 class Places(NamedTuple):
-    """Where the numbers stand behind the means of the blocks, in their order."""
+    """Places of further numbers after the means of the blocks, in their order."""
 
     FILLED: int  # blocks
     LENGTH: int  # impacts of a block

@@ -109,7 +109,7 @@ def _require_compilable(observable: Observable) -> None:
     function = compiled_anew(observable.function, njit(**OF_A_USER))
     try:
         function.compile((landing,) if observable.landings else (types.float64[::1], landing))
-    except Exception as error:  # not all that numba raises has one base
+    except Exception as error:  # the exceptions of numba have no common base
         reason = next(filter(str.strip, [*str(error).splitlines()[1:], str(error)])).strip()
         raise ParameterError(
             f"observable {observable.name!r}: numba cannot compile its function: {reason}; "

@@ -174,7 +174,7 @@ def _next(fixed: Constants, state: State) -> State:
 
 @jit
 def _periods_of(fixed: Constants, x: float, u: float, impacts: int, shorter: int) -> int:
-    """Periods of the shorter cycle that a cycle is up to rounding; 0 if it is none."""
+    """Periods of a shorter cycle that equals this one up to rounding; 0 without one."""
     state = ahead = (0.0, x, u)
     for _ in range(shorter):
         ahead = _next(fixed, ahead)

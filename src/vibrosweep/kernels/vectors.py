@@ -1,4 +1,4 @@
-"""How wide the vector registers of hot loops are.
+"""Width of the vector registers of hot loops.
 
 On Intel processors with AVX-512 LLVM takes 256 bits, since on the first of them 512 lowered the
 clock of the whole core.  Measured on an Emerald Rapids, 512 bits make the streaming kernel 1.3 to

@@ -171,7 +171,7 @@ def counted_now(fixed: Constants, s: Floats, j: int, time: float, u_off: float) 
 
 @singledispatch
 def fitted(base: Base, problem: Dimensionless) -> Base:
-    """Return the base without what none of these realizations needs; the results are the same."""
+    """Return the base without parts that none of these realizations needs; results are the same."""
     raise NotImplementedError
 
 
@@ -206,8 +206,8 @@ def rebound(fixed: Constants, x: float, v: float) -> float:
 def lift_off(fixed: Constants, n: float, x: float, w: float) -> tuple[float, float, float, bool]:
     """Count, phase and speed with which a particle leaves that landed at (n, x), `w` its rebound.
 
-    The last value is whether it leaves at once; else it rests until then.  The count is infinite,
-    and the speed 0, where it rests for good.
+    The last value tells whether it leaves at once, or else rests until then.  The count is
+    infinite, and the speed 0, where it rests for good.
     """
 
 

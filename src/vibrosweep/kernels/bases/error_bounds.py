@@ -37,7 +37,7 @@ def landing_added(fixed: Constants, flight: Flight, spread: Spread) -> tuple[flo
 def jacobian_error(
     fixed: Constants, flight: Flight, error: float, spread: Spread
 ) -> tuple[float, float, float]:
-    """Bounds of what errors change in the image of a small change of the state, to be summed.
+    """Bounds of the changes by errors of the image of a small change of the state, to be summed.
 
     Per change of the phase before, the speed before, and the phase of the landing, whose error is
     `error`.

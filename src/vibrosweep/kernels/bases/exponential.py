@@ -1,4 +1,4 @@
-"""Exponential decay and what is left of it without its first terms, accurate however short."""
+"""Exponential decay and its remainders after the first terms, accurate at any time."""
 
 from __future__ import annotations
 

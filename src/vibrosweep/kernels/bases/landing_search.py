@@ -22,7 +22,7 @@ elsewhere F is convex.  No root is missed:
 - Else the search goes from one stretch of time with F > 0 to the next.  In a concave stretch any
   step inside it may be tried: F > 0 there says that there is no root up to it, F <= 0 that there is
   one before it.  In a convex stretch Newton's step from the left passes no root; where F' >= 0 it
-  has none.  While the particle is above every height of the base it can't land.
+  has none.  While the particle is above every height of the base it cannot land.
 
 The iteration is the inverse of the Taylor polynomial of fourth degree: the sine that it needs costs
 more than all its terms.

@@ -1,4 +1,4 @@
-"""The moving base in the vector kernel: a pass looks once at the flight of each lane.
+"""The moving base in the vector kernel: a pass takes one step in the flight of each lane.
 
 Many short loops: a processor computes several lanes at once where their chains of dependent
 operations are short enough to be under way together.
@@ -204,7 +204,7 @@ def gives_up_moving(base: Moving, s: Floats, j: int, passes: int) -> bool:
 
 @implements(bases.pending, Moving)
 def pending_moving(base: Moving, s: Floats, j: int) -> bool:
-    # no flight follows on a rest for good, which leaves no phase
+    # after a rest for good no flight follows, and the phase is NaN
     return bool((s[ROW.COUNTS + j] != 0.0) & (abs(s[ROW.X + j]) <= 0.5))
 
 

@@ -6,8 +6,8 @@ that ride it, mu being the mass of one in units of that of the base, its height 
 
     (1 + n mu) Y'' + 2 zeta w Y' + w^2 Y = forcing - 2 n mu,        w = 2 pi f0 / f:
 
-a forced oscillation, the sag under the load, and a free oscillation D, which impacts excite.  An
-impact only ever pushes the base down.
+a forced oscillation, the sag under the load, and a free oscillation D, which impacts excite.  Every
+impact pushes the base down.
 
 An overdamped mount does not swing: D decays with a slow and a fast rate.  What decays fast soon
 leaves D' = -slow D, from which the acceleration would be a small difference of large terms: at a
@@ -100,7 +100,7 @@ class Free(NamedTuple):
 class Bounds(NamedTuple):
     """Bounds that hold until the next impact."""
 
-    height: float  # above which the base does not come
+    height: float  # upper bound of the height of the base
     # pull, jerk, snap: of the absolute values of Y'', Y''' and Y''''
     pull: float
     jerk: float
@@ -109,7 +109,7 @@ class Bounds(NamedTuple):
 
 @jit
 def mount(problem: Dimensionless, mounts: Mounts, i: int) -> Mount:
-    """Return what decides the motion of realization i."""
+    """Return the numbers that decide the motion of realization i."""
     e = problem.restitution[i]
     alpha = problem.kick[i] / (1.0 + e)
     if math.pi * alpha > LARGEST_GAMMA:
@@ -174,7 +174,7 @@ def bounds(load: Load, d: float, b: float) -> Bounds:
     """Bound the motion from the state d, b on.
 
     The energy of the free motion never grows, nor do the two exponentials of overdamped motion.
-    Far apart, these bound it more closely: what is fast has soon gone.
+    Where their rates are far apart, the exponentials bound it more closely.
     """
     base, reach = load.level + load.reach, TWO_PI**2 * load.reach
     slow, fast = load.slow, load.fast
