@@ -32,8 +32,8 @@ def add_speed(totals, landing):
 def keys_of(asked):
     """Keywords that ask for a law, a waveform or a measure."""
     ((kind, name),) = asked.items()
-    if kind == "measure":
-        return {name: True}
+    if kind in ("measure", "noise"):
+        return {name: True} if kind == "measure" else dict.fromkeys(name, 0.1)
     return {"rebound": name} if kind == "law" else {"waveform": SHAPES[name]}
 
 
@@ -54,23 +54,24 @@ def perform(base, analysis, **others):
     if analysis == "basins":
         return vs.basins(over(base, launch_velocity=[3.0], duration=3.0, **others))
     if analysis == "sobol":
-        return keyword_spec(over(base, amplitude=(0.2, 3.5), realizations=4))
+        ranged = over(base, amplitude=(0.2, 3.5), realizations=4, **others)
+        return vs.sobol(ranged) if others else keyword_spec(ranged)
     if analysis == "record":
-        return keyword_spec(over(base, record={}))
+        return keyword_spec(over(base, record={}, **others))
     if analysis == "observables":
         seen = vs.Observable("seen", add_speed, "sum of speeds")
-        return keyword_spec(over(base)).with_observables([seen])
+        return keyword_spec(over(base, **others)).with_observables([seen])
     if analysis in RESULTS:
         return RESULTS[analysis](vs.sweep(over(base, duration=1.0, **others)))
     if analysis == "separations":
-        return keyword_spec(over(base, separation=True))
+        return keyword_spec(over(base, separation=True, **others))
     if analysis in ("windows", "bifurcation"):
         return getattr(vs, analysis)(over(base, **AXES, **others))
     if analysis == "laboratory":
         return vs.lab.Experiment(**over(base, **others))
     variation = vs.lab.Variation(**{analysis: 0.1})
     mount = MOUNT if base == "sprung" else {}
-    return vs.lab.Experiment(**mount, base=base, variation=variation)
+    return vs.lab.Experiment(**mount, base=base, variation=variation, **others)
 
 
 def look(base, analysis, **others):
@@ -127,6 +128,31 @@ def test_what_a_waveform_cannot_have_is_refused_with_its_sentence(analysis, wave
         perform("high-bounce", analysis, waveform=SHAPES[waveform])
     sentence = refusal("high-bounce", analysis=analysis, waveform=waveform)
     assert str(caught.value).endswith(sentence)
+
+
+NOISE = {"kick_noise": 0.1}
+
+
+@pytest.mark.parametrize("analysis", ANALYSES)
+def test_an_analysis_of_what_is_random_is_computed_or_refused(analysis):
+    sentence = refusal("high-bounce", analysis=analysis, noise=NOISE)
+    if not sentence:
+        perform("high-bounce", analysis, **NOISE)
+        return
+    with pytest.raises(VibrosweepError) as caught:
+        perform("high-bounce", analysis, **NOISE)
+    assert str(caught.value).endswith(sentence)
+
+
+@pytest.mark.parametrize("measure", [m for m in MEASURES if not MEASURES[m].coupled])
+def test_a_measure_of_what_is_random_is_taken_or_refused(measure):
+    sentence = refusal("high-bounce", measure=measure, noise=NOISE)
+    if not sentence:
+        keyword_spec({**NOISE, measure: True})
+        return
+    with pytest.raises(SpecError) as listed:
+        keyword_spec({**NOISE, measure: True})
+    assert sentence in [mistake.rule for mistake in listed.value.mistakes]
 
 
 @pytest.mark.parametrize("base", BASES)

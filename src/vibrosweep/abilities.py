@@ -1,17 +1,17 @@
-"""Table of what can be computed over each base: laws of rebound, waveforms, measures, analyses.
+"""Table of what can be computed over each base: laws, waveforms, noise, measures, analyses.
 
 Messages, the page of abilities and tests derive from it: nothing else says what a base cannot do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import Final
+from typing import Any, Final
 
 from vibrosweep.model.measures import MEASURES
-from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, LAWS_OF, MOVING, SPRUNG
+from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, LAWS_OF, MOVING, NOISE, SPRUNG
 from vibrosweep.model.shapes import SINE_NAME, WAVEFORMS
 
 APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
@@ -78,15 +78,37 @@ ANALYSES: Final[Mapping[str, Ability]] = {
         Ability(APART, "cannot be computed with base = {base}; leave it out"),
     ),
 }
+_RANDOM: Final[Mapping[str, Ability]] = {
+    "restitution_noise": Ability((HIGH_BOUNCE,), "needs base = {others}"),
+    "kick_noise": Ability((HIGH_BOUNCE,), "needs base = {others}"),
+    "drive_noise": Ability(
+        (HIGH_BOUNCE,),
+        "needs base = {others}: a base that moves would jump where its amplitude changes; take "
+        "kick_noise or restitution_noise",
+        (SINE_NAME,),
+    ),
+}
+# Measures and analyses that can be had where something is random; all others look for what repeats,
+# compare realizations that differ in nothing but a parameter, or follow one trajectory again
+UNDER_NOISE: Final = frozenset({"separation", "per_particle", "separations", "record"}) | {
+    "observables"
+}
 
 
 def refusal(
-    base: str, *, law: str = "", waveform: str = "", measure: str = "", analysis: str = ""
+    base: str,
+    *,
+    law: str = "",
+    waveform: str = "",
+    measure: str = "",
+    analysis: str = "",
+    noise: Collection[str] = (),
 ) -> str:
     """Say in one sentence why something cannot be had over a base; empty where it can.
 
     Anything but one of `BASES` is refused.  A law is one of `LAWS`, a waveform one of `WAVEFORMS`,
-    a measure a key of `vibrosweep.model.measures.MEASURES`, an analysis a key of `ANALYSES`.
+    a measure a key of `vibrosweep.model.measures.MEASURES`, an analysis a key of `ANALYSES`, noise
+    keys of `vibrosweep.model.parameters.NOISE`.
     """
     if base not in BASES:
         return f'base = "{base}": must be {_quoted(BASES)}'
@@ -99,6 +121,7 @@ def refusal(
         )
     wanted = [_OF_PARTICLES[MEASURES[measure].coupled]] if measure else []
     wanted += [ANALYSES[analysis]] if analysis else []
+    wanted += [_RANDOM[kind] for kind in noise] if not measure and not analysis else []
     for ability in wanted:
         if base not in ability.bases:
             return ability.why.format(base=_quoted([base]), others=_quoted(ability.bases))
@@ -107,6 +130,9 @@ def refusal(
                 f'cannot be had with waveform = "{waveform}" yet: take waveform = '
                 f"{_quoted(ability.waveforms)}"
             )
+    asked = measure or analysis
+    if noise and asked and asked not in UNDER_NOISE:
+        return f"cannot be had where something is random: leave out {' and '.join(noise)}"
     return ""
 
 
@@ -124,30 +150,35 @@ def _quoted(bases: Collection[str]) -> str:
     return " or ".join(f'"{base}"' for base in bases)
 
 
-def cells() -> Iterator[tuple[str, dict[str, str]]]:
-    """Give every base with each law, measure and analysis, as `refusal` takes them."""
+def cells() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Give every base with each law, noise, measure and analysis, as `refusal` takes them."""
     yield from product(BASES, _choices())
 
 
 def table() -> Iterator[str]:
     """Give the lines of the table on the page of sweep files."""
-    yield f"| | {' | '.join(f'`{base}`' for base in BASES)} |"
-    yield f"|---|{'---|' * len(BASES)}"
+    yield f"| | {' | '.join(f'`{base}`' for base in BASES)} | under noise |"
+    yield f"|---|{'---|' * len(BASES)}---|"
     for one in _choices():
         ((kind, name),) = one.items()
         kept = (_kept(base, one) for base in BASES)
-        yield f"| {kind} `{name}` | {' | '.join(kept)} |"
+        random = kind in ("measure", "analysis") and name not in UNDER_NOISE
+        shown = name if isinstance(name, str) else name[0]
+        yield f"| {kind} `{shown}` | {' | '.join(kept)} | {'no' if random else 'yes'} |"
 
 
-def _kept(base: str, one: dict[str, str]) -> str:
+def _kept(base: str, one: dict[str, Any]) -> str:
     """Say whether something can be had over a base, and with which waveforms where not with all."""
     if refusal(base, **one):
         return "no"
-    waveforms = ANALYSES[one["analysis"]].waveforms if "analysis" in one else WAVEFORMS
+    (name,) = one.values()
+    waveforms = ANALYSES[name].waveforms if "analysis" in one else WAVEFORMS
+    waveforms = _RANDOM[name[0]].waveforms if "noise" in one else waveforms
     return "yes" if waveforms == WAVEFORMS else ", ".join(waveforms)
 
 
-def _choices() -> list[dict[str, str]]:
-    laws, waveforms = [{"law": law} for law in LAWS], [{"waveform": name} for name in WAVEFORMS]
-    measures = [{"measure": key} for key in MEASURES]
-    return laws + waveforms + measures + [{"analysis": name} for name in ANALYSES]
+def _choices() -> list[dict[str, Any]]:
+    choices: dict[str, Iterable[Any]] = {"law": LAWS, "waveform": WAVEFORMS}
+    choices["noise"] = [(kind,) for kind in NOISE]
+    choices |= {"measure": MEASURES, "analysis": ANALYSES}
+    return [{kind: name} for kind, names in choices.items() for name in names]

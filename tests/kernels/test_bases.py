@@ -119,10 +119,11 @@ from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.bases import error_bounds
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.lanes import ROW
+from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.totals import scratch
 from vibrosweep.model.parameters import LAWS, PARAMETERS, dimensionless
 
-KINDS = [("high-bounce", law) for law in LAWS] + [("moving", "rest")]
+KINDS = [("high-bounce", law) for law in LAWS] + [("moving", "rest"), ("high-bounce", "noise")]
 
 @jit
 def ask_all(base, problem, i, x, u, s):
@@ -134,6 +135,8 @@ def ask_all(base, problem, i, x, u, s):
     there = bases.Flight(x, u, flight, x, v)
     s[ROW.X + i], s[ROW.U + i] = x, u
     bases.prepare(base, s, i + 1)
+    bases.wake_lanes(base, s, i + 1)
+    random = bases.random(fixed, 3.0, 5.0, 7.0, x)
     time, _, landed = bases.approach(fixed, s, i)
     return (
         bases.approach(fixed, s, i),
@@ -143,10 +146,12 @@ def ask_all(base, problem, i, x, u, s):
         bases.counted_now(fixed, s, i, flight, w),
         (bases.gives_up(base, s, i, 6), bases.may_land(fixed, s, i, 100.0)),
         (flight, v, w, bases.reverses(fixed, x, v)),
-        (bases.contraction(fixed, v), bases.density(fixed, u)),
+        (bases.contraction(fixed, v), bases.density(fixed, u), bases.lifts_alike(base)),
         bases.lift_off(fixed, 7.0, x, w),
         bases.lift_off(taken, 7.0, x, w),
         bases.lift_off(fixed, 7.0, x, -1.0),
+        bases.lift_off(random, 7.0, x, bases.rebound(random, x, v)),
+        bases.wake(fixed, 7.0, x, 2.0),
         bases.after_rest(fixed),
         bases.jacobian(fixed, there),
         bases.contact_time(fixed),
@@ -168,10 +173,15 @@ given = {name: np.full(size, p.default) for name, p in PARAMETERS.items()}
 given["restitution"] = rng.choice([0.0, 1.0, 0.3, 0.9], size)
 given["amplitude"] = rng.choice([0.0, 1e-3, 1.2, 4.0], size) * rng.uniform(0.5, 1.0, size)
 given["contact_time"] = 10.0 ** rng.uniform(-9.0, -0.5, size)
-problem, states = dimensionless(given, 1.0), rng.uniform((-0.5, 0.0), (0.5, 3.0), (size, 2))
+states = rng.uniform((-0.5, 0.0), (0.5, 3.0), (size, 2))
 for kind in KINDS:
-    room = scratch()
-    base = base_of(*kind)
+    room, law = scratch(), kind[1]
+    if law == "noise":
+        given |= {n: np.full(size, 0.3) for n in ("restitution_noise", "kick_noise", "drive_noise")}
+        given["noise_stream"], given["amplitude"] = np.arange(size), given["amplitude"] + 1.0
+        law = "rest"
+    problem = dimensionless(given, 1.0)
+    base = base_of(kind[0], law, noise=noise_of(problem.noise, 7))
     found = [ask_all(base, problem, i, *states[i].tolist(), room) for i in range(size)]
     numbers = [np.concatenate([np.ravel(part) for part in row]).tolist() for row in found]
     low = bases.lowest(base, problem)
@@ -193,6 +203,7 @@ def test_every_question_has_the_same_bits_compiled_and_as_plain_python():
         for off in ("0", "1")
     )
     kinds = [["high-bounce", "rest"], ["high-bounce", "reflect"], ["moving", "rest"]]
+    kinds.append(["high-bounce", "noise"])
     assert [json.loads(line)[0] for line in plain] == kinds
     functions = {f"bases.{name}(" for name in bases.__all__ if name.islower()}
     functions |= {f"error_bounds.{name}(" for name in error_bounds.__all__ if name.islower()}

@@ -15,6 +15,7 @@ import pytest
 import vibrosweep
 from vibrosweep.engine.measure import measure
 from vibrosweep.kernels._jit import _fma_exact
+from vibrosweep.model.parameters import NOISE
 
 PACKAGE = Path(vibrosweep.__file__).parent
 
@@ -57,11 +58,17 @@ found.write_bytes(pickle.dumps(results))
 
 
 @pytest.mark.parametrize(
-    ("base", "rebound"),
-    [("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest"), ("sprung", "rest")],
+    ("base", "rebound", "noise"),
+    [
+        ("high-bounce", "rest", ()),
+        ("high-bounce", "reflect", ()),
+        ("moving", "rest", ()),
+        ("sprung", "rest", ()),
+        ("high-bounce", "rest", tuple(NOISE)),
+    ],
 )
 def test_plain_python_gives_the_bits_of_the_machine_code(
-    base, rebound, tmp_path, parameters, random_scenes, observe, record, workers
+    base, rebound, noise, tmp_path, parameters, random_scenes, observe, record, workers
 ):
     # all products are fused where the source says so and nowhere else; nothing divides by zero
     # otherwise
@@ -72,6 +79,11 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
     scene["amplitude"][6], scene["launch_velocity"][4] = 0.0, 0.0
     late = parameters(restitution=0.3, amplitude=3.857, launch_velocity=4.905)
     measures = {"regimes": True, "lyapunov": True, "trust": True, "tolerance": 1e-9}
+    if noise:
+        measures = {"separation": True}
+        for given in (scene, late):
+            given |= {name: np.full(given["phase"].size, 0.2) for name in noise}
+            given["noise_stream"] = np.arange(given["phase"].size)
     if base == "sprung":
         measures = {"ordering": True, "joint": True}
         for given in (scene, late):
@@ -179,7 +191,7 @@ def test_machine_code_is_kept_on_disk_and_never_stale(package):
     # a code that a kernel has as a constant, and the order of the arrays it is given
     edit(package / "model" / "status.py", "BUDGET_EXCEEDED = 1", "BUDGET_EXCEEDED = 5")
     parameters = package / "model" / "parameters.py"
-    edit(parameters, "    kick: Array", "    kick_was: Array")
+    edit(parameters, "    kick: Array  # a", "    kick_was: Array  # a")
     edit(parameters, "    end_phase: Array", "    kick: Array\n    end_phase: Array")
     value, field, hits = use(package)
     assert value == pytest.approx(6.25, abs=1e-12)

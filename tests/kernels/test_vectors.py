@@ -59,7 +59,8 @@ from vibrosweep.kernels.cycles import Chosen
 from vibrosweep.kernels.statistics import KINDS
 chosen = typeof(Chosen(base_of("BASE", "rest"), KINDS))
 none = types.none
-signature = (types.float64[::1], types.int64, chosen, types.float64, none, none, types.int64)
+integer = types.int64
+signature = (types.float64[::1], integer, chosen, types.float64, none, none, integer, integer)
 # without references there is nothing for numba to remove before loops become vector code
 step = njit(signature, _nrt=False, **OPTIONS)(_step.__wrapped__)
 """

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
-from vibrosweep.model.parameters import HIGH_BOUNCE, SPRUNG
+from vibrosweep.model.parameters import HIGH_BOUNCE, NOISE, SPRUNG
 from vibrosweep.model.shapes import name_in
 
 if TYPE_CHECKING:
@@ -70,6 +70,8 @@ def waveform_name(dataset: xr.Dataset) -> str:
 
 def require_scene(dataset: xr.Dataset, analysis: str) -> None:
     """Raise a DataError where an analysis cannot take the scene of a dataset."""
-    wrong = refusal(base_name(dataset), analysis=analysis, waveform=waveform_name(dataset))
+    base, waveform = base_name(dataset), waveform_name(dataset)
+    noise = [name for name in NOISE if name in dataset.variables]
+    wrong = refusal(base, analysis=analysis, waveform=waveform, noise=noise)
     if wrong:
         raise DataError(f"{analysis} {wrong}")

@@ -30,7 +30,7 @@ from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.settle import Orbits
 from vibrosweep.kernels.shortest import empty_shortest, shortest_flights
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless
+from vibrosweep.model.parameters import PARAMETERS, Dimensionless, Launches, dimensionless, taken
 from vibrosweep.model.status import Regime
 from vibrosweep.model.turns import reduced_turns
 from vibrosweep.runs.driver import thread_count
@@ -102,7 +102,7 @@ def basins_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
 
     Raises a SpecError unless its design is a grid of launch velocities.
     """
-    require_ability("basins", spec.scene)
+    require_ability("basins", spec.scene, spec.design.sampled)
     speeds = grid_axes(spec, "basins", "launch_velocity")["launch_velocity"]
     times = launch_times(spec.scene.launch, spec.scene.particles, spec.scene.inputs["frequency"])
     scene = settling(spec, spec.scene.inputs["restitution"])
@@ -152,7 +152,7 @@ def _shortest(
     """
     recurs = orbits.impacts[first] > 0
     rows = first[recurs]
-    own = Dimensionless(*(values[rows] for values in problem))
+    own = taken(problem, rows)
     base, found = base_of(scene.base, scene.rebound, scene.waveform), empty_shortest(rows.size)
     states = (orbits.phase[rows], orbits.flight[rows], orbits.impacts[rows])
     workers.each(

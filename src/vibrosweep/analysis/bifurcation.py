@@ -129,7 +129,7 @@ def bifurcation_of_spec(
 
     Raises a SpecError unless the design is such a grid.
     """
-    require_ability("bifurcation", spec.scene)
+    require_ability("bifurcation", spec.scene, spec.design.sampled)
     forcing = forcing_of(spec.design.sampled)
     scan = grid_axes(spec, "bifurcation diagrams", forcing)[forcing]
     scene = settling(spec, spec.scene.inputs["restitution"])

@@ -47,7 +47,7 @@ def branches_of_spec(
     `wanted` holds the most impacts and periods.  Raises a SpecError unless its design is a grid
     with an axis of the restitution, or of a forcing, and no other.
     """
-    require_ability("branches", spec.scene)
+    require_ability("branches", spec.scene, spec.design.sampled)
     _require(wanted, doublings, points)
     forcing = forcing_of({*spec.design.sampled, *spec.scene.given})
     along = "restitution" if "restitution" in spec.design.axes else forcing
@@ -77,7 +77,7 @@ def boundaries_of_spec(
     `wanted` holds the most impacts and periods.  Raises a SpecError unless its design is a grid of
     the restitution and a forcing.
     """
-    require_ability("boundaries", spec.scene)
+    require_ability("boundaries", spec.scene, spec.design.sampled)
     _require(wanted, doublings, points)
     forcing = forcing_of(spec.design.sampled)
     axes = grid_axes(spec, "boundaries", forcing, ("restitution",))

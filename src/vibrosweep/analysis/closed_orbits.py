@@ -22,7 +22,7 @@ from vibrosweep.kernels.closed import ADMISSIBLE, MEETS_BASE, RESTS
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.orbit_search import Closed, Wanted, empty_closed, find_closed
 from vibrosweep.model.measures import VARIABLES
-from vibrosweep.model.parameters import HIGH_BOUNCE, Dimensionless, dimensionless
+from vibrosweep.model.parameters import HIGH_BOUNCE, Dimensionless, dimensionless, taken
 from vibrosweep.runs.result import attributes_of
 from vibrosweep.scene.realizations import open_design
 from vibrosweep.scene.scene import Scene
@@ -75,7 +75,7 @@ def closed_orbits(
 
     Some inputs of the scene vary, each of shape (realization,).
     """
-    require_ability("orbits", scene)
+    require_ability("orbits", scene, varied)
     for name, value, most in (
         ("impacts", impacts, MOST_IMPACTS),
         ("periods", periods, MOST_PERIODS),
@@ -108,8 +108,8 @@ def closed_orbits(
 
 def orbits_of_spec(spec: Sweep, impacts: int, periods: int, seeds: int, threads: int) -> xr.Dataset:
     """Closed orbits of all realizations of a sweep, as `vibrosweep.orbits`."""
-    require_ability("orbits", spec.scene)
     design = open_design(spec)
+    require_ability("orbits", spec.scene, design.sampled)
     varied = design.take(0, design.realizations)
     found = closed_orbits(
         spec.scene, varied, impacts=impacts, periods=periods, seeds=seeds, threads=threads
@@ -146,7 +146,7 @@ def find_all(base: Any, problem: Dimensionless, wanted: Wanted, workers: Workers
     """
     pieces = []
     for start in range(0, problem.kick.size, PIECE):
-        own = Dimensionless(*(values[start : start + PIECE] for values in problem))
+        own = taken(problem, slice(start, start + PIECE))
         room, found = ROOM, empty_closed(own.kick.size, ROOM, wanted)
         found.orbits[:] = -1
         while (found.orbits < 0).any():

@@ -83,9 +83,10 @@ def shared(scene: Scene, varied: Collection[str]) -> dict[str, Any]:
     return fixed
 
 
-def require_ability(analysis: str, scene: Scene) -> None:
-    """Refuse a scene that an analysis cannot take."""
-    wrong = refusal(scene.base, analysis=analysis, waveform=scene.waveform.name)
+def require_ability(analysis: str, scene: Scene, varied: Collection[str] = ()) -> None:
+    """Refuse a scene, some of whose inputs vary, that an analysis cannot take."""
+    waveform, noise = scene.waveform.name, scene.noise(varied)
+    wrong = refusal(scene.base, analysis=analysis, waveform=waveform, noise=noise)
     if wrong:
         raise ParameterError(f"{analysis}: {wrong}")
 

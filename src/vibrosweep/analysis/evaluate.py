@@ -32,6 +32,7 @@ from vibrosweep.model.parameters import (
     Launches,
     dimensionless,
     launches,
+    taken,
 )
 from vibrosweep.scene.scene import Scene
 
@@ -116,7 +117,7 @@ def launch_states(scene: Scene, parameters: dict[str, Array]) -> States:
     parameters are those of `Scene.parameters`, of shape (point,).
     """
     problem = dimensionless(parameters, scene.duration)
-    problem = Dimensionless(*(values[:, np.newaxis] for values in problem))
+    problem = taken(problem, (slice(None), np.newaxis))
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
     phase = launch.phase + problem.phase
     phase -= np.rint(phase)

@@ -39,7 +39,7 @@ from vibrosweep.kernels.extended import (
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.orbit_search import Wanted
 from vibrosweep.model.forcing import AMPLITUDE, refuse_large
-from vibrosweep.model.parameters import HIGH_BOUNCE, Dimensionless, dimensionless
+from vibrosweep.model.parameters import HIGH_BOUNCE, dimensionless, taken
 from vibrosweep.scene.scene import Scene
 
 EVENTS: Final = (
@@ -127,7 +127,7 @@ class Plane:
     ) -> list[list[tuple[int, int, Array]]]:
         """Return p, q and the point of all orbits that particles take, for each pair given."""
         kick = drive * (1.0 + e) if self.relative else drive
-        own = Dimensionless(*(np.repeat(values, e.size) for values in self.problem))
+        own = taken(self.problem, np.zeros(e.size, np.int64))
         own = own._replace(restitution=np.array(e), kick=np.array(kick))
         found = find_all(self.base, own, Wanted(*wanted, SEEDS, self.balances), workers)
         return [

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.abilities import refusal
+from vibrosweep.analysis.common import require_ability
 from vibrosweep.analysis.records import variable
 from vibrosweep.arrays import Array
 from vibrosweep.engine.measure import measure
@@ -59,6 +60,7 @@ def sobol_indices(
         raise sweep.refusal(
             ("Sobol' indices need parameters that vary over ranges, as restitution = ", RANGE)
         )
+    require_ability("sobol", sweep.scene, ranges)
     scene, base, seed = sweep.scene, sweep.design.realizations or 1, sweep.design.seed
     if outputs is None:
         outputs = [n for n in OUTPUTS if scene.particles > 1 or MEASURE_OF.get(n) != "separation"]

@@ -132,7 +132,7 @@ def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
     attribute ``grid`` says so.  Raises a SpecError where the file has no such section, a condition
     is not known, or parameters other than restitution and a forcing vary.
     """
-    require_ability("windows", spec.scene)
+    require_ability("windows", spec.scene, spec.design.sampled)
     if spec.windows is None:
         raise spec.refusal(
             (

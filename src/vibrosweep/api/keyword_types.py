@@ -54,12 +54,17 @@ class MotionKeywords(TypedDict, total=False):
     base: Base
     rebound: Law
     waveform: Waveform
+    restitution_noise: Values
+    kick_noise: Values
+    drive_noise: Values
+    noise_seed: int | None
 
 
 class BatchKeywords(MotionKeywords, total=False):
     """A scene, and what is known of it before it is followed."""
 
     launch_time: ArrayLike | None
+    noise_stream: ArrayLike | None
     impact_budget: int | None
 
 

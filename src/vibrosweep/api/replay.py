@@ -13,6 +13,7 @@ from vibrosweep.errors import DataError, OtherKernelsWarning, ParameterError
 from vibrosweep.kernels._jit import sources_digest
 from vibrosweep.model.forcing import INPUTS, inputs_of
 from vibrosweep.model.mount import MASSES
+from vibrosweep.model.parameters import NOISE, STREAM
 from vibrosweep.runs.result import KERNELS
 from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import parse_spec
@@ -37,7 +38,9 @@ def replayed(result: xr.Dataset, keywords: Collection[str]) -> tuple[Scene, dict
         )
     scene = parse_spec(str(result.attrs["sweep_file"])).scene
     masses = [name for name in MASSES if name in result.variables]
-    names = inputs_of([str(result.attrs["forcing"]), *masses], scene.base)
+    noise = [name for name in NOISE if name in result.variables]
+    names = inputs_of([str(result.attrs["forcing"]), *masses, *noise], scene.base)
+    names = (*names, STREAM) if noise else names
     particles = result["launch_time"].size if "launch_time" in result else scene.particles
     lost = [name for name in names if name not in result.variables]
     lost += [] if particles == scene.particles else ["launch_time"]
@@ -58,7 +61,8 @@ def replayed(result: xr.Dataset, keywords: Collection[str]) -> tuple[Scene, dict
         name: np.array(one.values, dtype=np.float64).ravel()
         for name, one in zip(names, spread, strict=True)
     }
-    if wrong := [name for name, given in values.items() if not INPUTS[name].accepts(given).all()]:
+    judged = ((name, values[name]) for name in names if name in INPUTS)
+    if wrong := [name for name, given in judged if not INPUTS[name].accepts(given).all()]:
         raise DataError(f"{', '.join(wrong)}: changed in the dataset to what no sweep computes")
     fixed = scene.inputs
     return scene, {

@@ -13,7 +13,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.model.forcing import only_parameters, refuse_large
 from vibrosweep.model.measures import RECORD
 from vibrosweep.runs.driver import thread_count
-from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, periods_given
+from vibrosweep.runs.result import LAUNCH_TIME, attributes_of, periods_given, seed_of
 from vibrosweep.scene.keywords import batch
 
 __all__ = ["simulate"]
@@ -68,6 +68,13 @@ def simulate(
             Of a sprung base, as physical parameters: the mass of one particle in units of that of
             the base, or both masses (kg); natural frequency (Hz) and damping ratio (0.05 by
             default) of its mount.
+        restitution_noise, kick_noise, drive_noise
+            What is random, as physical parameters: standard deviation of the restitution in each
+            impact; of the velocity of the base in each impact (m s-1); of the amplitude in each
+            forcing period, in units of the amplitude.
+        noise_seed, noise_stream
+            Seed of what is random, 0 by default, and the stream of each realization: a whole
+            number, or a list with one entry per realization; their indices by default.
         impact_budget
             Landings after which a particle is given up, rounded up to a multiple of 6; its status
             says so.
@@ -129,6 +136,7 @@ def simulate(
             "rebound": scene.rebound,
             "waveform": scene.waveform.text,
             "forcing": forcing,
+            **seed_of(scene, arrays),
             **periods_given(scene.duration),
         },
     )

@@ -15,11 +15,13 @@ Places = NDArray[np.int64]
 def find_equal(problem: Dimensionless, launch: Launches, *others: Array) -> Places | None:
     """For each realization the index of the first equal one; None if all are distinct.
 
-    `others` are further arrays that have to agree, each of shape (realization,).
+    `others` are further arrays that have to agree, each of shape (realization,).  Nothing is random
+    in the problem.
     """
-    if any(map(_all_differ, problem)):  # as where they are drawn
+    known = [values for values in problem if isinstance(values, np.ndarray)]
+    if any(map(_all_differ, known)):  # as where they are drawn
         return None
-    columns = np.stack([*problem, *others])
+    columns = np.stack([*known, *others])
     first = np.empty(columns.shape[1], np.int64)
     return first if first_of_each(columns, launch, first) < first.size else None
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.engine.trajectories import statistics
+from vibrosweep.engine.trajectories import base_in, statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.advance import LOOK_AFTER
-from vibrosweep.kernels.impact import Batch, base_of
+from vibrosweep.kernels.impact import Batch
 from vibrosweep.kernels.record import Record, Units, empty_record, record
 from vibrosweep.model.parameters import MOUNT, PARAMETERS, SPRUNG, dimensionless, launches
 from vibrosweep.scene.scene import Scene
@@ -66,7 +66,7 @@ def _recorded(
     launch = launches(scene.launch, scene.particles, parameters["frequency"])
     trajectories = parameters["frequency"].size * scene.particles
     out = empty_record(trajectories, capacity)
-    batch = Batch(base_of(scene.base, scene.rebound, scene.waveform), problem, launch)
+    batch = Batch(base_in(scene, problem), problem, launch)
     units = Units(parameters["frequency"], parameters["gravity"] / (2.0 * parameters["frequency"]))
 
     def task(first: int, last: int) -> None:

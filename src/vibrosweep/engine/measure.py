@@ -19,10 +19,9 @@ from vibrosweep.engine.in_units import (
 )
 from vibrosweep.engine.observable_values import observable_values
 from vibrosweep.engine.orbits import orbit_variables
-from vibrosweep.engine.trajectories import follow, statistics
+from vibrosweep.engine.trajectories import base_in, follow, statistics
 from vibrosweep.engine.workers import Workers
 from vibrosweep.kernels.bases import lifts, lowest
-from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.sine import waves
 from vibrosweep.kernels.trust import Trust
 from vibrosweep.model.measures import Variable
@@ -55,7 +54,7 @@ def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> 
     frequency, particles = parameters["frequency"], scene.particles
     launch = launches(scene.launch, particles, frequency)
     found = follow(problem, launch, measures.tolerance * frequency, scene, workers)
-    base = base_of(scene.base, scene.rebound, scene.waveform)
+    base = base_in(scene, problem)
     of_base = lifts(base, problem), lowest(base, problem)
     measured = of_realizations(found.whole, parameters, *of_base)
     heights = _launch_heights(parameters, problem, launch, of_base[1])

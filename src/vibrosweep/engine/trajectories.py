@@ -18,9 +18,10 @@ from vibrosweep.engine.duplicates import find_equal
 from vibrosweep.engine.observable_values import kinds_of
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
 from vibrosweep.kernels.advance import Options, advance, advance_uncached, memory_around
-from vibrosweep.kernels.bases import fitted
+from vibrosweep.kernels.bases import Base, fitted
 from vibrosweep.kernels.cycles import Cycles, empty_rests
 from vibrosweep.kernels.impact import Batch, base_of
+from vibrosweep.kernels.noise import noise_of
 from vibrosweep.kernels.observer import Observer, observer_scratch
 from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.separation import Separations, empty_separations, separate
@@ -28,12 +29,18 @@ from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
 from vibrosweep.kernels.statistics import KINDS, Statistics, empty_statistics
 from vibrosweep.kernels.totals import combine, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
-from vibrosweep.model.parameters import Dimensionless, Launches
+from vibrosweep.model.parameters import Dimensionless, Launches, taken
 from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
 
 # In fewer periods hardly any orbit repeats early enough for cycle detection to save time.
 PERIODS_TO_RECUR = 32.0
+
+
+def base_in(scene: Scene, problem: Dimensionless) -> Base:
+    """Base of a scene, as kernels take it, with the noise of the problem."""
+    noise = noise_of(problem.noise, scene.noise_seed)
+    return base_of(scene.base, scene.rebound, scene.waveform, noise)
 
 
 @dataclass(frozen=True)
@@ -62,14 +69,15 @@ def follow(
     (realization,).
     """
     others = [tolerance] if scene.measures.trust else []
-    first = find_equal(problem, launch, *others) if scene.skip else None
+    looked_for = scene.skip and problem.noise is None
+    first = find_equal(problem, launch, *others) if looked_for else None
     if first is None:
         return _follow(problem, launch, tolerance, scene, workers)
     chosen = np.flatnonzero(first == np.arange(first.size))
     place = np.empty_like(first)
     place[chosen] = np.arange(chosen.size)
     found = _follow(
-        _taken(problem, chosen),
+        taken(problem, chosen),
         _launches_of(launch, chosen),
         tolerance[chosen],
         scene,
@@ -87,7 +95,8 @@ def _follow(
 ) -> Followed:
     size, particles = tolerance.size, scene.particles
     measures, cycles = scene.measures, None
-    if measures.regimes or (scene.skip and _lasts(problem, launch, PERIODS_TO_RECUR)):
+    looked_for = measures.regimes or (scene.skip and _lasts(problem, launch, PERIODS_TO_RECUR))
+    if looked_for and problem.noise is None:  # what is random never recurs
         cycles = workers.cycles(size * particles)
     each = statistics(problem, launch, scene, workers, cycles)
     whole = empty_statistics(size, each.kinds)._replace(at_rest=np.empty(size, np.int64))
@@ -125,7 +134,7 @@ def statistics(
     kinds = KINDS if observer is not None else (*KINDS, *kinds_of(scene))
     each = workers.statistics(total, kinds)
     windowed = scene.windowed  # loops over all launches
-    base = fitted(base_of(scene.base, scene.rebound, scene.waveform), problem)
+    base = fitted(base_in(scene, problem), problem)
     batch = Batch(base, problem, launch)
     options = Options(
         scene.budget,
@@ -172,7 +181,7 @@ def _orbits(
 ) -> Orbits:
     orbits = empty_orbits(each.status.size)
 
-    batch = Batch(base_of(scene.base, scene.rebound, scene.waveform), problem, launch)
+    batch = Batch(base_in(scene, problem), problem, launch)
     exponents = int(scene.measures.lyapunov)
     plain = each._replace(kinds=())  # one machine code, whatever statistics are chosen
 
@@ -204,7 +213,7 @@ def _separations(
     complete = whole.status == Status.COMPLETED
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)
     windowed = scene.windowed  # loops over all launches
-    batch = Batch(base_of(scene.base, scene.rebound, scene.waveform), problem, launch)
+    batch = Batch(base_in(scene, problem), problem, launch)
     # costly to allocate
     workspaces = [workspace(particles) for _ in range(min(size, workers.threads))]
 
@@ -227,17 +236,13 @@ def _error_bounds(
 ) -> Trust:
     bounds = empty_trust(tolerance.size * scene.particles)
 
-    batch = Batch(base_of(scene.base, scene.rebound, scene.waveform), problem, launch)
+    batch = Batch(base_in(scene, problem), problem, launch)
 
     def task(first: int, last: int) -> None:
         trust(first, last, batch, tolerance, scene.budget, bounds)
 
     workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 64)
     return bounds
-
-
-def _taken(problem: Dimensionless, which: NDArray[Any]) -> Dimensionless:
-    return Dimensionless._make(values[which] for values in problem)
 
 
 def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
@@ -250,7 +255,7 @@ def _launches_of(launch: Launches, which: NDArray[Any]) -> Launches:
 def _repeated(found: Followed, source: NDArray[np.intp], scene: Scene) -> Followed:
     """Copy the results of distinct realizations to all their duplicates."""
 
-    def taken(values: Any, places: NDArray[np.intp]) -> Any:
+    def repeated(values: Any, places: NDArray[np.intp]) -> Any:
         if values is None:
             return None
         arrays = (v[..., places] if isinstance(v, np.ndarray) else v for v in values)
@@ -259,9 +264,9 @@ def _repeated(found: Followed, source: NDArray[np.intp], scene: Scene) -> Follow
     first = source[:, np.newaxis] * scene.particles
     each = (first + np.arange(scene.particles)).ravel()
     return Followed(
-        taken(found.each, each),
-        taken(found.whole, source),
-        taken(found.orbits, each),
-        taken(found.separations, source),
-        taken(found.bounds, each),
+        repeated(found.each, each),
+        repeated(found.whole, source),
+        repeated(found.orbits, each),
+        repeated(found.separations, source),
+        repeated(found.bounds, each),
     )

@@ -33,6 +33,7 @@ from vibrosweep.kernels.bases import (
     put,
     rebound,
     take,
+    wake_lanes,
 )
 from vibrosweep.kernels.cycles import (
     FIRST_ANCHOR,
@@ -57,6 +58,7 @@ from vibrosweep.kernels.lanes import (
     close_gaps,
     find_done,
 )
+from vibrosweep.kernels.noise_lanes import draw_all, load_noise, note_sleep
 from vibrosweep.kernels.observer import Observer, note, observe
 from vibrosweep.kernels.statistics import RESTS, Kinds, Statistics
 from vibrosweep.kernels.totals import OF_RESTS, clear, count, expect, sum_up, totals_of, with_flight
@@ -113,13 +115,16 @@ def _step(
     window: int | None,
     observer: Observer | None,
     live: int,
+    since: int,
 ) -> None:
-    """One pass of the first lanes; a lane past its end continues without being counted.
+    """One pass of the first lanes, `since` others after the last look at them.
 
-    Without a window, None, what looks at its beginning is not compiled; nor is what shows the
-    landings of the lanes that are live without an observer.
+    A lane past its end continues without being counted.  Without a window, None, what looks at its
+    beginning is not compiled; nor is what shows the landings of the lanes that are live without an
+    observer.
     """
     wide_vectors()
+    draw_all(chosen.base.noise, s, lanes, since)
     prepare(chosen.base, s, lanes)
     for j in range(lanes):
         fixed = take(chosen.base, s, j)
@@ -140,12 +145,14 @@ def _step(
         landing = Landing(x, time, v, u, not leaves)
         if observer is not None:
             note(s, j, landing, seen)
+        note_sleep(chosen.base.noise, s, j, landed & (not leaves) & (x_off == x_off))
         flight = counted_now(fixed, s, j, time, u)
         ends = keep(fixed, s, j, time, landed, seen)
         count(chosen.kinds, s, j, landing, flight, seen, ends)
         s[ROW.N + j] = n_off if landed else n_from
         s[ROW.X + j] = x_off if landed else x_from
         s[ROW.U + j] = u if landed else u_from
+    wake_lanes(chosen.base, s, live)
     if observer is not None:
         observe(s, live, observer)
 
@@ -187,20 +194,22 @@ def _realization(base: Base, problem: Dimensionless, i: int) -> Realization:
 def _load(
     s: Floats,
     j: int,
-    lane: int,
+    who: tuple[int, int],
     start: Instant,
     realization: Realization,
     kinds: Kinds,
     cycles: Cycles | None,
     patience: float,
 ) -> None:
-    """Load trajectory `lane`, which leaves the base at `start`, into lane j of the block."""
+    """Load trajectory who[0], of particle who[1], which leaves at `start`, into lane j."""
+    lane, particle = who
     n, x = start
     n_end, x_end = realization.end
     s[ROW.X + j] = x
     s[ROW.N + j] = n - n_end
     s[ROW.U + j] = leave(realization.fixed, x, realization.speed)
     put(realization.fixed, s, j)
+    load_noise(realization.fixed.base.noise, realization.fixed.source, s, j, particle, n_end)
     s[ROW.X_END + j] = x_end
     n_begin, x_begin = realization.begin
     s[ROW.N_BEGIN + j] = n_begin - n_end
@@ -236,11 +245,12 @@ def _write(s: Floats, j: int, base: Base, windowed: bool, out: Statistics) -> No
     totals, sums = with_flight(out.kinds, totals_of(out.kinds, s, j), last)
     for k in range(len(totals)):
         out.totals[k, lane] = totals[k]
-    for_good = np.isnan(s[ROW.X + j])
+    sleeps = s[ROW.AGE + j] == np.inf  # without an end that was found
+    for_good = np.isnan(s[ROW.X + j]) and not sleeps
     if not windowed:  # it may have come after the end, but not where it was counted
         for_good = for_good and totals[RESTS] > 0.0
     out.at_rest[lane] = 1 if for_good else 0
-    out.status[lane] = BUDGET_EXCEEDED if over else COMPLETED
+    out.status[lane] = BUDGET_EXCEEDED if over or sleeps else COMPLETED
     if not np.isfinite(sums):
         out.status[lane] = NON_FINITE
 
@@ -290,7 +300,7 @@ def advance(
             if i < 0 or p < 0 or places[q] < 0:  # never, see `_write`
                 return 0
             start = launch(launches, i, p, problem.phase[i])
-            _load(s, places[q], lane, start, realization, out.kinds, cycles, patience)
+            _load(s, places[q], (lane, p), start, realization, out.kinds, cycles, patience)
             expect(out.kinds, out, lane)
             p += 1
             if p == particles:
@@ -302,11 +312,11 @@ def advance(
             return lanes
         # whole vectors only: lanes behind the last one hold stale, harmless numbers
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
-        for _ in range(LOOK_AFTER):
+        for since in range(LOOK_AFTER):
             if windowed:
-                _step(s, padded, chosen, budget, 1, options.observer, lanes)
+                _step(s, padded, chosen, budget, 1, options.observer, lanes, since)
             else:
-                _step(s, padded, chosen, budget, None, options.observer, lanes)
+                _step(s, padded, chosen, budget, None, options.observer, lanes, since)
         _mark(s, padded, chosen, options.budget, cycles)
         done = find_done(s, lanes, places)
         if cycles is not None and rests is not None:

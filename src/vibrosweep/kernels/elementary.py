@@ -54,13 +54,19 @@ def log_near_one(f: float, k: float) -> float:
 
 
 @jit
+def mantissa_and_exponent(x: float) -> tuple[float, float]:
+    """Numbers f and k of a normal x above 0: x = (1 + f) 2^k, 1 + f in [sqrt(1/2), sqrt(2)]."""
+    bits = np.float64(x).view(np.int64)
+    exponent = (bits - ROOT_HALF + ONE) >> 52
+    k = np.int64(exponent + SHIFT_BITS).view(np.float64) - (SHIFT + 1023.0)
+    return np.int64(bits - (exponent << 52) + ONE).view(np.float64) - 1.0, k
+
+
+@jit
 def log(x: float) -> float:
     """Natural logarithm: -inf of 0, NaN of what is negative."""
     tiny = x < SMALLEST_NORMAL
-    bits = np.float64(x * 2.0**54 if tiny else x).view(np.int64)
-    exponent = (bits - ROOT_HALF + ONE) >> 52
-    k = np.int64(exponent + SHIFT_BITS).view(np.float64) - (SHIFT + 1023.0)
-    f = np.int64(bits - (exponent << 52) + ONE).view(np.float64) - 1.0
+    f, k = mantissa_and_exponent(x * 2.0**54 if tiny else x)
     found = log_near_one(f, k - 54.0 if tiny else k)
     found = found if x < np.inf else x
     found = found if x != 0.0 else -np.inf

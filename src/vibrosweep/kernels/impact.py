@@ -18,16 +18,20 @@ from vibrosweep.kernels.bases import (
     Constants,
     Flight,
     fly,
+    high_bounce_noise,  # noqa: F401 -- implementations for this base
     leave,
     lift_off,
     moving_errors,  # noqa: F401 -- implementations for the moving base
     moving_lanes,  # noqa: F401
+    random,
     rebound,
+    wake,
 )
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
 from vibrosweep.kernels.harmonics import shape_of
 from vibrosweep.kernels.laws import law_of
+from vibrosweep.kernels.noise import Noise
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, Dimensionless, Launches
 from vibrosweep.model.shapes import SINE, Waveform
 
@@ -58,10 +62,13 @@ class Impact(NamedTuple):
     x_off: float
     u: float
     leaves: bool  # whether it leaves at once
+    fixed: Constants  # with what is random in it
 
 
-def base_of(base: str, rebound: str, waveform: Waveform = SINE) -> Base:
+def base_of(base: str, rebound: str, waveform: Waveform = SINE, noise: Noise | None = None) -> Base:
     """Base and law of rebound by their names, in `vibrosweep.model.parameters` BASES and LAWS.
+
+    The noise is that of `vibrosweep.kernels.noise.noise_of`.
 
     Raises a ParameterError unless particles over the base are independent of each other, and it
     implements the law and the waveform.
@@ -73,7 +80,7 @@ def base_of(base: str, rebound: str, waveform: Waveform = SINE) -> Base:
         )
     if wrong := refusal(base, law=rebound) or refusal(base, waveform=waveform.name):
         raise ParameterError(wrong)
-    made: Any = BASE_OF[base](law_of(rebound))
+    made: Any = BASE_OF[base](law=law_of(rebound), noise=noise)
     return made if waveform == SINE else made._replace(waveform=shape_of(waveform))
 
 
@@ -102,11 +109,26 @@ def land(x: float, s: float) -> tuple[float, float]:
 
 
 @jit
-def impact(fixed: Constants, n: float, x: float, u: float) -> Impact:
-    """Landing and lift-off after leaving the base at (n, x) with speed u."""
+def impact(
+    fixed: Constants,
+    n: float,
+    x: float,
+    u: float,
+    particle: float = 0.0,
+    number: float = 0.0,
+    origin: float = 0.0,
+) -> Impact:
+    """Landing and lift-off after leaving the base at (n, x) with speed u.
+
+    What is random in it depends on the particle, the number of its impacts until then, and the
+    whole periods from which n counts.
+    """
     time, v = fly(fixed, x, u)
     x_land, passed = land(x, time)
     n += passed
     flight = Flight(x, u, time, x_land, v)
-    n_off, x_off, u, leaves = lift_off(fixed, n, x_land, rebound(fixed, x_land, v))
-    return Impact(n, x_land, v, flight, n_off, x_off, u, leaves)
+    drawn = random(fixed, particle, number, n + origin, x_land)
+    n_off, x_off, u, leaves = lift_off(drawn, n, x_land, rebound(drawn, x_land, v))
+    if not leaves:
+        n_off, x_off = wake(fixed, n_off, x_off, origin)
+    return Impact(n, x_land, v, flight, n_off, x_off, u, leaves, drawn)

@@ -39,6 +39,18 @@ class LaneRows(NamedTuple):
     DONE: int  # reason why the trajectory leaves its lane
     LANE: int  # index of the trajectory
     AGE: int  # impacts so far
+    STREAM: int  # of noise: stream, particle, and whole periods at which counts begin
+    PARTICLE: int
+    ORIGIN: int
+    SLIP_SIZE: int  # standard deviations
+    PUSH_SIZE: int
+    DRIVE_SIZE: int
+    SLIP: int  # what is random in the next impact, and in the one after it
+    SLIP_NEXT: int
+    PUSH: int
+    PUSH_NEXT: int
+    DRIVE: int
+    ASLEEP: int  # whether it rests until a forcing period that lifts it
     TRIES: int  # of a search for the landing: passes so far, and the age at the last look
     AGE_SEEN: int
     COUNTS: int  # whether the flight is counted when it ends

@@ -93,6 +93,7 @@ def start(work: Workspace, batch: Batch, i: int) -> None:
         s[STATE.X + j] = x
         s[STATE.N + j] = n - problem.end_count[i]
         s[STATE.U + j] = launch_speed(fixed, problem, i, x)
+        s[STATE.NUMBER + j] = 0.0
         s[STATE.WHO + j] = p
     for block in range(work.lanes.size):
         work.lanes[block] = min(LANES, particles - block * LANES)
@@ -103,9 +104,10 @@ def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> Non
     """Find the next landing of each lane; take those up to the stop and leave the others be."""
     n_stop, x_stop = stop
     wide_vectors()
-    shortest = contact_time(fixed)
+    shortest, origin = contact_time(fixed), fixed.source.end
     for j in range(lanes):
-        hit = impact(fixed, s[STATE.N + j], s[STATE.X + j], s[STATE.U + j])
+        n, x, u = s[STATE.N + j], s[STATE.X + j], s[STATE.U + j]
+        hit = impact(fixed, n, x, u, s[STATE.WHO + j], s[STATE.NUMBER + j], origin)
         due = hit.n - n_stop <= x_stop - hit.x
         rest = 0.0 if hit.leaves else (hit.n_off - hit.n) + (hit.x_off - hit.x)
         rest = np.inf if hit.n_off == np.inf else rest  # there is no phase to a rest for good
@@ -117,6 +119,7 @@ def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> Non
         s[STATE.X + j] = hit.x_off if due else s[STATE.X + j]
         s[STATE.N + j] = hit.n_off if due else s[STATE.N + j]
         s[STATE.U + j] = hit.u if due else s[STATE.U + j]
+        s[STATE.NUMBER + j] += 1.0 if due else 0.0
 
 
 @jit
@@ -126,7 +129,7 @@ def due_first(s: Floats, lanes: int) -> int:
     for j in range(lanes):
         if s[STATE.DUE + j] != 0.0:
             if j > front:
-                for row in (STATE.X, STATE.N, STATE.U, STATE.WHO):
+                for row in (STATE.X, STATE.N, STATE.U, STATE.NUMBER, STATE.WHO):
                     kept = s[row + front]
                     s[row + front] = s[row + j]
                     s[row + j] = kept

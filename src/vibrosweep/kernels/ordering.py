@@ -24,6 +24,7 @@ class StateRows(NamedTuple):
     X: int  # after the last landing taken: phase, whole periods, speed, and which particle
     N: int
     U: int
+    NUMBER: int  # of landings taken
     WHO: int
     X_LAND: int
     N_LAND: int

@@ -89,7 +89,7 @@ def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> No
         u = launch_speed(fixed, problem, i, x)
         scale = Scale(units.frequency[i], units.velocity[i], 0.0, problem.phase[i])
         for k in range(out.rested.shape[1]):
-            hit = impact(fixed, n, x, u)
+            hit = impact(fixed, n, x, u, p, k)
             if not hit.n - problem.end_count[i] <= problem.end_phase[i] - hit.x:
                 break
             write_landing(out, t, k, scale, hit.n, hit.x, not hit.leaves)

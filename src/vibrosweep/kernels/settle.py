@@ -119,8 +119,8 @@ class Rests(NamedTuple):
 def _follow(
     fixed: Constants,
     launched: State,
-    begin: Instant,
-    end: Instant,
+    particle: int,
+    window: tuple[Instant, Instant],
     budget: int,
     g: Floats,
 ) -> tuple[State, Rests, float, float]:
@@ -131,25 +131,26 @@ def _follow(
     impacts in the window, the sum of the logarithms of areas, and the bound of its rounding error.
     """
     n, x, u = launched
+    begin, end = window
     c, d = 1.0, 0.0
     lifted, seen, first, since, impacts, periods = 0, 0, np.nan, 0, 0, 0
     anchor, x_first, u_first, closed = 0, np.nan, np.nan, 0
     area, slack = 0.0, 0.0
     growth.empty(g)
     for age in range(budget):
-        hit = impact(fixed, n, x, u)
+        hit = impact(fixed, n, x, u, particle, age)
         if not hit.n - end[0] <= end[1] - hit.x:
             break
         if begin[0] - hit.n <= hit.x - begin[1]:
             seen += 0 if hit.leaves else 1
-            c, d, along, across, error = stretch(c, d, jacobian(fixed, hit.flight))
+            c, d, along, across, error = stretch(c, d, jacobian(hit.fixed, hit.flight))
             growth.add(g, growth.logarithm(along))
             before = density(fixed, abs(u))
             if before > 0.0:
                 area += growth.logarithm(along * across * (density(fixed, hit.u) / before))
                 slack += error + HALF_ULP * (abs(area) + 2.0)  # of the sum, and of the logarithm
             else:  # in these coordinates nothing is left to be measured
-                area += growth.logarithm(contraction(fixed, hit.v))
+                area += growth.logarithm(contraction(hit.fixed, hit.v))
         if hit.n_off == np.inf:
             n, x, u = hit.n, hit.x, 0.0
             break
@@ -321,7 +322,8 @@ def settle(
             if at_rest or not (rests_again or each.totals[LANDINGS, t] >= FIRST_ANCHOR):
                 continue
         launched = (n, x, launch_speed(fixed, problem, i, x))
-        state, rests, area, slack = _follow(fixed, launched, begin, end, budget, g)
+        particle, window = t % particles, (begin, end)
+        state, rests, area, slack = _follow(fixed, launched, particle, window, budget, g)
         if rests.cycle > 0:
             _, x, u = state
             if judged != i or x != x_judged:

@@ -136,9 +136,10 @@ class Experiment:
         given = scene, repeats, camera or Camera(), variation or Variation(), seed
         for one, value in zip(fields(self), given, strict=True):
             object.__setattr__(self, one.name, value)
-        wrong = refusal(scene.base, analysis="laboratory", waveform=scene.waveform.name)
+        noise, waveform = scene.noise(), scene.waveform.name
+        wrong = refusal(scene.base, analysis="laboratory", waveform=waveform, noise=noise)
         if wrong:
-            raise ParameterError(f"waveform: {wrong}")
+            raise ParameterError(f"{'noise' if noise else 'waveform'}: {wrong}")
         for name in ANALYSES.keys() & vars(self.variation).keys():
             wrong = refusal(scene.base, analysis=name)
             if wrong and getattr(self.variation, name):

@@ -23,7 +23,7 @@ import numpy as np
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT
-from vibrosweep.model.parameters import LARGEST, MOUNT, PARAMETERS, SPRUNG, Parameter
+from vibrosweep.model.parameters import LARGEST, MOUNT, NOISE, PARAMETERS, SPRUNG, STREAM, Parameter
 from vibrosweep.model.shapes import SINE, Waveform
 
 AMPLITUDE: Final = "amplitude"
@@ -41,12 +41,12 @@ FORCINGS: Final[Mapping[str, Parameter]] = {
 }
 
 # All inputs of a realization, in the order of files: the parameters, with the forcings in place of
-# the amplitude, exactly one of which is given, and the parameters of a mount (`inputs_of`).
+# the amplitude, exactly one of which is given, the parameters of a mount, and noise (`inputs_of`).
 INPUTS: Final[Mapping[str, Parameter]] = {
     name: parameter
     for key, one in PARAMETERS.items()
     for name, parameter in (FORCINGS if key == AMPLITUDE else {key: one}).items()
-} | {**OF_MOUNT}
+} | {**OF_MOUNT, **NOISE}
 
 # Parameters that relate each forcing to V0
 _SOURCES: Final[Mapping[str, frozenset[str]]] = {
@@ -76,7 +76,7 @@ def inputs_of(given: Collection[str], base: str) -> tuple[str, ...]:
     The parameters given for the mount are consistent (`vibrosweep.model.mount.mount_mistakes`).
     Raises a ParameterError where two forcings are given.
     """
-    left_out = FORCINGS.keys() - {forcing_of(given)}
+    left_out = (FORCINGS.keys() - {forcing_of(given)}) | (NOISE.keys() - {*given})
     if base != SPRUNG:
         left_out |= OF_MOUNT.keys()
     else:
@@ -131,9 +131,9 @@ def completed(given: Mapping[str, Array], waveform: Waveform = SINE) -> dict[str
 
 
 def only_parameters(values: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the parameters that the engine takes: `PARAMETERS`, and `MOUNT` over a sprung base."""
-    mount = [name for name in MOUNT if name in values]
-    return {name: values[name] for name in (*PARAMETERS, *mount)}
+    """Return the parameters that the engine takes: `MOUNT` and `NOISE` where they are given."""
+    others = [name for name in (*MOUNT, *NOISE, STREAM) if name in values]
+    return {name: values[name] for name in (*PARAMETERS, *others)}
 
 
 def refuse_large(values: Mapping[str, Array], forcing: str) -> None:

@@ -641,5 +641,6 @@ RECORD: Final[Mapping[str, Variable]] = {
 RESERVED: Final = frozenset(
     {*VARIABLES}
     | {"realization", "particle", "impact", "launch_time", "duration", "transient", "record"}
+    | {"noise_stream"}
     | {"identity", "base", "forcing", "duration_periods", TRANSIENT_PERIODS}
 )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,12 +111,39 @@ MOUNT: Final[Mapping[str, Parameter]] = {
     )
 }
 
+# Standard deviations of what is random in an impact; where one is not given, nothing is
+NOISE: Final[Mapping[str, Parameter]] = {
+    p.name: p
+    for p in (
+        Parameter(
+            "restitution_noise", "sigma_e", "1", "noise of the restitution", 0.0, 0.0, LARGEST
+        ),
+        Parameter(
+            "kick_noise", "sigma_V", "m s-1", "noise of the base velocity", 0.0, 0.0, LARGEST / 4
+        ),
+        Parameter("drive_noise", "sigma_A", "1", "relative noise of the amplitude", 0.0, 0.0, 1e6),
+    )
+}
+STREAM: Final = "noise_stream"  # the number of each realization's stream of random numbers
+# Streams, and particles in each, that have a place in the counter of `vibrosweep.kernels.noise`
+STREAMS: Final = 2**36
+STREAM_PARTICLES: Final = 2**26
+
 
 def refuse_masked(name: str, values: object) -> None:
     """Raise a ParameterError for masked values, whose numbers numpy would take for data."""
     listed = values if isinstance(values, list | tuple) else ()
     if np.ma.is_masked(values) or any(value is np.ma.masked for value in listed):
         raise ParameterError(f"{name}: holds masked values, which are no data; leave them out")
+
+
+class Strengths(NamedTuple):
+    """Noise of realizations; every array has shape (realization,), None for a kind that is off."""
+
+    restitution: Array | None  # standard deviation of e
+    kick: Array | None  # (1 + e) 2 f sigma_V / g, of the flight after an impact, forcing periods
+    drive: Array | None  # relative standard deviation of a in each forcing period
+    stream: Array  # whole numbers
 
 
 class Dimensionless(NamedTuple):
@@ -136,6 +163,7 @@ class Dimensionless(NamedTuple):
     begin_phase: Array
     end_count: Array
     end_phase: Array
+    noise: Strengths | None = None  # where nothing is random
 
 
 class Mounts(NamedTuple):
@@ -190,7 +218,32 @@ def dimensionless(
         begin_phase=begin_phase,
         end_count=end_count,
         end_phase=end_phase,
+        noise=_strengths(parameters, per_velocity),
     )
+
+
+def _strengths(parameters: Mapping[str, Array], per_velocity: Array) -> Strengths | None:
+    """Noise of realizations, whose stream is given with it."""
+    if NOISE.keys().isdisjoint(parameters):
+        return None
+    kick = parameters.get("kick_noise")
+    if kick is not None:
+        kick = (1.0 + parameters["restitution"]) * per_velocity * kick
+    # copies, as of the restitution
+    own = (parameters.get(name) for name in ("restitution_noise", "drive_noise"))
+    restitution, drive = (None if values is None else np.array(values) for values in own)
+    return Strengths(restitution, kick, drive, np.array(parameters[STREAM], np.float64))
+
+
+def taken(problem: Dimensionless, which: Any) -> Dimensionless:
+    """Return the arrays of some realizations, by an index of each array."""
+
+    def of(values: Any) -> Any:
+        if isinstance(values, tuple):
+            return type(values)(*map(of, values))
+        return None if values is None else values[which]
+
+    return Dimensionless(*map(of, problem))
 
 
 def mounts(parameters: Mapping[str, Array]) -> Mounts:

@@ -18,7 +18,15 @@ from vibrosweep.errors import DataError, ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, VARIABLES, Variable
 from vibrosweep.model.observables import Observable
-from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS_OF, MOUNT, PARAMETERS, SPRUNG, STAGGERED
+from vibrosweep.model.parameters import (
+    HIGH_BOUNCE,
+    LAWS_OF,
+    MOUNT,
+    NOISE,
+    PARAMETERS,
+    SPRUNG,
+    STAGGERED,
+)
 from vibrosweep.model.shapes import name_in
 from vibrosweep.model.times import Periods, Time, amount
 from vibrosweep.proof.axes import judge_axes
@@ -63,7 +71,9 @@ def read_sample(
             if group.attrs["rebound"] not in LAWS_OF.get(group.attrs.get("base", HIGH_BOUNCE), ()):
                 raise _unsound(path, ["rebound or base"])
             base = str(group.attrs.get("base", HIGH_BOUNCE))
-            if wrong := refusal(base, analysis="verify", waveform=name_in(group.attrs)):
+            noise = [name for name in NOISE if name in group.variables]
+            shape = name_in(group.attrs)
+            if wrong := refusal(base, analysis="verify", waveform=shape, noise=noise):
                 raise DataError(f"{path}: the proof {wrong}")
         sample = _drawn(path, file, size, seed, observables)
         record = _record(file, sample) if "record" in file.groups else None

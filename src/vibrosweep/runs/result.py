@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +17,7 @@ from vibrosweep.errors import RunError
 from vibrosweep.kernels._jit import sources_digest
 from vibrosweep.model.forcing import INPUTS, sources
 from vibrosweep.model.measures import OPTIONS, RECORD
-from vibrosweep.model.parameters import Parameter
+from vibrosweep.model.parameters import STREAM, Parameter
 from vibrosweep.model.times import Periods, Time
 from vibrosweep.runs.chunks import batch_size, column_kinds
 from vibrosweep.runs.identity import identity
@@ -45,6 +45,7 @@ TRANSIENT: Final = {
     "units": OPTIONS["transient"].units,
     "long_name": OPTIONS["transient"].meaning,
 }
+STREAMS: Final = {"units": "1", "long_name": "stream of random numbers"}
 TIMES: Final[Mapping[str, Mapping[str, str]]] = {"duration": DURATION, "transient": TRANSIENT}
 
 
@@ -180,6 +181,7 @@ def declare(file: Writer, spec: Sweep, design: Realizations, threads: int) -> No
             "particles": spec.scene.particles,
             "design": spec.design.name,
             "seed": spec.design.seed,
+            **seed_of(spec.scene, design.sampled),
             "impact_budget": spec.scene.measures.impact_budget,
             **({"tolerance": spec.scene.measures.tolerance} if spec.scene.measures.trust else {}),
             **periods_given(spec.scene.duration, spec.scene.measures.transient),
@@ -206,9 +208,15 @@ def periods_given(duration: Time, transient: Time = 0.0) -> dict[str, float]:
     return {f"{n}_periods": t.number for n, t in given.items() if isinstance(t, Periods)}
 
 
+def seed_of(scene: Scene, varied: Collection[str] = ()) -> dict[str, int]:
+    """Attribute of a dataset in which something is random."""
+    return {"noise_seed": scene.noise_seed} if scene.noise(varied) else {}
+
+
 def attributes_of(name: str) -> Mapping[str, str]:
-    """CF attributes of a physical parameter, or of a time of the observation."""
-    return TIMES[name] if name in TIMES else coordinate_attributes(INPUTS[name])
+    """CF attributes of a physical parameter, a time of the observation, or streams."""
+    others = {**TIMES, STREAM: STREAMS}
+    return others[name] if name in others else coordinate_attributes(INPUTS[name])
 
 
 def _along(
@@ -222,6 +230,8 @@ def _along(
         return (REALIZATION,), None
     if name in axes:
         return (name,), axes[name]
+    if name == STREAM:
+        return tuple(axes), None
     follows = {"frequency"} if name in TIMES else sources(name, spec.scene.forcing(axes))
     dims = tuple(axis for axis in axes if axis in follows)
     if len(dims) == len(axes):
@@ -266,6 +276,7 @@ def write_record(file: Group, record: Scene, workers: Workers) -> None:
             "rebound": record.rebound,
             "waveform": record.waveform.text,
             "forcing": record.forcing(),
+            **seed_of(record),
             **periods_given(record.duration),
         }
     )

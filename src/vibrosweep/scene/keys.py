@@ -303,6 +303,7 @@ def _steps(parameter: Parameter, value: Mapping[str, object]) -> Steps:
     return Steps(start, stop, num)
 
 
+_SEED: Final = partial(whole, ", at least 0 and at most 2**63 - 1", 0, MAX_SEED)
 _SCENE: Final[Mapping[str, Check]] = {
     **{name: partial(_within, parameter) for name, parameter in INPUTS.items()},
     "particles": partial(whole, f", at least 1 and at most {MAX_PARTICLES}", 1, MAX_PARTICLES),
@@ -312,6 +313,7 @@ _SCENE: Final[Mapping[str, Check]] = {
     "base": partial(one_of, BASES),
     "rebound": partial(one_of, LAWS),
     "waveform": waveform_of,
+    "noise_seed": _SEED,
 }
 SECTIONS: Final[Sections] = {
     "scene": _SCENE,
@@ -320,7 +322,7 @@ SECTIONS: Final[Sections] = {
         "realizations": partial(
             whole, f", at least 1 and at most {MAX_REALIZATIONS}", 1, MAX_REALIZATIONS
         ),
-        "seed": partial(whole, ", at least 0 and at most 2**63 - 1", 0, MAX_SEED),
+        "seed": _SEED,
         "columns": _columns,
         **{name: partial(_spread, parameter) for name, parameter in INPUTS.items()},
     },

@@ -6,7 +6,7 @@ number is fixed.  Keywords become the tables of a sweep file, and those are chec
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -16,7 +16,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.mistakes import PYTHON, RANGE, Mistakes, nearest, toml
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.likely import likely_parameter
-from vibrosweep.model.parameters import refuse_masked
+from vibrosweep.model.parameters import NOISE, STREAM, STREAMS, refuse_masked
 from vibrosweep.scene.columns import GivenTable
 from vibrosweep.scene.design import DESIGNS, GRID
 from vibrosweep.scene.keys import MAX_STEPS, SECTIONS
@@ -53,7 +53,7 @@ def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Ar
     """
     stated = {name: value for name, value in given.items() if value is not None}
     mistakes, own = Mistakes(dialect=PYTHON, given=stated), dict(stated)
-    known = (*SECTIONS["scene"], "launch_time", BUDGET, *measured)
+    known = (*SECTIONS["scene"], "launch_time", STREAM, BUDGET, *measured)
     for name in own.keys() - {*known}:
         _note_unknown(name, own.pop(name), known, mistakes)
     if "launch_time" in own:
@@ -63,6 +63,8 @@ def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Ar
             mistakes.add_broken("launch_time", rule, None, "keep one of the two")
         own["launch"] = times.ravel().tolist()
     varied = {}
+    if STREAM in own:
+        varied[STREAM] = _streams(own.pop(STREAM), own, mistakes)
     for name in [name for name in INPUTS if name in own]:
         if _kind(own[name]) is None:
             continue
@@ -80,7 +82,21 @@ def batch(given: Mapping[str, Any], *measured: str) -> tuple[Scene, dict[str, Ar
     scene = checked(data, "", None, mistakes).scene
     size = max(sizes.values(), default=1)
     # copies: numba would compile the kernels again for read-only arrays
-    return scene, {n: np.array(np.broadcast_to(v, size)) for n, v in varied.items() if size > 1}
+    several = [name for name in varied if size > 1 or name == STREAM]
+    return scene, {name: np.array(np.broadcast_to(varied[name], size)) for name in several}
+
+
+def _streams(value: object, given: Collection[str], mistakes: Mistakes) -> Array:
+    """Return the streams of random numbers of realizations; report what is none."""
+    streams = _numbers(STREAM, value, mistakes)
+    if NOISE.keys().isdisjoint(given):
+        rule = "says which random numbers are taken, and nothing is random"
+        remedy = f"give {', '.join(NOISE)} as well, or leave it out"
+        mistakes.add_broken(STREAM, rule, value, remedy)
+    elif not ((streams >= 0) & (streams < STREAMS) & (streams == np.rint(streams))).all():
+        rule = f"must be whole numbers, at least 0 and below 2**{STREAMS.bit_length() - 1}"
+        mistakes.add_broken(STREAM, rule, value)
+    return streams
 
 
 def _numbers(name: str, value: object, mistakes: Mistakes) -> Array:

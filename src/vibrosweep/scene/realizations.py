@@ -7,13 +7,16 @@ bits.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TableError
 from vibrosweep.mistakes import Mistake
+from vibrosweep.model.measures import MEASURES
+from vibrosweep.model.parameters import STREAM
 from vibrosweep.scene.columns import Label
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Design
 from vibrosweep.scene.sweep import Sweep
@@ -28,9 +31,10 @@ class Realizations:
     """The realizations of a sweep."""
 
     realizations: int
-    # Names of the sampled parameters, in the order of `vibrosweep.model.forcing.INPUTS`
+    # Names of the sampled parameters, in the order of `vibrosweep.model.forcing.INPUTS`, and with
+    # noise of the streams of random numbers
     sampled: tuple[str, ...]
-    _columns: Columns
+    columns: Columns  # fastest for increasing starts
     # Other columns of a table, which are copied to the result only
     labels: Mapping[str, Label] = field(default_factory=dict)
 
@@ -42,7 +46,7 @@ class Realizations:
         """
         if not 0 <= start <= stop <= self.realizations:
             raise IndexError(f"no realizations {start} to {stop} among {self.realizations}")
-        return dict(zip(self.sampled, self._columns(start, stop), strict=True))
+        return dict(zip(self.sampled, self.columns(start, stop), strict=True))
 
 
 def open_design(sweep: Sweep) -> Realizations:
@@ -55,6 +59,32 @@ def open_design(sweep: Sweep) -> Realizations:
     where the table cannot be used, and a SpecError for more realizations than a Sobol' sequence has
     points, or than a Latin hypercube can hold in memory.
     """
+    opened = _opened(sweep)
+    noise = sweep.scene.noise(opened.sampled)
+    if not noise:
+        return opened
+    if sweep.design.name == TABLE:  # whose columns may not have been known before
+        _require_random(sweep, noise)
+
+    def columns(start: int, stop: int) -> list[Array]:
+        return [*opened.columns(start, stop), np.arange(start, stop, dtype=np.float64)]
+
+    return replace(opened, sampled=(*opened.sampled, STREAM), columns=columns)
+
+
+def _require_random(sweep: Sweep, noise: tuple[str, ...]) -> None:
+    """Raise a TableError where the base, or a measure, cannot be had with the noise of a table."""
+    base, measures = sweep.scene.base, sweep.scene.measures
+    asked = [key for key in MEASURES if getattr(measures, key)]
+    own = refusal(base, noise=noise, waveform=sweep.scene.waveform.name)
+    wrong = [own, *(refusal(base, measure=m, noise=noise) for m in asked)]
+    for about, text in zip(("", *(f"{key} " for key in asked)), wrong, strict=True):
+        if text:
+            raise TableError(f"{sweep.design.table}: {', '.join(noise)}: {about}{text}")
+
+
+def _opened(sweep: Sweep) -> Realizations:
+    """Open the design of a sweep, without streams of random numbers."""
     design = sweep.design
     if design.name == TABLE:
         return _open_table(sweep)

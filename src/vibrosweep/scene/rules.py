@@ -25,7 +25,10 @@ from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.mount import MASS_RATIO, MASSES, OF_MOUNT, mount_mistakes
 from vibrosweep.model.parameters import (
     MOUNT,
+    NOISE,
     SPRUNG,
+    STREAM_PARTICLES,
+    STREAMS,
     dimensionless,
     launches,
 )
@@ -86,12 +89,38 @@ def check_window(
         mistakes.add(keys[0], rule, amount(begin), involves=["scene.duration", *keys])
 
 
-def check_measures(base: str, measures: Measures, mistakes: Mistakes) -> None:
-    """Report measures that cannot be had over a base."""
+def check_measures(
+    base: str, noise: Collection[str], measures: Measures, mistakes: Mistakes
+) -> None:
+    """Report measures that cannot be had over a base, or with noise."""
     for key in MEASURES:
-        wrong = refusal(base, measure=key)
+        wrong = refusal(base, measure=key, noise=noise)
         if wrong and getattr(measures, key):
             mistakes.add(f"measure.{key}", wrong, True, involves=["scene.base"])
+
+
+def check_noise(
+    own: Table, homes: Mapping[str, str], sizes: Mapping[str, int], mistakes: Mistakes
+) -> None:
+    """Report noise that a scene cannot have, or for so many realizations or particles.
+
+    `own` are its settings; each kind is given in the table that `homes` tells.
+    """
+    needs = [f"{table}.{key}" for table in ("scene", "record") for key in ("base", "waveform")]
+    for name, home in homes.items():
+        if wrong := refusal(own["base"], waveform=own["waveform"].name, noise=(name,)):
+            mistakes.add(f"{home}.{name}", wrong, involves=needs)
+    for key, most in (("sample.realizations", STREAMS), ("scene.particles", STREAM_PARTICLES)):
+        number = sizes.get(key, 0)
+        if homes and number > most:
+            rule = f"with noise it must be at most {most}, for which there are random numbers"
+            mistakes.add(key, rule, number)
+
+
+def noise_homes(numbers: Table, sample: Table, varied: Collection[str]) -> dict[str, str]:
+    """Return the noise that is given, other than zero, each with the table that gives it."""
+    on = [name for name in NOISE if name in varied or numbers.get(name, 0.0) != 0.0]
+    return {name: "sample" if name in sample or name in varied else "scene" for name in on}
 
 
 def check_forcing(scene: Table, sample: Table, mistakes: Mistakes) -> None:
@@ -259,6 +288,8 @@ def record(
     involved = [f"{t}.{name}" for t in tables for name in ("base", *OF_MOUNT)]
     for name, text in mount_mistakes(base, found).items():
         mistakes.add(f"record.{name}", text, involves=involved)
+    homes = dict.fromkeys(noise_homes(found, {}, ()), "record")
+    check_noise(own, homes, {}, mistakes)
     if base == SPRUNG:
         found = {"mount_damping": MOUNT["mount_damping"].default, **found}
     return {**own, "inputs": inputs_in(found), "given": frozenset(found)}
@@ -274,6 +305,7 @@ def check_extremes(
     """
     ends: dict[str, tuple[float, ...]] = {name: (value,) for name, value in scene.inputs.items()}
     ends |= {name: tuple(sorted({*spread.ends})) for name, spread in sampled.items()}
+    ends = {name: values for name, values in ends.items() if name not in NOISE}
     corners = np.array([*itertools.product(*ends.values())]).T
     values = completed(dict(zip(ends, corners, strict=True)), scene.waveform)
     # the phase does not affect the number of periods

@@ -20,7 +20,7 @@ from vibrosweep.model.forcing import (
     inputs_of,
     only_parameters,
 )
-from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, STAGGERED
+from vibrosweep.model.parameters import HIGH_BOUNCE, LAWS, NOISE, STAGGERED, STREAM
 from vibrosweep.model.scene_measures import Measures
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.model.times import Periods, Time, amount, in_seconds
@@ -53,6 +53,7 @@ class Scene:
     # for a sprung base only.  The engine takes arrays of all parameters instead.
     inputs: Mapping[str, float] = field(default_factory=dict)
     given: frozenset[str] = frozenset()  # names of the inputs that were stated
+    noise_seed: int = 0
 
     def __post_init__(self) -> None:
         wrong = refusal(self.base, law=self.rebound)
@@ -106,18 +107,31 @@ class Scene:
 
         There are as many realizations as values of a varying input, or `size`. The result holds the
         stated inputs, all of `vibrosweep.model.parameters.PARAMETERS`, of a sprung base also of
-        `vibrosweep.model.parameters.MOUNT`, and the acceleration of the base.
+        `vibrosweep.model.parameters.MOUNT`, the acceleration of the base, and with noise the stream
+        of each realization, by default its index.
         """
         size = size or max((values.size for values in varied.values()), default=1)
-        others = [name for name in (*varied, *self.given) if name not in FORCINGS]
+        others = [name for name in (*varied, *self._given) if name not in FORCINGS]
         names = inputs_of([self.forcing(varied), *others], self.base)
-        return completed(
+        found = completed(
             {
                 n: np.ascontiguousarray(varied[n]) if n in varied else np.full(size, self.inputs[n])
                 for n in names
             },
             self.waveform,
         )
+        if self.noise(varied):
+            found[STREAM] = varied.get(STREAM, np.arange(size, dtype=np.float64))
+        return found
+
+    @property
+    def _given(self) -> list[str]:
+        """Names of the inputs that are no defaults, nor a noise of zero."""
+        return [name for name in self.given if name not in NOISE or self.inputs.get(name) != 0.0]
+
+    def noise(self, varied: Collection[str] = ()) -> tuple[str, ...]:
+        """Names of `vibrosweep.model.parameters.NOISE` that are on, where some inputs vary."""
+        return tuple(name for name in NOISE if name in (*varied, *self._given))
 
     def parameters(self, varied: Mapping[str, Array], size: int = 0) -> dict[str, Array]:
         """Parameters of these realizations for the engine, each of shape (realization,)."""
@@ -136,7 +150,9 @@ class Scene:
     def varying(self, varied: Collection[str]) -> tuple[str, ...]:
         """Names of quantities that differ between realizations: varying inputs, and others."""
         times = [name for name, time in self.times.items() if isinstance(time, Periods)]
-        found = differing(varied, self.forcing(varied))
+        inputs = [name for name in varied if name != STREAM]
+        found = differing(inputs, self.forcing(varied))
+        found = (*found, STREAM) if self.noise(varied) else found
         return (*found, *times) if "frequency" in varied else found
 
 

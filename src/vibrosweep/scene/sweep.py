@@ -21,7 +21,7 @@ from vibrosweep.scene.keys import Tables, read_tables
 from vibrosweep.scene.scene import Scene
 
 # Fields of a scene that [record] takes from [scene], beside the inputs
-SHARED: Final = ("particles", "launch", "duration", "rebound", "base", "waveform")
+SHARED: Final = ("particles", "launch", "duration", "rebound", "base", "waveform", "noise_seed")
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,8 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     base = own["base"]
     rules.check_mount(base, scene, sample, mistakes)
     measures = Measures(**tables.get("measure", {}))
-    rules.check_measures(base, measures, mistakes)
+    noise = rules.noise_homes(numbers, sample, varied)
+    rules.check_measures(base, noise, measures, mistakes)
     # one forcing only, also where two were reported
     forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
     given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]
@@ -161,6 +162,8 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
         known = varied if rules.kind(sample) != TABLE or columns is not None else None
         recorded = rules.record(tables["record"], own, values, known, mistakes)
     realizations = rules.realizations(sample, sampled, mistakes)
+    asked = {"sample.realizations": realizations or 0, "scene.particles": own["particles"]}
+    rules.check_noise(own, noise, asked, mistakes)
     refuse(mistakes)
     fixed = {
         name: value

@@ -57,10 +57,13 @@ __all__ = [
     "pending",
     "prepare",
     "put",
+    "random",
     "rebound",
     "reverses",
     "speed",
     "take",
+    "wake",
+    "wake_lanes",
 ]
 
 Base = Any  # an empty named tuple: its type is what numba compiles for
@@ -195,6 +198,30 @@ def leave(fixed: Constants, x: float, u: float) -> float:
 @generic
 def speed(fixed: Constants, x: float, u: float) -> float:
     """Absolute speed of a particle that leaves phase x with speed u."""
+
+
+@generic
+def random(fixed: Constants, particle: float, number: float, n: float, x: float) -> Constants:
+    """Constants of one impact, at (n, x), with what is random in it.
+
+    It is that of a particle whose impacts are counted from 0.
+    """
+
+
+@generic
+def wake(fixed: Constants, n: float, x: float, origin: float) -> tuple[float, float]:
+    """Return when a particle is lifted that rests from (n, x) on, where `lift_off` has not.
+
+    Whole periods count from `origin`; they are NaN where no lift-off is found.
+    """
+
+
+@generic
+def wake_lanes(base: Base, s: Floats, lanes: int) -> None:
+    """Wake those of the first lanes that have come to rest in this pass, as `wake` does.
+
+    Where it finds no lift-off, the age becomes infinite.
+    """
 
 
 @generic

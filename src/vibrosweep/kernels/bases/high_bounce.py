@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels import bases
+from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import Floats, implements, jit
 from vibrosweep.kernels.bases import Counted, Flight, Jacobian, error_bounds
 from vibrosweep.kernels.bases.error_bounds import Spread
@@ -33,6 +33,7 @@ from vibrosweep.kernels.laws import (
     speed_after,
     speed_rounding,
 )
+from vibrosweep.kernels.noise import SILENT, STILL, Draw, Noise, Source
 from vibrosweep.kernels.rounding import HALF_ULP, KICK_ERROR, REST_ERROR, SMALLEST
 from vibrosweep.kernels.waveforms import (
     LiftOffs,
@@ -63,6 +64,7 @@ class HighBounce(NamedTuple):
 
     law: Law
     waveform: Shape = Sine()
+    noise: Noise | None = None
 
 
 class Constants(NamedTuple):
@@ -78,14 +80,19 @@ class Constants(NamedTuple):
     x_lift: LiftOffs
     wait: float
     u_lift: float
+    # source, draw: noise of the realization, and of one impact
+    source: Source
+    draw: Draw
 
 
 @implements(bases.constants, HighBounce)
 def constants_high_bounce(base: HighBounce, problem: Dimensionless, i: int) -> Constants:
-    a, r = problem.kick[i], problem.rest_flight[i]
-    wait, u_lift = (0.0, r) if a * peak_of(base.waveform) > r else (np.inf, 0.0)
+    e, a, r = problem.restitution[i], problem.kick[i], problem.rest_flight[i]
+    source = noise.source_of(problem.noise, problem.end_count, i)
+    peak = noise.strongest(base.noise, a * peak_of(base.waveform), source)
+    wait, u_lift = (0.0, r) if peak > r else (np.inf, 0.0)
     x_lift = lift_offs(base.waveform, a, r, problem.liftoff_phase[i])
-    return Constants(base, problem.restitution[i], a, r, x_lift, wait, u_lift)
+    return Constants(base, e, a, r, x_lift, wait, u_lift, source, STILL)
 
 
 @implements(bases.put, Constants)
@@ -100,7 +107,9 @@ def put_high_bounce(fixed: Constants, s: Floats, j: int) -> None:
 def take_high_bounce(base: HighBounce, s: Floats, j: int) -> Constants:
     row = ROW.CONSTANTS + j
     e, a, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
-    return Constants(base, e, a, r, take_phases(base.waveform, s, j), 0.0, s[row + 4 * STRIDE])
+    draw, x_lift = noise.drawn_in(base.noise, s, j), take_phases(base.waveform, s, j)
+    a = noise.driven(base.noise, a, draw.drive)
+    return Constants(base, e, a, r, x_lift, 0.0, s[row + 4 * STRIDE], SILENT, draw)
 
 
 @implements(bases.fly, Constants)
@@ -170,7 +179,11 @@ def lowest_high_bounce(base: HighBounce, problem: Dimensionless) -> Floats | Non
 
 @bases.lifts.register(HighBounce)
 def lifts_high_bounce(base: HighBounce, problem: Dimensionless) -> NDArray[np.bool_]:
-    return problem.kick * peak_of(base.waveform) > problem.rest_flight
+    drive = None if problem.noise is None else problem.noise.drive
+    strongest_kick = problem.kick * peak_of(base.waveform)
+    if drive is not None:
+        strongest_kick = strongest_kick * (1.0 + noise.LARGEST * drive)
+    return strongest_kick > problem.rest_flight
 
 
 @implements(bases.leave, Constants)
@@ -185,7 +198,7 @@ def speed_high_bounce(fixed: Constants, x: float, u: float) -> float:
 
 @implements(bases.rebound, Constants)
 def rebound_high_bounce(fixed: Constants, x: float, v: float) -> float:
-    return speed_after(fixed.base.law, fixed.e, v, _kick(fixed, x))
+    return speed_after(fixed.base.law, _restitution(fixed), v, _kick(fixed, x))
 
 
 @implements(bases.lift_off, Constants)
@@ -194,13 +207,11 @@ def lift_off_high_bounce(
 ) -> tuple[float, float, float, bool]:
     leaves = w > fixed.r
     x_lift, carry = next_lift_off(fixed.base.waveform, fixed.x_lift, x)
-    later = n + (fixed.wait + carry)
-    return (
-        n if leaves else later,
-        x if leaves else x_lift,
-        w if leaves else fixed.u_lift,
-        leaves,
-    )
+    known = n + (fixed.wait + carry), x_lift
+    later, x_lift = noise.lifted(fixed.base.noise, known, n + fixed.wait, x)
+    kick = fixed.a * velocity(fixed.base.waveform, x)
+    stays = not (leaves | noise.exceeds(fixed.base.noise, kick, fixed.r))
+    return later if stays else n, x_lift if stays else x, w if leaves else fixed.u_lift, leaves
 
 
 @implements(bases.after_rest, Constants)
@@ -210,7 +221,7 @@ def after_rest_high_bounce(fixed: Constants) -> tuple[float, float]:
 
 @implements(bases.lifts_alike, HighBounce)
 def lifts_alike_high_bounce(base: HighBounce) -> bool:
-    return lifts_once(base.waveform)
+    return lifts_once(base.waveform) and base.noise is None
 
 
 @implements(bases.contact_time, Constants)
@@ -219,15 +230,21 @@ def contact_time_high_bounce(fixed: Constants) -> float:
 
 
 @jit
+def _restitution(fixed: Constants) -> float:
+    return noise.slipped(fixed.base.noise, fixed.e, fixed.draw.slip)
+
+
+@jit
 def _kick(fixed: Constants, x: float) -> float:
     """Kick of an impact at phase x."""
-    return fixed.a * velocity(fixed.base.waveform, x)
+    kick = fixed.a * velocity(fixed.base.waveform, x)
+    return noise.pushed(fixed.base.noise, kick, fixed.draw.push)
 
 
 @implements(bases.jacobian, Constants)
 def jacobian_high_bounce(fixed: Constants, flight: Flight) -> Jacobian:
     x, v = flight.landing, flight.v
-    by_speed, by_kick = slopes(fixed.base.law, fixed.e, v, _kick(fixed, x))
+    by_speed, by_kick = slopes(fixed.base.law, _restitution(fixed), v, _kick(fixed, x))
     k = by_kick * kick_slope(fixed.base.waveform, fixed.a, x)
     return 1.0, 1.0, k, by_speed + k, 2.0 + abs(by_speed) + 2.0 * abs(k)
 
@@ -242,13 +259,13 @@ def jacobian_error_high_bounce(
 
 @implements(bases.reverses, Constants)
 def reverses_high_bounce(fixed: Constants, x: float, v: float) -> float:
-    by_speed, _ = slopes(fixed.base.law, fixed.e, v, _kick(fixed, x))
+    by_speed, _ = slopes(fixed.base.law, _restitution(fixed), v, _kick(fixed, x))
     return -1.0 if by_speed < 0.0 else 1.0
 
 
 @implements(bases.contraction, Constants)
 def contraction_high_bounce(fixed: Constants, v: float) -> float:
-    by_speed, _ = slopes(fixed.base.law, fixed.e, v, 0.0)
+    by_speed, _ = slopes(fixed.base.law, _restitution(fixed), v, 0.0)
     return abs(by_speed)
 
 

@@ -28,6 +28,7 @@ from vibrosweep.kernels.bases.landing_search import (
     turn,
 )
 from vibrosweep.kernels.laws import Law
+from vibrosweep.kernels.noise import SILENT, Noise, Source
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.arcsine import arcsin_turns
 from vibrosweep.model.parameters import Dimensionless
@@ -46,6 +47,7 @@ class Moving(NamedTuple):
     law: Law  # `Rest`, the only one with a meaning here
     # None where Gamma <= 1 in all realizations, so that no particle is ever lifted
     arcs: int | None = 1
+    noise: Noise | None = None
 
 
 class MovingConstants(NamedTuple):
@@ -59,6 +61,7 @@ class MovingConstants(NamedTuple):
     # Phase at which the base begins to fall faster than gravity, and a resting particle leaves it;
     # NaN where it never does
     x_lift: float
+    source: Source
 
 
 @implements(bases.constants, Moving)
@@ -72,7 +75,7 @@ def constants_moving(base: Moving, problem: Dimensionless, i: int) -> MovingCons
     elif gamma > 1.0:
         # half the angle from pi, whose sine loses nothing near Gamma = 1
         x_lift = 0.5 - 2.0 * _arcsin_turns(math.sqrt((gamma - 1.0) / (2.0 * gamma)))
-    return MovingConstants(base, e, alpha, problem.rest_flight[i], x_lift)
+    return MovingConstants(base, e, alpha, problem.rest_flight[i], x_lift, SILENT)
 
 
 @implements(bases.fly, MovingConstants)
@@ -105,6 +108,23 @@ def lift_off_moving(
     leaves = (w > fixed.r) | (abs(x) > fixed.x_lift)
     later = n if fixed.x_lift > 0.0 else np.inf
     return n if leaves else later, x if leaves else fixed.x_lift, w if leaves else 0.0, leaves
+
+
+@implements(bases.random, MovingConstants)
+def random_moving(
+    fixed: MovingConstants, particle: float, number: float, n: float, x: float
+) -> MovingConstants:
+    return fixed
+
+
+@implements(bases.wake, MovingConstants)
+def wake_moving(fixed: MovingConstants, n: float, x: float, origin: float) -> tuple[float, float]:
+    return n, x
+
+
+@implements(bases.wake_lanes, Moving)
+def wake_lanes_moving(base: Moving, s: Floats, lanes: int) -> None:
+    pass
 
 
 @implements(bases.after_rest, MovingConstants)
