@@ -21,6 +21,7 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import TrackError
 from vibrosweep.figures.laboratory import errors_by_case, fitted_track
 from vibrosweep.figures.registry import save_formats
+from vibrosweep.figures.style import for_file
 from vibrosweep.lab.camera import Camera
 from vibrosweep.lab.compare import compare
 from vibrosweep.lab.estimation import estimate
@@ -300,7 +301,9 @@ def imperfect(figures, duration):
     print("\n".join(f"- {line}" for line in verdict(study)))
     if figures:
         save_formats(
-            imperfections(study, "flight", "sign_change"), figures, "laboratory_imperfections"
+            for_file(imperfections, study, "flight", "sign_change"),
+            figures,
+            "laboratory_imperfections",
         )
     return True
 
@@ -321,7 +324,9 @@ def cases(figures, duration):
             table = compare(recordings, how, workers)
             print(f"\n{method}\n\n```\n" + "\n".join(table_lines(table)) + "\n```")
             if figures:
-                save_formats(errors_by_case(table), figures, f"laboratory_table4_{method}")
+                save_formats(
+                    for_file(errors_by_case, table), figures, f"laboratory_table4_{method}"
+                )
     return True
 
 
@@ -330,7 +335,7 @@ def drawn(figures):
     for name, stem in (("locked, 23 Hz", "locked"), ("irregular, 20 Hz, e = 0.85", "irregular")):
         plan = Experiment(**SCENES[name], particles=3, repeats=1, duration=30.0)
         tracks = perform_trials(plan)[0].tracks
-        figure = fitted_track(flights_of(tracks, fit_tracks(tracks, G, LEVEL)))
+        figure = for_file(fitted_track, flights_of(tracks, fit_tracks(tracks, G, LEVEL)))
         save_formats(figure, figures, f"laboratory_track_{stem}")
     return True
 

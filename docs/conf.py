@@ -42,6 +42,7 @@ extensions = [
 exclude_patterns = ["build"]
 default_role = "py:obj"
 nitpicky = False
+doctest_global_cleanup = "import matplotlib.pyplot; matplotlib.pyplot.close('all')"
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3

@@ -49,6 +49,7 @@ from study.verdict import (
     number,
 )
 from vibrosweep import simulate, theory
+from vibrosweep.figures.style import for_file
 
 # Launches nearly at once, s
 NEAR: Final = 1e-6
@@ -78,7 +79,7 @@ def synchronous(plan: Plan) -> Outcome:
                 "Separation of pairs (N = 2) launched 1 µs apart, in the last 10 s of 600 s, "
                 "against the amplitude A, with the study's equations (law rest), e 0.80 to 0.98, "
                 "f = 1 Hz: below the dashed line they have approached each other.",
-                fates(pictured, NEAR),
+                for_file(fates, pictured, NEAR),
             )
         ],
     )

@@ -25,6 +25,7 @@ from study.samples import (
 )
 from study.verdict import Check, Evidence, Number, Outcome, Picture, Reading, check, number
 from vibrosweep.analysis import order_against_chance, separations_against_chance
+from vibrosweep.figures.style import for_file
 
 # From when to when landings count, s
 WINDOW: Final = (50.0, 150.0)
@@ -63,7 +64,7 @@ def repulsion(plan: Plan) -> Outcome:
                 "with the phases found; e 0.80 to 0.98, A 4 to 12 m/s, f = 1 Hz, N = 5 and 20; the "
                 "study's equations under the law reflect, and a moving base. The black curve is "
                 "chance; repulsion would lie below it.",
-                distributions_of_z({name: _known(each) for name, each in curves.items()}),
+                for_file(distributions_of_z, {name: _known(each) for name, each in curves.items()}),
             )
         ],
     )

@@ -49,6 +49,7 @@ from study.verdict import (
 from vibrosweep import simulate, theory
 from vibrosweep.analysis import crossings, separation_distribution, slot_decay
 from vibrosweep.figures import decay_in_a_slot, separation_distributions
+from vibrosweep.figures.style import for_file
 
 DURATIONS: Final = (12.0, 120.0, 1200.0)
 MEASURES: Final = {
@@ -81,7 +82,8 @@ def separation_stays_positive(plan: Plan) -> Outcome:
                 "realizations of the study's equations (law rest), e 0.80 to 0.98, A 0.2 to 3.5 "
                 "m/s, f = 1 Hz, for three times of observation; the step at the left edge are "
                 "those with dt_min = 0. Claim 24 has them in units of chance.",
-                separation_distributions(
+                for_file(
+                    separation_distributions,
                     [separation_distribution(s) for s in sweeps],
                     [f"{t:g} s" for t in DURATIONS],
                     TAU_C,
@@ -92,7 +94,7 @@ def separation_stays_positive(plan: Plan) -> Outcome:
                 "Separation of N = 2 particles in one slot at each impact, with the study's "
                 "equations (law rest) at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz), and the decay "
                 "that the multipliers predict.",
-                decay_in_a_slot(_slot_decay(plan, high_bounce)),
+                for_file(decay_in_a_slot, _slot_decay(plan, high_bounce)),
             ),
         ],
     )
@@ -198,7 +200,7 @@ def heights_differ(plan: Plan) -> Outcome:
                 "claim11_crossings",
                 "Heights of N = 2 particles with the study's equations (law rest) at Table 1 (e = "
                 "0.9, A = 1.2 m/s, f = 1 Hz); circles mark where they are at one height.",
-                heights_and_crossings(few, crossings(few)),
+                for_file(heights_and_crossings, few, crossings(few)),
             )
         ],
     )

@@ -32,6 +32,7 @@ from study.verdict import (
 )
 from vibrosweep import simulate, theory
 from vibrosweep.analysis import energy_balance, return_map
+from vibrosweep.figures.style import for_file
 
 RESTITUTIONS: Final = (0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99)
 # Landing times up to 1e5 s are rounded to 1e-11 s, and their phase enters the kick
@@ -57,7 +58,7 @@ def decay(plan: Plan) -> Outcome:
                 "Energy of a particle (N = 1) at e = 0.9 without excitation (A = 0, where f, law "
                 "and motion of the base do not enter): a straight line against the number of "
                 "impacts (left), not against time (right).",
-                energy_decay(pictured),
+                for_file(energy_decay, pictured),
             )
         ],
     )
@@ -137,7 +138,7 @@ def balance(plan: Plan) -> Outcome:
                 "of its landings that end in a rest, with the study's equations (law rest), e "
                 "0.80 to 0.98, A 0.2 to 3.5 m/s, f = 1 Hz: without rests what is left is the "
                 "effect of the ends of the window.",
-                balance_against_rests(energy_balance(record, since=30.0)),
+                for_file(balance_against_rests, energy_balance(record, since=30.0)),
             )
         ],
     )

@@ -35,6 +35,7 @@ from study.verdict import (
 )
 from vibrosweep import sobol, theory
 from vibrosweep.figures import height_against_restitution, sobol_bars
+from vibrosweep.figures.style import for_file
 
 FLAT: Final = 0.1
 GROUPS: Final = 5
@@ -83,20 +84,20 @@ def plateau(plan: Plan) -> Outcome:
                 "claim07_from_launch",
                 "Maximum rebound height of N = 20 staggered particles in the first 12 s against "
                 "e, the study's equations (law rest), A = 1.2 m/s, f = 1 Hz.",
-                height_against_restitution(early),
+                for_file(height_against_restitution, early),
             ),
             Picture(
                 "claim07_steady",
                 "The same from 900 s to 1000 s (N = 20, the study's equations, law rest, A = 1.2 "
                 "m/s, f = 1 Hz), against e.",
-                height_against_restitution(late),
+                for_file(height_against_restitution, late),
             ),
             Picture(
                 "claim07_sobol_indices",
                 "Sobol' indices of four measures of N = 5 staggered particles in 12 s, the study's "
                 "equations (law rest), e 0.80 to 0.98, A 0.2 to 3.5 m/s, f = 0.9 to 1.1 Hz, with "
                 "95 % intervals: alone (dark) and with all interactions (light).",
-                sobol_bars(indices),
+                for_file(sobol_bars, indices),
             ),
         ],
     )

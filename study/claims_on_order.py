@@ -50,6 +50,7 @@ from study.verdict import (
 )
 from vibrosweep import basins, simulate, theory
 from vibrosweep.analysis import capacity, first_shared_base, order_of_landings, separation_changes
+from vibrosweep.figures.style import for_file
 
 # Impacts in which an offset of 1 ms falls below 1e-9 s at e = 0.98, by sqrt(e) each
 SETTLED: Final = 1400
@@ -87,7 +88,7 @@ def preserved(plan: Plan) -> Outcome:
                 "Separations of N = 3 particles launched 25 ms apart, impact by impact, with the "
                 "study's equations (law rest) at Table 1 (e = 0.9, A = 1.2 m/s, f = 1 Hz); "
                 "dashed, their separations at launch.",
-                separations_in_time(table_1),
+                for_file(separations_in_time, table_1),
             )
         ],
     )

@@ -13,6 +13,7 @@ from study.rk4 import CONTACT, rk4
 from study.samples import Plan
 from study.verdict import Evidence, Outcome, Picture, Reading, check, number
 from vibrosweep import PARAMETERS, simulate, theory
+from vibrosweep.figures.style import for_file
 
 STEP: Final = 1e-3
 STEPS: Final = (4e-3, 2e-3, STEP, 5e-4, 1e-4, 1e-5)
@@ -91,7 +92,8 @@ def _picture(errors: dict[float, xr.DataArray], bouncing: np.ndarray[Any, Any]) 
         "Error of the landing times of those of N = 20 staggered particles that do not rest in "
         "12 s, seen at the next step, for four steps; the study's equations (law rest) at Table 1 "
         "(e = 0.9, A = 1.2 m/s, f = 1 Hz).",
-        errors_in_time(
+        for_file(
+            errors_in_time,
             [errors[h].isel(particle=bouncing) for h in SHOWN],
             [f"{1e3 * h:g} ms" for h in SHOWN],
         ),

@@ -28,6 +28,7 @@ from study.verdict import (
 from vibrosweep import Regime, simulate, theory
 from vibrosweep.analysis import slot_decay
 from vibrosweep.figures import return_map
+from vibrosweep.figures.style import for_file
 
 ABOVE: Final = 1.01  # just above the window, relative to its upper end
 SHORT: Final = 0.2  # s
@@ -47,7 +48,7 @@ def linearised_update(plan: Plan) -> Outcome:
                 "Factor by which a small offset from the locked orbit of mode 1 changes per impact "
                 "against A (e = 0.9, f = 1 Hz, N = 2, the study's equations, law rest): measured, "
                 "from the full multipliers, and from the update without the timing term.",
-                decay_per_impact(0.9, fitted),
+                for_file(decay_per_impact, 0.9, fitted),
             )
         ],
     )
@@ -130,7 +131,7 @@ def period_two(plan: Plan) -> Outcome:
                 "study's equations, law rest. Late points, "
                 "darker, are those of the locked orbit (on the diagonal) and of the orbit that "
                 "rests once in each period.",
-                return_map(pictured),
+                for_file(return_map, pictured),
             )
         ],
     )

@@ -39,6 +39,7 @@ from study.verdict import (
 from vibrosweep import Regime, theory
 from vibrosweep import windows as find_windows
 from vibrosweep.figures import parameter_plane
+from vibrosweep.figures.style import for_file
 
 # Orbits at e = 0.98 settle to the last bit, by sqrt(e) per impact, in half this time, s
 HORIZON: Final = 8000.0
@@ -77,7 +78,7 @@ def windows(plan: Plan) -> Outcome:
                 "Share of N = 20 staggered launches that end on a locked orbit, with the study's "
                 "equations (law rest), e 0.5 to 0.98, A 0.1 to 4 m/s, f = 1 Hz, and the "
                 "closed-form ends of the windows of modes 1 to 3.",
-                parameter_plane(plane, variable="locked_share"),
+                for_file(parameter_plane, plane, variable="locked_share"),
             )
         ],
     )
@@ -235,7 +236,7 @@ def strong_excitation(plan: Plan) -> Outcome:
                 "equations under both laws of rebound: 200 realizations of N = 1, e 0.80 to 0.98, "
                 "A 4 to 12 m/s, f = 1 Hz, followed for 10^6 s; the time at risk of all over the "
                 "number of rests. The second rest closes the cycle.",
-                times_to_rest(taus, each, FOLLOWED_FOR),
+                for_file(times_to_rest, taus, each, FOLLOWED_FOR),
             )
         ],
     )

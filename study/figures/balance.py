@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from vibrosweep.figures import style
 
@@ -15,13 +17,14 @@ if TYPE_CHECKING:
 
 
 @style.styled
-def energy_decay(record: xr.Dataset) -> Figure:
+def energy_decay(
+    record: xr.Dataset, *, ax: Sequence[Axes] | NDArray[np.object_] | None = None
+) -> NDArray[np.object_]:
     """Draw the energy after each impact, of the first particle, against number and time."""
     one = record.isel(realization=0, particle=0)
     speed = one["rebound_velocity"].values
     energy = (speed / float(one["launch_velocity"])) ** 2
-    figure = Figure(figsize=(style.PAGE, 2.6), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
+    left, right = panels = style.panels_on(ax, style.PAGE, 2.6, [[0, 1]], sharey=True)
     number = np.arange(1, energy.size + 1)
     for axes, x, label in (
         (left, number, "impact"),
@@ -42,11 +45,11 @@ def energy_decay(record: xr.Dataset) -> Figure:
     )
     style.head(right, "")
     left.set_ylabel("energy over that of the launch")
-    return figure
+    return panels
 
 
 @style.styled
-def balance_against_rests(balance: xr.Dataset) -> Figure:
+def balance_against_rests(balance: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the relative imbalance of each particle against its share of landings with a rest.
 
     From the result of `vibrosweep.analysis.energy_balance`.
@@ -55,7 +58,7 @@ def balance_against_rests(balance: xr.Dataset) -> Figure:
     some = count > 0
     rests = balance["rests"].values.ravel()[some] / count[some]
     relative = (balance["balance"].values / balance["mean_loss"].values).ravel()[some]
-    figure, axes = style.new_figure(style.MEDIUM, 2.8)
+    axes = style.axes_on(ax, style.MEDIUM, 2.8)
     for chosen, colour, name in (
         (rests == 0.0, style.OKABE_ITO[0], "no rests"),
         (rests > 0.0, style.OKABE_ITO[1], "with rests"),
@@ -76,4 +79,4 @@ def balance_against_rests(balance: xr.Dataset) -> Figure:
     axes.set_xlabel("share of landings that end in a rest")
     axes.set_ylabel(r"$(\langle U \rangle - (1-e)\langle v \rangle) / (1-e)\langle v \rangle$")
     style.head(axes, "")
-    return figure
+    return axes

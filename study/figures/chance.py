@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 from vibrosweep.figures import style
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 @style.styled
-def distributions_of_z(found: Mapping[str, xr.Dataset]) -> Figure:
+def distributions_of_z(found: Mapping[str, xr.Dataset], *, ax: Axes | None = None) -> Axes:
     """Draw distributions of z = Lambda dt_min and that of chance, by the names of the samples.
 
     From results of `vibrosweep.analysis.order_against_chance`.
     """
-    figure, axes = style.new_figure(style.MEDIUM, 2.9)
+    axes = style.axes_on(ax, style.MEDIUM, 2.9)
     for (name, one), colour in zip(found.items(), style.colours(len(found)), strict=True):
         z = np.sort(one["dt_min_over_chance"].values)
         label = f"{name}: {z.size} realizations"
@@ -32,4 +32,4 @@ def distributions_of_z(found: Mapping[str, xr.Dataset]) -> Figure:
     axes.set_xlabel(r"$z = \Lambda\,\Delta t_{\mathrm{min}}$")
     axes.set_ylabel("fraction of realizations\nwith at most this")
     style.head(axes, "", columns=1)
-    return figure
+    return axes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 from vibrosweep.figures import height_time, style
 
@@ -13,10 +13,9 @@ if TYPE_CHECKING:
 
 
 @style.styled
-def heights_and_crossings(record: xr.Dataset, found: xr.Dataset) -> Figure:
+def heights_and_crossings(record: xr.Dataset, found: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw heights against time and a circle on every crossing that was found in a record."""
-    figure = height_time(record)
-    axes = figure.axes[0]
+    axes = height_time(record, ax=ax)
     axes.plot(
         found["time"].values,
         found["height"].values,
@@ -30,4 +29,4 @@ def heights_and_crossings(record: xr.Dataset, found: xr.Dataset) -> Figure:
         zorder=3,
     )
     style.head(axes, "", columns=5)
-    return figure
+    return axes

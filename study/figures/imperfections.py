@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from vibrosweep.figures import style
 
@@ -16,7 +18,13 @@ LARGEST_SHOWN: Final = 30.0  # per cent
 
 
 @style.styled
-def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
+def imperfections(
+    study: xr.Dataset,
+    reading: str,
+    procedure: str,
+    *,
+    ax: Sequence[Axes] | NDArray[np.object_] | None = None,
+) -> NDArray[np.object_]:
     """Draw the errors that each imperfection makes by itself, in every case.
 
     From the result of `study.table4.study_imperfections`, by one reading and procedure.  Bars are
@@ -29,8 +37,8 @@ def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
         )
     ]
     rows = np.arange(len(names))[::-1]
-    figure = Figure(figsize=(style.PAGE, 0.19 * len(names) + 1.0), layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
+    height = 0.19 * len(names) + 0.8
+    panels = style.panels_on(ax, style.PAGE, height, [[0, 1]], sharey=True)
     for axes, q in zip(panels, ("height", "period"), strict=True):
         low, high = study.attrs[f"study_{q}"]
         axes.axvspan(low, high, color="0.9")
@@ -61,7 +69,5 @@ def imperfections(study: xr.Dataset, reading: str, procedure: str) -> Figure:
         axes.tick_params(axis="y", length=0)
         axes.grid(axis="y", linewidth=0.3, color="0.85")
         axes.set_title(f"shaded: study, {low:g} to {high:g} %")
-    # one legend for both panels: above each there is no room for it
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
-    return figure
+    panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))  # one for both panels
+    return panels

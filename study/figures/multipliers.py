@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 from vibrosweep import theory
 from vibrosweep.figures import style
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @style.styled
-def decay_per_impact(restitution: float, measured: xr.Dataset) -> Figure:
+def decay_per_impact(restitution: float, measured: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the modulus of the leading multiplier of mode 1 at 1 Hz against the amplitude.
 
     What was measured has the dim ``amplitude`` (m s-1) and the variable ``modulus_fitted``.
@@ -23,7 +23,7 @@ def decay_per_impact(restitution: float, measured: xr.Dataset) -> Figure:
     low, high = (float(end(1, restitution)) for end in (theory.amplitude_min, theory.amplitude_max))
     amplitude = np.linspace(low, 1.15 * high, 600)
     modulus = np.abs(theory.multipliers(1, restitution, amplitude)).max(axis=-1)
-    figure, axes = style.new_figure(style.MEDIUM, 2.9)
+    axes = style.axes_on(ax, style.MEDIUM, 2.9)
     axes.plot(amplitude, modulus, color=style.OKABE_ITO[0], label="full multipliers")
     axes.axhline(
         restitution,
@@ -54,4 +54,4 @@ def decay_per_impact(restitution: float, measured: xr.Dataset) -> Figure:
     axes.set_xlabel("amplitude $A$ (m s$^{-1}$)")
     axes.set_ylabel("change per impact")
     style.head(axes, "")
-    return figure
+    return axes

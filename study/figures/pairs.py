@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from vibrosweep.figures import style
@@ -19,14 +19,14 @@ PARTNERS: Final = len(style.OKABE_ITO)  # that colours tell apart
 
 
 @style.styled
-def separations_in_time(record: xr.Dataset) -> Figure:
+def separations_in_time(record: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the separation of particles from the first one, at each impact number.
 
     Of more than `PARTNERS` only the first are drawn, and the heading says so.
     """
     one = record.isel(realization=0)
     times = one["landing_time"].values
-    figure, axes = style.new_figure(style.PAGE, 2.5)
+    axes = style.axes_on(ax, style.PAGE, 2.5)
     number = np.arange(1, times.shape[1] + 1)
     partners = times.shape[0] - 1
     for i, colour in zip(range(1, partners + 1), style.OKABE_ITO, strict=False):
@@ -50,11 +50,11 @@ def separations_in_time(record: xr.Dataset) -> Figure:
     )
     scene = f"$e$ = {restitution:.4g}, $A$ = {amplitude:.4g} m s$^{{-1}}$, $f$ = {frequency:.4g} Hz"
     style.head(axes, scene + rest)
-    return figure
+    return axes
 
 
 @style.styled
-def fates(sweep: xr.Dataset, launched: float) -> Figure:
+def fates(sweep: xr.Dataset, launched: float, *, ax: Axes | None = None) -> Axes:
     """Draw the smallest separation of pairs late in the observation against the amplitude.
 
     The sweep is of two particles, launched so many s apart, with separations, regimes and a late
@@ -63,7 +63,7 @@ def fates(sweep: xr.Dataset, launched: float) -> Figure:
     dt = sweep["dt_min"].values
     amplitude = sweep["amplitude"].values
     elsewhere = (sweep["unsettled_count"] + sweep["aperiodic_count"]).values > 0
-    figure, axes = style.new_figure(style.MEDIUM, 3.0)
+    axes = style.axes_on(ax, style.MEDIUM, 3.0)
     for chosen, colour, name in (
         (~elsewhere, style.OKABE_ITO[0], "recurrent orbits"),
         (elsewhere, style.OKABE_ITO[1], "not recurrent so far"),
@@ -88,4 +88,4 @@ def fates(sweep: xr.Dataset, launched: float) -> Figure:
     axes.set_xlabel("amplitude $A$ (m s$^{-1}$)")
     axes.set_ylabel("smallest separation (s)")
     style.head(axes, "")
-    return figure
+    return axes

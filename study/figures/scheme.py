@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 from vibrosweep.figures import style
 
@@ -14,12 +14,14 @@ if TYPE_CHECKING:
 
 
 @style.styled
-def errors_in_time(errors: Sequence[xr.DataArray], names: Sequence[str]) -> Figure:
+def errors_in_time(
+    errors: Sequence[xr.DataArray], names: Sequence[str], *, ax: Axes | None = None
+) -> Axes:
     """Draw absolute errors against the exact landing times, one colour for each step.
 
     Errors have the dims (particle, impact), in s, and a coordinate ``landing_time`` (s).
     """
-    figure, axes = style.new_figure(style.MEDIUM, 3.0)
+    axes = style.axes_on(ax, style.MEDIUM, 3.0)
     for one, name, colour in zip(errors, names, style.colours(len(names)), strict=True):
         axes.plot(
             one["landing_time"].values.T.ravel(),
@@ -35,4 +37,4 @@ def errors_in_time(errors: Sequence[xr.DataArray], names: Sequence[str]) -> Figu
     axes.set_xlabel("landing time (s)")
     axes.set_ylabel("error of landing time (s)")
     style.head(axes, "")
-    return figure
+    return axes

@@ -65,7 +65,7 @@ def test_imperfections_are_rows():
         },
         attrs={"study_height": (3.8, 7.1), "study_period": (2.9, 6.0), "repeats": 4},
     )
-    figure = imperfections(study, "flight", "fit")
+    figure = imperfections(study, "flight", "fit")[0].figure
     axes = figure.axes[0]
     assert [t.get_text() for t in axes.get_yticklabels()] == ["pixel 0.0001 m", "scale error 0.05"]
     # what exceeds the axis stands at its end, which says so

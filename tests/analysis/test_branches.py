@@ -10,6 +10,7 @@ import vibrosweep as vs
 from vibrosweep.analysis.branches import summary
 from vibrosweep.errors import ParameterError, SpecError
 from vibrosweep.figures import orbit_boundaries, orbit_branches, parameter_plane
+from vibrosweep.figures.style import for_file
 
 SADDLE_NODE, DOUBLING, GRAZING = 0, 1, 2
 GRAVITY, FREQUENCY = 9.81, 1.0
@@ -154,7 +155,7 @@ def test_no_orbit_gives_no_branch():
     found = vs.branches(restitution=0.5, amplitude=[0.01, 0.02])
     assert found.sizes["branch"] == 0
     assert list(summary(found)) == ["no orbit was found"]
-    assert isinstance(orbit_branches(found), Figure)
+    assert for_file(orbit_branches, found).axes
 
 
 def test_bad_input_is_refused_with_its_range():
@@ -177,10 +178,11 @@ def test_bad_input_is_refused_with_its_range():
 
 def test_figures_show_branches_and_curves_alone_and_over_a_sweep():
     branches = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], doublings=2, base="moving")
-    assert isinstance(orbit_branches(branches), Figure)
+    assert orbit_branches(branches, ax=Figure().add_subplot()).lines
     curves = vs.boundaries(restitution=[0.8, 0.9], amplitude=[0.5, 3.5])
     plane = vs.sweep(restitution=[0.8, 0.85, 0.9], amplitude=[0.5, 2.0, 3.5])
-    before = len(parameter_plane(plane).axes[0].lines)
-    drawn = orbit_boundaries(curves, sweep=plane).axes[0]
+    before = len(parameter_plane(plane, ax=Figure().add_subplot()).lines)
+    drawn = orbit_boundaries(curves, sweep=plane, ax=Figure().add_subplot())
     assert len(drawn.lines) == before + 2 * curves.sizes["curve"]
-    assert len(orbit_boundaries(curves).axes[0].lines) == 2 * curves.sizes["curve"]
+    alone = orbit_boundaries(curves, ax=Figure().add_subplot())
+    assert len(alone.lines) == 2 * curves.sizes["curve"]

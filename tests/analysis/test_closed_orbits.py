@@ -122,12 +122,13 @@ def vs_scene():
 def test_figures_show_one_point_a_line_and_a_plane(plane):
     line = plane.isel(restitution=1)
     basins = vs.basins(launch_velocity=[3.0, 4.0, 5.0], particles=4, duration=2000.0)
-    for figure in (
-        periodic_orbits(plane),
-        periodic_orbits(line),
-        periodic_orbits(line.isel(amplitude=1)),
-        periodic_orbits(line.isel(amplitude=1), basins=basins),
+    axes = Figure().add_subplot()
+    for orbits, over in (
+        (plane, None),
+        (line, None),
+        (line.isel(amplitude=1), None),
+        (line.isel(amplitude=1), basins),
     ):
-        assert isinstance(figure, Figure)
+        assert periodic_orbits(orbits, basins=over, ax=axes) is axes
     with pytest.raises(DataError, match=r"choose with \.isel\(\) along amplitude"):
         periodic_orbits(line, basins=basins)

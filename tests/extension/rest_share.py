@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import xarray as xr
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 import vibrosweep as vs
 
@@ -24,14 +24,12 @@ def lines(result: xr.Dataset) -> Iterator[str]:
     yield f"rest_share over the {result.attrs['base']} base: {share.min():.3g} to {share.max():.3g}"
 
 
-def draw(result: xr.Dataset) -> Figure:
+def draw(result: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """The share against the restitution, for ``vibrosweep figures``."""
-    figure = Figure(layout="constrained")
-    axes = figure.add_subplot(
-        xlabel="coefficient of restitution", ylabel="share of landings with a rest"
-    )
+    axes = vs.figures.style.axes_on(ax, width=5.0, height=3.0)
     axes.plot(result["restitution"], result["rest_share"], ".")
-    return figure
+    axes.set(xlabel="coefficient of restitution", ylabel="share of landings with a rest")
+    return axes
 
 
 REST_SHARE = vs.register_kind(vs.ResultKind("rest_share", "the package rest-share", lines, draw))

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib import pyplot
 
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS
@@ -161,6 +162,13 @@ def build_synthetic_sweep(count):
         },
     )
     return describe(sweep)
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    """Close the figures that a test leaves to pyplot."""
+    yield
+    pyplot.close("all")
 
 
 @pytest.fixture(scope="session")

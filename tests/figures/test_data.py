@@ -45,7 +45,7 @@ def test_a_parameter_given_per_realization_is_fixed_where_all_agree():
 def test_the_base_is_named_once_and_the_forcing_as_it_was_given():
     shared = {"amplitude": 1.0, "base_acceleration": 3.0, "frequency": 2.0}
     dataset = xr.Dataset(coords=shared, attrs={"base": "moving", "forcing": "base_acceleration"})
-    assert conditions(dataset) == r"$\Gamma$ = 3, $f$ = 2 Hz, moving base"
+    assert conditions(dataset) == r"$\Gamma$ = 3 g, $f$ = 2 Hz, moving base"
     dataset.attrs["forcing"] = "base_velocity"  # not in this dataset
     assert conditions(dataset) == "$A$ = 1 m s$^{-1}$, $f$ = 2 Hz, moving base"
 
@@ -55,14 +55,14 @@ def test_a_remark_that_fits_no_line_is_broken_after_commas():
     remark = ", ".join(parts)
     for width, lines in ((style.PAGE, 1), (style.COLUMN, 2)):
         with mpl.rc_context(style.RC):
-            figure, axes = style.new_figure(width, 2.0)
+            axes = style.axes_on(None, width, 2.0)
             axes.plot([0.0], [0.0], label="a line")
             style.head(axes, remark)
-            figure.draw_without_rendering()
+            axes.figure.draw_without_rendering()
         title = axes.get_legend().get_title()
         assert title.get_text().replace("\n", " ") == remark
         assert title.get_text().count("\n") == lines - 1
-        assert title.get_window_extent().x1 < figure.bbox.x1
+        assert title.get_window_extent().x1 < axes.figure.bbox.x1
 
 
 @pytest.mark.parametrize("name", sorted(OF_REALIZATIONS))

@@ -31,7 +31,7 @@ def bezier(points, s):
 
 def test_parabolas_begin_and_end_on_the_base_at_the_recorded_events(make_record):
     record = make_record()
-    flights = curves_of(height_time(record))
+    flights = curves_of(height_time(record).figure)
     landing = record.landing_time.values[0, 0]
     liftoff = record.liftoff_time.values[0, 0]
     # the last flight is cut by the end of the observation
@@ -71,7 +71,7 @@ def test_a_flight_cut_before_its_apex_ends_there(make_record):
     (motion,) = motions(one, STILL, 0.25)
     (flight,) = parabolas(motion, 9.81)
     assert flight[4] == pytest.approx([0.25, 5.0 * 0.25 - 9.81 * 0.25**2 / 2], rel=1e-14)
-    figure = height_time(make_record(), until=0.25)
+    figure = height_time(make_record(), until=0.25).figure
     assert figure.axes[0].get_xlim() == (0.0, 0.25)
     assert figure.axes[0].get_ylim()[1] == pytest.approx(1.05 * flight[4, 1])
 
@@ -80,7 +80,7 @@ def test_rests_are_drawn_on_the_base_from_landing_to_liftoff(make_record):
     record = make_record()
     rested = record.rested.values[0, 0] == 1
     assert rested.any()
-    drawn = np.array(rests_of(height_time(record)))
+    drawn = np.array(rests_of(height_time(record).figure))
     np.testing.assert_array_equal(drawn[:, 0, 0], record.landing_time.values[0, 0, rested])
     liftoff = np.minimum(record.liftoff_time.values[0, 0, rested], 12.0)
     np.testing.assert_array_equal(drawn[:, 1, 0], liftoff)
@@ -88,7 +88,7 @@ def test_rests_are_drawn_on_the_base_from_landing_to_liftoff(make_record):
 
 
 def test_a_particle_at_rest_for_good_stays_to_the_end(make_record):
-    (bar,) = rests_of(height_time(make_record(amplitude=0.0)))
+    (bar,) = rests_of(height_time(make_record(amplitude=0.0)).figure)
     assert bar[1, 0] == 12.0
 
 
@@ -96,21 +96,21 @@ def test_landings_are_marked_where_one_particle_is_drawn(twenty):
     def marks(figure):
         return [line for line in figure.axes[0].lines if line.get_marker() == "o"]
 
-    (line,) = marks(height_time(twenty, [0]))
+    (line,) = marks(height_time(twenty, [0]).figure)
     landing = twenty.landing_time.values[0, 0]
     np.testing.assert_array_equal(line.get_xdata(), landing[np.isfinite(landing)])
-    assert not marks(height_time(twenty))
-    assert len(marks(height_time(twenty, [3, 4], mark_landings=True))) == 2
+    assert not marks(height_time(twenty).figure)
+    assert len(marks(height_time(twenty, [3, 4], mark_landings=True).figure)) == 2
 
 
 def test_particles_and_realization_are_picked(make_record):
     record = make_record([0.0, 0.25, 0.5], restitution=np.array([0.9, 0.5]))
-    flights = curves_of(height_time(record, [2], realization=1))
+    flights = curves_of(height_time(record, [2], realization=1).figure)
     assert flights[0, 0, 0] == 0.5
     landing = record.landing_time.values[1, 2]
     landing = landing[np.isfinite(landing)]
     np.testing.assert_allclose(flights[: landing.size, 4, 0], landing)
-    names = [t.get_text() for t in height_time(record, [2, 0]).axes[0].get_legend().get_texts()]
+    names = [t.get_text() for t in height_time(record, [2, 0]).get_legend().get_texts()]
     assert names[-2:] == ["particle 0", "particle 2"]
 
 
@@ -119,7 +119,7 @@ def test_launch_times_may_differ_between_realizations(make_record):
     shifted = record.assign_coords(
         launch_time=(("realization", "particle"), np.array([[0.0, 0.25], [-1.0, 0.0]]))
     )
-    figure = height_time(shifted, realization=1)
+    figure = height_time(shifted, realization=1).figure
     assert figure.axes[0].get_xlim() == (-1.0, 12.0)
 
 
@@ -151,7 +151,7 @@ def test_the_page_of_a_long_record_ends_after_forty_periods(twenty, make_record)
 
 def test_a_particle_that_never_lands_and_one_that_is_never_launched(make_record):
     record = make_record([0.0, 3.0], duration=0.5)
-    figure = height_time(record)
+    figure = height_time(record).figure
     assert len(curves_of(figure)) == 1
     figure.canvas.draw()
 
@@ -161,7 +161,7 @@ def test_a_moving_base_is_drawn_under_the_flights(moving_record):
     one = record.isel(realization=0)
     base = base_motion(one, "test")
     assert base.displacement > 0.1
-    figure = height_time(record, mark_landings=True)
+    figure = height_time(record, mark_landings=True).figure
     axes = figure.axes[0]
     flights, landed = curves_of(figure), record.landing_time.values[0]
     whole = flights[:, 4, 0] < 12.0

@@ -34,7 +34,7 @@ def flights():
 
 
 def test_the_track_shows_samples_flights_and_landings(flights):
-    figure = fitted_track(flights)
+    figure = fitted_track(flights)[0].figure
     top, residuals, _ = figure.axes
     curves = [
         line for line in top.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 9
@@ -63,7 +63,7 @@ def comparison():
 
 
 def test_errors_stand_beside_the_range_of_the_study():
-    figure = errors_by_case(comparison())
+    figure = errors_by_case(comparison())[0].figure
     heights, periods = figure.axes
     assert [text.get_text() for text in heights.get_xticklabels()] == ["A\nN = 1", "B\nN = 5"]
     assert [line.get_ydata().tolist() for line in periods.lines] == [
@@ -75,4 +75,4 @@ def test_errors_stand_beside_the_range_of_the_study():
     box = heights.patches[0].get_extents().transformed(heights.transData.inverted())
     assert (box.y0, box.y1) == pytest.approx((3.8, 7.1))
     own = errors_by_case(comparison().drop_attrs())  # of another experiment than the study's
-    assert not own.axes[0].patches
+    assert not own[0].patches

@@ -13,6 +13,7 @@ from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import parameter_plane
 from vibrosweep.figures.cells import commonest, equal_cells, grid_cells, median
+from vibrosweep.figures.style import for_file
 from vibrosweep.figures.window_curves import Forcing, window_curves
 
 
@@ -32,7 +33,7 @@ def small_grid(make_sweep):
 
 
 def test_the_curves_are_those_of_theory(sweep):
-    figure = parameter_plane(sweep)
+    figure = parameter_plane(sweep).figure
     low, high = figure.axes[0].get_ylim()
     expected = [
         end(k, curves_of(figure)[0][:, 0])
@@ -75,50 +76,69 @@ def test_a_forcing_given_as_acceleration_is_drawn_as_such(sweep):
     given = sweep.assign_coords(base_acceleration=gamma).assign_attrs(
         forcing="base_acceleration", base="moving"
     )
-    figure = parameter_plane(given)
+    figure = parameter_plane(given).figure
     assert r"$\Gamma$" in figure.axes[0].get_ylabel()
     assert "moving base" in figure.axes[0].get_legend().get_title().get_text()
     np.testing.assert_array_equal(numbers_of(figure).get_offsets()[:, 1].max(), gamma.max())
     assert any("Gamma" in text.get_text() for text in figure.axes[0].texts)
 
 
-def test_separation_has_a_logarithmic_scale_and_shared_bases_a_marker(sweep):
-    figure = parameter_plane(sweep)
+def test_separations_below_the_contact_time_are_coloured_and_zeros_have_a_marker(sweep):
+    figure = parameter_plane(sweep).figure
     dots = numbers_of(figure)
-    shared = sweep.base_shared.values == 1
-    assert 0 < shared.sum() < shared.size
+    dt = sweep.dt_min.values
+    close = (dt > 0.0) & (dt < 1e-4)
+    assert close.any()
     assert isinstance(dots.norm, LogNorm)
-    np.testing.assert_array_equal(dots.get_array(), sweep.dt_min.values[~shared])
+    np.testing.assert_array_equal(dots.get_array(), dt[dt > 0.0])
     (crosses,) = [
         c for c in figure.axes[0].collections if isinstance(c, PathCollection) and c is not dots
     ]
-    assert len(crosses.get_offsets()) == shared.sum()
+    assert len(crosses.get_offsets()) == np.count_nonzero(dt == 0.0) > 0
+    names = [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
+    assert names == ["two particles land or rest at once", "on the scale: $\\tau_c$ = 0.0001 s"]
+
+
+@pytest.mark.parametrize(("low", "high"), [(-3.0, 0.5), (-3.0, -1.0)])
+@pytest.mark.parametrize("as_grid", [True, False])
+def test_signed_numbers_diverge_from_zero_and_the_legend_has_minus_infinity(
+    low, high, as_grid, small_grid, make_sweep
+):
+    sweep = small_grid if as_grid else make_sweep(35, 3)
+    exponents = np.linspace(low, high, 35)
+    exponents[3:6] = -np.inf
+    figure = parameter_plane(sweep.assign(exponent=("realization", exponents)), "exponent").figure
+    norm = numbers_of(figure).norm
+    assert norm(0.0) == 0.5
+    assert (norm.vmin, norm.vmax) == (low, high if high > 0.0 else -low)
+    bottom, top = figure.axes[1].get_ylim()
+    assert any(tick == 0.0 for tick in figure.axes[1].get_yticks() if bottom <= tick <= top)
     (name,) = [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
-    assert name == "two particles on the base at once"
+    assert name == r"$-\infty$ (rests)"
 
 
 def test_without_separation_the_height_gives_the_colour(sweep):
-    dots = numbers_of(parameter_plane(sweep.drop_vars(["dt_min", "base_shared"])))
+    dots = numbers_of(parameter_plane(sweep.drop_vars(["dt_min", "base_shared"])).figure)
     np.testing.assert_array_equal(dots.get_array(), sweep.rebound_height_max)
     assert not isinstance(dots.norm, LogNorm)
 
 
 def test_a_scale_of_counts_has_no_halves(sweep):
     counted = sweep.assign(slots=("realization", np.arange(60) % 4, {"long_name": "slots"}))
-    bar = parameter_plane(counted, "slots").axes[-1]
+    bar = parameter_plane(counted, "slots").figure.axes[-1]
     assert all(tick == round(tick) for tick in bar.get_yticks())
 
 
-def test_a_sweep_that_shares_the_base_everywhere(sweep):
-    everywhere = sweep.assign(base_shared=("realization", np.ones(60, np.int8)))
-    figure = parameter_plane(everywhere)
+def test_a_sweep_whose_particles_meet_everywhere(sweep):
+    everywhere = sweep.assign(dt_min=("realization", np.zeros(60)))
+    figure = parameter_plane(everywhere).figure
     assert len(figure.axes) == 1
     figure.canvas.draw()
 
 
 def test_a_grid_is_drawn_as_its_own_cells(small_grid):
     sweep = small_grid
-    mesh = numbers_of(parameter_plane(sweep, "rebound_height_max"))
+    mesh = numbers_of(parameter_plane(sweep, "rebound_height_max").figure)
     assert isinstance(mesh, QuadMesh)
     np.testing.assert_array_equal(mesh.get_array().ravel(), sweep.rebound_height_max)
     corners = mesh.get_coordinates()
@@ -128,7 +148,7 @@ def test_a_grid_is_drawn_as_its_own_cells(small_grid):
 def test_a_kick_axis_where_frequency_varies(make_sweep):
     frequency = np.linspace(8.0, 35.0, 20)
     sweep = make_sweep(20, 2, frequency=frequency, amplitude=0.1, launch_velocity=0.3, duration=0.5)
-    figure = parameter_plane(sweep, "rebound_height_max")
+    figure = parameter_plane(sweep, "rebound_height_max").figure
     offsets = np.asarray(numbers_of(figure).get_offsets())
     np.testing.assert_allclose(offsets[:, 1], 2.0 * frequency * 0.1 / 9.81)
     curve = curves_of(figure)[0]
@@ -151,7 +171,7 @@ def test_codes_have_colours_of_their_own(as_grid, small_grid, make_sweep):
             "long_name": "regime of the orbit",
         },
     )
-    figure = parameter_plane(sweep, "regime")
+    figure = parameter_plane(sweep, "regime").figure
     names = [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
     assert names == ["resting", "unsettled"]
     heading = figure.axes[0].get_legend().get_title().get_text()
@@ -194,7 +214,7 @@ def test_the_calls_that_draw_do_not_grow_with_the_sweep(variable, tmp_path, synt
         sweep, count = synthetic_sweep(size), itertools.count()
         sys.setprofile(lambda *event, count=count: next(count))
         try:
-            figure = parameter_plane(sweep, variable)
+            figure = parameter_plane(sweep, variable).figure
             figure.savefig(tmp_path / "plane.png", dpi=200)
         finally:
             sys.setprofile(None)
@@ -222,7 +242,7 @@ def test_any_variable_of_a_result_is_drawn_or_refused_in_words():
     texts = sweep.assign_coords(name=("realization", ["a"] * 20))
     for name, one in texts.variables.items():
         if one.dims in ((), ("realization",)) and name != "name":
-            assert parameter_plane(texts, name).axes
+            assert for_file(parameter_plane, texts, name).axes
         else:
             words = f"{name} holds .* along .*: choose a variable with one number for each"
             with pytest.raises(DataError, match=words):

@@ -10,6 +10,7 @@ from PIL import Image
 from vibrosweep import open_record, open_sweep
 from vibrosweep.errors import OutputError
 from vibrosweep.figures.registry import FIGURES, available, missing, save_all
+from vibrosweep.figures.style import for_file
 
 STEMS = [
     "fig1_height_time",
@@ -112,7 +113,7 @@ def test_only_what_is_available_is_written_and_a_file_that_cannot_be_is_named(sw
 def test_the_callers_style_is_neither_used_nor_changed(sweep):
     with mpl.rc_context({"font.size": 31.0, "axes.labelsize": 31.0}):
         before = dict(mpl.rcParams)
-        figure = FIGURES["parameter_plane"].draw(sweep)
+        figure = for_file(FIGURES["parameter_plane"].draw, sweep)
         assert dict(mpl.rcParams) == before
     assert figure.axes[0].xaxis.label.get_size() == 9.0
 
@@ -135,5 +136,5 @@ def test_a_result_without_landings_or_with_huge_heights_has_figures(compute, sce
         assert "dt_min, which is undefined in every realization" in reason
         for name in names:
             one = FIGURES[name]
-            figure = one.draw(record if one.source == "record" else sweep)
+            figure = for_file(one.draw, record if one.source == "record" else sweep)
             figure.draw_without_rendering()

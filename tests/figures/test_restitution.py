@@ -24,7 +24,7 @@ def lines_at(figure):
 
 
 def test_one_dot_per_realization_coloured_by_amplitude(sweep):
-    dots = dots_of(height_against_restitution(sweep), "rebounds")
+    dots = dots_of(height_against_restitution(sweep).figure, "rebounds")
     expected = np.column_stack([sweep.restitution, sweep.rebound_height_max])
     np.testing.assert_array_equal(np.asarray(dots.get_offsets()), expected)
     np.testing.assert_array_equal(dots.get_array(), sweep.amplitude)
@@ -33,7 +33,7 @@ def test_one_dot_per_realization_coloured_by_amplitude(sweep):
 def test_a_forcing_given_as_acceleration_colours_the_dots(sweep):
     gamma = 2.0 * np.pi * sweep.amplitude / (9.81 * (1.0 + sweep.restitution))
     given = sweep.assign_coords(base_acceleration=gamma)
-    figure = height_against_restitution(given.assign_attrs(forcing="base_acceleration"))
+    figure = height_against_restitution(given.assign_attrs(forcing="base_acceleration")).figure
     np.testing.assert_array_equal(dots_of(figure, "rebounds").get_array(), gamma)
     assert any(r"$\Gamma$" in axes.get_ylabel() for axes in figure.axes)
 
@@ -41,7 +41,7 @@ def test_a_forcing_given_as_acceleration_colours_the_dots(sweep):
 def test_small_dots_are_seen_in_the_legend(synthetic_sweep):
     sweep = synthetic_sweep(2000)
     sweep["rebound_height_max"][:3] = np.nan
-    figure = height_against_restitution(sweep)
+    figure = height_against_restitution(sweep).figure
     dots = dots_of(figure, "rebounds")
     assert len(dots.get_offsets()) == 1997
     figure.draw_without_rendering()
@@ -50,12 +50,14 @@ def test_small_dots_are_seen_in_the_legend(synthetic_sweep):
     assert handle.get_facecolor()[0, 3] == 1.0
     sweep["rebound_height_max"][:] = np.nan
     assert "no rebound in 2000" in (
-        height_against_restitution(sweep).axes[0].get_legend().get_title().get_text()
+        height_against_restitution(sweep).get_legend().get_title().get_text()
     )
 
 
 def test_open_circles_where_the_launch_is_highest(sweep):
-    circles = np.asarray(dots_of(height_against_restitution(sweep), "launch counted").get_offsets())
+    circles = np.asarray(
+        dots_of(height_against_restitution(sweep).figure, "launch counted").get_offsets()
+    )
     lower = sweep.rebound_height_max.values < 25 / (2 * 9.81)
     assert 0 < lower.sum() < lower.size
     np.testing.assert_array_equal(circles[:, 0], sweep.restitution.values[lower])
@@ -63,7 +65,7 @@ def test_open_circles_where_the_launch_is_highest(sweep):
 
 
 def test_plateaus_are_the_closed_form_and_in_view(sweep):
-    figure = height_against_restitution(sweep)
+    figure = height_against_restitution(sweep).figure
     top = figure.axes[0].get_ylim()[1]
     expected = [h for h in theory.locked_height(np.arange(1, 9)) if h < top]
     launch, *drawn = lines_at(figure)
@@ -84,7 +86,7 @@ def test_a_laboratory_sweep_is_drawn_in_units_of_the_first_plateau(make_sweep):
     sweep = make_sweep(
         12, 2, frequency=frequency, amplitude=2.0 / frequency, launch_velocity=0.3, duration=1.0
     )
-    figure = height_against_restitution(sweep)
+    figure = height_against_restitution(sweep).figure
     offsets = np.asarray(dots_of(figure, "rebounds").get_offsets())
     np.testing.assert_allclose(
         offsets[:, 1], sweep.rebound_height_max / theory.locked_height(1, frequency)
@@ -94,24 +96,24 @@ def test_a_laboratory_sweep_is_drawn_in_units_of_the_first_plateau(make_sweep):
 
 
 def test_a_fixed_amplitude_needs_no_colour_bar(make_sweep):
-    figure = height_against_restitution(make_sweep(10, 2, amplitude=1.2))
+    figure = height_against_restitution(make_sweep(10, 2, amplitude=1.2)).figure
     assert len(figure.axes) == 1
 
 
 def test_realizations_without_a_rebound_are_counted(make_sweep):
     sweep = make_sweep(10, 1)
     sweep["rebound_height_max"][:3] = np.nan
-    figure = height_against_restitution(sweep)
+    figure = height_against_restitution(sweep).figure
     heading = figure.axes[0].get_legend().get_title().get_text()
     assert "no rebound in 3 of 10 realizations" in heading
     sweep["rebound_height_max"][:] = np.nan
     sweep["flight_height_max"][:] = np.nan
-    height_against_restitution(sweep).canvas.draw()
+    height_against_restitution(sweep).figure.canvas.draw()
 
 
 def test_very_many_realizations_are_counted_in_cells(synthetic_sweep):
     sweep = synthetic_sweep(30_000)
-    figure = height_against_restitution(sweep)
+    figure = height_against_restitution(sweep).figure
     (mesh,) = [c for c in figure.axes[0].collections if isinstance(c, QuadMesh)]
     assert mesh.get_array().sum() == 30_000
 
@@ -141,7 +143,7 @@ def test_over_a_moving_base_highest_points_of_stable_orbits_are_shaded():
             },
             attrs={"base": "moving"},
         )
-        axes = height_against_restitution(sweep).axes[0]
+        axes = height_against_restitution(sweep)
         bands = [c for c in axes.collections if isinstance(c, FillBetweenPolyCollection)]
         assert len(bands) == 2
         outlines = [band.get_paths()[0].vertices for band in bands]
@@ -158,4 +160,4 @@ def test_heights_below_the_mean_level_are_in_view(make_sweep):
     sweep["rebound_height_max"] = sweep["rebound_height_max"] - 1.0
     lowest = float(sweep["rebound_height_max"].min())
     assert lowest < 0.0
-    assert height_against_restitution(sweep).axes[0].get_ylim()[0] < lowest
+    assert height_against_restitution(sweep).get_ylim()[0] < lowest

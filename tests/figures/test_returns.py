@@ -24,27 +24,27 @@ def locked_points(figure, marker):
 @pytest.mark.parametrize("amplitude", [0.0, 0.4, 1.2, 3.4])
 def test_points_lie_in_the_strip(rebound, amplitude, make_record):
     record = make_record(np.arange(10) / 10, 30.0, rebound, amplitude=amplitude)
-    v, after = drawn_points(return_map(record)).T
+    v, after = drawn_points(return_map(record).figure).T
     assert np.all(np.abs(after - 0.9 * v) <= amplitude + 1e-12)
 
 
 def test_all_particles_are_drawn_once(twenty):
     count = np.count_nonzero(np.isfinite(twenty.rebound_velocity.values))
-    assert len(drawn_points(return_map(twenty))) == count
+    assert len(drawn_points(return_map(twenty).figure)) == count
 
 
 def test_locked_orbits_are_the_closed_form(make_record):
-    stable = return_map(make_record(duration=60.0))
+    stable = return_map(make_record(duration=60.0)).figure
     np.testing.assert_allclose(locked_points(stable, "D"), [[4.905, 4.905]])
     assert len(locked_points(stable, "X")) == 0
-    unstable = return_map(make_record(duration=60.0, amplitude=3.4))
+    unstable = return_map(make_record(duration=60.0, amplitude=3.4)).figure
     assert len(locked_points(unstable, "D")) == 0
     speeds = theory.locked_velocity(np.arange(1, 1 + len(locked_points(unstable, "X"))))
     np.testing.assert_allclose(locked_points(unstable, "X")[:, 0], speeds)
 
 
 def test_a_record_without_a_rebound_is_drawn_empty(make_record):
-    figure = return_map(make_record(duration=0.1))
+    figure = return_map(make_record(duration=0.1)).figure
     assert len(drawn_points(figure)) == 0
     figure.canvas.draw()
 
@@ -57,11 +57,11 @@ def test_a_missing_variable_is_named(twenty):
 def test_over_a_moving_base_the_strip_is_wider_and_windows_are_its_own(moving_record):
     # between the upper ends of both bases: A_max = 3.0068 and 3.0149 m/s at e = 0.9
     record = moving_record([0.43], amplitude=3.01, launch_velocity=4.905)
-    names = [text.get_text() for text in return_map(record).axes[0].get_legend().get_texts()]
+    names = [text.get_text() for text in return_map(record).get_legend().get_texts()]
     assert "locked, stable" in names
     assert any("A + 2 V_0" in name for name in names)
     still = record.assign_attrs(base="high-bounce")
-    names = [text.get_text() for text in return_map(still).axes[0].get_legend().get_texts()]
+    names = [text.get_text() for text in return_map(still).get_legend().get_texts()]
     assert "locked, unstable" in names
 
 
@@ -69,5 +69,5 @@ def test_a_particle_that_lands_while_it_rises_is_in_view(moving_record):
     record = moving_record(np.arange(5) / 5, 20.0, amplitude=7.0, restitution=0.6, phase=0.4)
     before = return_points(record.isel(realization=0))[0]
     assert np.nanmin(before) < -1.0
-    axes = return_map(record).axes[0]
+    axes = return_map(record)
     assert axes.get_xlim()[0] < np.nanmin(before)

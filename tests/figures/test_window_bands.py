@@ -36,7 +36,7 @@ def labels(axes):
 
 
 def test_every_window_is_a_bar_between_its_ends(windows):
-    locked, periodic = stability_windows(windows).axes
+    locked, periodic = stability_windows(windows)
     assert labels(locked) == ["locked(1)", "locked(4)"]
     both = ["undetermined", "in both directions"]
     assert labels(periodic) == [*both, "periodic, up", "periodic, down"]
@@ -66,7 +66,7 @@ def test_windows_of_any_forcing_are_drawn_with_its_symbol(forcing, base):
     )
     figure = stability_windows(
         find_windows(scene, [0.7, 0.9], scan, ["locked(1)"], forcing=forcing)
-    )
+    )[0].figure
     figure.savefig(io.BytesIO())
     assert len(figure.axes[0].texts) == 2
 
@@ -77,7 +77,7 @@ def test_what_is_undetermined_is_grey(rebound):
     found = find_windows(scene, [0.9, 0.95], [0.5, 1.0, 1.5, 2.0], ["ordered"])
     unknown = found["holds"].values[0, 0] == -1
     assert unknown.any()
-    (axes,) = stability_windows(found).axes
+    (axes,) = stability_windows(found)
     (mesh,) = axes.collections
     np.testing.assert_array_equal(
         np.ma.getmaskarray(mesh.get_array()).T.reshape(-1), ~unknown.ravel()
@@ -91,7 +91,7 @@ def test_windows_of_another_forcing_have_its_axis_and_curves():
         np.linspace(0.1, 2.0, 8),
     )
     found = find_windows(scene, [0.7, 0.8, 0.9], scan, ["locked(1)"], forcing="base_acceleration")
-    (axes,) = stability_windows(found).axes
+    (axes,) = stability_windows(found)
     assert r"$\Gamma$" in axes.get_ylabel()
     tops = [bar.get_y() + bar.get_height() for bar in axes.patches]
     assert sorted(tops) == pytest.approx(sorted(found["Gamma_max"].values.ravel()))
@@ -108,7 +108,7 @@ def test_curves_of_the_reflect_law_are_said_to_be_of_one_orbit():
         [0.5, 1.0, 4.0],
         ["locked(1)"],
     )
-    (axes,) = stability_windows(found).axes
+    (axes,) = stability_windows(found)
     assert "curves: orbits without reflection" in axes.get_legend().get_title().get_text()
 
 
@@ -118,7 +118,7 @@ def heights_of(axes):
 
 def test_windows_that_reach_the_end_of_the_scan_are_drawn_to_it_and_missing_ones_are_named():
     found = find_windows(SCENE, [0.9], [1.0, 2.0, 2.5], ["locked(1)", "locked(60)", "separated"])
-    locked, _ = stability_windows(found).axes
+    locked, _ = stability_windows(found)
     assert labels(locked) == ["locked(1)", "locked(60): no window found"]
     assert (1.0, 2.5) in heights_of(locked)
     assert locked.get_ylim() == (1.0, 2.5)
@@ -130,7 +130,7 @@ def test_windows_that_reach_the_end_of_the_scan_are_drawn_to_it_and_missing_ones
 def test_any_number_of_conditions_and_any_mode_can_be_drawn(modes):
     names = [f"locked({k})" for k in modes]
     found = find_windows(SCENE, [0.5, 0.7, 0.95], np.linspace(0.05, 6.0, 12), names)
-    figure = stability_windows(found)
+    figure = stability_windows(found)[0].figure
     figure.savefig(io.BytesIO())
     (axes,) = figure.axes
     assert len(labels(axes)) == len(names)
@@ -140,7 +140,7 @@ def test_any_number_of_conditions_and_any_mode_can_be_drawn(modes):
 
 def test_a_bifurcation_diagram_shows_every_impact_and_exponent():
     diagram = bifurcation(SCENE, np.linspace(0.4, 3.4, 15), samples=5)
-    upper, lower = bifurcation_diagram(diagram).axes
+    upper, lower = bifurcation_diagram(diagram)
     shown = np.concatenate([np.asarray(c.get_offsets()) for c in upper.collections])
     assert shown.shape == (2 * 15 * 2 * 5, 2)
     assert np.nanmax(shown[:, 1]) == pytest.approx(float(diagram["rebound_velocity"].max()))
@@ -154,7 +154,7 @@ def test_a_bifurcation_diagram_says_how_many_orbits_are_unsettled():
     for duration, said in ((3.0, True), (3000.0, False)):
         diagram = bifurcation(keyword_spec({"duration": duration}).scene, [0.6, 0.7], samples=2)
         assert (diagram["regime"].values == Regime.UNSETTLED).any() == said
-        upper, _ = bifurcation_diagram(diagram).axes
+        upper, _ = bifurcation_diagram(diagram)
         assert upper.get_legend().get_title().get_text().endswith("of the orbits unsettled") == said
 
 
@@ -164,7 +164,7 @@ def test_basins_are_named_with_their_fractions():
         np.linspace(0.0, 0.95, 20),
         np.linspace(0.0, 9.0, 15),
     )
-    (axes,) = basins_of_attraction(found).axes
+    (axes,) = basins_of_attraction(found).figure.axes
     assert len(labels(axes)) == found.sizes["attractor"]
     first = float(found["fraction"][0])
     assert labels(axes)[0].endswith(f"{100 * first:.3g} %")
@@ -185,7 +185,7 @@ def test_colours_of_attractors_are_told_apart():
         },
         {"launch_velocity": np.arange(3.0), "launch_time": np.arange(4.0)},
     )
-    (axes,) = basins_of_attraction(found).axes
+    (axes,) = basins_of_attraction(found).figure.axes
     assert labels(axes)[-1] == "3 others, 30 %"
     colours = np.array([to_rgb(line.get_color()) for line in axes.lines])
     apart = np.abs(colours[:, np.newaxis] - colours).max(axis=-1)
@@ -200,7 +200,7 @@ def test_windows_over_a_moving_base_are_drawn_with_its_closed_forms():
         scan,
         ["locked(1)"],
     )
-    (axes,) = stability_windows(found).axes
+    (axes,) = stability_windows(found)
     tops = [bar.get_y() + bar.get_height() for bar in axes.patches]
     e = found["restitution"].values
     assert sorted(tops) == pytest.approx(sorted(theory.amplitude_max(1, e, base="moving")))
@@ -242,7 +242,7 @@ def test_a_diagram_along_the_acceleration_is_that_along_the_amplitude(tmp_path):
     plain = bifurcation(scene, amplitude, observable="flight_time", samples=3)
     np.testing.assert_array_equal(found["flight_time"], plain["flight_time"])
     for diagram, words in ((found, "acceleration"), (plain, "amplitude")):
-        upper, lower = bifurcation_diagram(diagram).axes
+        upper, lower = bifurcation_diagram(diagram)
         assert labels(upper) == [f"{words} down", f"{words} up"]
         assert words in lower.get_xlabel()
         high = {"acceleration": 2.0, "amplitude": amplitude[-1]}[words]

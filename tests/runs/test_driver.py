@@ -12,6 +12,7 @@ from vibrosweep import open_record, open_sweep, simulate
 from vibrosweep.api.results import has_record
 from vibrosweep.errors import ParameterError, TableError
 from vibrosweep.figures.registry import FIGURES, available
+from vibrosweep.figures.style import for_file
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.runs import chunks
@@ -195,7 +196,7 @@ def test_every_sweep_of_the_repository(spec, tmp_path):
         assert drawn == [name for name in FIGURES if name in (*recorded, *sampled, *separated)]
         for name in () if NUMBERED.search(spec.stem) else drawn:
             entry = FIGURES[name]
-            figure = entry.draw(sweep if entry.source == "sweep" else record)
+            figure = for_file(entry.draw, sweep if entry.source == "sweep" else record)
             figure.savefig(tmp_path / f"{name}.png", dpi=30)
 
 

@@ -12,7 +12,9 @@ from vibrosweep.store.kinds import ResultKind, register_kind
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+
+    from vibrosweep.figures.style import Panels
 
 _PROVES: Final = "the reference proves landings of single trajectories from their launch, and"
 _OF_A_CAMERA: Final = "it holds measurements of a camera, which nothing can prove"
@@ -24,7 +26,7 @@ def _window_lines(windows: xr.Dataset) -> Iterable[str]:
     return summary(windows)
 
 
-def _window_figure(windows: xr.Dataset) -> Figure:
+def _window_figure(windows: xr.Dataset) -> Panels:
     from vibrosweep.figures import stability_windows
 
     return stability_windows(windows)
@@ -36,7 +38,7 @@ def _bifurcation_lines(diagram: xr.Dataset) -> Iterable[str]:
     return summary(diagram)
 
 
-def _bifurcation_figure(diagram: xr.Dataset) -> Figure:
+def _bifurcation_figure(diagram: xr.Dataset) -> Panels:
     from vibrosweep.figures import bifurcation_diagram
 
     return bifurcation_diagram(diagram)
@@ -48,7 +50,7 @@ def _basin_lines(basins: xr.Dataset) -> Iterable[str]:
     return summary(basins)
 
 
-def _basin_figure(basins: xr.Dataset) -> Figure:
+def _basin_figure(basins: xr.Dataset) -> Axes:
     from vibrosweep.figures import basins_of_attraction
 
     return basins_of_attraction(basins)
@@ -60,7 +62,7 @@ def _orbit_lines(orbits: xr.Dataset) -> Iterable[str]:
     return summary(orbits)
 
 
-def _orbit_figure(orbits: xr.Dataset) -> Figure:
+def _orbit_figure(orbits: xr.Dataset) -> Axes:
     from vibrosweep.figures import periodic_orbits
 
     return periodic_orbits(orbits)
@@ -72,13 +74,13 @@ def _line_lines(lines: xr.Dataset) -> Iterable[str]:
     return summary(lines)
 
 
-def _branch_figure(branches: xr.Dataset) -> Figure:
+def _branch_figure(branches: xr.Dataset) -> Axes:
     from vibrosweep.figures import orbit_branches
 
     return orbit_branches(branches)
 
 
-def _boundary_figure(boundaries: xr.Dataset) -> Figure:
+def _boundary_figure(boundaries: xr.Dataset) -> Axes:
     from vibrosweep.figures import orbit_boundaries
 
     return orbit_boundaries(boundaries)
@@ -96,7 +98,7 @@ def _comparison_lines(table: xr.Dataset) -> Iterable[str]:
     return table_lines(table)
 
 
-def _comparison_figure(table: xr.Dataset) -> Figure:
+def _comparison_figure(table: xr.Dataset) -> Panels:
     from vibrosweep.figures.laboratory import errors_by_case
 
     return errors_by_case(table)

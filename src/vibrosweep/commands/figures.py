@@ -33,11 +33,12 @@ def perform(options: argparse.Namespace) -> None:
 def _draw(path: Path, directory: Path) -> None:
     from vibrosweep.api.results import has_record, open_record, open_sweep
     from vibrosweep.figures.registry import missing, save_all, save_formats
+    from vibrosweep.figures.style import for_file
     from vibrosweep.store.kinds import SWEEP, load_dataset, read_kind
 
     kind = read_kind(path)
     if kind is not SWEEP:
-        figure = kind.figure(load_dataset(path))
+        figure = for_file(kind.axes, load_dataset(path))
         print("\n".join(map(str, save_formats(figure, directory, kind.stem or kind.name))))
         return
     # no figure of a sweep shows single particles, which may be many

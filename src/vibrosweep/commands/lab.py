@@ -172,10 +172,11 @@ def _impacts(options: argparse.Namespace) -> None:
     if options.figures is not None:
         from vibrosweep.figures.laboratory import fitted_track
         from vibrosweep.figures.registry import save_formats
+        from vibrosweep.figures.style import for_file
         from vibrosweep.lab.lines import flights_of
 
         with drawing(options.output):
-            figure = fitted_track(flights_of(tracks, fitted))
+            figure = for_file(fitted_track, flights_of(tracks, fitted))
             _announce(save_formats(figure, options.figures, "lab_track"))
 
 
@@ -206,9 +207,11 @@ def _compare(options: argparse.Namespace) -> None:
     if options.figures is not None:
         from vibrosweep.figures.laboratory import errors_by_case
         from vibrosweep.figures.registry import save_formats
+        from vibrosweep.figures.style import for_file
 
         with drawing(options.output):
-            _announce(save_formats(errors_by_case(table), options.figures, "lab_table4"))
+            figure = for_file(errors_by_case, table)
+            _announce(save_formats(figure, options.figures, "lab_table4"))
 
 
 def _announce(paths: Sequence[Path]) -> None:

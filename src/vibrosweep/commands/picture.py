@@ -50,6 +50,7 @@ def produce(
     picture = output.with_suffix(".png")
     _check(options, spec, output, picture)
     from vibrosweep.figures.registry import save
+    from vibrosweep.figures.style import for_file
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.store.provenance import provenance
     from vibrosweep.store.saving import save_result
@@ -64,7 +65,7 @@ def produce(
         print(f"observation: {found.attrs['notes']}")
     save_result(found.assign_attrs(provenance(threads)), output, kind, force=options.force)
     with drawing(output):
-        save(kind.figure(found), picture, force=options.force)
+        save(for_file(kind.axes, found), picture, force=options.force)
     print(f"written to {output} and {picture}")
 
 

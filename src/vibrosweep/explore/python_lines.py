@@ -36,8 +36,8 @@ def simulation(choice: Choice) -> str:
 def around(picture: str) -> tuple[str, str]:
     """Lines before and after the call of `simulation` that draw one of `PICTURES`."""
     if picture == HEIGHT:
-        drawn = "figure = vs.figures.height_time(record)\n"
-        return f"{LEADING}\nrecord = ", f'\n{drawn}figure.savefig("height.png")\n'
+        drawn = "\nvs.figures.height_time(record)\n"
+        return f"{PLOT}{LEADING}\nrecord = ", f'{drawn}plt.savefig("height.png")\n'
     dots = DOTS[picture]
     name, scale = dots.analysis.__name__, ', yscale="log"' if dots.log else ""
     return f"{PLOT}{LEADING}\nrecord = ", (
@@ -54,9 +54,9 @@ def plane_lines(points: Points, x: str, y: str, colour: str) -> str:
     path = str(points.path)
     if points.kind in _DRAWINGS:
         return (
-            f"import xarray as xr\n{LEADING}\n"
+            f"{PLOT}import xarray as xr\n{LEADING}\n"
             f'found = xr.load_dataset({path!r}, engine="h5netcdf")\n'
-            f'vs.figures.{_DRAWINGS[points.kind]}(found).savefig("plane.png")\n'
+            f'vs.figures.{_DRAWINGS[points.kind]}(found)\nplt.savefig("plane.png")\n'
         )
     number = '\nfound["number"] = ("realization", range(found.sizes["realization"]))'
     return (

@@ -1,7 +1,8 @@
-"""Figures of a result or of a record of landings: Dataset in, matplotlib Figure out.
+"""Figures of a result or of a record of landings: Dataset in, matplotlib Axes out.
 
 The figures compute only geometry: parabolas between recorded events, and closed forms.
-They open no window and leave the global state of matplotlib unchanged.
+They draw on the axes that are given as ``ax``, or on a new figure of pyplot, and leave the
+parameters of matplotlib unchanged; files are written without pyplot.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if "MPLBACKEND" in os.environ:
     except ValueError as error:
         raise VibrosweepError(
             f"MPLBACKEND={os.environ['MPLBACKEND']}: matplotlib knows no such backend; unset it, "
-            f"figures are only saved and need none"
+            f"or name one that it knows"
         ) from error
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
 
 from vibrosweep.analysis.basins import name_of
 from vibrosweep.figures import data, style
@@ -21,18 +21,20 @@ NAMED: Final = len(style.OKABE_ITO) + 1  # attractors that the legend names one 
 
 
 @style.styled
-def basins_of_attraction(basins: xr.Dataset) -> Figure:
+def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the attractor that each launch leads to, with the fraction of launches in each basin.
 
     Parameters
     ----------
     basins
         Result of `vibrosweep.basins` with at least two launch times and two launch speeds.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
-        The figure; it is neither displayed nor written.
+    matplotlib.axes.Axes
+        The axes.
 
     Raises
     ------
@@ -44,11 +46,11 @@ def basins_of_attraction(basins: xr.Dataset) -> Figure:
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import basins_of_attraction
     >>> found = vs.basins(launch_velocity=[3.0, 4.0, 5.0], particles=20, duration=2000.0)
-    >>> basins_of_attraction(found).axes[0].get_xlabel()
+    >>> basins_of_attraction(found).get_xlabel()
     'time of launch (s)'
     """
     NEEDS.check("basins_of_attraction", basins)
-    figure, axes = style.new_figure(style.PAGE, 3.6)
+    axes = style.axes_on(ax, style.PAGE, 3.6)
     count = basins.sizes["attractor"]
     shown = min(count, NAMED)
     colours = [*style.OKABE_ITO, "0.75"][:shown]
@@ -72,4 +74,4 @@ def basins_of_attraction(basins: xr.Dataset) -> Figure:
     axes.legend(
         title=data.conditions(basins), loc="upper left", bbox_to_anchor=(1.0, 1.0), alignment="left"
     )
-    return figure
+    return axes

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
+from vibrosweep.figures.style import Panels
 from vibrosweep.model.status import Regime
 
 if TYPE_CHECKING:
@@ -23,7 +24,9 @@ ORDER: Final = (("down", style.OKABE_ITO[1], 1.6), ("up", style.OKABE_ITO[0], 0.
 
 
 @style.styled
-def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
+def bifurcation_diagram(
+    diagram: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = None
+) -> Panels:
     """Draw the impacts of all particles along the forcing, up and down, over their exponents.
 
     The axis is the forcing as it was given.
@@ -34,11 +37,13 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     ----------
     diagram
         Result of `vibrosweep.bifurcation`.
+    ax
+        Two axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
-        The figure; it is neither displayed nor written.
+    numpy.ndarray of matplotlib.axes.Axes
+        The axes of the impacts and of the exponents.
 
     Raises
     ------
@@ -50,12 +55,12 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import bifurcation_diagram
     >>> found = vs.bifurcation(amplitude=[0.6, 0.7, 0.8], samples=4, duration_periods=2000)
-    >>> len(bifurcation_diagram(found).axes)
+    >>> len(bifurcation_diagram(found))
     2
     """
     NEEDS.check("bifurcation_diagram", diagram)
-    figure = Figure(figsize=(style.PAGE, 5.0), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    layout = {"sharex": True, "height_ratios": (2.0, 1.0)}
+    upper, lower = panels = style.panels_on(ax, style.PAGE, 5.0, [[0], [1]], **layout)
     name, along = str(diagram.attrs["observable"]), str(diagram.attrs["forcing"])
     words = along.removeprefix("base_")
     for direction, colour, size in ORDER:
@@ -72,7 +77,7 @@ def bifurcation_diagram(diagram: xr.Dataset) -> Figure:
     head = data.conditions(diagram.drop_vars({along, "amplitude", "base_acceleration"}))
     unsettled = np.mean(diagram["regime"].values == Regime.UNSETTLED)
     style.head(upper, f"{head}, {unsettled:.2g} of the orbits unsettled" if unsettled else head)
-    return figure
+    return panels
 
 
 def _exponents(axes: Axes, diagram: xr.Dataset, x: Array) -> None:
@@ -88,4 +93,4 @@ def _exponents(axes: Axes, diagram: xr.Dataset, x: Array) -> None:
     axes.axhline(0.0, color=style.GREY, linewidth=0.7, zorder=0.5)
     axes.set_ylim(floor - 0.03 * (high - floor), max(high, 0.0) + 0.08 * (high - floor))
     if np.any(exponents.values == -np.inf):
-        axes.text(0.005, 0.06, r"$-\infty$ (rests)", transform=axes.transAxes, fontsize=7.5)
+        axes.text(0.005, 0.06, data.MINUS_INFINITY, transform=axes.transAxes, fontsize=7.5)

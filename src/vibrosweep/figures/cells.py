@@ -53,10 +53,10 @@ def equal_cells(x: Array, y: Array) -> Cells:
 def median(cells: Cells, values: Array) -> Array:
     """Lower median of the values in each cell, NaN where there are none.
 
-    The lower median is always one of the values: zeros, which have a special meaning, are not
-    averaged with other values.
+    The lower median is always one of the values: zeros and infinities, which have a special
+    meaning, are not averaged with other values.
     """
-    known = np.isfinite(values)
+    known = ~np.isnan(values)
     index, kept = cells.index[known], values[known]
     order = np.lexsort((kept, index))
     count = np.bincount(index, minlength=int(np.prod(cells.shape)))

@@ -14,7 +14,7 @@ from vibrosweep.analysis.records import per_realization
 from vibrosweep.analysis.requirements import remedy
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError, ParameterError
-from vibrosweep.model.forcing import INPUTS
+from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
 from vibrosweep.model.measures import known
 from vibrosweep.model.mount import OF_MOUNT
 from vibrosweep.model.parameters import MOUNT, PARAMETERS
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 KICK: Final = "kick"
-ACCELERATION: Final = "base_acceleration"
+MINUS_INFINITY: Final = r"$-\infty$ (rests)"  # of an exponent
 # Characters that fit beside the shortest colour bar, with room for symbol and units
 LABEL_WIDTH: Final = 32
 SYMBOLS: Final = {
@@ -163,11 +163,24 @@ def symbol(name: str) -> str:
 def label(dataset: xr.Dataset, name: str) -> str:
     """Axis label of words, symbol and units, from the attributes of the dataset if it has them."""
     words, units = name.replace("_", " "), str(dataset[name].attrs.get("units", ""))
+    if name in FORCINGS:
+        return forcing_label(name)
     if name in PARAMETERS or name in OF_MOUNT:
         units = INPUTS[name].units
     else:
         words = str(dataset[name].attrs.get("long_name", words))
     return f"{textwrap.fill(words, LABEL_WIDTH)}{symbol(name)}{format_units(units)}"
+
+
+def forcing_label(name: str) -> str:
+    """Axis label of a forcing."""
+    words = FORCINGS[name].long_name.removesuffix(" (g)")
+    return f"{textwrap.fill(words, LABEL_WIDTH)}{symbol(name)}{format_units(_units(name))}"
+
+
+def _units(name: str) -> str:
+    """Units of an input as figures write them."""
+    return "g" if name == ACCELERATION else INPUTS[name].units
 
 
 def conditions(dataset: xr.Dataset) -> str:
@@ -181,7 +194,7 @@ def conditions(dataset: xr.Dataset) -> str:
     for name in ("restitution", forcing, "frequency", *MOUNT):
         value = fixed(dataset, name) if name in dataset.variables else None
         if value is not None:
-            units = INPUTS[name].units
+            units = _units(name)
             unit = "" if units == "1" else f" {_raised(units)}"
             parts.append(f"${SYMBOLS[name]}$ = {value:.4g}{unit}")
     if dataset.attrs.get("rebound") == "reflect":

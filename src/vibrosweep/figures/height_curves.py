@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import ListedColormap, Normalize
-from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import ColorType
@@ -60,7 +59,8 @@ def height_time(
     *,
     realization: int = 0,
     mark_landings: bool | None = None,
-) -> Figure:
+    ax: Axes | None = None,
+) -> Axes:
     """Draw height against time: one true parabola per flight, and every rest on the base.
 
     A moving base is drawn under the parabolas, with the rests on it.
@@ -80,10 +80,13 @@ def height_time(
         Position of the realization in the record.
     mark_landings
         Whether every landing has a dot; by default only if a single particle is drawn.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.axes.Axes
+        The axes.
 
     Raises
     ------
@@ -96,7 +99,7 @@ def height_time(
     --------
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import height_time
-    >>> height_time(vs.simulate(launch_time=[0.0, 0.125]), until=5.0).axes[0].get_xlabel()
+    >>> height_time(vs.simulate(launch_time=[0.0, 0.125]), until=5.0).get_xlabel()
     'time $t$ (s)'
     """
     NEEDS.check("height_time", record)
@@ -106,8 +109,8 @@ def height_time(
     begin, stop = _window(one, until)
     drawn = motions(one, base, stop)
     # A single particle, which is one curve, needs less height
-    figure, axes = style.new_figure(style.PAGE, 2.3 if len(shown) == 1 else 2.8)
-    colours = _colours(figure, axes, shown)
+    axes = style.axes_on(ax, style.PAGE, 2.3 if len(shown) == 1 else 2.8)
+    colours = _colours(axes, shown)
     _draw_flights(axes, drawn, colours, data.pick(one, "gravity"))
     _draw_rests(axes, drawn, colours, base)
     if mark_landings if mark_landings is not None else len(shown) == 1:
@@ -122,7 +125,7 @@ def height_time(
         for i, colour in zip(shown, colours, strict=True):
             axes.plot([], [], color=colour, label=f"particle {i}")
     style.head(axes, data.conditions(one), columns=5)
-    return figure
+    return axes
 
 
 def readable_until(record: xr.Dataset) -> float:
@@ -155,14 +158,14 @@ def _window(one: xr.Dataset, until: float | None) -> tuple[float, float]:
     return begin, stop
 
 
-def _colours(figure: Figure, axes: Axes, shown: list[int]) -> list[ColorType]:
+def _colours(axes: Axes, shown: list[int]) -> list[ColorType]:
     """One colour per particle, with a colour bar if there are too many for a legend."""
     if len(shown) <= len(style.OKABE_ITO):
         return list(style.OKABE_ITO[: len(shown)])
     # without the palest tenth of the map, whose thin lines would vanish on white paper
     cmap = ListedColormap(colormaps[style.SEQUENTIAL_MAP](np.linspace(0.0, 0.9, 256)))
     norm = Normalize(shown[0], shown[-1])
-    figure.colorbar(
+    axes.figure.colorbar(
         ScalarMappable(norm, cmap),
         ax=axes,
         label="particle",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vibrosweep.figures import style
+from vibrosweep.figures.style import Panels
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,19 +20,19 @@ CURVE_POINTS: Final = 60
 
 
 @style.styled
-def fitted_track(flights: xr.Dataset) -> Figure:
+def fitted_track(flights: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = None) -> Panels:
     """Draw the track with the longest flights and its fit, and the residuals of all flights.
 
-    Takes the result of `vibrosweep.lab.lines.flights_of`.
+    Takes the result of `vibrosweep.lab.lines.flights_of`, and three axes or none.
     """
     names, index = np.unique(flights["owner"].values, return_inverse=True)
     flying = np.bincount(index, flights["end"].values - flights["start"].values)
-    figure = Figure(figsize=(style.PAGE, 4.4), layout="constrained")
-    grid = figure.add_gridspec(2, 2, height_ratios=(1.3, 1.0), width_ratios=(1.6, 1.0))
-    _draw_track(figure.add_subplot(grid[0, :]), flights, names[flying.argmax()])
-    _draw_residuals(figure.add_subplot(grid[1, 0]), flights)
-    _draw_distribution(figure.add_subplot(grid[1, 1]), flights)
-    return figure
+    ratios = {"height_ratios": (1.3, 1.0), "width_ratios": (1.6, 1.0)}
+    panels = style.panels_on(ax, style.PAGE, 4.4, [[0, 0], [1, 2]], **ratios)
+    _draw_track(panels[0], flights, names[flying.argmax()])
+    _draw_residuals(panels[1], flights)
+    _draw_distribution(panels[2], flights)
+    return panels
 
 
 def _draw_track(axes: Axes, flights: xr.Dataset, particle: object) -> None:
@@ -127,14 +128,14 @@ def _draw_distribution(axes: Axes, flights: xr.Dataset) -> None:
 
 
 @style.styled
-def errors_by_case(table: xr.Dataset) -> Figure:
+def errors_by_case(table: xr.Dataset, *, ax: Sequence[Axes] | Panels | None = None) -> Panels:
     """Draw the errors of Table 4 case by case, beside the range of the study.
 
-    Takes the result of `vibrosweep.lab.compare_tracks`; its attributes ``study_height`` and
-    ``study_period``, present if its cases are those of the study, hold the ranges.
+    Takes the result of `vibrosweep.lab.compare_tracks`, and two axes or none; its attributes
+    ``study_height`` and ``study_period``,
+    present if its cases are those of the study, hold the ranges.
     """
-    figure = Figure(figsize=(style.PAGE, 3.0), layout="constrained")
-    panels = figure.subplots(1, 2)
+    panels = style.panels_on(ax, style.PAGE, 3.0, [[0, 1]])
     for axes, q in zip(panels, table["quantity"].values, strict=True):
         error = table["error"].sel(quantity=q)
         cases = np.arange(table.sizes["case"])
@@ -163,4 +164,4 @@ def errors_by_case(table: xr.Dataset) -> Figure:
         axes.set(xlim=(-0.6, cases.size - 0.4), ylabel=f"error of {q} (%)")
         axes.set_ylim(0.0, 1.15 * most)
         style.head(axes, "", columns=2)
-    return figure
+    return panels

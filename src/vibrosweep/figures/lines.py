@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vibrosweep.figures import data, style
 from vibrosweep.figures.plane import parameter_plane
@@ -29,7 +28,7 @@ KINDS: Final = (
 
 
 @style.styled
-def orbit_branches(branches: xr.Dataset) -> Figure:
+def orbit_branches(branches: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the speeds of periodic orbits along a parameter, and where they bifurcate.
 
     Thick where an orbit is stable, thin where it is not; a colour for each number of impacts in
@@ -39,11 +38,13 @@ def orbit_branches(branches: xr.Dataset) -> Figure:
     ----------
     branches
         Result of `vibrosweep.branches`.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
-        The figure; it is neither displayed nor written.
+    matplotlib.axes.Axes
+        The axes.
 
     Raises
     ------
@@ -55,12 +56,12 @@ def orbit_branches(branches: xr.Dataset) -> Figure:
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import orbit_branches
     >>> found = vs.branches(restitution=0.5, amplitude=[1.0, 5.0], doublings=3)
-    >>> orbit_branches(found).axes[0].get_xlabel()
+    >>> orbit_branches(found).get_xlabel()
     'amplitude $A$ (m s$^{-1}$)'
     """
     NEEDS.check("orbit_branches", branches)
     along = str(branches.attrs["along"])
-    figure, axes = style.new_figure(style.PAGE, 3.6)
+    axes = style.axes_on(ax, style.PAGE, 3.6)
     for number, (kind, rows) in enumerate(_by_kind(branches, "branch").items()):
         colour = style.OKABE_ITO[number % len(style.OKABE_ITO)]
         for i in rows:
@@ -75,7 +76,7 @@ def orbit_branches(branches: xr.Dataset) -> Figure:
     axes.set_xlabel(data.label(branches, along))
     axes.set_ylabel(data.label(branches, "rebound_velocity"))
     _explain(axes, branches)
-    return figure
+    return axes
 
 
 def _mark_events(axes: Axes, branches: xr.Dataset, along: str) -> None:
@@ -112,8 +113,12 @@ def _mark_events(axes: Axes, branches: xr.Dataset, along: str) -> None:
 
 @style.styled
 def orbit_boundaries(
-    boundaries: xr.Dataset, *, sweep: xr.Dataset | None = None, variable: str | None = None
-) -> Figure:
+    boundaries: xr.Dataset,
+    *,
+    sweep: xr.Dataset | None = None,
+    variable: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
     """Draw the curves on which periodic orbits are born, double their period, graze or rest.
 
     Curves are thin where another landing comes first, so that no particle takes the orbit.
@@ -127,11 +132,13 @@ def orbit_boundaries(
         are drawn over.
     variable
         What is drawn there, as `vibrosweep.figures.parameter_plane` takes it.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
-        The figure; it is neither displayed nor written.
+    matplotlib.axes.Axes
+        The axes.
 
     Raises
     ------
@@ -143,20 +150,19 @@ def orbit_boundaries(
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import orbit_boundaries
     >>> found = vs.boundaries(restitution=[0.5, 0.9], amplitude=[0.1, 5.0])
-    >>> orbit_boundaries(found).axes[0].get_xlabel()
+    >>> orbit_boundaries(found).get_xlabel()
     'restitution $e$'
     """
     NEEDS.check("orbit_boundaries", boundaries)
     forcing = str(boundaries.attrs["forcing"])
     if sweep is None:
-        figure, axes = style.new_figure(style.PAGE, 3.6)
+        axes = style.axes_on(ax, style.PAGE, 3.6)
         axes.set_xlabel(data.label(boundaries, "restitution"))
         axes.set_ylabel(data.label(boundaries, forcing))
     else:
-        figure = parameter_plane(sweep, variable)
-        axes = figure.axes[0]
         forcing = data.drawn_forcing(sweep) or forcing
         data.Needs((forcing,)).check("orbit_boundaries", boundaries)
+        axes = parameter_plane(sweep, variable, ax=ax)
     view = axes.axis() if sweep is not None else None
     colours = ["white", *style.OKABE_ITO] if sweep is not None else [*style.OKABE_ITO]
     seen = set()
@@ -181,7 +187,7 @@ def orbit_boundaries(
         axes.axis(view)
     else:
         _explain(axes, boundaries)
-    return figure
+    return axes
 
 
 def _by_kind(lines: xr.Dataset, dim: str) -> dict[tuple[int, int], list[int]]:

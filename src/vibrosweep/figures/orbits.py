@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import DataError
@@ -25,7 +24,9 @@ OWN: Final = frozenset(("orbit", "impact", "impacts", "periods", "multiplier"))
 
 
 @style.styled
-def periodic_orbits(orbits: xr.Dataset, *, basins: xr.Dataset | None = None) -> Figure:
+def periodic_orbits(
+    orbits: xr.Dataset, *, basins: xr.Dataset | None = None, ax: Axes | None = None
+) -> Axes:
     """Draw periodic orbits: filled where they are stable, hollow where they are not.
 
     Of one realization their impacts are drawn, by phase and speed at lift-off; along one axis of a
@@ -39,11 +40,13 @@ def periodic_orbits(orbits: xr.Dataset, *, basins: xr.Dataset | None = None) -> 
     basins
         Result of `vibrosweep.basins` at the same parameters, over which the impacts are drawn, at
         the times of launch that have their phases.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
-        The figure; it is neither displayed nor written.
+    matplotlib.axes.Axes
+        The axes.
 
     Raises
     ------
@@ -55,7 +58,7 @@ def periodic_orbits(orbits: xr.Dataset, *, basins: xr.Dataset | None = None) -> 
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import periodic_orbits
     >>> found = vs.orbits(amplitude=1.2, impacts=2, periods=2)
-    >>> periodic_orbits(found).axes[0].get_xlabel()
+    >>> periodic_orbits(found).get_xlabel()
     'phase of the impact, turns'
     """
     NEEDS.check("periodic_orbits", orbits)
@@ -66,12 +69,12 @@ def periodic_orbits(orbits: xr.Dataset, *, basins: xr.Dataset | None = None) -> 
             f"basins one realization: choose with .isel() along {', '.join(axes_of)}"
         )
     if basins is not None:
-        figure = basins_of_attraction(basins)
-        _draw_over(figure.axes[0], orbits, _launch_times(orbits, basins))
-        return figure
-    figure, axes = style.new_figure(style.PAGE, 3.6)
+        axes = basins_of_attraction(basins, ax=ax)
+        _draw_over(axes, orbits, _launch_times(orbits, basins))
+        return axes
+    axes = style.axes_on(ax, style.PAGE, 3.6)
     if len(axes_of) == 2:
-        _draw_numbers(figure, axes, orbits, axes_of)
+        _draw_numbers(axes, orbits, axes_of)
     else:
         (along,) = axes_of or ("impact_phase",)
         _draw_points(axes, orbits, np.broadcast_to(*_aligned(orbits, along)))
@@ -83,7 +86,7 @@ def periodic_orbits(orbits: xr.Dataset, *, basins: xr.Dataset | None = None) -> 
             bbox_to_anchor=(1.0, 1.0),
             alignment="left",
         )
-    return figure
+    return axes
 
 
 def _aligned(orbits: xr.Dataset, along: str) -> tuple[Array, tuple[int, ...]]:
@@ -150,7 +153,7 @@ def _draw_points(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
         axes.plot([], [], "o", markeredgecolor="0.3", markerfacecolor=face, label=name)
 
 
-def _draw_numbers(figure: Figure, axes: Axes, orbits: xr.Dataset, axes_of: list[str]) -> None:
+def _draw_numbers(axes: Axes, orbits: xr.Dataset, axes_of: list[str]) -> None:
     """Draw how many stable orbits particles take at each point of a plane."""
     held = (orbits["stable"] == 1) & (orbits["admissible"] == 1)
     number = held.sum("orbit").transpose(axes_of[1], axes_of[0])
@@ -166,4 +169,4 @@ def _draw_numbers(figure: Figure, axes: Axes, orbits: xr.Dataset, axes_of: list[
     )
     axes.set_xlabel(data.label(orbits, axes_of[0]))
     axes.set_ylabel(data.label(orbits, axes_of[1]))
-    figure.colorbar(drawn, ax=axes, label="stable orbits")
+    axes.figure.colorbar(drawn, ax=axes, label="stable orbits")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize, to_rgba
-from matplotlib.figure import Figure
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize, TwoSlopeNorm, to_rgba
 from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import ColorType
 
@@ -20,7 +20,7 @@ from vibrosweep.figures import cells as gathering
 from vibrosweep.figures import style
 from vibrosweep.figures.cells import Cells
 
-ZERO_COLOUR: Final = "0.72"
+APART: Final = ("0.72", "0.25", "0.5")  # colours of values apart from the scale
 
 
 @dataclass(frozen=True)
@@ -46,28 +46,35 @@ def scatter_points(x: Array, y: Array) -> Points:
 
 
 def paint_numbers(
-    figure: Figure, axes: Axes, points: Points, values: Array, label: str, zero: str | None
-) -> None:
+    axes: Axes, points: Points, values: Array, label: str, apart: Mapping[float, str]
+) -> Colorbar | None:
     """Paint numbers, one per realization, with a labelled colour bar; NaN is left blank.
 
-    With a name for `zero` the scale is logarithmic, and zeros have a separate colour.
+    Values `apart` from the scale, by their names, have colours of their own.  With zero among them
+    the scale is logarithmic; a scale with negative numbers is diverging, with zero in its middle.
     """
     drawn = values if points.cells is None else gathering.median(points.cells, values)
-    if zero is not None:
-        _paint_one_colour(axes, points, drawn == 0.0, ZERO_COLOUR, zero, marker="x")
-        drawn = np.where(drawn > 0.0, drawn, np.nan)
+    for (value, name), colour in zip(apart.items(), APART, strict=False):
+        _paint_one_colour(axes, points, drawn == value, colour, name, marker="x")
+    drawn = np.where(np.isin(drawn, list(apart)), np.nan, drawn)
     known = drawn[np.isfinite(drawn)]
-    if known.size:
-        norm = _norm(known, logarithmic=zero is not None)
-        mappable = _paint(axes, points, drawn, colormaps[style.SEQUENTIAL_MAP], norm)
-        words = f"{label}, cell median" if points.repeated else label
-        extend = "min" if known.min() < (norm.vmin or 0.0) else "neither"
-        # a scale of counts has no halves
-        counts = zero is None and bool(np.all(known == np.rint(known)))
-        ticks = MaxNLocator(integer=True) if counts else None
-        figure.colorbar(
-            mappable, ax=axes, label=words, pad=0.02, aspect=30, extend=extend, ticks=ticks
-        )
+    if not known.size:
+        return None
+    norm = _norm(known, logarithmic=0.0 in apart)
+    signed = isinstance(norm, TwoSlopeNorm)
+    colours = style.DIVERGING_MAP if signed else style.SEQUENTIAL_MAP
+    mappable = _paint(axes, points, drawn, colormaps[colours], norm)
+    # a scale of counts has no halves
+    counts = 0.0 not in apart and bool(np.all(known == np.rint(known)))
+    return axes.figure.colorbar(
+        mappable,
+        ax=axes,
+        label=f"{label}, cell median" if points.repeated else label,
+        pad=0.02,
+        aspect=30,
+        extend="min" if known.min() < (norm.vmin or 0.0) else "neither",
+        ticks=MaxNLocator(integer=True) if counts else None,
+    )
 
 
 def paint_codes(
@@ -91,6 +98,8 @@ def _norm(known: Array, *, logarithmic: bool) -> Normalize:
         # a few almost coincident landings would stretch the scale to the limits of precision
         low = max(low, float(np.quantile(known, 0.01, method="lower")), 1e-6 * high)
         return LogNorm(low, high) if low < high else LogNorm(low / 2.0, low * 2.0)
+    if low < 0.0:
+        return TwoSlopeNorm(0.0, low, high if high > 0.0 else -low)
     return Normalize(low, high) if low < high else Normalize(low - 0.5, low + 0.5)
 
 

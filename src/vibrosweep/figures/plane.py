@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vibrosweep.analysis.base_motion import base_name, recoils, waveform_name
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, paint, style
 from vibrosweep.figures.paint import Points
 from vibrosweep.figures.window_curves import Forcing, draw_windows
+from vibrosweep.model.forcing import ACCELERATION
 from vibrosweep.model.shapes import SINE_NAME
 from vibrosweep.store.rows import flat
 
@@ -25,7 +25,9 @@ NEEDS: Final = data.Needs(AXES, one_of=CHOICES, varied=("restitution", "kick"))
 
 
 @style.styled
-def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
+def parameter_plane(
+    sweep: xr.Dataset, variable: str | None = None, *, ax: Axes | None = None
+) -> Axes:
     """Draw a measured variable over restitution and amplitude.
 
     The closed forms of locked orbits are drawn over it: the orbit of mode k exists above the solid
@@ -42,12 +44,15 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
     variable
         Variable that sets the colour: a numeric one, or one of codes with the attributes
         ``flag_values`` and ``flag_meanings``.  By default ``dt_min`` if it was measured, otherwise
-        ``rebound_height_max``.  Separations have a logarithmic scale, and a separate marker for
-        realizations in which two particles land at once or share the base.
+        ``rebound_height_max``.  Separations have a logarithmic scale, with a line at the
+        contact time, and a separate marker where they are 0.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.axes.Axes
+        The axes.
 
     Raises
     ------
@@ -59,7 +64,7 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import parameter_plane
     >>> sweep = vs.sweep(restitution=(0.8, 0.98), amplitude=(0.2, 3.5), realizations=50)
-    >>> parameter_plane(sweep, "flight_time_mean").axes[0].get_xlabel()
+    >>> parameter_plane(sweep, "flight_time_mean").get_xlabel()
     'restitution $e$'
     """
     sweep = flat(sweep)
@@ -67,19 +72,20 @@ def parameter_plane(sweep: xr.Dataset, variable: str | None = None) -> Figure:
         NEEDS.check("parameter_plane", sweep)
         variable = next(name for name in CHOICES if name in sweep.variables)
     data.Needs((*AXES, variable), varied=NEEDS.varied).check("parameter_plane", sweep)
-    figure, axes = style.new_figure(style.MEDIUM, 3.6)
+    values = data.quantity(sweep, variable)
+    axes = style.axes_on(ax, style.MEDIUM, 3.6)
     forcing, vertical, label = _vertical(sweep)
     points = paint.scatter_points(data.quantity(sweep, "restitution"), vertical)
     axes.set(xlabel=data.label(sweep, "restitution"), ylabel=label)
     _set_view(axes, points)
     if not recoils(sweep) and waveform_name(sweep) == SINE_NAME:
         draw_windows(axes, forcing, over=points.cells is not None)
-    _paint_variable(figure, axes, points, sweep, variable)
+    _paint_variable(axes, points, values, sweep, variable)
     # a colour bar names its variable, but a legend does not
     coded = "flag_values" in sweep[variable].attrs
     named = data.label(sweep, variable).replace("\n", " ") if coded else ""
     style.head(axes, ", ".join(part for part in (named, data.conditions(sweep)) if part))
-    return figure
+    return axes
 
 
 def _vertical(sweep: xr.Dataset) -> tuple[Forcing, Array, str]:
@@ -89,7 +95,7 @@ def _vertical(sweep: xr.Dataset) -> tuple[Forcing, Array, str]:
     if name is None:
         return Forcing("a", base), data.kick(sweep), "kick $a = 2 f A / g$"
     values, label = data.quantity(sweep, name), data.label(sweep, name)
-    if name == data.ACCELERATION:
+    if name == ACCELERATION:
         return Forcing(data.SYMBOLS[name], base, name=name), values, label
     frequency, gravity = (float(data.quantity(sweep, n)[0]) for n in ("frequency", "gravity"))
     return Forcing("A", base, frequency, gravity), values, label
@@ -107,22 +113,23 @@ def _set_view(axes: Axes, points: Points) -> None:
 
 
 def _paint_variable(
-    figure: Figure, axes: Axes, points: Points, sweep: xr.Dataset, variable: str
+    axes: Axes, points: Points, values: Array, sweep: xr.Dataset, variable: str
 ) -> None:
-    values, attributes = data.quantity(sweep, variable), sweep[variable].attrs
+    attributes = sweep[variable].attrs
     if "flag_values" in attributes:
         codes = np.atleast_1d(attributes["flag_values"]).astype(np.float64)
         paint.paint_codes(axes, points, values, codes, str(attributes["flag_meanings"]).split())
         return
-    zero = None
-    if variable.startswith("dt_min"):
-        values, zero = _separation(sweep, variable, values)
-    paint.paint_numbers(figure, axes, points, values, data.label(sweep, variable), zero)
-
-
-def _separation(sweep: xr.Dataset, variable: str, values: Array) -> tuple[Array, str]:
-    """Set the separation to zero where two particles were on the base at once."""
-    if variable == "dt_min" and "base_shared" in sweep.variables:
-        shared = data.quantity(sweep, "base_shared") == 1
-        return np.where(shared, 0.0, values), "two particles on the base at once"
-    return values, "two particles land at once"
+    apart = {np.inf: r"$\infty$", -np.inf: data.MINUS_INFINITY}
+    separation = variable.startswith("dt_min")
+    if separation:
+        apart = {0.0: "two particles land or rest at once"}
+    label = data.label(sweep, variable)
+    bar = paint.paint_numbers(axes, points, values, label, apart)
+    contact = data.fixed(sweep, "contact_time") if "contact_time" in sweep.variables else None
+    if bar is None or not separation or contact is None:
+        return
+    low, high = bar.ax.get_ylim()
+    if low < contact < high:
+        bar.ax.axhline(contact, color="black")
+        axes.plot([], [], color="black", label=f"on the scale: $\\tau_c$ = {contact:.4g} s")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vibrosweep.errors import OutputError
@@ -41,7 +42,7 @@ class FigureEntry:
     title: str  # description
     source: Literal["record", "sweep"]  # dataset that it is drawn from
     needs: Needs  # requirements on that dataset
-    draw: Callable[[xr.Dataset], Figure]  # function from the dataset to the figure
+    draw: Callable[[xr.Dataset], Axes]  # function from the dataset to the axes
 
     def lacking(self, dataset: xr.Dataset | None) -> str | None:
         """Return a sentence on why the figure cannot be drawn; None if it can."""
@@ -49,15 +50,15 @@ class FigureEntry:
         return None if reason is None else f"figure {self.name} needs {reason}"
 
 
-def _height_time_one(record: xr.Dataset) -> Figure:
+def _height_time_one(record: xr.Dataset) -> Axes:
     return height_curves.height_time(record, [0], height_curves.readable_until(record))
 
 
-def _height_time_all(record: xr.Dataset) -> Figure:
+def _height_time_all(record: xr.Dataset) -> Axes:
     return height_curves.height_time(record, None, height_curves.readable_until(record))
 
 
-def _separation_distribution(sweep: xr.Dataset) -> Figure:
+def _separation_distribution(sweep: xr.Dataset) -> Axes:
     from vibrosweep.analysis.separations import separation_distribution  # loads xarray
 
     sweep = flat(sweep)
@@ -192,7 +193,7 @@ def save_all(
         dataset = sources[entry.source]
         if dataset is None or entry.lacking(dataset) is not None:
             continue
-        written += save_formats(entry.draw(dataset), directory, entry.file_stem)
+        written += save_formats(style.for_file(entry.draw, dataset), directory, entry.file_stem)
     return written
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 
 from vibrosweep import theory
 from vibrosweep.analysis.base_motion import moves, recoils
@@ -39,7 +38,7 @@ LABEL_GAP: Final = 0.06
 
 
 @style.styled
-def height_against_restitution(sweep: xr.Dataset) -> Figure:
+def height_against_restitution(sweep: xr.Dataset, *, ax: Axes | None = None) -> Axes:
     """Draw the maximum rebound height against restitution, with the closed-form plateaus.
 
     Filled dots are the maximum over rebounds.  Where the launch was higher than every rebound, an
@@ -54,10 +53,13 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     sweep
         Result of a sweep in which the restitution varies.  If the amplitude varies too, it
         colours the dots.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.axes.Axes
+        The axes.
 
     Raises
     ------
@@ -69,7 +71,7 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import height_against_restitution
     >>> sweep = vs.sweep(restitution=(0.8, 0.98), realizations=50)
-    >>> height_against_restitution(sweep).axes[0].get_xlabel()
+    >>> height_against_restitution(sweep).get_xlabel()
     'restitution $e$'
     """
     sweep = flat(sweep)
@@ -78,16 +80,16 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     restitution = data.quantity(sweep, "restitution")
     rebound = data.quantity(sweep, "rebound_height_max") / unit
     flight = data.quantity(sweep, "flight_height_max") / unit
-    figure, axes = style.new_figure(style.MEDIUM, 3.3)
+    axes = style.axes_on(ax, style.MEDIUM, 3.3)
     heights = np.concatenate([rebound, flight])
     top = 1.06 * float(np.max(heights, where=np.isfinite(heights), initial=0.0)) or one_height
     # over a moving base a particle may stay below the mean level of the base
     lowest = 1.06 * float(np.min(heights, where=np.isfinite(heights), initial=0.0))
     axes.set(xlim=_span(restitution), ylim=(lowest - 0.02 * top, top))
     if restitution.size > style.MANY:
-        _draw_density(figure, axes, restitution, rebound)
+        _draw_density(axes, restitution, rebound)
     else:
-        _draw_dots(figure, axes, sweep, restitution, rebound)
+        _draw_dots(axes, sweep, restitution, rebound)
         _draw_launches(axes, restitution, rebound, flight)
     if not moves(sweep):
         _draw_launch_height(axes, sweep, unit)
@@ -104,7 +106,7 @@ def height_against_restitution(sweep: xr.Dataset) -> Figure:
     for handle in legend.legend_handles if legend else ():
         if isinstance(handle, PathCollection):  # dots of many realizations are too small to see
             handle.set_sizes([LARGEST_DOT])
-    return figure
+    return axes
 
 
 def plateaus(one_height: float, top: float) -> tuple[Array, Array]:
@@ -133,9 +135,7 @@ def _span(values: Array) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _draw_dots(
-    figure: Figure, axes: Axes, sweep: xr.Dataset, restitution: Array, height: Array
-) -> None:
+def _draw_dots(axes: Axes, sweep: xr.Dataset, restitution: Array, height: Array) -> None:
     """Draw a dot per realization, coloured by the forcing if that varies."""
     name = data.drawn_forcing(sweep)
     known = np.isfinite(height)  # the first collection of dots is the one in the legend
@@ -154,10 +154,10 @@ def _draw_dots(
     )
     if coloured:
         words = data.label(sweep, name) if name else "kick $2 f A / g$"
-        figure.colorbar(dots, ax=axes, label=words, pad=0.02, aspect=30)
+        axes.figure.colorbar(dots, ax=axes, label=words, pad=0.02, aspect=30)
 
 
-def _draw_density(figure: Figure, axes: Axes, restitution: Array, height: Array) -> None:
+def _draw_density(axes: Axes, restitution: Array, height: Array) -> None:
     known = np.isfinite(height)
     counts, x_edges, y_edges = np.histogram2d(
         restitution[known],
@@ -173,7 +173,7 @@ def _draw_density(figure: Figure, axes: Axes, restitution: Array, height: Array)
         norm=LogNorm(1.0, max(counts.max(), 2.0)),
         rasterized=True,
     )
-    figure.colorbar(mesh, ax=axes, label="realizations per cell", pad=0.02, aspect=30)
+    axes.figure.colorbar(mesh, ax=axes, label="realizations per cell", pad=0.02, aspect=30)
 
 
 def _draw_launches(axes: Axes, restitution: Array, rebound: Array, flight: Array) -> None:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vibrosweep import theory
@@ -38,7 +37,7 @@ MOST_MODES: Final = 12
 
 
 @style.styled
-def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
+def return_map(record: xr.Dataset, *, realization: int = 0, ax: Axes | None = None) -> Axes:
     """Draw the arrival speed at each landing against that at the landing before.
 
     All points lie in the strip of slope e and half-width A; over a moving base, whose height
@@ -53,10 +52,13 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
         Record of every landing, as `simulate` returns it.
     realization
         Position of the realization in the record; all its particles are drawn.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
+    matplotlib.axes.Axes
+        The axes.
 
     Raises
     ------
@@ -69,7 +71,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     --------
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import return_map
-    >>> return_map(vs.simulate(launch_time=[0.0, 0.125])).axes[0].get_xlabel()
+    >>> return_map(vs.simulate(launch_time=[0.0, 0.125])).get_xlabel()
     'arrival speed $v_n$ (m s$^{-1}$)'
     """
     from vibrosweep.analysis.returns import return_points  # loads xarray, which drawing does not
@@ -79,7 +81,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     before, after, known = return_points(one)
     late = one["landing_time"].values[known] > data.pick(one, "duration") / 2.0
     before, after = before[known], after[known]
-    figure, axes = style.new_figure(style.COLUMN, 4.1)
+    axes = style.axes_on(ax, style.COLUMN, 4.1)
     floor = data.pick(one, "amplitude") or data.pick(one, "launch_velocity") or 1.0
     top = 1.06 * max(float(np.max(before, initial=floor)), float(np.max(after, initial=floor)))
     # over a moving base a particle may still be rising when it lands
@@ -93,7 +95,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0) -> Figure:
     axes.set_xlabel("arrival speed $v_n$ (m s$^{-1}$)")
     axes.set_ylabel("next arrival speed $v_{n+1}$ (m s$^{-1}$)")
     style.head(axes, data.conditions(one), columns=2)
-    return figure
+    return axes
 
 
 def _draw_strip(axes: Axes, one: xr.Dataset, lowest: float, top: float) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 from vibrosweep.analysis.requirements import require
 from vibrosweep.figures import data, style
+from vibrosweep.figures.style import Panels
 from vibrosweep.model.measures import VARIABLES
 
 if TYPE_CHECKING:
@@ -19,18 +21,20 @@ __all__ = ["sobol_bars"]
 
 
 @style.styled
-def sobol_bars(indices: xr.Dataset) -> Figure:
+def sobol_bars(indices: xr.Dataset, *, ax: Axes | Sequence[Axes] | Panels | None = None) -> Panels:
     """Draw first-order and total indices of each output, with their intervals.
 
     Parameters
     ----------
     indices
         Result of `vibrosweep.sobol`.
+    ax
+        Axes to draw on, one for each output; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
-        The figure; it is neither displayed nor written.
+    numpy.ndarray of matplotlib.axes.Axes
+        The axes, shape (output,).
 
     Raises
     ------
@@ -42,16 +46,22 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import sobol_bars
     >>> found = vs.sobol(restitution=(0.8, 0.98), amplitude=(0.2, 3.5), realizations=64)
-    >>> len(sobol_bars(found).axes) == found.sizes["output"]
+    >>> len(sobol_bars(found)) == found.sizes["output"]
     True
     """
     parts = ("first_order", "total_order")
     require(indices, "sobol_bars", "output", "parameter", *parts, source="sobol")
     outputs = [str(name) for name in indices["output"].values]
     names = [str(name) for name in indices["parameter"].values]
-    figure = Figure(figsize=(style.PAGE, 1.6 + 0.24 * len(names)), layout="constrained")
     at = np.arange(len(names), dtype=np.float64)
-    panels = figure.subplots(1, len(outputs), sharex=True, sharey=True, squeeze=False)[0]
+    panels = style.panels_on(
+        ax,
+        style.PAGE,
+        1.5 + 0.24 * len(names),
+        [list(range(len(outputs)))],
+        sharex=True,
+        sharey=True,
+    )
     for axes, output in zip(panels, outputs, strict=True):
         one = indices.sel(output=output)
         for name, shift, colour, label in (
@@ -71,12 +81,11 @@ def sobol_bars(indices: xr.Dataset) -> Figure:
             )
         axes.set_title(textwrap.fill(_short(output), 18))
         axes.axvline(0.0, color="black", linewidth=0.6)
+        axes.set_xlabel("Sobol' index")
     panels[0].set_yticks(at, [f"{n.replace('_', ' ')}{data.symbol(n)}" for n in names])
     panels[0].invert_yaxis()
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=2)
-    figure.supxlabel("Sobol' index", fontsize=9)
-    return figure
+    panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return panels
 
 
 def _short(output: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 from vibrosweep.analysis.requirements import require
 from vibrosweep.figures import data, style
@@ -26,8 +26,12 @@ EDGE: Final = 1e-9
 
 @style.styled
 def separation_distributions(
-    found: Sequence[xr.Dataset], names: Sequence[str], contact_time: float
-) -> Figure:
+    found: Sequence[xr.Dataset],
+    names: Sequence[str],
+    contact_time: float,
+    *,
+    ax: Axes | None = None,
+) -> Axes:
     """Draw empirical distributions of the smallest separation.
 
     Parameters
@@ -38,11 +42,13 @@ def separation_distributions(
         Names of the curves.
     contact_time
         Contact time in s, marked by a line.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
-        The figure; it is neither displayed nor written.
+    matplotlib.axes.Axes
+        The axes.
 
     Raises
     ------
@@ -54,14 +60,14 @@ def separation_distributions(
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import separation_distributions
     >>> sweep = vs.sweep(amplitude=(0.2, 3.5), realizations=50, particles=2, separation=True)
-    >>> figure = separation_distributions([vs.separations(sweep)], ["two particles"], 1e-4)
-    >>> figure.axes[0].get_xscale()
+    >>> axes = separation_distributions([vs.separations(sweep)], ["two particles"], 1e-4)
+    >>> axes.get_xscale()
     'log'
     """
     for one in found:
         needed = ("separation", "cumulative_fraction")
         require(one, "separation_distributions", *needed, source="separation_distribution")
-    figure, axes = style.new_figure(style.MEDIUM, 2.9)
+    axes = style.axes_on(ax, style.MEDIUM, 2.9)
     for one, name, colour in zip(found, names, style.colours(len(names)), strict=True):
         at = np.maximum(one["separation"].values, EDGE)
         fraction = np.append(0.0, one["cumulative_fraction"].values)  # alone where none is known
@@ -85,11 +91,11 @@ def separation_distributions(
     axes.set_xlabel(r"smallest separation $\Delta t_{\mathrm{min}}$ (s)")
     axes.set_ylabel("fraction of realizations\nwith at most this")
     style.head(axes, "")
-    return figure
+    return axes
 
 
 @style.styled
-def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
+def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0, ax: Axes | None = None) -> Axes:
     """Draw the separation of two particles in one slot, and its decay by the multipliers.
 
     Parameters
@@ -98,11 +104,13 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
         Result of `vibrosweep.analysis.slot_decay`.
     realization
         Position of the realization in it.
+    ax
+        Axes to draw on; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
-        The figure; it is neither displayed nor written.
+    matplotlib.axes.Axes
+        The axes.
 
     Raises
     ------
@@ -115,7 +123,7 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
     >>> from vibrosweep.analysis import slot_decay
     >>> from vibrosweep.figures import decay_in_a_slot
     >>> found = slot_decay(vs.simulate(launch_time=[0.125, 0.13], duration=200.0))
-    >>> decay_in_a_slot(found).axes[0].get_yscale()
+    >>> decay_in_a_slot(found).get_yscale()
     'log'
     """
     needed = ("separation", "modulus_predicted", "modulus_fitted")
@@ -123,7 +131,7 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
     one = found.isel(realization=realization)
     separation = np.abs(one["separation"].values)
     number = np.arange(separation.size)
-    figure, axes = style.new_figure(style.MEDIUM, 2.9)
+    axes = style.axes_on(ax, style.MEDIUM, 2.9)
     some = separation > 0.0
     axes.plot(
         number[some],
@@ -148,4 +156,4 @@ def decay_in_a_slot(found: xr.Dataset, *, realization: int = 0) -> Figure:
     axes.set_xlabel("cycle")
     axes.set_ylabel("separation (s)")
     style.head(axes, f"fitted: {float(one['modulus_fitted']):.4f} per cycle")
-    return figure
+    return axes

@@ -1,17 +1,22 @@
-"""Sizes, fonts and colours of every figure, set without touching global state."""
+"""Axes, sizes, fonts and colours of every figure, set without touching global state."""
 
 from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Callable
-from typing import Any, Final, ParamSpec
+from collections.abc import Callable, Sequence
+from contextvars import ContextVar
+from typing import Any, Final, ParamSpec, TypeVar
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
+from numpy.typing import NDArray
+
+from vibrosweep.errors import ParameterError
 
 __all__ = [
     "COLUMN",
@@ -20,13 +25,19 @@ __all__ = [
     "OKABE_ITO",
     "PAGE",
     "RC",
+    "axes_on",
     "colours",
+    "for_file",
     "head",
-    "new_figure",
+    "panels_on",
     "styled",
 ]
 
 P = ParamSpec("P")
+R = TypeVar("R")
+Panels = NDArray[np.object_]  # axes of a figure, shape (panel,)
+
+_FOR_FILE: Final = ContextVar("for_file", default=False)
 
 # Widths in inches: one column, one and a half, and two columns of a journal page.
 COLUMN: Final = 3.5
@@ -41,6 +52,7 @@ LETTERS_PER_INCH: Final = 14
 BESIDE: Final = 0.5
 
 SEQUENTIAL_MAP: Final = "viridis"
+DIVERGING_MAP: Final = "coolwarm"  # of signed numbers
 DENSITY_MAP: Final = "cividis_r"
 GREY: Final = "0.45"
 
@@ -94,13 +106,13 @@ RC: Final[dict[Any, Any]] = {
 }
 
 
-def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
     """Make a drawing function run under the style of this package; rcParams stay unchanged.
 
     Parameters
     ----------
     draw
-        Function that returns a figure.
+        Function that returns the axes on which it draws.
 
     Returns
     -------
@@ -111,44 +123,135 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     --------
     >>> from vibrosweep.figures import style
     >>> @style.styled
-    ... def empty():
-    ...     return style.new_figure(style.COLUMN, 2.0)[0]
-    >>> float(empty().get_figwidth())
+    ... def empty(*, ax=None):
+    ...     return style.axes_on(ax, style.COLUMN, 2.0)
+    >>> float(empty().figure.get_figwidth())
     3.5
     """
 
     @functools.wraps(draw)
-    def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
         with mpl.rc_context(RC):
             return draw(*args, **kwargs)
 
     return wrapper
 
 
-def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
-    """Return an empty figure with one pair of axes, unknown to pyplot.
+def axes_on(ax: Axes | None, width: float, height: float) -> Axes:
+    """Return the axes to draw on: those given, or those of a new figure.
 
     Parameters
     ----------
+    ax
+        Axes that a user gave; None for a new figure of pyplot, which a notebook shows.
     width, height
-        Inches; `COLUMN`, `MEDIUM` and `PAGE` are the widths of this package's figures.
+        Inches of the new figure; `COLUMN`, `MEDIUM` and `PAGE` are the widths of this package's.
 
     Returns
     -------
-    figure : matplotlib.figure.Figure
-        The figure.
-    axes : matplotlib.axes.Axes
-        Its axes.
+    matplotlib.axes.Axes
+        The axes.
+
+    Raises
+    ------
+    ParameterError
+        What is given are no axes.
 
     Examples
     --------
     >>> from vibrosweep.figures import style
-    >>> figure, axes = style.new_figure(style.MEDIUM, 3.0)
-    >>> axes.figure is figure
+    >>> axes = style.axes_on(None, style.MEDIUM, 3.0)
+    >>> style.axes_on(axes, style.MEDIUM, 3.0) is axes
     True
     """
-    figure = Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.add_subplot()
+    axes: Axes = panels_on(ax, width, height, [[0]])[0]
+    return axes
+
+
+def panels_on(
+    ax: Axes | Sequence[Axes] | Panels | None,
+    width: float,
+    height: float,
+    mosaic: Sequence[Sequence[int]],
+    **arrangement: Any,
+) -> Panels:
+    """Return the axes of several panels: those given, or those of a new figure.
+
+    Parameters
+    ----------
+    ax
+        Axes that a user gave, one for each panel; None for a new figure of pyplot.
+    width, height
+        Inches of the new figure.
+    mosaic
+        Rows of the numbers of panels, from 0 on: ``[[0, 0], [1, 2]]`` has the first above two.
+    **arrangement
+        What else ``matplotlib.figure.Figure.subplot_mosaic`` takes, for a new figure.
+
+    Returns
+    -------
+    numpy.ndarray of matplotlib.axes.Axes
+        The axes, shape (panel,).
+
+    Raises
+    ------
+    ParameterError
+        What is given are no axes, or not one for each panel.
+
+    Examples
+    --------
+    >>> from vibrosweep.figures import style
+    >>> style.panels_on(None, style.PAGE, 3.0, [[0, 1]], sharey=True).shape
+    (2,)
+    """
+    count = len({panel for row in mosaic for panel in row})
+    if ax is not None:
+        given = np.asarray(ax, dtype=object).ravel()
+        if given.size != count or not all(isinstance(one, Axes) for one in given):
+            wanted = "axes of matplotlib" if count == 1 else f"{count} axes, one for each panel"
+            raise ParameterError(f"ax = {ax}: give {wanted}")
+        return given
+    size: dict[str, Any] = {"figsize": (width, height), "layout": "constrained"}
+    if _FOR_FILE.get():
+        figure = Figure(**size)
+    else:
+        from matplotlib import pyplot  # chooses a backend, which files do not need
+
+        figure = pyplot.figure(**size)
+    panels = figure.subplot_mosaic([list(row) for row in mosaic], **arrangement)
+    return np.array([panels[i] for i in range(count)], dtype=object)
+
+
+def for_file(draw: Callable[P, Axes | Panels], *args: P.args, **kwargs: P.kwargs) -> Figure:
+    """Draw for a file: on a figure that pyplot does not know, so that no window opens.
+
+    Parameters
+    ----------
+    draw
+        Function of `vibrosweep.figures`, or any that takes its axes from `axes_on` or `panels_on`.
+    *args, **kwargs
+        Its arguments.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure; ``savefig`` writes it.
+
+    Examples
+    --------
+    >>> import vibrosweep as vs
+    >>> from vibrosweep.figures import height_time, style
+    >>> figure = style.for_file(height_time, vs.simulate())
+    >>> len(figure.axes)
+    1
+    """
+    token = _FOR_FILE.set(True)
+    try:
+        drawn = draw(*args, **kwargs)
+    finally:
+        _FOR_FILE.reset(token)
+    figure: Figure = np.ravel(np.asarray(drawn, dtype=object))[0].get_figure(root=True)
+    return figure
 
 
 def colours(count: int) -> list[ColorType]:
@@ -186,7 +289,7 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
     Parameters
     ----------
     axes
-        Axes of a figure in which everything that the legend names is drawn.
+        Axes on which everything that the legend names is drawn.
     remark
         Text, broken into lines after commas; it may be empty.
     columns
@@ -200,14 +303,12 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
     Examples
     --------
     >>> from vibrosweep.figures import style
-    >>> figure, axes = style.new_figure(style.MEDIUM, 3.0)
+    >>> axes = style.axes_on(None, style.MEDIUM, 3.0)
     >>> style.head(axes, "without a legend")
     >>> axes.get_title()
     'without a legend'
     """
-    figure = axes.get_figure(root=True)
-    if figure is not None:
-        remark = _in_lines(remark, figure.get_figwidth())
+    remark = _in_lines(remark, _room(axes))
     handles, labels = axes.get_legend_handles_labels()
     if not handles:
         axes.set_title(remark)
@@ -223,8 +324,18 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
     )
 
 
+def _room(axes: Axes) -> float:
+    """Inches from side to side that the axes have in their figure, with all that is beside them."""
+    figure, spec = axes.get_figure(root=True), axes.get_subplotspec()
+    width = float(figure.get_figwidth()) if figure else PAGE
+    if spec is None:
+        return width * axes.get_position().width
+    spec = spec.get_topmost_subplotspec()
+    return width * len(spec.colspan) / spec.get_gridspec().ncols
+
+
 def _in_lines(remark: str, width: float) -> str:
-    """Break a remark after commas: one that is wider than the figure would narrow the axes."""
+    """Break a remark after commas: one that is wider than this would narrow the axes."""
     lines: list[str] = []
     for part in remark.split(", "):
         longer = f"{lines[-1]}, {part}" if lines else part

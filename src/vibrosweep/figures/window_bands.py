@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
-from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
 from vibrosweep.analysis.base_motion import base_name, moves
 from vibrosweep.analysis.conditions import UNDETERMINED
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
+from vibrosweep.figures.style import Panels
 from vibrosweep.figures.window_curves import MODES, Forcing, draw_windows
 from vibrosweep.model.forcing import FORCINGS
 
@@ -32,7 +31,9 @@ BAND: Final[Mapping[str, Any]] = {"linewidth": 0.0, "alpha": 0.45, "zorder": 1.0
 
 
 @style.styled
-def stability_windows(windows: xr.Dataset) -> Figure:
+def stability_windows(
+    windows: xr.Dataset, *, ax: Axes | Sequence[Axes] | Panels | None = None
+) -> Panels:
     """Draw the intervals of the forcing in which conditions hold against restitution.
 
     All locked orbits share the first panel; every other condition has a panel.  Where orbits were
@@ -46,11 +47,13 @@ def stability_windows(windows: xr.Dataset) -> Figure:
     ----------
     windows
         Result of `vibrosweep.windows` or `vibrosweep.analysis.find_windows`.
+    ax
+        Axes to draw on, one for each panel; by default those of a new figure of pyplot.
 
     Returns
     -------
-    matplotlib.figure.Figure
-        The figure; it is neither displayed nor written.
+    numpy.ndarray of matplotlib.axes.Axes
+        The axes, shape (panel,).
 
     Raises
     ------
@@ -62,7 +65,7 @@ def stability_windows(windows: xr.Dataset) -> Figure:
     >>> import vibrosweep as vs
     >>> from vibrosweep.figures import stability_windows
     >>> found = vs.windows(restitution=[0.8, 0.9], amplitude=[0.1, 1.0, 2.0, 4.0])
-    >>> stability_windows(found).axes[0].get_xlabel()
+    >>> stability_windows(found)[0].get_xlabel()
     'restitution $e$'
     """
     symbol = FORCINGS[_scanned(windows)].symbol
@@ -73,12 +76,12 @@ def stability_windows(windows: xr.Dataset) -> Figure:
     locked = [name for name in names if name.startswith("locked(")]
     panels = ([locked] if locked else []) + [[name] for name in names if name not in locked]
     height = PANEL_HEIGHT * len(panels) + LEGEND_LINE * max(0, len(locked) - 4)
-    figure = Figure(figsize=(style.MEDIUM, height), layout="constrained")
-    all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    rows = [[i] for i in range(len(panels))]
+    all_axes = style.panels_on(ax, style.MEDIUM, height, rows, sharex=True)
     for axes, panel in zip(all_axes, panels, strict=True):
         _panel(axes, windows, panel, is_locked=panel is locked)
     all_axes[-1].set_xlabel("restitution $e$")
-    return figure
+    return all_axes
 
 
 def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool) -> None:
@@ -99,10 +102,7 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
         axes.plot([], [], "s", color=_over(*colours), label="in both directions")
     axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
     name = _scanned(windows)
-    scanned = FORCINGS[name]
-    words = textwrap.fill(scanned.long_name, data.LABEL_WIDTH)
-    units = data.format_units(scanned.units)
-    axes.set_ylabel(f"{words} ${data.SYMBOLS[name]}${units}")
+    axes.set_ylabel(data.forcing_label(name))
     modes = [int(name[len("locked(") : -1]) for name in names] if is_locked else MODES
     forcing = Forcing(
         data.SYMBOLS[name],

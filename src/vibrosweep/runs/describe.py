@@ -101,7 +101,7 @@ def _head(file: Any) -> Iterator[str]:
 
 def _spread(variable: Any) -> str:
     """Value of a coordinate, or its smallest and largest, with the unit."""
-    units = variable.attrs["units"]
+    units = variable.attrs.get("units", "1")
     unit = "" if units == "1" else f" {units}"
     if not variable.dimensions:
         return f"{variable[()]:g}{unit}"

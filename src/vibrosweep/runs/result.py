@@ -15,7 +15,7 @@ from vibrosweep.engine.landings import launch_times, record_landings
 from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import RunError
 from vibrosweep.kernels._jit import sources_digest
-from vibrosweep.model.forcing import INPUTS, sources
+from vibrosweep.model.forcing import ACCELERATION, INPUTS, sources
 from vibrosweep.model.measures import OPTIONS, RECORD
 from vibrosweep.model.parameters import STREAM, Parameter
 from vibrosweep.model.times import Periods, Time
@@ -50,12 +50,14 @@ TIMES: Final[Mapping[str, Mapping[str, str]]] = {"duration": DURATION, "transien
 
 
 def coordinate_attributes(parameter: Parameter) -> dict[str, str]:
-    """CF attributes of a physical parameter."""
-    return {
-        "units": parameter.units,
-        "long_name": parameter.long_name,
-        "symbol": parameter.symbol,
-    }
+    """CF attributes of a physical parameter.
+
+    CF has no unit for g, so that the name alone says it: "1" would be written beside it on axes.
+    """
+    attributes = {"long_name": parameter.long_name, "symbol": parameter.symbol}
+    if parameter.name == ACCELERATION:
+        return attributes
+    return {"units": parameter.units, **attributes}
 
 
 class Stream:

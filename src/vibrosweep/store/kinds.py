@@ -18,7 +18,8 @@ from vibrosweep.errors import DataError, ParameterError
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
 
 # Attribute of a file that names its kind.
 KIND: Final = "result"
@@ -42,7 +43,8 @@ class ResultKind:
     lines
         Function from the dataset to the lines that ``vibrosweep info`` prints.
     draw
-        Function from the dataset to the figure of ``vibrosweep figures``; None without a figure.
+        Function from the dataset to the axes, or an array of axes, of the figure of
+        ``vibrosweep figures``; None without a figure.
     stem
         Name of the figure's files without their ending; by default `name`.
     undrawn
@@ -60,12 +62,12 @@ class ResultKind:
     name: str
     command: str
     lines: Callable[[xr.Dataset], Iterable[str]] = _no_lines
-    draw: Callable[[xr.Dataset], Figure] | None = None
+    draw: Callable[[xr.Dataset], Axes | NDArray[Any]] | None = None
     stem: str = ""
     undrawn: str = "results of this kind have no figure"
     unverified: str = "verify proves results of vibrosweep run alone"
 
-    def figure(self, result: xr.Dataset) -> Figure:
+    def axes(self, result: xr.Dataset) -> Axes | NDArray[Any]:
         """Draw a result; a DataError where results of this kind have no figure."""
         if self.draw is None:
             raise DataError(self.undrawn)

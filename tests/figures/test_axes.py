@@ -1,0 +1,90 @@
+"""Figures draw on the axes that are given, or on their own, which a notebook shows."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib import pyplot
+from matplotlib.axes import Axes
+
+from vibrosweep import figures
+from vibrosweep.errors import ParameterError
+from vibrosweep.figures.style import axes_on, for_file, panels_on
+
+INDICES = xr.Dataset(
+    {
+        f"{order}{end}": (("output", "parameter"), np.full((2, 1), 0.5))
+        for order in ("first_order", "total_order")
+        for end in ("", "_low", "_high")
+    },
+    {"output": ["dt_min", "impact_count"], "parameter": ["restitution"]},
+)
+
+
+@pytest.fixture
+def drawings(sweep, twenty):
+    """Names of functions that draw on one pair of axes, with the dataset of each."""
+    return {
+        "height_time": twenty,
+        "return_map": twenty,
+        "parameter_plane": sweep,
+        "height_against_restitution": sweep,
+    }
+
+
+def test_what_is_given_is_drawn_on_and_returned(drawings):
+    figure, every = pyplot.subplots(2, 2)
+    for (name, dataset), axes in zip(drawings.items(), every.ravel(), strict=True):
+        assert getattr(figures, name)(dataset, ax=axes) is axes
+        assert axes.has_data()
+    assert pyplot.get_fignums() == [figure.number]
+    figure.canvas.draw()
+    left, right = pyplot.subplots(1, 2)[1]
+    assert list(figures.sobol_bars(INDICES, ax=[left, right])) == [left, right]
+
+
+def test_without_axes_pyplot_has_the_figure(drawings):
+    for name, dataset in drawings.items():
+        axes = getattr(figures, name)(dataset)
+        assert isinstance(axes, Axes)
+        assert pyplot.gcf() is axes.figure
+    assert figures.sobol_bars(INDICES).shape == (2,)
+
+
+def test_for_a_file_pyplot_has_none(drawings):
+    for name, dataset in drawings.items():
+        assert for_file(getattr(figures, name), dataset).axes
+    assert len(for_file(figures.sobol_bars, INDICES).axes) == 2
+    assert not pyplot.get_fignums()
+    with pytest.raises(ZeroDivisionError):
+        for_file(lambda: 1 / 0)
+    axes_on(None, 1.0, 1.0)
+    assert pyplot.get_fignums()
+
+
+def test_files_are_written_without_pyplot(twenty, tmp_path):
+    code = (
+        "import sys, xarray; from vibrosweep.figures import save_all\n"
+        f"written = save_all(None, xarray.load_dataset({str(tmp_path / 'r.nc')!r}), "
+        f"{str(tmp_path / 'drawn')!r})\n"
+        "print(len(written), 'matplotlib.pyplot' in sys.modules)"
+    )
+    twenty.to_netcdf(tmp_path / "r.nc", engine="h5netcdf")
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.split() == ["6", "False"]
+
+
+def test_what_is_no_axes_or_too_few_is_refused(sweep):
+    with pytest.raises(ParameterError, match=r"^ax = 3: give axes of matplotlib"):
+        figures.parameter_plane(sweep, ax=3)
+    with pytest.raises(ParameterError, match="give 2 axes, one for each panel"):
+        figures.sobol_bars(INDICES, ax=pyplot.subplots()[1])
+
+
+def test_panels_are_in_their_order():
+    first, second, third = panels_on(None, 6.0, 4.0, [[0, 0], [1, 2]])
+    first.figure.canvas.draw()
+    assert first.get_position().y0 > second.get_position().y1
+    assert second.get_position().x1 < third.get_position().x0
