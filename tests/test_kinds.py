@@ -33,9 +33,9 @@ FILM = """title = "A film"
 restitution = 0.85
 amplitude = 0.12
 particles = 2
-[trials]
-transient = 2.0
 duration = 4.0
+[measure]
+transient = 2.0
 """
 LAB = {"impacts": "impacts", "comparison": "compare"}
 
