@@ -55,7 +55,8 @@ def plane(e, gamma, common, agreement):
 @style.styled
 def limit(gammas, curves):
     """Difference of landing times between the bases against Gamma, with its first order."""
-    figure, axes = style.new_figure(style.MEDIUM, 3.2)
+    figure = Figure(figsize=(style.MEDIUM, 3.2), layout="constrained")
+    axes = figure.add_subplot()
     for (u, off), colour in zip(curves.items(), style.colours(len(curves)), strict=True):
         axes.loglog(gammas, off[:, 0], "o", markersize=3, color=colour, label=f"$u_0 = {u:g}$")
         axes.loglog(gammas, off[:, -1], "s", markersize=3, color=colour, fillstyle="none")
@@ -69,7 +70,8 @@ def limit(gammas, curves):
 @style.styled
 def staircase(gammas, flights, marks):
     """Length of every flight of the completely inelastic ball on its attractor against Gamma."""
-    figure, axes = style.new_figure(style.PAGE, 3.2)
+    figure = Figure(figsize=(style.PAGE, 3.2), layout="constrained")
+    axes = figure.add_subplot()
     for (words, values), lines in zip(marks.items(), ("--", "-.", ":"), strict=True):
         axes.vlines(values, 0.0, 4.0, colors=style.GREY, linestyles=lines, lw=0.7, label=words)
     across = np.broadcast_to(gammas[:, np.newaxis], flights.shape)
