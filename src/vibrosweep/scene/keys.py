@@ -29,6 +29,7 @@ from vibrosweep.mistakes import (
 )
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.likely import likely_parameter
+from vibrosweep.model.limits import answer_to
 from vibrosweep.model.measures import OPTIONS, Option
 from vibrosweep.model.parameters import BASES, LAWS, STAGGERED, Parameter
 from vibrosweep.model.scene_measures import KEYS
@@ -119,13 +120,17 @@ def _note_unknown(
 ) -> None:
     """Say which key was probably meant, or where it belongs."""
     known: Collection[str] = sections[home] if home else ("title", *sections)
+    prefix = f"{home}." if home else ""
+    if answer := answer_to(name):
+        mistakes.add_broken(prefix + name, f"is not a known key: {answer}", value)
+        return
     homes = [table(t) for t, checks in sections.items() if name in checks]
-    guess = None if homes else nearest(name, known)
+    guess = None if homes else nearest(name, known) or likely_parameter(name)
+    guess = guess if guess in known else None
     hint: Text = f'; did you mean "{guess}"?' if guess else "."
     if homes:
         hint = ("; it belongs in ", homes[0], *((" or ", home) for home in homes[1:]), ".")
     where: Text = ("of ", table(home)) if home else Word("at the top of the file", "here")
-    prefix = f"{home}." if home else ""
     rule = ("is not a known key", hint, " Known keys ", where, f": {', '.join(known)}")
     mistakes.add_broken(prefix + name, rule, value)
     if guess:  # the key that was meant is neither missing nor at its default

@@ -16,6 +16,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.mistakes import PYTHON, RANGE, Mistakes, nearest, toml
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.likely import likely_parameter
+from vibrosweep.model.limits import answer_to
 from vibrosweep.model.parameters import NOISE, STREAM, STREAMS, refuse_masked
 from vibrosweep.scene.columns import GivenTable
 from vibrosweep.scene.design import DESIGNS, GRID
@@ -182,6 +183,9 @@ def _title(given: Mapping[str, Any]) -> str:
 
 
 def _note_unknown(name: str, value: object, known: Iterable[str], mistakes: Mistakes) -> None:
+    if answer := answer_to(name):
+        mistakes.add_broken(name, f"is not a known keyword: {answer}", value)
+        return
     guess = "launch" if name == "launch_time" else nearest(name, known) or likely_parameter(name)
     hint = f'; did you mean "{guess}"?' if guess else "."
     text = f"is not a known keyword{hint} Known keywords: {', '.join(known)}"

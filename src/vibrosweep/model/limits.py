@@ -1,0 +1,52 @@
+"""Words for what is modelled under another key, or not at all, each with its answer.
+
+The page of limits, docs/limits.md, tells the same at length.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+_PAGE: Final = "; the page of limits says what to use then"
+_RANDOM: Final = (
+    "what is random is restitution_noise, kick_noise or drive_noise, each a standard deviation"
+)
+_SHAPE: Final = (
+    'the shape of the motion of the base is its waveform: "sine", "parabolic", or harmonics with '
+    "number, weight and phase, as in [[1, 1.0, 0.0], [2, 0.4, 1.1]]"
+)
+_LAW: Final = (
+    'rebound is the law of what follows a kick, "rest" or "reflect", and vibrosweep.register_law '
+    "adds others"
+)
+_AIR: Final = f"flights are parabolas: air has no drag and no buoyancy{_PAGE}"
+_TURNS: Final = f"balls do not rotate and have no friction; kick_noise may stand for it{_PAGE}"
+_VERTICAL: Final = f"balls and base move along one vertical line: nothing is tilted{_PAGE}"
+_WALLS: Final = f"there is one base and no other wall, stop or ceiling{_PAGE}"
+_MEETINGS: Final = f"balls are points that pass through each other in the air{_PAGE}"
+_CONTACT: Final = f"an impact takes no time; contact_time is the shortest stay on the base{_PAGE}"
+_RAMP: Final = (
+    f"frequency and forcing are constant: an axis of a grid, or bifurcation, takes values in turn"
+    f"{_PAGE}"
+)
+
+_WORDS: Final = {
+    _RANDOM: "noise sigma random stochastic randomness noise_level noise_amplitude white_noise",
+    _SHAPE: "shape wave wave_form profile harmonics harmonic tones forcing2 amplitude2 frequency2 "
+    "phase2 second_frequency second_amplitude second_harmonic triangle square sawtooth signal",
+    _LAW: "law rebound_law impact_law collision_law",
+    _AIR: "drag air air_drag air_resistance drag_coefficient viscosity buoyancy wind",
+    _TURNS: "spin rotation rotate angular_velocity inertia friction friction_coefficient "
+    "tangential_restitution rolling",
+    _VERTICAL: "tilt incline inclination slope tilt_angle horizontal x_velocity",
+    _WALLS: "wall walls stop stops ceiling lid box container impact_pair",
+    _MEETINGS: "collision collisions ball_radius particle_radius radius diameter size interaction",
+    _CONTACT: "stiffness contact_stiffness elasticity deformation hertz",
+    _RAMP: "ramp chirp sweep_rate ramp_rate frequency_end amplitude_end frequency_stop envelope",
+}
+ANSWERS: Final = {word: answer for answer, words in _WORDS.items() for word in words.split()}
+
+
+def answer_to(word: str) -> str:
+    """Return the answer to a word; empty where there is none."""
+    return ANSWERS.get(word.lower().replace("-", "_"), "")
