@@ -22,7 +22,7 @@ def solved(e, a, k, r=1e-4, sign=1.0):
     given |= {name: np.full(e.size, value) for name, value in UNITS.items()}
     given |= {"restitution": e.astype(float), "amplitude": a.astype(float), "contact_time": r}
     found, base = empty_fixed(e.size), base_of("high-bounce", "rest" if sign > 0.0 else "reflect")
-    find_fixed((0, e.size), base, dimensionless(given, 1.0), k, sign, found)
+    find_fixed(0, e.size, base, dimensionless(given, 1.0), k, sign, found)
     return found
 
 
@@ -85,7 +85,7 @@ problem = dimensionless(given, 1.0)
 for kind in (("high-bounce", "rest"), ("high-bounce", "reflect"), ("moving", "rest")):
     for sign in (1.0, -1.0):
         found = empty_fixed(3)
-        find_fixed((0, 3), base_of(*kind), problem, np.ones(3, int), sign, found)
+        find_fixed(0, 3, base_of(*kind), problem, np.ones(3, int), sign, found)
         print(json.dumps([found.state.tolist(), found.phase.tolist()]))
 """
     outputs = [

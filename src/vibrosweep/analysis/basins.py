@@ -156,7 +156,10 @@ def _shortest(
     base, found = base_of(scene.base, scene.rebound, scene.waveform), empty_shortest(rows.size)
     states = (orbits.phase[rows], orbits.flight[rows], orbits.impacts[rows])
     workers.each(
-        lambda begin, end: shortest_flights(begin, end, base, own, *states, found), rows.size, 16
+        lambda begin, end: shortest_flights(begin, end, base, own, *states, found),
+        rows.size,
+        16,
+        found,
     )
     landed, speed = (np.full(first.size, np.nan) for _ in range(2))
     landed[recurs] = found.landed

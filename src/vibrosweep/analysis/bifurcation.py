@@ -181,7 +181,7 @@ def _impacts(
     )
     # a frequency of 1: times in periods are counted from 0
     units = Units(np.ones(count), np.ravel(gravity / (2.0 * frequency)))
-    workers.each(lambda first, last: record(first, last, batch, units, out), count, 16)
+    workers.each(lambda first, last: record(first, last, batch, units, out), count, 16, out)
     shape = (-1, scene.particles, samples)
     speed, left = out.rebound_velocity[:, :samples], out.liftoff_time[:, :samples]
     height, time = speed**2 / (2.0 * gravity), 2.0 * speed / gravity

@@ -76,9 +76,10 @@ def locked(scene: Scene, condition: Locked, points: Points, workers: Workers) ->
     def state(sign: float) -> Codes:
         found = empty_fixed(k.size)
         workers.each(
-            lambda first, last: find_fixed((first, last), base, problem, k, sign, found),
+            lambda first, last: find_fixed(first, last, base, problem, k, sign, found),
             k.size,
             FIXED_PER_TASK,
+            found,
         )
         return found.state.astype(np.int64)
 

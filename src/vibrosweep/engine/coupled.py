@@ -70,8 +70,7 @@ def measure_coupled(parameters: Mapping[str, Array], scene: Scene, workers: Work
     found |= separations_in_units(whole.separations, frequency) | _order(whole, frequency)
     if scene.measures.joint:
         found |= _joint(parameters, scene, workers)
-    names = {variable.name for variable in scene.measures.variables}
-    return {name: values for name, values in found.items() if name in names}
+    return found
 
 
 def _followed(
@@ -105,7 +104,7 @@ def _followed(
             work = more_numbers(work)
         idle.append(work)
 
-    workers.each(task, size, _per_task(batch, particles))
+    workers.each(task, size, _per_task(batch, particles), statistics, whole, written.record)
     return statistics, whole, written
 
 
@@ -144,7 +143,7 @@ def _joint(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> M
     def task(first: int, last: int) -> None:
         settle_jointly(first, last, batch, budget, notes(particles), out)
 
-    workers.each(task, size, _per_task(batch, particles))
+    workers.each(task, size, _per_task(batch, particles), out)
     periods = (problem.end_count - problem.begin_count) + (problem.end_phase - problem.begin_phase)
     blocks = out.growth * (BLOCKS / periods[:, np.newaxis])  # per forcing period
     with np.errstate(invalid="ignore"):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vibrosweep.arrays import Array
 from vibrosweep.engine.launched import launched_in_window
 from vibrosweep.kernels.separation import Separations
-from vibrosweep.kernels.statistics import UNWRITTEN, Statistics
+from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.model.measures import RESOLUTION, UNDETERMINED
 from vibrosweep.scene.scene import Scene
 
@@ -36,8 +36,6 @@ def of_realizations(
     `lowest` is what heights are counted from, below the mean level.  A base that stays at that
     level counts the roots of heights.
     """
-    if np.any(found.status == UNWRITTEN):
-        raise RuntimeError("a kernel has left realizations unwritten")
     measured = _physical(found, parameters, lifts, lowest)
     return measured | {"at_rest_count": found.at_rest, "status": found.status}
 

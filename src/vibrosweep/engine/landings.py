@@ -72,7 +72,7 @@ def _recorded(
     def task(first: int, last: int) -> None:
         record(first, last, batch, units, out)
 
-    workers.each(task, trajectories, max(1, TRAJECTORIES_PER_TASK // 128))
+    workers.each(task, trajectories, max(1, TRAJECTORIES_PER_TASK // 128), out)
     return out
 
 

@@ -21,6 +21,7 @@ from vibrosweep.engine.observable_values import observable_values
 from vibrosweep.engine.orbits import orbit_variables
 from vibrosweep.engine.trajectories import base_in, follow, statistics
 from vibrosweep.engine.workers import Workers
+from vibrosweep.errors import RunError
 from vibrosweep.kernels.bases import lifts, lowest
 from vibrosweep.kernels.sine import waves
 from vibrosweep.kernels.trust import Trust
@@ -43,12 +44,26 @@ def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> 
     Every parameter of `vibrosweep.model.parameters.PARAMETERS`, and those of the mount of a sprung
     base, is of shape (realization,).  Returns arrays of that shape, and of (realization, particle)
     for measures per particle, named as in `vibrosweep.model.measures`.  Raises a ParameterError
-    where more forcing periods are asked for than can be counted exactly.
+    where more forcing periods are asked for than can be counted exactly, a RunError where a result
+    is not written to the end.
     """
     if scene.base == SPRUNG:
         from vibrosweep.engine.coupled import measure_coupled  # slow to import: it declares kernels
 
-        return measure_coupled(parameters, scene, workers)
+        found = measure_coupled(parameters, scene, workers)
+    else:
+        found = _measure_apart(parameters, scene, workers)
+    names = [variable.name for variable in scene.measures.variables]
+    if missing := [name for name in names if name not in found]:
+        raise RunError(
+            f"{', '.join(missing)}: not computed over base = {scene.base}; this is a fault of "
+            f"vibrosweep: please report it"
+        )
+    return {name: found[name] for name in names}
+
+
+def _measure_apart(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> Measured:
+    """Measure realizations whose particles do not act on each other."""
     measures = scene.measures
     problem = dimensionless(parameters, scene.duration, measures.transient)
     frequency, particles = parameters["frequency"], scene.particles
@@ -63,9 +78,7 @@ def measure(parameters: Mapping[str, Array], scene: Scene, workers: Workers) -> 
     if measures.per_particle and found.each is not None:
         measured |= of_particles(found.each, parameters, particles, *of_base)
     if found.orbits is not None:
-        of_orbits = orbit_variables(found.orbits, frequency)
-        names = {variable.name for variable in measures.variables}
-        measured |= {name: values for name, values in of_orbits.items() if name in names}
+        measured |= orbit_variables(found.orbits, frequency)
     if found.separations is not None:
         measured |= separations_in_units(found.separations, frequency)
     if found.bounds is not None:

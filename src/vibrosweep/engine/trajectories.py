@@ -26,9 +26,11 @@ from vibrosweep.kernels.observer import Observer, observer_scratch
 from vibrosweep.kernels.ordering import workspace
 from vibrosweep.kernels.separation import Separations, empty_separations, separate
 from vibrosweep.kernels.settle import Orbits, empty_orbits, settle
-from vibrosweep.kernels.statistics import KINDS, Statistics, empty_statistics
+from vibrosweep.kernels.statistics import KINDS, Statistics, empty_sums
 from vibrosweep.kernels.totals import combine, scratch
 from vibrosweep.kernels.trust import Trust, empty_trust, trust
+from vibrosweep.kernels.unwritten import require_written
+from vibrosweep.model.measures import UNDETERMINED
 from vibrosweep.model.parameters import Dimensionless, Launches, taken
 from vibrosweep.model.status import Status
 from vibrosweep.scene.scene import Scene
@@ -99,11 +101,12 @@ def _follow(
     if looked_for and problem.noise is None:  # what is random never recurs
         cycles = workers.cycles(size * particles)
     each = statistics(problem, launch, scene, workers, cycles)
-    whole = empty_statistics(size, each.kinds)._replace(at_rest=np.empty(size, np.int64))
+    whole = empty_sums(size, each.kinds)
     workers.each(
         lambda first, last: combine(first, last, particles, each, whole),
         size,
         max(1, 2 * TRAJECTORIES_PER_TASK // particles),
+        whole,
     )
     orbits = separations = bounds = None
     if measures.regimes and cycles is not None:
@@ -158,6 +161,7 @@ def statistics(
         return task
 
     workers.stream(begin, total)
+    require_written(each, ("at_rest", "status"))  # totals are written with them
     return each
 
 
@@ -188,7 +192,7 @@ def _orbits(
     def task(first: int, last: int) -> None:
         settle(first, last, batch, plain, cycles, scene.budget, exponents, orbits)
 
-    workers.each(task, each.status.size, TRAJECTORIES_PER_TASK // 64)
+    workers.each(task, each.status.size, TRAJECTORIES_PER_TASK // 64, orbits)
     return orbits
 
 
@@ -208,7 +212,8 @@ def _separations(
     size, particles = problem.kick.size, scene.particles
     found = empty_separations(size)
     if particles == 1:  # a single particle has no separations
-        found.shared[:] = np.where(whole.status == Status.COMPLETED, 0, found.shared)
+        found.gap[:] = found.same[:] = np.nan
+        found.shared[:] = np.where(whole.status == Status.COMPLETED, 0, UNDETERMINED)
         return found
     complete = whole.status == Status.COMPLETED
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)
@@ -223,7 +228,7 @@ def _separations(
         workspaces.append(work)
 
     per_task = max(1, TRAJECTORIES_PER_TASK // (32 * particles))
-    workers.each(task, size, per_task)
+    workers.each(task, size, per_task, found)
     return found
 
 
@@ -241,7 +246,7 @@ def _error_bounds(
     def task(first: int, last: int) -> None:
         trust(first, last, batch, tolerance, scene.budget, bounds)
 
-    workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 64)
+    workers.each(task, bounds.until.size, TRAJECTORIES_PER_TASK // 64, bounds)
     return bounds
 
 

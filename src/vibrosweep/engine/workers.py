@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Self
+from typing import Any, Self
 
 from vibrosweep.kernels.cycles import Cycles, empty_cycles
-from vibrosweep.kernels.statistics import KINDS, UNWRITTEN, Kinds, Statistics, empty_statistics
+from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statistics
+from vibrosweep.kernels.unwritten import FLAG, require_written
 
 TRAJECTORIES_PER_TASK = 1 << 16
 # Range size of a stream: large against the cost of a call, small enough to balance the threads.
@@ -47,7 +48,7 @@ class Workers:
         _, totals, at_rest, status = self._statistics
         shape = len(kinds), trajectories
         totals = totals.ravel()[: shape[0] * shape[1]].reshape(shape)
-        status[:trajectories] = UNWRITTEN
+        at_rest[:trajectories] = status[:trajectories] = FLAG
         return Statistics(kinds, totals, at_rest[:trajectories], status[:trajectories])
 
     def cycles(self, trajectories: int) -> Cycles:
@@ -57,12 +58,19 @@ class Workers:
         fields = self._cycles.shape[0]
         return self._cycles.ravel()[: fields * trajectories].reshape(fields, trajectories)
 
-    def each(self, task: Callable[[int, int], object], total: int, size: int) -> None:
-        """Call ``task(first, last)`` for ranges of at most `size` that cover ``range(total)``."""
+    def each(
+        self, task: Callable[[int, int], object], total: int, size: int, *results: Any
+    ) -> None:
+        """Call ``task(first, last)`` for ranges of at most `size` that cover ``range(total)``.
+
+        Raises a RunError where any of the results, named tuples, is not written to the end.
+        """
         size = max(1, min(size, -(-total // self.threads)))
         starts = range(0, total, size)
         for _ in self._pool.map(lambda first: task(first, min(first + size, total)), starts):
             pass
+        for one in results:
+            require_written(one)
 
     def stream(self, begin: Callable[[], Callable[[int, int], object]], total: int) -> None:
         """Let each thread take ranges of ``range(total)``, one after the other, until none is left.

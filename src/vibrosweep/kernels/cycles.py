@@ -30,6 +30,7 @@ from vibrosweep.kernels.totals import (
     repeat,
     set_cycle,
 )
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.landing import Landing
 
 FIRST_ANCHOR = 64  # age in impacts at which the search for recurrence begins
@@ -70,7 +71,7 @@ class Chosen(NamedTuple):
 
 def empty_cycles(trajectories: int) -> Cycles:
     """Allocate the cycles of a batch."""
-    return np.empty((len(CYCLE), trajectories))
+    return unwritten((len(CYCLE), trajectories))
 
 
 @jit

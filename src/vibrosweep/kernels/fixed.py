@@ -22,6 +22,7 @@ from vibrosweep.kernels.bases import (
 )
 from vibrosweep.kernels.laws import law_of, speed_after
 from vibrosweep.kernels.rounding import HALF_ULP
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless
 
 ABSENT, ATTRACTS, REPELS = 0, 1, 2  # in this order along the kick, see `find_fixed`
@@ -44,7 +45,7 @@ class FixedOrbits(NamedTuple):
 
 def empty_fixed(problems: int) -> FixedOrbits:
     """Allocate fixed orbits."""
-    return FixedOrbits(np.empty(problems, np.int8), np.empty(problems))
+    return FixedOrbits(unwritten(problems, np.int8), unwritten(problems))
 
 
 def may_push_back(rebound: str) -> bool:
@@ -70,19 +71,21 @@ def _solve(fixed: Constants, x: float, k: float, sign: float) -> tuple[bool, flo
 
 @kernel
 def find_fixed(
-    span: tuple[int, int],
+    first: int,
+    last: int,
     base: Base,
     problem: Dimensionless,
     k: Integers,
     sign: float,
     out: FixedOrbits,
 ) -> None:
-    """Find the fixed orbit of k periods that attracts, or else one that does not.
+    """Find the fixed orbit of k periods of problems first ... last - 1.
 
-    With e below 1 and a growing kick it is absent, then attracts, then repels.  `sign` is -1 for
-    the orbit whose particle is pushed into the base, and turned back.
+    The one that attracts, or else one that does not.  With e below 1 and a growing kick it is
+    absent, then attracts, then repels.  `sign` is -1 for the orbit whose particle is pushed into
+    the base, and turned back.
     """
-    for t in range(span[0], span[1]):
+    for t in range(first, last):
         out.state[t], out.phase[t] = ABSENT, np.nan
         fixed = constants(base, problem, t)
         for seed in range(SEEDS):

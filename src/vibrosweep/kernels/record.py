@@ -9,6 +9,7 @@ import numpy as np
 from vibrosweep.kernels._jit import Flags, Floats, jit, kernel
 from vibrosweep.kernels.bases import constants, speed
 from vibrosweep.kernels.impact import Batch, impact, launch, launch_speed
+from vibrosweep.kernels.unwritten import unwritten
 
 
 class Record(NamedTuple):
@@ -25,8 +26,8 @@ class Record(NamedTuple):
 def empty_record(trajectories: int, impacts: int) -> Record:
     """Allocate at most `impacts` landings of each trajectory."""
     shape = (trajectories, impacts)
-    landing, liftoff, velocity = (np.full(shape, np.nan) for _ in range(3))
-    return Record(landing, liftoff, velocity, np.zeros(shape, np.int8))
+    landing, liftoff, velocity = (unwritten(shape) for _ in range(3))
+    return Record(landing, liftoff, velocity, unwritten(shape, np.int8))
 
 
 class Units(NamedTuple):
@@ -52,6 +53,15 @@ class Scale(NamedTuple):
 def seconds(scale: Scale, n: float, x: float) -> float:
     """Return the time in s of an instant, given in whole periods and phase."""
     return (n + scale.origin + (x - scale.phase)) / scale.frequency
+
+
+@jit
+def no_landings(out: Record, first: int, last: int) -> None:
+    """Write that trajectories first ... last - 1 have not landed."""
+    for t in range(first, last):
+        for k in range(out.rested.shape[1]):
+            out.landing_time[t, k] = out.liftoff_time[t, k] = out.rebound_velocity[t, k] = np.nan
+            out.rested[t, k] = 0
 
 
 @jit
@@ -82,6 +92,7 @@ def record(first: int, last: int, batch: Batch, units: Units, out: Record) -> No
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]
+    no_landings(out, first, last)
     for t in range(first, last):
         i, p = t // particles, t % particles
         fixed = constants(base, problem, i)

@@ -16,6 +16,7 @@ from vibrosweep.kernels.listing import start
 from vibrosweep.kernels.ordering import Workspace
 from vibrosweep.kernels.same_index import same_index
 from vibrosweep.kernels.slabs import UNKNOWN, all_landings, earliest
+from vibrosweep.kernels.unwritten import unwritten
 
 
 class Separations(NamedTuple):
@@ -31,18 +32,19 @@ class Separations(NamedTuple):
 
 
 def empty_separations(realizations: int) -> Separations:
-    """Allocate the separations of a batch, all undetermined."""
-    gap, same = (np.full(realizations, np.nan) for _ in range(2))
-    return Separations(gap, same, np.full(realizations, UNKNOWN, np.int8))
+    """Allocate the separations of a batch."""
+    return Separations(
+        unwritten(realizations), unwritten(realizations), unwritten(realizations, np.int8)
+    )
 
 
 @jit
 def write_separations(out: Separations, i: int, gap: float, same: float, shared: int) -> None:
-    """Write the separations of realization i, infinite where there is no pair, unless unknown."""
+    """Write the separations of realization i, which are infinite where there is no pair."""
     out.shared[i] = shared
-    if shared != UNKNOWN:
-        out.gap[i] = gap if gap < np.inf else np.nan
-        out.same[i] = same if same < np.inf else np.nan
+    known = shared != UNKNOWN
+    out.gap[i] = gap if known and gap < np.inf else np.nan
+    out.same[i] = same if known and same < np.inf else np.nan
 
 
 @jit
@@ -95,8 +97,8 @@ def separate(
 ) -> None:
     """Measure the separations of realizations span[0] ... span[1] - 1; write their slots alone.
 
-    Not measured are realizations that are not `complete`, of which a trajectory ran out of its
-    budget; what stands in `out` is left there.  `budget` is the number of landings of a particle up
+    Unknown are those of realizations that are not `complete`, of which a trajectory ran out of its
+    budget.  `budget` is the number of landings of a particle up
     to which others are, and `windowed` tells whether the window may begin after a launch.  `work`
     is not shared between threads.
 
@@ -107,6 +109,7 @@ def separate(
     base, problem, launches = batch
     particles = launches.whole.shape[1]
     for i in range(span[0], span[1]):
+        write_separations(out, i, np.nan, np.nan, UNKNOWN)
         if not complete[i]:
             continue
         begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])

@@ -30,6 +30,7 @@ from vibrosweep.kernels.rounding import HALF_ULP
 from vibrosweep.kernels.statistics import LANDINGS, RESTS, Statistics
 from vibrosweep.kernels.tangent import stretch
 from vibrosweep.kernels.trust import is_certain
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.status import Regime
 
 # Periods.  Two particles on the same orbit differ by the rounding error of an impact divided by 1 -
@@ -85,10 +86,10 @@ class Orbits(NamedTuple):
 
 def empty_orbits(trajectories: int) -> Orbits:
     """Allocate the orbits of a batch."""
-    impacts, periods, rests = (np.empty(trajectories, np.int64) for _ in range(3))
-    regime, uncertain = (np.empty(trajectories, np.int8) for _ in range(2))
-    since, whole, phase, flight, *exponents = (np.empty(trajectories) for _ in range(8))
-    multiplier = np.empty(trajectories, np.complex128)
+    impacts, periods, rests = (unwritten(trajectories, np.int64) for _ in range(3))
+    regime, uncertain = (unwritten(trajectories, np.int8) for _ in range(2))
+    since, whole, phase, flight, *exponents = (unwritten(trajectories) for _ in range(8))
+    multiplier = unwritten(trajectories, np.complex128)
     return Orbits(
         regime,
         impacts,

@@ -10,6 +10,7 @@ from vibrosweep.kernels._jit import Floats, Integers, jit, kernel
 from vibrosweep.kernels.bases import Base, constants
 from vibrosweep.kernels.impact import impact
 from vibrosweep.kernels.settle import SAME_ORBIT
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless
 
 
@@ -23,7 +24,7 @@ class Shortest(NamedTuple):
 
 def empty_shortest(cycles: int) -> Shortest:
     """Allocate the impacts of a batch of cycles."""
-    return Shortest(*(np.empty(cycles) for _ in Shortest._fields))
+    return Shortest(*(unwritten(cycles) for _ in Shortest._fields))
 
 
 @jit
@@ -49,6 +50,7 @@ def shortest_flights(
     all arrays, those of the problem too, have shape (cycle,).
     """
     for i in range(first, last):
+        out.landed[i] = out.left[i] = out.speed[i] = np.nan
         fixed = constants(base, problem, i)
         hit = impact(fixed, 0.0, phase[i], speed[i])
         for _ in range(impacts[i] - 1):

@@ -16,13 +16,13 @@ import numpy as np
 from vibrosweep.kernels._jit import Flags, Floats, Integers, jit
 from vibrosweep.kernels.bases import Counted
 from vibrosweep.kernels.markers import kind
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.landing import Landing
 
 # How the numbers of landings combine.  A count is of those for which the number, a flag, is true;
 # those of the sum of products are pairs of factors, whose product is fused with the sum.
 COUNT, SUM, PRODUCTS, MAX, MIN = "count", "sum", "sum of products", "max", "min"
 START: Final = {COUNT: 0.0, SUM: 0.0, PRODUCTS: 0.0, MAX: -np.inf, MIN: np.inf}
-UNWRITTEN: Final = -1  # the status of a trajectory that no kernel has written
 
 Kinds = tuple[Any, ...]  # empty named tuples, whose types say which statistics are asked for
 
@@ -119,7 +119,7 @@ class Statistics(NamedTuple):
     totals: Floats
     # 1 if the particle came to rest for good before the end; in sums, the number of such particles
     at_rest: Flags | Integers
-    status: Flags  # `vibrosweep.model.status.Status`, or `UNWRITTEN`
+    status: Flags  # `vibrosweep.model.status.Status`
 
     def total(self, name: str) -> Floats:
         """Return the totals of the statistic of that name."""
@@ -133,6 +133,11 @@ class Statistics(NamedTuple):
 
 
 def empty_statistics(size: int, kinds: Kinds = KINDS) -> Statistics:
-    """Allocate the statistics of a batch, all unwritten."""
-    at_rest, status = np.zeros(size, np.int8), np.full(size, UNWRITTEN, np.int8)
-    return Statistics(kinds, np.full((len(kinds), size), np.nan), at_rest, status)
+    """Allocate the statistics of trajectories."""
+    at_rest, status = unwritten(size, np.int8), unwritten(size, np.int8)
+    return Statistics(kinds, unwritten((len(kinds), size)), at_rest, status)
+
+
+def empty_sums(size: int, kinds: Kinds) -> Statistics:
+    """Allocate the statistics of realizations."""
+    return empty_statistics(size, kinds)._replace(at_rest=unwritten(size, np.int64))

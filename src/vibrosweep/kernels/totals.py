@@ -30,7 +30,6 @@ from vibrosweep.kernels.statistics import (
     RESTS,
     START,
     SUM,
-    UNWRITTEN,
     Kinds,
     Statistic,
     Statistics,
@@ -264,8 +263,8 @@ def add_up(
 ) -> Iterator[str]:
     """Combine the particles of realization i, always in the same order.
 
-    Their totals, the number of particles at rest for good and the worst status; `UNWRITTEN` where
-    one is.
+    Their totals, the number of particles at rest for good and the worst status; that of an
+    unwritten particle, which is negative, where there is one.
     """
     yield "at_rest, status, least = 0, 0, 0"
     yield from (f"v{k} = {START[one.combine]}" for k, one in enumerate(kinds))
@@ -276,7 +275,7 @@ def add_up(
     yield "    status, least = max(status, each.status[t]), min(least, each.status[t])"
     yield from (f"out.totals[{k}, i] = v{k}" for k in range(len(kinds)))
     yield "out.at_rest[i] = at_rest"
-    yield f"out.status[i] = status if least >= 0 else {UNWRITTEN}"
+    yield "out.status[i] = status if least >= 0 else least"
 
 
 @kernel

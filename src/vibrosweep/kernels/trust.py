@@ -41,6 +41,7 @@ from vibrosweep.kernels.bases.error_bounds import (
 from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
 from vibrosweep.kernels.rounding import LAUNCH_ERROR, ROUNDING
 from vibrosweep.kernels.tangent import carry
+from vibrosweep.kernels.unwritten import unwritten
 
 # The bound is itself computed in rounded arithmetic.
 INFLATION = 1.0 + 2.0**-40
@@ -63,7 +64,7 @@ class Trust(NamedTuple):
 
 def empty_trust(trajectories: int) -> Trust:
     """Allocate the bounds of a batch."""
-    until, landing, flight = (np.empty(trajectories) for _ in range(3))
+    until, landing, flight = (unwritten(trajectories) for _ in range(3))
     return Trust(until, landing, flight)
 
 

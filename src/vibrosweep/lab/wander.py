@@ -17,7 +17,14 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels._jit import Floats, jit, kernel
 from vibrosweep.kernels.bases import constants, fly, lift_off, rebound, speed
 from vibrosweep.kernels.impact import Batch, land, launch, launch_speed
-from vibrosweep.kernels.record import Record, empty_record
+from vibrosweep.kernels.record import (
+    Record,
+    Scale,
+    empty_record,
+    no_landings,
+    write_landing,
+    write_lift_off,
+)
 
 # Each step multiplies the error by the relative change of a period, which is far below 1.
 INVERSIONS: Final = 30
@@ -69,10 +76,12 @@ def _fill(
 ) -> bool:
     """Write the landings of particle p with the parameters of realization p; return if all fit."""
     base, problem, launches = batch
+    no_landings(out, 0, launches.whole.shape[1])
     for p in range(launches.whole.shape[1]):
         fixed = constants(base, problem, p)
         n, x = launch(launches, p, p, problem.phase[p])
         u = launch_speed(fixed, problem, p, x)
+        scale = Scale(frequency, unit, 0.0, problem.phase[p])
         ended = False
         for k in range(out.rested.shape[1]):
             flight, v = fly(fixed, x, u)
@@ -81,21 +90,19 @@ def _fill(
             if not n - problem.end_count[p] <= problem.end_phase[p] - x:
                 ended = True
                 break
-            out.landing_time[p, k] = (n + (x - problem.phase[p])) / frequency
             turns, phase = _phase(n, x, walk)
             w = rebound(fixed, phase, v)
             # over both bases the rebound speed is e v plus a part due to their motion
             e = min(fixed.e * max(v, SLOWEST) ** -softening, 1.0)
             w += (e - fixed.e) * v
             turns, phase, u, leaves = lift_off(fixed, turns, phase, w)
-            out.rested[p, k] = 0 if leaves else 1
+            write_landing(out, p, k, scale, n, x, not leaves)
             if turns == np.inf:
                 ended = True
                 break
             if not leaves:
                 n, x = _instant(turns, phase, walk)
-            out.liftoff_time[p, k] = (n + (x - problem.phase[p])) / frequency
-            out.rebound_velocity[p, k] = speed(fixed, x, u) * unit
+            write_lift_off(out, p, k, scale, n, x, speed(fixed, x, u))
         if not ended:
             return False
     return True

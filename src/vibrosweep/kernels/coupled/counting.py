@@ -11,8 +11,9 @@ from vibrosweep.kernels.bases import Counted
 from vibrosweep.kernels.coupled.sequence import Landings, landings
 from vibrosweep.kernels.coupled.state import EVENT, NOW, PARTICLE, Event, System, system
 from vibrosweep.kernels.observer import Observer
-from vibrosweep.kernels.statistics import Kinds, Statistics, empty_statistics
+from vibrosweep.kernels.statistics import Kinds, Statistics, empty_statistics, empty_sums
 from vibrosweep.kernels.totals import add_flight, add_landing, flight_sums, forget
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.landing import Landing
 from vibrosweep.model.status import Status
 
@@ -33,9 +34,8 @@ def empty_coupled(
 ) -> CoupledStatistics:
     """Allocate the statistics of a batch."""
     each = empty_statistics(realizations * particles, kinds)
-    sums = empty_statistics(realizations, kinds)
-    sums = sums._replace(at_rest=np.zeros(realizations, np.int64))
-    return CoupledStatistics(each, sums, np.full(each.status.size, -np.inf), observer)
+    sums = empty_sums(realizations, kinds)
+    return CoupledStatistics(each, sums, unwritten(each.status.size), observer)
 
 
 class Work(NamedTuple):

@@ -66,23 +66,24 @@ def _pull(state: System, fixed: Mount, count: int, speed: float) -> float:
 def _impact(
     state: System,
     fixed: Mount,
-    loads: tuple[Load, Load],
+    before: Load,
+    after: Load,
     event: Event,
     rode: Integers,
     deviations: Floats,
 ) -> None:
     """Change deviations by an impact that has happened.
 
-    `loads`, `rode`: the base before and after it, and the modes before it.
+    `before`, `after`, `rode`: the base before and after it, and the modes before it.
     """
     particles, j, c = state.mode.size, event.who, event.speed
-    count, after = loads[0].riders, state.now[NOW.SPEED]
-    (pulls, _), sticks = acceleration(state, loads[1]), event.kind == EVENT.STICK
+    count, speed = before.riders, state.now[NOW.SPEED]
+    (pulls, _), sticks = acceleration(state, after), event.kind == EVENT.STICK
     taking = 0 if event.dropped else count
     share = recoil(fixed, taking, 1.0, sticks)  # of the speed of approach, lost by the base
     gain = 1.0 - share if sticks else 1.0 + fixed.e - share  # the same, gained by the particle
     kick = share * c
-    was = after + kick  # the base, before the impact; the particle had c less
+    was = speed + kick  # the base, before the impact; the particle had c less
     pulled = _pull(state, fixed, count, was)
     for column in range(deviations.shape[1]):
         one = deviations[:, column]
@@ -95,10 +96,10 @@ def _impact(
         for i in range(particles):
             if event.dropped and rode[i] == MODE.RIDING:  # it goes on as the base did
                 one[particles + i] = w + 2.0 * early
-        leaves = after if sticks else after + fixed.e * c
+        leaves = speed if sticks else speed + fixed.e * c
         one[j] = y - leaves * early
         one[particles + j] = v + gain * approach + 2.0 * early
-        one[2 * particles] = y - after * early
+        one[2 * particles] = y - speed * early
         one[2 * particles + 1] = w - share * approach - pulls * early
 
 
@@ -129,6 +130,6 @@ def follow_event(
             deviations[event.who, column] = deviations[2 * particles, column]
             deviations[particles + event.who, column] = 0.0
     elif event.kind != EVENT.LIFT:
-        _impact(state, fixed, (load, after), event, rode, deviations)
+        _impact(state, fixed, load, after, event, rode, deviations)
     _ride(state.mode, deviations)
     return event, after

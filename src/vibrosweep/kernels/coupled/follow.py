@@ -44,10 +44,19 @@ from vibrosweep.kernels.coupled.state import (
 )
 from vibrosweep.kernels.impact import Instant
 from vibrosweep.kernels.listing import Listed
-from vibrosweep.kernels.record import Record, Scale, Units, write_landing, write_lift_off
+from vibrosweep.kernels.record import (
+    Record,
+    Scale,
+    Units,
+    no_landings,
+    write_landing,
+    write_lift_off,
+)
 from vibrosweep.kernels.separation import Separations, empty_separations, write_separations
+from vibrosweep.kernels.slabs import UNKNOWN
 from vibrosweep.kernels.statistics import Statistics
 from vibrosweep.kernels.totals import add_up
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless, Launches, Mounts
 from vibrosweep.model.status import Status
 
@@ -86,9 +95,9 @@ class PerRealization(NamedTuple):
 
 def empty_per_realization(realizations: int) -> PerRealization:
     """Allocate the results of realizations."""
-    median, least = (np.full(realizations, np.nan) for _ in range(2))
-    undecided, changes = np.zeros(realizations, np.int64), np.zeros(realizations, np.int64)
-    order = np.full((realizations, len(HARMONICS)), np.nan)
+    undecided, changes = (unwritten(realizations, np.int64) for _ in range(2))
+    median, least = (unwritten(realizations) for _ in range(2))
+    order = unwritten((realizations, len(HARMONICS)))
     separations = empty_separations(realizations)
     return PerRealization(separations, undecided, changes, median, least, order)
 
@@ -156,8 +165,8 @@ def _conclude(
     work: Work, memory: Landings, order: Order, complete: bool, i: int, out: PerRealization
 ) -> None:
     """Write the results of a realization, whose landings up to the end are all found or not."""
-    if complete:
-        write_separations(out.separations, i, order.gap, order.same, order.shared)
+    shared = order.shared if complete else UNKNOWN
+    write_separations(out.separations, i, order.gap, order.same, shared)
     out.changes[i] = order.changes
     out.undecided[i] = int(work.state.now[NOW.UNDECIDED])
     out.gap_median[i], out.gap_least[i] = gap_median(memory, order)
@@ -227,12 +236,12 @@ def follow(
     """
     problem, mounts, launches = batch
     each, sums, launch_height, observer = statistics
-    state, memory = work.state, work.landings
-    particles = state.mode.size
+    state, memory, particles = work.state, work.landings, work.counts.size
     for i in range(first, last):
         fixed, place = mount(problem, mounts, i), i * particles
         load = begin(state, fixed, problem, launches, i)
         begin_statistics(work, place, each, launch_height, observer)
+        no_landings(written.record, place, place + particles)
         order = clear(memory)
         opening = problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i]
         scale, speed = _scale(problem, written.units, i), problem.launch_flight[i]

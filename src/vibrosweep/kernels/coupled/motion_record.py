@@ -12,6 +12,7 @@ from vibrosweep.kernels.bases.sprung import Load, loaded, mount, move, velocity
 from vibrosweep.kernels.coupled.state import NOW, System
 from vibrosweep.kernels.record import Record, Scale, Units, seconds
 from vibrosweep.kernels.sine import cos_turns, sin_turns
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
 
@@ -37,7 +38,7 @@ class MotionRecord(NamedTuple):
 def empty_track(realizations: int, events: int) -> Track:
     """Allocate at most so many events of each realization."""
     time, deviation, beyond = (np.full((realizations, events), np.nan) for _ in range(3))
-    return Track(time, deviation, beyond, np.zeros((realizations, events), np.int64))
+    return Track(time, deviation, beyond, unwritten((realizations, events), np.int64))
 
 
 @part

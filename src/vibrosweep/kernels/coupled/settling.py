@@ -32,6 +32,7 @@ from vibrosweep.kernels.coupled.state import (
     system,
 )
 from vibrosweep.kernels.sine import cos_turns, sin_turns
+from vibrosweep.kernels.unwritten import unwritten
 from vibrosweep.model.parameters import Dimensionless, Mounts
 
 # Up to which states differ by rounding, which grows along a cycle before it is forgotten.  An orbit
@@ -63,11 +64,23 @@ class JointOrbit(NamedTuple):
 
 
 def empty_joint(realizations: int) -> JointOrbit:
-    """Allocate the orbits of a batch, none known."""
-    impacts, periods, rests, landings, at_rest = (np.zeros(realizations, np.int64) for _ in "12345")
-    growth, waves = np.full((realizations, BLOCKS), np.nan), np.zeros((realizations, WAVES))
-    since = np.full(realizations, np.nan)
+    """Allocate the orbits of a batch."""
+    counts = (unwritten(realizations, np.int64) for _ in range(5))
+    impacts, periods, rests, landings, at_rest = counts
+    growth, waves = unwritten((realizations, BLOCKS)), unwritten((realizations, WAVES))
+    since = unwritten(realizations)
     return JointOrbit(impacts, periods, rests, since, landings, growth, waves, at_rest)
+
+
+@jit
+def _write_nothing(i: int, out: JointOrbit) -> None:
+    """Write that nothing is known of realization i."""
+    out.impacts[i] = out.periods[i] = out.rests[i] = out.landings[i] = out.at_rest[i] = 0
+    out.since[i] = np.nan
+    for block in range(BLOCKS):
+        out.growth[i, block] = np.nan
+    for wave in range(WAVES):
+        out.waves[i, wave] = 0.0
 
 
 class Round(NamedTuple):
@@ -253,6 +266,7 @@ def settle_jointly(
     threads, and only the slots of these realizations are written.
     """
     for i in range(first, last):
+        _write_nothing(i, out)
         fixed = mount(batch.problem, batch.mounts, i)
         if np.isfinite(fixed.alpha):
             _one(fixed, batch, i, budget, work, out)

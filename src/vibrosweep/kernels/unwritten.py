@@ -1,0 +1,48 @@
+"""Arrays of results begin as what no kernel writes; none of it may be left.
+
+So a result that a kernel forgets is an error that names it, and never numbers that stood in memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from vibrosweep.errors import RunError
+
+# What arrays of flags begin with, and of all else: as float64 it is a NaN that no arithmetic gives
+FLAG: Final = -128
+NUMBER: Final = 0x7FF8_0000_0BAD_F00D
+
+
+def unwritten(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """Allocate an array of a result: of float64, int64, complex128, or of flags as int8."""
+    array = np.empty(shape, dtype)
+    bits, mark = _bits(array)
+    bits[...] = mark
+    return array
+
+
+def require_written(results: Any, fields: Collection[str] = ()) -> None:
+    """Raise a RunError that names a field of a named tuple in which something was left unwritten.
+
+    All fields are looked at unless some are given, and those of named tuples in it.
+    """
+    for name in fields or results._fields:
+        values = getattr(results, name)
+        if hasattr(values, "_fields"):
+            require_written(values)
+        elif isinstance(values, np.ndarray):
+            bits, mark = _bits(values)
+            if np.any(bits == mark):
+                raise RunError(
+                    f"{type(results).__name__}.{name}: not written to the end by a kernel; this is "
+                    f"a fault of vibrosweep: please report it"
+                )
+
+
+def _bits(array: NDArray[Any]) -> tuple[NDArray[Any], int]:
+    return (array.view(np.int8), FLAG) if array.itemsize == 1 else (array.view(np.int64), NUMBER)
