@@ -217,14 +217,13 @@ def _separations(
         return found
     complete = whole.status == Status.COMPLETED
     known = cycles if cycles is not None and scene.skip else workers.cycles(0)
-    windowed = scene.windowed  # loops over all launches
     batch = Batch(base_in(scene, problem), problem, launch)
     # costly to allocate
     workspaces = [workspace(particles) for _ in range(min(size, workers.threads))]
 
     def task(first: int, last: int) -> None:
         work = workspaces.pop()
-        separate((first, last), batch, complete, scene.budget, windowed, work, known, found)
+        separate(first, last, batch, complete, scene.budget, work, known, found)
         workspaces.append(work)
 
     per_task = max(1, TRAJECTORIES_PER_TASK // (32 * particles))

@@ -24,12 +24,6 @@ class Joint(NamedTuple):
 
 
 @jit
-def no_joint() -> Joint:
-    """No joint cycle."""
-    return Joint(0, 0.0, 0, 0.0)
-
-
-@jit
 def _common_multiple(a: int, b: int) -> int:
     x, y = a, b
     while y > 0:
@@ -39,19 +33,22 @@ def _common_multiple(a: int, b: int) -> int:
 
 @jit
 def joint_cycle(cycles: Cycles, first: int, pace: Floats) -> Joint:
-    """Joint cycle of trajectories first, ...
+    """Joint cycle of trajectories first, ...; of no impacts where there is none.
 
     Written to `pace`, shape (particle,): forcing periods for one impact.
     """
+    nothing = Joint(0, 0.0, 0, 0.0)
+    if cycles.size == 0:
+        return nothing
     impacts, periods, age, known = 1, 1, 0, -np.inf
     for p in range(pace.size):
         t = first + p
         if cycles[CYCLE.IMPACTS, t] == 0.0:
-            return no_joint()
+            return nothing
         impacts = _common_multiple(impacts, int(cycles[CYCLE.IMPACTS, t]))
         periods = _common_multiple(periods, int(cycles[CYCLE.PERIODS, t]))
         if impacts > LONGEST or periods > LONGEST:
-            return no_joint()
+            return nothing
         age = max(age, int(cycles[CYCLE.AGE, t]))
         known = max(known, cycles[CYCLE.WHOLE, t] + 1.0)
         pace[p] = cycles[CYCLE.PERIODS, t] / cycles[CYCLE.IMPACTS, t]
@@ -65,7 +62,7 @@ def affordable(cycles: Cycles, first: int, particles: int, n_end: float, budget:
     Those that have no cycle were followed to the end within it.
     """
     for t in range(first, first + particles):
-        if cycles[CYCLE.IMPACTS, t] > 0.0:
+        if cycles.size > 0 and cycles[CYCLE.IMPACTS, t] > 0.0:
             rounds = (n_end - cycles[CYCLE.WHOLE, t]) / cycles[CYCLE.PERIODS, t]
             if cycles[CYCLE.AGE, t] + rounds * cycles[CYCLE.IMPACTS, t] > budget:
                 return False

@@ -18,6 +18,14 @@ from vibrosweep.kernels.lanes import LANES
 from vibrosweep.kernels.ordering import LIST, ORDERED, STATE, Workspace
 
 
+class Window(NamedTuple):
+    """The window in which landings count, or a part of it that tells as much."""
+
+    late: bool  # whether a particle is launched before it begins
+    begin: Instant
+    end: Instant
+
+
 class Listed(NamedTuple):
     """A landing in a list."""
 
@@ -82,10 +90,14 @@ def neighbours(latest: Listed, landing: Listed, gap: float, shared: int) -> tupl
 
 
 @jit
-def start(work: Workspace, batch: Batch, i: int) -> None:
-    """Put all particles of realization i at their launch; counts are relative to the end."""
+def start(work: Workspace, batch: Batch, i: int) -> Window:
+    """Put all particles of realization i at their launch; return its window.
+
+    Whole periods are counted from the end of the window.
+    """
     problem, launches = batch.problem, batch.launches
     fixed = constants(batch.base, problem, i)
+    begin, late = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i]), False
     particles = launches.whole.shape[1]
     for p in range(particles):
         s, j = work.state[p // LANES], p % LANES
@@ -95,8 +107,10 @@ def start(work: Workspace, batch: Batch, i: int) -> None:
         s[STATE.U + j] = launch_speed(fixed, problem, i, x)
         s[STATE.NUMBER + j] = 0.0
         s[STATE.WHO + j] = p
+        late |= (begin[0] - s[STATE.N + j]) + (begin[1] - x) > 0.0
     for block in range(work.lanes.size):
         work.lanes[block] = min(LANES, particles - block * LANES)
+    return Window(late, begin, (0.0, problem.end_phase[i]))
 
 
 @jit
@@ -120,6 +134,16 @@ def next_landings(s: Floats, lanes: int, fixed: Constants, stop: Instant) -> Non
         s[STATE.N + j] = hit.n_off if due else s[STATE.N + j]
         s[STATE.U + j] = hit.u if due else s[STATE.U + j]
         s[STATE.NUMBER + j] += 1.0 if due else 0.0
+
+
+@jit
+def append_due(s: Floats, lanes: int, listed: Floats, k: int) -> int:
+    """Append the landings that were due to a list of k; return its length."""
+    for j in range(lanes):  # each lane is written, and overwritten unless it was due
+        listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = s[STATE.N_LAND + j], s[STATE.X_LAND + j]
+        listed[LIST.STAY, k], listed[LIST.WHO, k] = s[STATE.STAY + j], s[STATE.WHO + j]
+        k += int(s[STATE.DUE + j])
+    return k
 
 
 @jit

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit
+from vibrosweep.kernels._jit import Floats, jit
 from vibrosweep.kernels.bases import Constants, after_rest, fly, lifts_alike
 from vibrosweep.kernels.impact import Instant, land
 from vibrosweep.kernels.joint import Joint
 from vibrosweep.kernels.lanes import VECTOR
-from vibrosweep.kernels.listing import compare, due_first, next_landings, nobody
+from vibrosweep.kernels.listing import Window, append_due, compare, due_first, next_landings, nobody
 from vibrosweep.kernels.ordering import (
     LIST,
     ORDERED,
@@ -21,76 +23,61 @@ from vibrosweep.kernels.ordering import (
 )
 
 
-@jit
-def _append_all(
-    s: Floats, lanes: int, windowed: bool, begin: Instant, listed: Floats, k: int
-) -> tuple[int, int]:
-    """Append the landings that were due; return the length of the list and how many were early.
+class LiftOffs(NamedTuple):
+    """Whole periods after which, and up to which, lift-offs are followed by counted landings."""
 
-    A landing before the window gets a negative name.
-    """
-    n_begin, x_begin = begin
+    after: float
+    until: float
+
+
+@jit
+def _name_early(listed: Floats, first: int, k: int, begin: Instant) -> int:
+    """Give the landings before the window negative names; return how many there are."""
     early = 0
-    for j in range(lanes):
-        listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = s[STATE.N_LAND + j], s[STATE.X_LAND + j]
-        listed[LIST.STAY, k] = 0.0
-        who = s[STATE.WHO + j]
-        if windowed:
-            before = (n_begin - s[STATE.N_LAND + j]) + (x_begin - s[STATE.X_LAND + j]) > 0.0
-            early += 1 if before and s[STATE.DUE + j] != 0.0 else 0
-            who = -1.0 - who if before else who
-        listed[LIST.WHO, k] = who
-        k += int(s[STATE.DUE + j])
-    return k, early
+    for q in range(first, k):
+        who = listed[LIST.WHO, q]
+        before = (begin[0] - listed[LIST.WHOLE, q]) + (begin[1] - listed[LIST.PHASE, q]) > 0.0
+        listed[LIST.WHO, q] = -1.0 - who if before else who
+        early += 1 if before else 0
+    return early
 
 
 @jit
-def _lift_off_together(s: Floats, lanes: int, low: float, high: float, rests: Floats) -> bool:
+def _lift_off_together(s: Floats, lanes: int, counted: LiftOffs, rests: Floats) -> bool:
     """Return whether a lane that just rested lifts off in the same period as another one did.
 
-    They are on one orbit from then on.  Only lift-offs after whole period `low` and up to `high`
-    count: those that are followed by a landing inside the window.
+    They are on one orbit from then on.
     """
     together = False
     for j in range(lanes):
         n = s[STATE.N_REST + j]
         if n < np.inf and s[STATE.DUE + j] != 0.0:
             place = int(n) & (PERIODS_REMEMBERED - 1)
-            together |= rests[place] == n and low < n <= high
+            together |= rests[place] == n and counted.after < n <= counted.until
             rests[place] = n
     return together
 
 
 @jit
 def _next_numbers(
-    fixed: Constants,
-    windowed: bool,
-    begin: Instant,
-    ends: tuple[float, float, float],
-    state: Floats,
-    lanes_of: Integers,
-    listed: Floats,
-    rests: Floats,
+    fixed: Constants, window: Window, counted: LiftOffs, work: Workspace
 ) -> tuple[int, int, bool]:
     """List the next landing of every particle.
 
-    `ends` are the phase of the end and the bounds of lift-offs.  The arrays are those of a
-    workspace, one by one: numba would count references to all that a named tuple holds.
-
     Returns their number, how many are before the window, and whether two lift off together.
     """
-    x_end, low, high = ends
     k, early, together = 0, 0, False
-    for block in range(lanes_of.size):
-        s, lanes = state[block], lanes_of[block]
+    for block in range(work.lanes.size):
+        s, lanes = work.state[block], work.lanes[block]
         padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
-        next_landings(s, padded, fixed, (0.0, x_end))
-        start = k
-        k, outside = _append_all(s, lanes, windowed, begin, listed, k)
-        early += outside
-        together |= _lift_off_together(s, lanes, low, high, rests)
-        if k - start < lanes:  # the others have passed the end
-            lanes_of[block] = due_first(s, lanes)
+        next_landings(s, padded, fixed, window.end)
+        before = k
+        k = append_due(s, lanes, work.listed, k)
+        if window.late:
+            early += _name_early(work.listed, before, k, window.begin)
+        together |= _lift_off_together(s, lanes, counted, work.rests)
+        if k - before < lanes:  # the others have passed the end
+            work.lanes[block] = due_first(s, lanes)
     return k, early, together
 
 
@@ -137,52 +124,42 @@ def _pass_over(work: Workspace, k: int, begin: Instant, joint: Joint) -> None:
 
 
 @jit
-def _followed_by_landings(
-    fixed: Constants, windowed: bool, begin: Instant, x_end: float
-) -> Instant:
-    """Whole periods that bound the lift-offs from rest whose next landing is inside the window.
+def _followed_by_landings(fixed: Constants, window: Window) -> LiftOffs:
+    """Bounds of the lift-offs from rest whose next landing is inside the window.
 
     None is where a rest may end at several phases of a period.
     """
     if not lifts_alike(fixed.base):
-        return np.inf, -np.inf
+        return LiftOffs(np.inf, -np.inf)
     x_lift, u_lift = after_rest(fixed)
     flight, _ = fly(fixed, x_lift, u_lift)
     x, passed = land(x_lift, flight)
     low = -np.inf
-    if windowed:
-        low = begin[0] + np.ceil(begin[1] - x) - passed - 1.0
-    return low, np.floor(x_end - x) - passed
+    if window.late:
+        low = window.begin[0] + np.ceil(window.begin[1] - x) - passed - 1.0
+    return LiftOffs(low, np.floor(window.end[1] - x) - passed)
 
 
 @jit
 def same_index(
-    fixed: Constants,
-    windowed: bool,
-    begin: Instant,
-    x_end: float,
-    work: Workspace,
-    joint: Joint,
+    fixed: Constants, window: Window, work: Workspace, joint: Joint
 ) -> tuple[float, bool]:
     """Smallest gap between landings with equal impact numbers, and whether two particles are one.
 
-    Once all particles are on
-    their cycles the gaps of equally fast ones repeat after the joint cycle, and those of others
-    grow as soon as the slower one is the later one.  When that has held for one joint cycle,
-    nothing smaller can follow.
+    Once all particles are on their cycles the gaps of equally fast ones repeat after the joint
+    cycle, and those of others grow as soon as the slower one is the later one.  When that has held
+    for one joint cycle, nothing smaller can follow.
     """
     gap, together = np.inf, False
     number, repeated, early = 0, 0, 0
-    lift_offs = _followed_by_landings(fixed, windowed, begin, x_end)
-    state, listed, cells, rests = work.state, work.listed, work.cells, work.rests
-    lanes_of, pace = work.lanes, work.pace
-    rests[:] = np.inf
+    counted = _followed_by_landings(fixed, window)
+    listed, cells = work.listed, work.cells
+    for place in range(PERIODS_REMEMBERED):
+        work.rests[place] = np.inf
     n, x, span, moved = -np.inf, 0.0, 0.0, 0.0
     while gap > 0.0:
         before = early
-        k, early, met = _next_numbers(
-            fixed, windowed, begin, (x_end, *lift_offs), state, lanes_of, listed, rests
-        )
+        k, early, met = _next_numbers(fixed, window, counted, work)
         together |= met
         if k < 2:
             break
@@ -203,12 +180,12 @@ def same_index(
         n, x = whole, phase
         span = (listed[ORDERED + LIST.WHOLE, k - 1] - n) + (listed[ORDERED + LIST.PHASE, k - 1] - x)
         if drifting:
-            same = early == before and _drift_apart(listed, k, pace)
+            same = early == before and _drift_apart(listed, k, work.pace)
             repeated = repeated + 1 if same else 0
             if repeated > joint.impacts:
                 if early == 0:
                     break
-                _pass_over(work, k, begin, joint)
+                _pass_over(work, k, window.begin, joint)
                 n, repeated = -np.inf, 0
     together |= gap == 0.0
     return gap, together

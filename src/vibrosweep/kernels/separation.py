@@ -7,15 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels._jit import Flags, Floats, jit, kernel
+from vibrosweep.kernels._jit import Flags, Floats, jit, uncounted
 from vibrosweep.kernels.bases import constants
 from vibrosweep.kernels.cycles import Cycles
-from vibrosweep.kernels.impact import Batch, Instant
-from vibrosweep.kernels.joint import Joint, affordable, joint_cycle, no_joint
-from vibrosweep.kernels.listing import start
+from vibrosweep.kernels.impact import Batch
+from vibrosweep.kernels.joint import Joint, affordable, joint_cycle
+from vibrosweep.kernels.listing import Window, start
 from vibrosweep.kernels.ordering import Workspace
 from vibrosweep.kernels.same_index import same_index
-from vibrosweep.kernels.slabs import UNKNOWN, all_landings, earliest
+from vibrosweep.kernels.slabs import UNKNOWN, all_landings
 from vibrosweep.kernels.unwritten import unwritten
 
 
@@ -48,59 +48,36 @@ def write_separations(out: Separations, i: int, gap: float, same: float, shared:
 
 
 @jit
-def _until(windowed: bool, begin: Instant, x_end: float, joint: Joint) -> tuple[Instant, Instant]:
-    """Window of at most two joint cycles that contains every gap and stay of the full one."""
-    n_begin, n_end = begin[0], 0.0
-    known = joint.known
-    if windowed:
+def _part(window: Window, joint: Joint) -> Window:
+    """Give a part of at most two joint cycles that contains every gap and stay of the window."""
+    if joint.impacts == 0:
+        return window
+    n_begin, n_end, known = window.begin[0], 0.0, joint.known
+    if window.late:
         shift = np.floor((n_begin - known) / joint.periods) * joint.periods
         if shift > 0.0:
             n_begin, n_end = n_begin - shift, -shift
         known = max(known, n_begin)
-    return (n_begin, begin[1]), (min(n_end, known + 2.0 * joint.periods + 2.0), x_end)
+    n_end = min(n_end, known + 2.0 * joint.periods + 2.0)
+    return Window(window.late, (n_begin, window.begin[1]), (n_end, window.end[1]))
 
 
-# whether it can be measured, the joint cycle, and begin and end of the part to simulate
-Window = tuple[bool, Joint, Instant, Instant]
-
-
-@jit
-def _window(
-    begin: Instant,
-    x_end: float,
-    first: int,
-    budget: int,
-    windowed: bool,
-    cycles: Cycles,
-    pace: Floats,
-) -> Window:
-    """Window of trajectories first, ... of a realization in which every gap and stay occurs."""
-    joint, opening, end = no_joint(), begin, (0.0, x_end)
-    if cycles.size == 0:
-        return True, joint, opening, end
-    joint = joint_cycle(cycles, first, pace)
-    if joint.impacts > 0:
-        opening, end = _until(windowed, begin, x_end, joint)
-    return affordable(cycles, first, pace.size, end[0], budget), joint, opening, end
-
-
-@kernel
+@uncounted
 def separate(
-    span: tuple[int, int],
+    first: int,
+    last: int,
     batch: Batch,
     complete: NDArray[np.bool_],
     budget: int,
-    windowed: bool,
     work: Workspace,
     cycles: Cycles,
     out: Separations,
 ) -> None:
-    """Measure the separations of realizations span[0] ... span[1] - 1; write their slots alone.
+    """Measure the separations of realizations first ... last - 1; write their slots alone.
 
     Unknown are those of realizations that are not `complete`, of which a trajectory ran out of its
-    budget.  `budget` is the number of landings of a particle up
-    to which others are, and `windowed` tells whether the window may begin after a launch.  `work`
-    is not shared between threads.
+    budget.  `budget` is the number of landings of a particle up to which others are.  `work` is not
+    shared between threads.
 
     Cycles are those of `vibrosweep.kernels.cycles.empty_cycles`, of no length where unknown.  Where
     all particles of a realization have entered theirs, no more is followed than the joint cycle of
@@ -108,22 +85,18 @@ def separate(
     """
     base, problem, launches = batch
     particles = launches.whole.shape[1]
-    for i in range(span[0], span[1]):
+    for i in range(first, last):
         write_separations(out, i, np.nan, np.nan, UNKNOWN)
         if not complete[i]:
             continue
-        begin = (problem.begin_count[i] - problem.end_count[i], problem.begin_phase[i])
-        x_end = problem.end_phase[i]
-        measurable, joint, opening, end = _window(
-            begin, x_end, i * particles, budget, windowed, cycles, work.pace
-        )
-        if not measurable:
+        fixed, window = constants(base, problem, i), start(work, batch, i)
+        joint = joint_cycle(cycles, i * particles, work.pace)
+        part = _part(window, joint)
+        if not affordable(cycles, i * particles, particles, part.end[0], budget):
             continue
-        fixed = constants(base, problem, i)
-        start(work, batch, i)
-        same, together = same_index(fixed, windowed, begin, x_end, work, joint)
+        same, together = same_index(fixed, window, work, joint)
         gap, shared = 0.0, 1
         if not together:
             start(work, batch, i)
-            gap, shared = all_landings(fixed, windowed, opening, end, earliest(fixed, work), work)
+            gap, shared = all_landings(fixed, part, work)
         write_separations(out, i, gap, same, shared)

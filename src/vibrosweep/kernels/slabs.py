@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from vibrosweep.kernels._jit import Floats, Integers, jit
+from vibrosweep.kernels._jit import Floats, jit
 from vibrosweep.kernels.bases import Constants, fly
 from vibrosweep.kernels.impact import Instant, land
 from vibrosweep.kernels.lanes import VECTOR
 from vibrosweep.kernels.listing import (
     Listed,
+    Window,
+    append_due,
     compare,
     due_first,
     in_window,
@@ -40,46 +42,33 @@ SHORTEST_SLAB = 2.0**-40
 
 
 @jit
-def _append(
-    s: Floats, lanes: int, windowed: bool, begin: Instant, listed: Floats, k: int
-) -> tuple[int, int]:
-    """Append the landings that were due to the list; return its length and how many were due."""
-    start = k
-    for j in range(lanes):  # each lane is written, and overwritten unless it was due
-        listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = s[STATE.N_LAND + j], s[STATE.X_LAND + j]
-        listed[LIST.STAY, k], listed[LIST.WHO, k] = s[STATE.STAY + j], s[STATE.WHO + j]
-        k += int(s[STATE.DUE + j])
-    due = k - start
-    if windowed:
-        k = start
-        for q in range(start, start + due):
-            landing = in_window(listed_at(listed, 0, q), begin)
-            listed[LIST.WHOLE, k], listed[LIST.PHASE, k] = landing.whole, landing.phase
-            listed[LIST.STAY, k], listed[LIST.WHO, k] = landing.stay, landing.who
-            k += 1 if landing.whole < np.inf else 0
-    return k, due
+def _in_window(listed: Floats, first: int, k: int, begin: Instant) -> int:
+    """List landings first ... k - 1 as they count in a window; return the length of the list."""
+    kept = first
+    for q in range(first, k):
+        landing = in_window(listed_at(listed, 0, q), begin)
+        listed[LIST.WHOLE, kept], listed[LIST.PHASE, kept] = landing.whole, landing.phase
+        listed[LIST.STAY, kept], listed[LIST.WHO, kept] = landing.stay, landing.who
+        kept += 1 if landing.whole < np.inf else 0
+    return kept
 
 
 @jit
-def _collect(
-    fixed: Constants,
-    stop: Instant,
-    windowed: bool,
-    begin: Instant,
-    state: Floats,
-    lanes_of: Integers,
-    listed: Floats,
-) -> int:
+def _collect(fixed: Constants, stop: Instant, window: Window, work: Workspace) -> int:
     """List all landings up to the stop; return their number, or -1 where the list is too short."""
-    k = 0
-    for block in range(lanes_of.size):
-        s, lanes = state[block], lanes_of[block]
+    listed, k = work.listed, 0
+    for block in range(work.lanes.size):
+        s, lanes = work.state[block], work.lanes[block]
         while lanes > 0:
             if k + lanes >= listed.shape[1]:  # one place is for the slab before
                 return -1
             padded = (lanes + VECTOR - 1) // VECTOR * VECTOR
             next_landings(s, padded, fixed, stop)
-            k, due = _append(s, lanes, windowed, begin, listed, k)
+            before = k
+            k = append_due(s, lanes, listed, k)
+            due = k - before
+            if window.late:
+                k = _in_window(listed, before, k, window.begin)
             if 2 * due < lanes or due == 0:
                 lanes = due_first(s, lanes)
     return k
@@ -93,7 +82,7 @@ def _copy(source: Floats, target: Floats) -> None:
 
 
 @jit
-def earliest(fixed: Constants, work: Workspace) -> float:
+def _earliest(fixed: Constants, work: Workspace) -> float:
     """Whole periods of the earliest first landing."""
     first = np.inf
     for block in range(work.lanes.size):
@@ -125,24 +114,16 @@ def _last(listed: Floats, k: int, latest: Listed) -> Listed:
 
 
 @jit
-def all_landings(
-    fixed: Constants,
-    windowed: bool,
-    begin: Instant,
-    end: Instant,
-    n_first: float,
-    work: Workspace,
-) -> tuple[float, int]:
+def all_landings(fixed: Constants, window: Window, work: Workspace) -> tuple[float, int]:
     """Smallest gap between any landings of different particles, and whether the base was shared.
 
-    The first landing is in or after the whole period `n_first`.  Returns (inf, UNKNOWN) where
-    landings crowd beyond what slabs can resolve.
+    Returns (inf, UNKNOWN) where landings crowd beyond what slabs can resolve.
     """
     state, listed, cells = work.state, work.listed, work.cells
-    n_end, x_end = end
-    n_stop, x_stop = n_first, -0.5
-    if windowed and begin[0] > n_stop:
-        n_stop = begin[0]
+    n_end, x_end = window.end
+    n_stop, x_stop = _earliest(fixed, work), -0.5
+    if window.late:
+        n_stop = max(n_stop, window.begin[0])
     slab = 1.0
     latest = nobody()
     gap, shared = np.inf, 0
@@ -151,8 +132,8 @@ def all_landings(
         n_next, x_next = n_stop + np.floor(x_stop + slab + 0.5), x_stop + slab
         x_next -= np.floor(x_next + 0.5)
         at_end = not n_next - n_end <= x_end - x_next
-        stop = end if at_end else (n_next, x_next)
-        k = _collect(fixed, stop, windowed, begin, state, work.lanes, listed)
+        stop = window.end if at_end else (n_next, x_next)
+        k = _collect(fixed, stop, window, work)
         if k < 0:
             if slab <= SHORTEST_SLAB:
                 return np.inf, UNKNOWN
