@@ -79,8 +79,7 @@ ANALYSES: Final[Mapping[str, Ability]] = {
     ),
 }
 _RANDOM: Final[Mapping[str, Ability]] = {
-    "restitution_noise": Ability((HIGH_BOUNCE,), "needs base = {others}"),
-    "kick_noise": Ability((HIGH_BOUNCE,), "needs base = {others}"),
+    **dict.fromkeys(("restitution_noise", "kick_noise"), Ability(APART, "needs base = {others}")),
     "drive_noise": Ability(
         (HIGH_BOUNCE,),
         "needs base = {others}: a base that moves would jump where its amplitude changes; take "

@@ -104,6 +104,30 @@ def test_results_depend_on_nothing_but_the_place():
     assert two.noise_stream.values.ravel().tolist() == list(range(two.noise_stream.size))
 
 
+def test_lift_offs_from_a_moving_base_are_those_of_the_definition():
+    """The relative speed is |e_n v + (1 + e) sigma_V xi|, and sweeps count the same landings."""
+    asked = {"base": "moving", "restitution_noise": 0.1, "kick_noise": 0.1, "noise_seed": 5}
+    asked |= {"particles": 2, "duration": 25.0}
+    sweep = vs.sweep(**asked, restitution=0.8, base_acceleration=(0.5, 3.0), realizations=20)
+    record = vs.simulate(sweep)
+    assert (record.impact_count.sum("particle") == sweep.impact_count).all()
+    key, seen = key_of(5), 0
+    for i, velocity in enumerate(record.amplitude.values / 1.8):
+        flights = (record[n].values[i, 1] for n in ("liftoff_time", "rebound_velocity"))
+        left, speed = (np.r_[first, v] for first, v in zip((0.5, 5.0), flights, strict=True))
+        for k in range(int(record.impact_count[i, 1])):
+            landing = record.landing_time.values[i, 1, k]
+            base = velocity * math.sin(2.0 * math.pi * landing)
+            arrival = base - (speed[k] - 9.81 * (landing - left[k]))
+            e = 0.8 + 0.1 * deviate(key, float(i), 1.0, float(k), OF_RESTITUTION)
+            push = 0.18 * deviate(key, float(i), 1.0, float(k), OF_KICK)
+            if record.rested.values[i, 1, k] == 0:
+                known = abs(min(max(e, 0.0), 1.0) * arrival + push)
+                assert speed[k + 1] - base == pytest.approx(known, abs=1e-11)
+                seen += 1
+    assert seen > 100
+
+
 def test_no_noise_is_no_noise():
     still = vs.sweep(amplitude=(0.2, 3.5), realizations=20, regimes=True, kick_noise=0.0)
     assert "noise_seed" not in still.attrs

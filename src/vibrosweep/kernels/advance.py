@@ -124,7 +124,7 @@ def _step(
     observer.
     """
     wide_vectors()
-    draw_all(chosen.base.noise, s, lanes, since)
+    draw_all(chosen.base.noise, s, lanes, since, common_age(chosen.base))
     prepare(chosen.base, s, lanes)
     for j in range(lanes):
         fixed = take(chosen.base, s, j)

@@ -266,6 +266,14 @@ def pushed(noise: Noise | None, kick: float, push: float) -> float:
 
 
 @jit
+def thrown(noise: Noise | None, w: float, push: float) -> float:
+    """Speed above a base, which a particle cannot enter, after an impact with speed w."""
+    if noise is None:
+        return w
+    return abs(w + push)
+
+
+@jit
 def driven(noise: Noise | None, a: float, drive: float) -> float:
     """Amplitude of the kick in a forcing period."""
     if noise is None:

@@ -1,8 +1,4 @@
-"""Noise in the vector kernel, where the impacts of all lanes are counted together.
-
-Each lane is at an even number of impacts when a block is looked at: a pair of deviates is drawn for
-two impacts in turn.
-"""
+"""Noise in the vector kernel: what is random in the next impact of each lane."""
 
 from __future__ import annotations
 
@@ -36,12 +32,20 @@ def load_noise(
 
 
 @jit
-def draw_all(noise: Noise | None, s: Floats, lanes: int, since: int) -> None:
-    """Draw what is random in the next impact of the first lanes, `since` after the last look."""
+def draw_all(noise: Noise | None, s: Floats, lanes: int, since: int, together: float) -> None:
+    """Draw what is random in the next impact of the first lanes, `since` after the last look.
+
+    Where lanes are `together`, 1, a pair of deviates is drawn for two impacts in turn: each has had
+    an even number of them at the last look.  Else, 0, each lane counts its own.
+    """
     if noise is not None:
-        _draw_slips(noise.restitution, noise.key, s, lanes, since)
-        _draw_pushes(noise.kick, noise.key, s, lanes, since)
-        _draw_drives(noise.drive, noise.key, s, lanes)
+        if together == 0.0:
+            _draw_slips_apart(noise.restitution, noise.key, s, lanes)
+            _draw_pushes_apart(noise.kick, noise.key, s, lanes)
+        else:
+            _draw_slips(noise.restitution, noise.key, s, lanes, since)
+            _draw_pushes(noise.kick, noise.key, s, lanes, since)
+            _draw_drives(noise.drive, noise.key, s, lanes)
 
 
 @jit
@@ -76,6 +80,26 @@ def _draw_pushes(on: int | None, key: Key, s: Floats, lanes: int, since: int) ->
 def _pair(key: Key, s: Floats, j: int, since: int, purpose: Word) -> tuple[float, float]:
     pair = 0.5 * (s[ROW.AGE + j] + since)
     return deviates(key, s[ROW.STREAM + j], s[ROW.PARTICLE + j], pair, purpose)
+
+
+@jit
+def _draw_slips_apart(on: int | None, key: Key, s: Floats, lanes: int) -> None:
+    if on is not None:
+        wide_vectors()
+        for j in range(lanes):
+            stream, particle = s[ROW.STREAM + j], s[ROW.PARTICLE + j]
+            xi = deviate(key, stream, particle, s[ROW.AGE + j], OF_RESTITUTION)
+            s[ROW.SLIP + j] = s[ROW.SLIP_SIZE + j] * xi
+
+
+@jit
+def _draw_pushes_apart(on: int | None, key: Key, s: Floats, lanes: int) -> None:
+    if on is not None:
+        wide_vectors()
+        for j in range(lanes):
+            stream, particle = s[ROW.STREAM + j], s[ROW.PARTICLE + j]
+            xi = deviate(key, stream, particle, s[ROW.AGE + j], OF_KICK)
+            s[ROW.PUSH + j] = s[ROW.PUSH_SIZE + j] * xi
 
 
 @jit

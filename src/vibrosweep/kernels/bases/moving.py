@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels import bases
+from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import Floats, fma, implements, jit
 from vibrosweep.kernels.bases import Counted, Flight
 from vibrosweep.kernels.bases.landing_search import (
@@ -28,7 +28,7 @@ from vibrosweep.kernels.bases.landing_search import (
     turn,
 )
 from vibrosweep.kernels.laws import Law
-from vibrosweep.kernels.noise import SILENT, Noise, Source
+from vibrosweep.kernels.noise import STILL, Draw, Noise, Source
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.model.arcsine import arcsin_turns
 from vibrosweep.model.parameters import Dimensionless
@@ -61,7 +61,9 @@ class MovingConstants(NamedTuple):
     # Phase at which the base begins to fall faster than gravity, and a resting particle leaves it;
     # NaN where it never does
     x_lift: float
+    # source, draw: noise of the realization, and of one impact
     source: Source
+    draw: Draw
 
 
 @implements(bases.constants, Moving)
@@ -75,7 +77,8 @@ def constants_moving(base: Moving, problem: Dimensionless, i: int) -> MovingCons
     elif gamma > 1.0:
         # half the angle from pi, whose sine loses nothing near Gamma = 1
         x_lift = 0.5 - 2.0 * _arcsin_turns(math.sqrt((gamma - 1.0) / (2.0 * gamma)))
-    return MovingConstants(base, e, alpha, problem.rest_flight[i], x_lift, SILENT)
+    source = noise.source_of(problem.noise, problem.end_count, i)
+    return MovingConstants(base, e, alpha, problem.rest_flight[i], x_lift, source, STILL)
 
 
 @implements(bases.fly, MovingConstants)
@@ -98,7 +101,8 @@ def fly_moving(fixed: MovingConstants, x: float, u: float) -> tuple[float, float
 
 @implements(bases.rebound, MovingConstants)
 def rebound_moving(fixed: MovingConstants, x: float, v: float) -> float:
-    return fixed.e * v
+    e = noise.slipped(fixed.base.noise, fixed.e, fixed.draw.slip)
+    return noise.thrown(fixed.base.noise, e * v, fixed.draw.push)
 
 
 @implements(bases.lift_off, MovingConstants)
@@ -114,7 +118,9 @@ def lift_off_moving(
 def random_moving(
     fixed: MovingConstants, particle: float, number: float, n: float, x: float
 ) -> MovingConstants:
-    return fixed
+    draw = noise.draw_of(fixed.base.noise, fixed.source, particle, number, 0.0)
+    e, alpha, r, x_lift = fixed.e, fixed.alpha, fixed.r, fixed.x_lift
+    return MovingConstants(fixed.base, e, alpha, r, x_lift, fixed.source, draw)
 
 
 @implements(bases.wake, MovingConstants)
@@ -134,7 +140,7 @@ def after_rest_moving(fixed: MovingConstants) -> tuple[float, float]:
 
 @implements(bases.lifts_alike, Moving)
 def lifts_alike_moving(base: Moving) -> bool:
-    return True
+    return base.noise is None
 
 
 @implements(bases.contact_time, MovingConstants)

@@ -25,7 +25,7 @@ from vibrosweep.kernels.bases.landing_search import (
 )
 from vibrosweep.kernels.bases.moving import TRIES, Moving, MovingConstants
 from vibrosweep.kernels.lanes import ROW, STRIDE
-from vibrosweep.kernels.noise import SILENT
+from vibrosweep.kernels.noise import SILENT, drawn_in
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
 __all__: list[str] = []
@@ -46,7 +46,8 @@ def put_moving(fixed: MovingConstants, s: Floats, j: int) -> None:
 def take_moving(base: Moving, s: Floats, j: int) -> MovingConstants:
     row = ROW.CONSTANTS + j
     e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
-    return MovingConstants(base, e, alpha, r, s[row + 3 * STRIDE], SILENT)
+    draw = drawn_in(base.noise, s, j)
+    return MovingConstants(base, e, alpha, r, s[row + 3 * STRIDE], SILENT, draw)
 
 
 @implements(bases.prepare, Moving)
