@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 FRESH: Final = ("launch",)  # the one direction without continuation
 NO_WINDOW: Final = -1
+PROVED, OPEN_END = 1, 2  # codes of a proof
 OPEN_BELOW, OPEN_ABOVE = 1, 2
 UNDETERMINED_BELOW, UNDETERMINED_ABOVE = 4, 8
 ENDS: Final = Variable(
@@ -79,6 +80,19 @@ def summary(windows: xr.Dataset) -> Iterator[str]:
                 f"{name:24}holds at {np.count_nonzero(count)} of {count.size} restitutions, in up "
                 f"to {count.max()} windows{reach}{unknown}"
             )
+
+
+def proof_lines(found: xr.Dataset) -> Iterator[str]:
+    """Say in a line for each condition how much of its windows is proved."""
+    for condition in found["condition"].values:
+        one = found.sel(condition=condition)
+        ends = np.stack([one["min_proof"].values, one["max_proof"].values])
+        inside = one["inside_proof"].values
+        yield (
+            f"{condition:24}proved: {np.count_nonzero(ends == PROVED)} of "
+            f"{np.count_nonzero((ends != NO_WINDOW) & (ends != OPEN_END))} ends, attraction inside "
+            f"{np.count_nonzero(inside == PROVED)} of {np.count_nonzero(inside != NO_WINDOW)}"
+        )
 
 
 def _undetermined(one: xr.Dataset) -> Iterator[str]:

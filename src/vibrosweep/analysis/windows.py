@@ -156,7 +156,8 @@ def windows_of_spec(spec: Sweep, threads: int) -> xr.Dataset:
         axes[forcing],
         forcing=forcing,
         threads=threads,
-        **{**spec.windows, "conditions": conditions},
+        **{n: v for n, v in spec.windows.items() if n not in ("conditions", "prove")},
+        conditions=conditions,
     )
     if not spec.design.axes:
         sizes = f"{np.size(e)} restitutions and {POINTS} values of {forcing}"

@@ -5,7 +5,6 @@ All take the keywords of `vibrosweep.sweep`, or the path of a sweep file, or a m
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, Unpack
 
@@ -19,11 +18,11 @@ from vibrosweep.analysis.separations import (
     separation_against,
     separation_distribution,
 )
-from vibrosweep.analysis.windows import windows_of_spec
-from vibrosweep.api.given_sweep import Spec, as_sweep
+from vibrosweep.api.given_sweep import Spec, as_sweep, warned
 from vibrosweep.api.keyword_types import RealizationKeywords, SweepKeywords, WindowKeywords
+from vibrosweep.api.proved import windows_found
 from vibrosweep.api.sweeps import sweep
-from vibrosweep.errors import ParameterError, ShortObservationWarning
+from vibrosweep.errors import ParameterError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.runs.driver import count, thread_count
 
@@ -58,6 +57,9 @@ def windows(
         continuation
             Whether orbits go on along the scan, up and down, instead of being launched anew at
             every point; False by default.
+        prove
+            Whether to prove, in ball arithmetic, the ends of ``locked(k)`` as bifurcations of its
+            orbit, and attraction between them; False by default.  Needs python-flint.
         tolerance
             Largest width of the bracket around an end, relative to it; 1e-9 by default.
 
@@ -71,7 +73,10 @@ def windows(
         begin with the symbol of what is scanned: ``A``, ``V0``, ``B``, ``Gamma``. Dims (condition,
         direction, restitution): ``window_count`` and ``widest``, the index of the widest window, -1
         without any.  Dims (condition, direction, restitution, scan): ``holds``, whether the
-        condition holds at a point of the scan, -1 where that is undetermined.
+        condition holds at a point of the scan, -1 where that is undetermined.  With `prove` also
+        ``min_proof``, ``max_proof`` and ``inside_proof``, dims as of ``A_min``: what is proved, or
+        why not; and ``A_min_low``, ``A_min_high``, ``A_max_low``, ``A_max_high``, which enclose
+        proved ends.
 
     Raises
     ------
@@ -79,6 +84,8 @@ def windows(
         Keywords hold mistakes, all of which are listed, or the scan has other axes.
     ParameterError
         A condition cannot be continued, or the points do not fit into memory.
+    MissingFlintError
+        Proofs are asked for, and python-flint is not installed.
 
     Warns
     -----
@@ -96,7 +103,7 @@ def windows(
     True
     """
     checked = as_sweep(spec, keywords, "windows", windows={})
-    return _warned(windows_of_spec(checked, thread_count(threads)))
+    return warned(windows_found(checked, thread_count(threads)))
 
 
 def bifurcation(
@@ -156,7 +163,7 @@ def bifurcation(
     """
     samples = count("samples", samples)
     checked = as_sweep(spec, keywords)
-    return _warned(bifurcation_of_spec(checked, observable, samples, thread_count(threads)))
+    return warned(bifurcation_of_spec(checked, observable, samples, thread_count(threads)))
 
 
 def basins(
@@ -204,7 +211,7 @@ def basins(
     >>> found.basin.dims, found.basin.shape
     (('launch_velocity', 'launch_time'), (3, 20))
     """
-    return _warned(basins_of_spec(as_sweep(spec, keywords), thread_count(threads)))
+    return warned(basins_of_spec(as_sweep(spec, keywords), thread_count(threads)))
 
 
 def sobol(
@@ -267,7 +274,7 @@ def sobol(
     given = spec if isinstance(spec, Mapping) else keywords
     ranged = any(name in INPUTS and isinstance(value, tuple) for name, value in given.items())
     checked = as_sweep(spec, keywords, **({"realizations": SOBOL_SAMPLE} if ranged else {}))
-    return _warned(sobol_indices(checked, outputs, confidence, thread_count(threads)))
+    return warned(sobol_indices(checked, outputs, confidence, thread_count(threads)))
 
 
 def separations(
@@ -337,10 +344,3 @@ def separations(
     if against is None:
         return separation_distribution(result, measure=measure, quantiles=quantiles)
     return separation_against(result, against, bins=bins, measure=measure, quantiles=quantiles)
-
-
-def _warned(found: xr.Dataset) -> xr.Dataset:
-    """Warn of what the notes of a result say; the command line prints them itself."""
-    if found.attrs["notes"]:
-        warnings.warn(found.attrs["notes"], ShortObservationWarning, stacklevel=3)
-    return found

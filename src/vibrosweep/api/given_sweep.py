@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import ParameterError, ShortObservationWarning
 from vibrosweep.scene.keywords import keyword_spec
 from vibrosweep.scene.sweep import Sweep, read_spec
 
-__all__ = ["Spec", "as_sweep"]
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Spec", "as_sweep", "warned"]
 
 Spec = str | os.PathLike[str] | Mapping[str, Any]
 
@@ -35,3 +39,10 @@ def as_sweep(spec: Spec | None, keywords: Mapping[str, Any], *first: str, **defa
     raise ParameterError(
         f"{type(spec).__name__}: is no sweep; give keywords, a mapping, or the path of a sweep file"
     )
+
+
+def warned(found: xr.Dataset) -> xr.Dataset:
+    """Warn of what the notes of a result say; the command line prints them itself."""
+    if found.attrs["notes"]:
+        warnings.warn(found.attrs["notes"], ShortObservationWarning, stacklevel=3)
+    return found

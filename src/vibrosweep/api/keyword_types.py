@@ -104,3 +104,4 @@ class WindowKeywords(SweepKeywords, total=False):
 
     conditions: Sequence[str | Condition] | None
     continuation: bool | None
+    prove: bool | None

@@ -21,9 +21,9 @@ _OF_A_CAMERA: Final = "it holds measurements of a camera, which nothing can prov
 
 
 def _window_lines(windows: xr.Dataset) -> Iterable[str]:
-    from vibrosweep.analysis.window_codes import summary
+    from vibrosweep.analysis.window_codes import proof_lines, summary
 
-    return summary(windows)
+    return [*summary(windows), *(proof_lines(windows) if "min_proof" in windows else ())]
 
 
 def _window_figure(windows: xr.Dataset) -> Panels:

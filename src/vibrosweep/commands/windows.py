@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def perform(options: argparse.Namespace) -> None:
-    from vibrosweep.analysis.windows import windows_of_spec
+    from vibrosweep.api.proved import windows_found
     from vibrosweep.api.result_kinds import WINDOWS
 
-    produce(options, WINDOWS, windows_of_spec)
+    produce(options, WINDOWS, windows_found)

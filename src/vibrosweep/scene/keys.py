@@ -338,5 +338,10 @@ SECTIONS: Final[Sections] = {
         for key, default in KEYS.items()
     },
     "record": _SCENE,
-    "windows": {"conditions": _conditions, "continuation": flag, "tolerance": _bracket},
+    "windows": {
+        "conditions": _conditions,
+        "continuation": flag,
+        "tolerance": _bracket,
+        "prove": flag,
+    },
 }

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from vibrosweep.errors import VibrosweepError
 
-__all__ = ["MissingFlintError", "UndecidableError", "arb", "ctx", "exact", "fmpq"]
+__all__ = ["MissingFlintError", "UndecidableError", "arb", "arb_mat", "ctx", "exact", "fmpq"]
 
 
 class MissingFlintError(VibrosweepError, ImportError):
@@ -41,7 +41,7 @@ class UndecidableError(VibrosweepError, ArithmeticError):
 
 
 try:
-    from flint import arb, ctx, fmpq
+    from flint import arb, arb_mat, ctx, fmpq
 except ImportError as error:
     raise MissingFlintError(
         "the proved reference computes in ball arithmetic with python-flint, which is not "

@@ -1,0 +1,23 @@
+"""Analyses with proofs where they are asked for; these need an optional library."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from vibrosweep.analysis.windows import windows_of_spec
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from vibrosweep.scene.sweep import Sweep
+
+__all__ = ["windows_found"]
+
+
+def windows_found(spec: Sweep, threads: int) -> xr.Dataset:
+    """Windows of a sweep, with proofs where it asks for them."""
+    if not (spec.windows or {}).get("prove"):
+        return windows_of_spec(spec, threads)
+    from vibrosweep.proof.windows import prove_windows
+
+    return prove_windows(windows_of_spec(spec, threads), spec.scene)

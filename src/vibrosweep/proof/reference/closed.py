@@ -1,0 +1,318 @@
+"""Closed orbits, their bifurcations and branches of them, proved by Krawczyk's method.
+
+A point holds the p landing times of an orbit, in forcing periods, and the kick a.  The equations
+are those of the page on periodic orbits, in units of section "dimensionless form": each impact
+turns the speed at the end of one flight into that at the beginning of the next one.  They are
+evaluated in balls with derivatives of first order; the multipliers of the orbit are in the trace T
+and the determinant D of the Jacobian of a cycle, 1 - m T + D = 0 where one of them is m = 1 or -1.
+
+For a box Z around m, C near the inverse of F'(m), Krawczyk's operator
+
+    K = m - C F(m) + (1 - C F'(Z)) (Z - m)
+
+holds every root of F in Z, and if it lies inside Z there is exactly one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from vibrosweep.proof.reference._flint import arb, arb_mat, ctx
+from vibrosweep.proof.reference.jets import Jet, variables, waves
+
+BITS: Final = 160
+NEWTON: Final = 6  # steps in the middle of boxes, from a double
+SHARP: Final = arb(2) ** -60  # radius of a box from which an enclosure is drawn together
+SHARPER: Final = 3  # times
+WIDE: Final = (4, 5, 6, 8, 10, 12, 16, 20, 24, 30)  # boxes of radius 2^-w, in which a root is alone
+OVERLAP: Final = 0.05  # of a piece of a branch with the next one
+DEEPEST: Final = 12  # times a piece is halved
+ROOM: Final = 1.2  # radius of a box, relative to that of what it should hold
+TRIES: Final = 4  # boxes around a piece
+Box = list[arb]
+
+
+class Orbit(NamedTuple):
+    """An orbit without rests, by its base, restitution, impacts and periods."""
+
+    base: str  # "high-bounce" or "moving"
+    e: arb
+    p: int
+    q: int
+    rest: arb  # speed at and below which a particle rests
+
+
+class Cycle(NamedTuple):
+    """What the equations of an orbit say at a point or over a box."""
+
+    off: list[Jet]  # speeds after the impacts, which are off by so much
+    trace: Jet
+    determinant: arb
+    takes: str  # why it is not certain that a particle takes the orbit; empty where it is
+
+
+@dataclass(frozen=True)
+class Event:
+    """A proved bifurcation."""
+
+    multiplier: int
+    box: Box  # holds it
+    alone: Box  # holds no other one
+
+
+def cycle(orbit: Orbit, z: Sequence[Jet]) -> Cycle:
+    """Equations and multipliers of an orbit."""
+    p, e, a = orbit.p, orbit.e, z[orbit.p]
+    times = [*z[:p], z[0] + orbit.q]
+    sines, cosines = zip(*(waves(one) for one in times[:p]), strict=True)
+    zero = Jet(arb(0), [arb(0)] * (p + 1))
+    off = [zero] * p
+    one = zero + 1
+    m = (one, zero, zero, one)
+    takes = ""
+    for i in range(p):
+        j = (i + 1) % p
+        s = times[i + 1] - times[i]
+        sine, cosine = sines[j], cosines[j]
+        if orbit.base == "high-bounce":
+            y = v = s
+            w = e * v + a * sine
+            k = 2 * arb.pi() * a * cosine
+            step = (one, one, k, k + e)
+        else:
+            alpha = a / (1 + e)
+            gained = alpha * (sine - sines[i])  # speed of the base
+            rise = alpha * (cosines[i] - cosine) / (2 * arb.pi())  # twice its height
+            y = s - alpha * sines[i] + rise / s
+            v = 2 * s - y + gained
+            w = e * v
+            pull, after = (2 * arb.pi() * alpha * one for one in (cosines[i], cosine))
+            y_s = v / s
+            y_x = gained / s - pull
+            v_s, v_x = 2 - y_s + after, after - pull - y_x
+            by_x, by_y = -y_x / y_s, 1 / y_s
+            step = (1 + by_x, by_y, e * (v_x + v_s * by_x), e * v_s * by_y)
+            takes = takes or _meets_base(alpha.v, y.v + (alpha * sines[i]).v, cosines[i].v)
+        off[i] = off[i] + y
+        off[j] = off[j] - w
+        if not w.v > orbit.rest:
+            takes = takes or RESTING
+        m = (
+            step[0] * m[0] + step[1] * m[2],
+            step[0] * m[1] + step[1] * m[3],
+            step[2] * m[0] + step[3] * m[2],
+            step[2] * m[1] + step[3] * m[3],
+        )
+    determinant = e ** (p if orbit.base == "high-bounce" else 2 * p)
+    return Cycle(off, m[0] + m[3], determinant, takes)
+
+
+def _meets_base(alpha: arb, u: arb, cosine: arb) -> str:
+    """Why an earlier landing of a flight is possible, which begins with the absolute speed u."""
+    gamma, w = arb.pi() * alpha, arb.pi() * u
+    concave = gamma <= 1
+    fast = u > 0 and w * w >= gamma * gamma + 2 * gamma * (1 + cosine)
+    return "" if concave or fast else EARLIER
+
+
+class _System(NamedTuple):
+    """Equations of an orbit and one more: a multiplier, or the place along a direction."""
+
+    orbit: Orbit
+    multiplier: int = 0
+    direction: Sequence[arb] = ()
+    origin: Sequence[arb] = ()
+    place: arb = arb(0)
+
+    def at(self, z: Sequence[arb]) -> tuple[list[Jet], Cycle]:
+        """Equations at a point, or over a box."""
+        own = variables(z)
+        found = cycle(self.orbit, own)
+        if self.multiplier:
+            last = 1 - self.multiplier * found.trace + found.determinant
+        else:
+            last = Jet(arb(0), [arb(0)] * len(z)) - self.place
+            for one, start, share in zip(own, self.origin, self.direction, strict=True):
+                last = last + (one - start) * share
+        return [*found.off, last], found
+
+
+def _matrix(jets: Sequence[Jet]) -> arb_mat:
+    return arb_mat([list(jet.d) for jet in jets])
+
+
+def _inverse(system: _System, middle: Sequence[arb]) -> arb_mat | None:
+    """Return a matrix of points near the inverse of the derivative."""
+    try:
+        return _matrix(system.at(middle)[0]).inv().mid()
+    except ZeroDivisionError:
+        return None
+
+
+def _newton(system: _System, guess: Sequence[arb]) -> Box:
+    """Come near a root, without proof."""
+    z = [arb(one).mid() for one in guess]
+    for _ in range(NEWTON):
+        inverse = _inverse(system, z)
+        if inverse is None:
+            break
+        values = arb_mat([[jet.v.mid()] for jet in system.at(z)[0]])
+        step = inverse * values
+        z = [(one - step[i, 0]).mid() for i, one in enumerate(z)]
+    return z
+
+
+def _krawczyk(
+    system: _System, middle: Sequence[arb], radii: Sequence[arb], tries: int = 1
+) -> tuple[Box, Box] | None:
+    """Return what holds the only root of a box, and that box; None without proof.
+
+    At further tries the box is that which the one before was mapped to, somewhat enlarged.
+    """
+    inverse = _inverse(system, middle)
+    if inverse is None:
+        return None
+    n = len(middle)
+    values = arb_mat([[jet.v] for jet in system.at(middle)[0]])
+    moved = inverse * values
+    unit = arb_mat([[int(i == k) for k in range(n)] for i in range(n)])
+    for _ in range(tries):
+        spread = [arb(0, radius.abs_upper()) for radius in radii]
+        box = [m + s for m, s in zip(middle, spread, strict=True)]
+        wide, _ = system.at(box)
+        shrunk = (unit - inverse * _matrix(wide)) * arb_mat([[s] for s in spread])
+        image = [m - moved[i, 0] + shrunk[i, 0] for i, m in enumerate(middle)]
+        if all(b.contains_interior(k) for b, k in zip(box, image, strict=True)):
+            return image, box
+        radii = [ROOM * (k - m).abs_upper() + SHARP for k, m in zip(image, middle, strict=True)]
+    return None
+
+
+def prove_event(orbit: Orbit, multiplier: int, guess: Sequence[float]) -> Event | None:
+    """Prove a bifurcation near a guess of landing times and kick; None where that fails."""
+    with ctx.workprec(BITS):
+        system = _System(orbit, multiplier)
+        middle = _newton(system, [arb(one) for one in guess])
+        box: Box | None = None
+        radii: Sequence[arb] = [SHARP] * len(middle)
+        for _ in range(SHARPER):
+            proved = _krawczyk(system, middle, radii)
+            if proved is None:
+                break
+            box = proved[0]
+            middle, radii = [one.mid() for one in box], [2 * one.rad() for one in box]
+        if box is None:
+            return None
+        for w in WIDE:
+            size = arb(2) ** -w
+            if _krawczyk(system, middle, [size] * len(middle)):
+                alone = [m + arb(0, size) for m in middle]
+                return Event(multiplier, box, alone)
+        return Event(multiplier, box, box)
+
+
+def prove_orbit(orbit: Orbit, guess: Sequence[float], kick: arb) -> tuple[Box, Cycle] | None:
+    """Prove an orbit near a guess of its landing times; its multipliers are those of the result."""
+    with ctx.workprec(BITS):
+        n = orbit.p + 1
+        direction = [arb(int(i == n - 1)) for i in range(n)]
+        origin = [arb(0)] * (n - 1) + [kick.mid()]
+        system = _System(orbit, 0, direction, origin)
+        middle = _newton(system, [*(arb(one) for one in guess), kick.mid()])
+        proved = _krawczyk(system, middle, [SHARP] * n)
+        if proved is None:
+            return None
+        return proved[0], cycle(orbit, variables(proved[0]))
+
+
+# Why a branch is not covered
+NOT_ENCLOSED: Final = "the branch is not enclosed"
+NOT_ATTRACTING: Final = "attraction is not proved"
+EARLIER: Final = "an earlier landing is not excluded"
+RESTING: Final = "a rest is not excluded"
+
+
+class _Piece(NamedTuple):
+    """A proved piece of a branch."""
+
+    whole: Box  # in which there is no other orbit at the same place along the piece
+    last: Box  # its last point
+    met: tuple[Event, ...]
+
+
+def cover(orbit: Orbit, points: Sequence[Sequence[float]], events: Sequence[Event]) -> str:
+    """Prove that the orbits of a branch exist and attract, but for bifurcations at its ends.
+
+    Points lie on the branch, close to each other, and begin and end with the events, where there
+    are some.  The branch is cut into pieces, each of which is a curve that a box holds; neighbours
+    share a point.  Returns why there is no proof, empty where there is one.
+    """
+    met: list[Event] = []
+    with ctx.workprec(BITS):
+        pending = [
+            ([arb(a) for a in one], [arb(b) for b in other], 0)
+            for one, other in zip(points[-2::-1], points[:0:-1], strict=True)
+        ]
+        joint: Box | None = None  # the point at the end of the piece before
+        while pending:
+            one, other, depth = pending.pop()
+            piece = _piece(orbit, one, other, events, joint)
+            if isinstance(piece, str):
+                if depth == DEEPEST:
+                    return piece
+                middle = [((a + b) / 2).mid() for a, b in zip(one, other, strict=True)]
+                pending += [(middle, other, depth + 1), (one, middle, depth + 1)]
+                continue
+            joint = piece.last
+            met += piece.met
+    return "" if all(event in met for event in events) else NOT_ENCLOSED
+
+
+def _along(line: _System, at: Box) -> arb:
+    """Place of a point along a piece."""
+    parts = zip(line.direction, at, line.origin, strict=True)
+    return sum((d * (b - m) for d, b, m in parts), arb(0))
+
+
+def _holds(outer: Box, inner: Box) -> bool:
+    return all(a.contains(b) for a, b in zip(outer, inner, strict=True))
+
+
+def _piece(
+    orbit: Orbit, one: Box, other: Box, events: Sequence[Event], joint: Box | None
+) -> _Piece | str:
+    """Prove that orbits attract between two points, and that they go on from a joint."""
+    apart = [b - a for a, b in zip(one, other, strict=True)]
+    length = sum((d * d for d in apart), arb(0)).sqrt().mid()
+    direction = [(d / length).mid() for d in apart]
+    half = (length / 2 * (1 + OVERLAP)).mid()
+    start = [((a + b) / 2).mid() for a, b in zip(one, other, strict=True)]
+    middle = _newton(_System(orbit, 0, direction, start), start)
+    line = _System(orbit, 0, direction, middle)
+    radii = [abs(d) * half * ROOM + SHARP for d in direction]
+    proved = _krawczyk(line._replace(place=arb(0, half)), middle, radii, TRIES)
+    tip = line._replace(place=(length / 2).mid())
+    near = [m + d * tip.place for m, d in zip(middle, direction, strict=True)]
+    last = _krawczyk(tip, _newton(tip, near), [SHARP] * len(middle))
+    if proved is None or last is None:
+        return NOT_ENCLOSED
+    box, whole = proved
+
+    def passes(point: Box) -> bool:
+        return _holds(whole, point) and bool(abs(_along(line, point)) <= half)
+
+    found = cycle(orbit, variables(box))
+    if found.takes:
+        return found.takes
+    change = zip(found.trace.d, box, middle, strict=True)
+    centre = cycle(orbit, variables(middle)).trace.v
+    trace = centre + sum((d * (b - m) for d, b, m in change), arb(0))
+    for multiplier in (1, -1):
+        alone = any(_holds(e.alone, box) for e in events if e.multiplier == multiplier)
+        if not (alone or 1 - multiplier * trace + found.determinant > 0):
+            return NOT_ATTRACTING
+    if joint is not None and not passes(joint):
+        return NOT_ENCLOSED
+    return _Piece(whole, last[0], tuple(event for event in events if passes(event.box)))
