@@ -12,16 +12,19 @@ from typing import Any, Final
 
 from vibrosweep.model.measures import MEASURES
 from vibrosweep.model.parameters import BASES, HIGH_BOUNCE, LAWS, LAWS_OF, MOVING, NOISE, SPRUNG
-from vibrosweep.model.shapes import SINE_NAME, WAVEFORMS
+from vibrosweep.model.shapes import HARMONICS_NAME, PARABOLIC_NAME, SINE_NAME, WAVEFORMS
 
 APART: Final = (HIGH_BOUNCE, MOVING)  # bases over which particles do not act on each other
 
 
 # Bases that move with each waveform
 SHAPED: Final[Mapping[str, tuple[str, ...]]] = {
-    **dict.fromkeys(WAVEFORMS, (HIGH_BOUNCE,)),
     SINE_NAME: BASES,
+    PARABOLIC_NAME: (HIGH_BOUNCE,),
+    HARMONICS_NAME: APART,
 }
+# Measures that the moving base has with the sine only
+OF_SINE: Final = ("regimes", "lyapunov", "trust")
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,11 @@ def refusal(
         return (
             f'waveform = "{waveform}" is not implemented with base = "{base}": take waveform = '
             f'"{SINE_NAME}", or base = {_quoted(SHAPED[waveform])}'
+        )
+    if waveform not in ("", SINE_NAME) and base == MOVING and measure in OF_SINE:
+        return (
+            f'cannot be had with waveform = "{waveform}" over base = "{base}" yet: leave it out, '
+            f'or take waveform = "{SINE_NAME}"'
         )
     wanted = [_OF_PARTICLES[MEASURES[measure].coupled]] if measure else []
     wanted += [ANALYSES[analysis]] if analysis else []

@@ -62,7 +62,16 @@ class Harmonics(NamedTuple):
     # valley, peak: phases of each local maximum above 0, and of the minimum before it
     valley: tuple[float, ...]
     peak: tuple[float, ...]
+    # dip, before, after: phases of each local minimum of w' below 0, of the maxima around it
+    dip: tuple[float, ...]
+    before: tuple[float, ...]
+    after: tuple[float, ...]
     highest: float  # of w
+    # fastest, fall, top, bottom: of |w|, of -w', and of W
+    fastest: float
+    fall: float
+    top: float
+    bottom: float
     # rounding, slope_rounding: bounds of the errors of w and of w'
     rounding: float
     slope_rounding: float
@@ -70,8 +79,8 @@ class Harmonics(NamedTuple):
 
 
 @jit
-def _clenshaw(shape: Shape, x: float, sloped: float) -> float:
-    """Sum of p_h sin(2 pi h x) + q_h cos(2 pi h x); with `sloped` 1 the derivative by 2 pi x."""
+def _clenshaw(shape: Shape, x: float, order: int) -> float:
+    """Sum of p_h sin(2 pi h x) + q_h cos(2 pi h x), or its first or second derivative by 2 pi x."""
     sine, cosine = sin_turns(x), cos_turns(x)
     twice = 2.0 * cosine
     b, b_before, d, d_before = 0.0, 0.0, 0.0, 0.0
@@ -79,8 +88,10 @@ def _clenshaw(shape: Shape, x: float, sloped: float) -> float:
     for k in range(most):
         h = most - k
         of_sine, of_cosine = shape.p[h - 1], shape.q[h - 1]
-        if sloped != 0.0:
+        if order == 1:
             of_sine, of_cosine = -h * of_cosine, h * of_sine
+        elif order == 2:
+            of_sine, of_cosine = -h * h * of_sine, -h * h * of_cosine
         b, b_before = fma(twice, b, of_sine - b_before), b
         d, d_before = fma(twice, d, of_cosine - d_before), d
     total: float = fma(sine, b, fma(cosine, d, -d_before))
@@ -89,12 +100,12 @@ def _clenshaw(shape: Shape, x: float, sloped: float) -> float:
 
 @implements(velocity, Harmonics)
 def velocity_harmonics(shape: Harmonics, x: float) -> float:
-    return _clenshaw(shape, x, 0.0)
+    return _clenshaw(shape, x, 0)
 
 
 @implements(kick_slope, Harmonics)
 def kick_slope_harmonics(shape: Harmonics, a: float, x: float) -> float:
-    return 2.0 * math.pi * a * _clenshaw(shape, x, 1.0)
+    return 2.0 * math.pi * a * _clenshaw(shape, x, 1)
 
 
 @implements(kick_rounding, Harmonics)
@@ -118,6 +129,34 @@ def peak_of_harmonics(shape: Harmonics) -> float:
 
 
 @jit
+def falls_through(shape: Harmonics, alpha: float, x: float, other: float) -> float:
+    """Phase between two others at which 1 + alpha w' / 2 is 0; NaN where it has one sign at both.
+
+    It is negative at the first one.
+    """
+    low, high = x, other
+    half = 0.5 * alpha
+    if not (
+        1.0 + kick_slope(shape, half, low - np.rint(low)) < 0.0
+        and 1.0 + kick_slope(shape, half, high - np.rint(high)) >= 0.0
+    ):
+        return np.nan
+    x = 0.5 * (low + high)
+    for step in range(STEPS):
+        there = x - np.rint(x)
+        off = 1.0 + kick_slope(shape, half, there)
+        low, high = (x, high) if off < 0.0 else (low, x)
+        slope = TWO_PI * TWO_PI * half * _clenshaw(shape, there, 2)
+        tried = x - off / slope
+        halves = step % 3 == 2 or not min(low, high) < tried < max(low, high)
+        tried = 0.5 * (low + high) if halves else tried
+        if abs(tried - x) <= 0.25 * HALF_ULP:
+            break
+        x = tried
+    return x - np.rint(x)  # type: ignore[no-any-return]
+
+
+@jit
 def _rise(shape: Harmonics, a: float, r: float, k: int) -> float:
     """Phase at which the kick rises through r on the way to peak k; NaN where it does not."""
     low, high = shape.valley[k], shape.peak[k]  # the valley may be a period back
@@ -138,28 +177,28 @@ def _rise(shape: Harmonics, a: float, r: float, k: int) -> float:
     return x - np.rint(x)  # type: ignore[no-any-return]
 
 
-def _for_each_peak(term: str) -> Any:
-    """Function of (shape, a, r, s, j) that returns a tuple with what the term says of each peak."""
+def for_each(field: str, term: str) -> Any:
+    """Function of (shape, a, r, s, j) that returns a tuple: what a term says of each of a field."""
 
     @functools.cache
     def written(count: int) -> Any:
-        terms = "".join(f"{term.format(k=k, row=ROW.TRIES + k * STRIDE)}, " for k in range(count))
-        names: dict[str, Any] = {"rise": _rise}
+        terms = "".join(f"{term.format(k=k, row=k * STRIDE)}, " for k in range(count))
+        names: dict[str, Any] = {"rise": _rise, "falls": falls_through}
         exec(f"def written(shape, a, r, s, j):\n    return ({terms})\n", names)
         return names["written"]
 
     def call(shape: Harmonics, *arguments: Any) -> Any:
-        return written(len(shape.peak))(shape, *arguments)
+        return written(len(getattr(shape, field)))(shape, *arguments)
 
     @overload(call, jit_options=OF_A_PIECE, strict=False)
     def chosen(shape: Any, *arguments: Any) -> Any:
-        return written(len(shape.types[Harmonics._fields.index("peak")]))
+        return written(len(shape.types[Harmonics._fields.index(field)]))
 
     return call
 
 
-_rises = _for_each_peak("rise(shape, a, r, {k})")
-_taken = _for_each_peak("s[{row} + j]")
+_rises = for_each("peak", "rise(shape, a, r, {k})")
+_taken = for_each("peak", f"s[{ROW.PHASES} + {{row}} + j]")
 
 
 @implements(lift_offs, Harmonics)
@@ -214,7 +253,7 @@ def put_phases_harmonics(
     shape: Harmonics, phases: LiftOffs, wait: float, s: Floats, j: int
 ) -> None:
     for k in range(len(phases)):
-        s[ROW.TRIES + k * STRIDE + j] = phases[k]
+        s[ROW.PHASES + k * STRIDE + j] = phases[k]
 
 
 @implements(take_phases, Harmonics)
@@ -243,12 +282,23 @@ def shape_of(waveform: Waveform) -> Shape:
     valleys = np.concatenate([[turns[-1] - 1.0], turns[:-1]])
     rises = waveform.slope(0.5 * (valleys + turns)) > 0.0
     rises &= waveform.velocity(turns) > 0.0
+    bends = zeros(waveform, 2)
+    around = np.concatenate([[bends[-1] - 1.0], bends, [bends[0] + 1.0]])
+    dips = (waveform.slope(bends) < waveform.slope(around[:-2])) & (waveform.slope(bends) < 0.0)
+    levels = waveform.height(zeros(waveform, 0))
     return Harmonics(
         tuple(p.tolist()),
         tuple(q.tolist()),
         tuple(valleys[rises].tolist()),
         tuple(turns[rises].tolist()),
+        tuple(bends[dips].tolist()),
+        tuple(around[:-2][dips].tolist()),
+        tuple(around[2:][dips].tolist()),
         waveform.highest,
+        float(np.abs(waveform.velocity(turns)).max()),
+        waveform.fall,
+        float(levels.max()),
+        float(levels.min()),
         rounding,
         TWO_PI * sloped,
         0.5005 * waveform.sum_of(2),

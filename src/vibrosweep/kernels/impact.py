@@ -6,7 +6,7 @@ reduction of a flight s to s - rint(s) is exact, so nothing is lost as time grow
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -25,10 +25,12 @@ from vibrosweep.kernels.bases import (
     moving_lanes,  # noqa: F401
     random,
     rebound,
+    shaped_lanes,  # noqa: F401
     wake,
 )
 from vibrosweep.kernels.bases.high_bounce import HighBounce
 from vibrosweep.kernels.bases.moving import Moving
+from vibrosweep.kernels.bases.shaped import Shaped
 from vibrosweep.kernels.harmonics import shape_of
 from vibrosweep.kernels.laws import law_of
 from vibrosweep.kernels.noise import Noise
@@ -38,6 +40,7 @@ from vibrosweep.model.shapes import SINE, Waveform
 Instant = tuple[float, float]  # whole periods and phase
 
 BASE_OF: Final = {HIGH_BOUNCE: HighBounce, MOVING: Moving}
+SHAPED_OF: Final = {HIGH_BOUNCE: HighBounce, MOVING: Shaped}  # with another waveform than the sine
 
 
 class Batch(NamedTuple):
@@ -80,8 +83,9 @@ def base_of(base: str, rebound: str, waveform: Waveform = SINE, noise: Noise | N
         )
     if wrong := refusal(base, law=rebound) or refusal(base, waveform=waveform.name):
         raise ParameterError(wrong)
-    made: Any = BASE_OF[base](law=law_of(rebound), noise=noise)
-    return made if waveform == SINE else made._replace(waveform=shape_of(waveform))
+    if waveform == SINE:
+        return BASE_OF[base](law=law_of(rebound), noise=noise)
+    return SHAPED_OF[base](law=law_of(rebound), waveform=shape_of(waveform), noise=noise)
 
 
 @jit

@@ -19,16 +19,18 @@ LANES: Final = 96
 VECTOR: Final = 8
 STRIDE: Final = LANES + VECTOR
 OF_CONSTANTS: Final = 5  # rows that a base has for its constants
+OF_PHASES: Final = 32  # rows for the lift-offs of a base that has several in a period
 
 GOES_ON, ENDED, SPENT, RETURNED = 0.0, 1.0, 2.0, 3.0  # values of the row DONE
 
 
 class LaneRows(NamedTuple):
-    """Where the rows of the scratch memory begin, in order; CONSTANTS is the first of several.
+    """Where the rows of the scratch memory begin, in order; PHASES and CONSTANTS are several.
 
     Those from X_END on take part in every impact, and so do some of `statistics`, which follow.
     """
 
+    PHASES: int  # at which a base of several lift-offs begins to lift, and to press again
     X_ANCHOR: int  # the saved state, and the number of rests before it
     N_ANCHOR: int
     U_ANCHOR: int
@@ -82,8 +84,8 @@ class LaneRows(NamedTuple):
     CONSTANTS: int
 
 
-ROW: Final = LaneRows(*(row * STRIDE for row in range(len(LaneRows._fields))))
-ROWS: Final = len(LaneRows._fields) - 1 + OF_CONSTANTS
+ROW: Final = LaneRows(0, *((OF_PHASES + row) * STRIDE for row in range(len(LaneRows._fields) - 1)))
+ROWS: Final = OF_PHASES + len(LaneRows._fields) - 2 + OF_CONSTANTS
 
 
 def aligned(numbers: int) -> Floats:

@@ -97,7 +97,7 @@ def lift_off_error(shape: Shape, a: float, r: float, phases: LiftOffs) -> float:
 def put_phases(shape: Shape, phases: LiftOffs, wait: float, s: Floats, j: int) -> None:
     """Put the phases of lift-offs into lane j, or NaN where the wait for them is infinite.
 
-    A single one is the fourth of its constants; several take rows of a search for the landing.
+    A single one is the fourth of its constants; several have rows of their own.
     """
 
 

@@ -33,6 +33,7 @@ from vibrosweep.model.parameters import (
     launches,
 )
 from vibrosweep.model.scene_measures import Measures
+from vibrosweep.model.shapes import Waveform
 from vibrosweep.model.times import Periods, Time, amount, precedes, unit_of
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, Axis, Range
 from vibrosweep.scene.keys import MAX_REALIZATIONS, Steps, inputs_in
@@ -90,13 +91,18 @@ def check_window(
 
 
 def check_measures(
-    base: str, noise: Collection[str], measures: Measures, mistakes: Mistakes
+    base: str,
+    waveform: Waveform,
+    noise: Collection[str],
+    measures: Measures,
+    mistakes: Mistakes,
 ) -> None:
     """Report measures that cannot be had over a base, or with noise."""
     for key in MEASURES:
-        wrong = refusal(base, measure=key, noise=noise)
+        wrong = refusal(base, measure=key, waveform=waveform.name, noise=noise)
         if wrong and getattr(measures, key):
-            mistakes.add(f"measure.{key}", wrong, True, involves=["scene.base"])
+            involved = ["scene.base", "scene.waveform"]
+            mistakes.add(f"measure.{key}", wrong, True, involves=involved)
 
 
 def check_noise(

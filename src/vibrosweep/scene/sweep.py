@@ -147,7 +147,7 @@ def _assembled(tables: Tables, source: Path | None, mistakes: Mistakes) -> Sweep
     rules.check_mount(base, scene, sample, mistakes)
     measures = Measures(**tables.get("measure", {}))
     noise = rules.noise_homes(numbers, sample, varied)
-    rules.check_measures(base, noise, measures, mistakes)
+    rules.check_measures(base, own["waveform"], noise, measures, mistakes)
     # one forcing only, also where two were reported
     forcing = next((name for name in FORCINGS if name in (*numbers, *varied)), "amplitude")
     given = [forcing, *(name for name in (*numbers, *varied) if name not in FORCINGS)]

@@ -24,6 +24,7 @@ from vibrosweep.kernels.bases.landing_search import (
     turn,
 )
 from vibrosweep.kernels.bases.moving import TRIES, Moving, MovingConstants
+from vibrosweep.kernels.bases.shaped import Shaped, ShapedConstants
 from vibrosweep.kernels.lanes import ROW, STRIDE
 from vibrosweep.kernels.noise import SILENT, drawn_in
 from vibrosweep.kernels.sine import cos_turns, sin_turns
@@ -173,17 +174,17 @@ def _cleared(s: Floats, j: int) -> Clearance:
     )
 
 
-@implements(bases.approach, MovingConstants)
+@implements(bases.approach, MovingConstants, ShapedConstants)
 def approach_moving(fixed: MovingConstants, s: Floats, j: int) -> tuple[float, float, bool]:
     return s[ROW.TIME + j], s[ROW.SPEED + j], s[ROW.LANDED + j] != 0.0
 
 
-@implements(bases.may_land, MovingConstants)
+@implements(bases.may_land, MovingConstants, ShapedConstants)
 def may_land_moving(fixed: MovingConstants, s: Floats, j: int, budget: float) -> bool:
     return bool(s[ROW.AGE + j] < budget)
 
 
-@implements(bases.keep, MovingConstants)
+@implements(bases.keep, MovingConstants, ShapedConstants)
 def keep_moving(
     fixed: MovingConstants, s: Floats, j: int, time: float, landed: bool, seen: bool
 ) -> bool:
@@ -194,7 +195,7 @@ def keep_moving(
     return bool(landed & counts)
 
 
-@implements(bases.gives_up, Moving)
+@implements(bases.gives_up, Moving, Shaped)
 def gives_up_moving(base: Moving, s: Floats, j: int, passes: int) -> bool:
     stays = s[ROW.AGE + j] == s[ROW.AGE_SEEN + j]
     s[ROW.AGE_SEEN + j] = s[ROW.AGE + j]
@@ -204,7 +205,7 @@ def gives_up_moving(base: Moving, s: Floats, j: int, passes: int) -> bool:
     return bool((s[ROW.TRIES + j] >= TRIES) | lost)
 
 
-@implements(bases.pending, Moving)
+@implements(bases.pending, Moving, Shaped)
 def pending_moving(base: Moving, s: Floats, j: int) -> bool:
     # after a rest for good no flight follows, and the phase is NaN
     return bool((s[ROW.COUNTS + j] != 0.0) & (abs(s[ROW.X + j]) <= 0.5))
@@ -217,6 +218,6 @@ def counted_now_moving(
     return Counted(time, apex(_begun(fixed, s, j)), 1.0)
 
 
-@implements(bases.common_age, Moving)
+@implements(bases.common_age, Moving, Shaped)
 def common_age_moving(base: Moving) -> float:
     return 0.0

@@ -1,0 +1,276 @@
+"""The first landing on a base that moves as a sum of harmonics.
+
+As in `landing_search`, with w(x) = sum u_h, where a harmonic has u = c sin(th), v = c cos(th) at
+the phase of the lift-off: after s periods, of which d are past the last whole one, the clearance is
+
+    F(s) = s (y - s) / 2 - (alpha / 2) (sum (v_h C_h - u_h D_h) / (2 pi h) - (s - d) sum u_h),
+    C_h = 1 - cos(2 pi h d),  D_h = 2 pi h d - sin(2 pi h d),
+
+in which no term is a difference of nearly equal numbers.  Neither are there such in the recurrences
+from one harmonic to the next, C_(h+1) - C_h = C_h - C_(h-1) + 2 C_1 cos(2 pi h d), and the same of
+D with the sine.  With the acceleration G = alpha w' / 2 of the base in units of gravity F is
+concave while 1 + G > 0, where the base presses, and convex elsewhere: in several stretches of a
+period, whose ends are known.  A flight has one root for sure where the base never falls faster than
+gravity, or where it comes down to the highest level of the base faster than the base ever moves.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vibrosweep.kernels._jit import fma, jit
+from vibrosweep.kernels.bases.landing_search import AHEAD, BORDER, FAST, LAST, NOISE, SLOW, ULP
+from vibrosweep.kernels.harmonics import Harmonics
+from vibrosweep.kernels.sine import rough_lag_and_versine, sin_and_lag, sin_near
+from vibrosweep.model.shapes import TWO_PI
+
+# of the angle by which the highest harmonic turns in the last step, whose fifth power is left out
+SHORT = 2.0**-9
+
+
+class Fixed(NamedTuple):
+    """What the search needs of the base."""
+
+    shape: Harmonics
+    alpha: float
+    # falls, presses: phases at which it begins to fall faster than gravity, and to press again
+    falls: tuple[float, ...]
+    presses: tuple[float, ...]
+
+
+class Begin(NamedTuple):
+    """Beginning of a flight."""
+
+    # x, y, sine, cosine: phase, speed relative to the base, sine and cosine of the phase
+    x: float
+    y: float
+    sine: float
+    cosine: float
+
+
+class Guess(NamedTuple):
+    """A landing as far as it is known from the beginning of the flight alone."""
+
+    sure: bool  # whether the flight has one root for sure
+    time: float  # a time near it
+    rise: float  # until it is above every height of the base, and as long before the end of
+    u: float  # a flight over a base at rest, which is its absolute speed
+    apex: float  # height above the lowest level of the base, of one that falls of its start
+
+
+class Clear(NamedTuple):
+    """Clearance above the base, and its derivatives by time."""
+
+    f: float
+    f1: float
+    f2: float
+    f3: float
+    f4: float
+    f5: float
+
+
+@jit
+def at_phase(shape: Harmonics, sine: float, cosine: float) -> tuple[float, float, float]:
+    """Velocity w, its derivative and its integral W at a phase, given by sine and cosine."""
+    w, slope, level, turned, ahead = 0.0, 0.0, 0.0, sine, cosine
+    for k in range(len(shape.p)):
+        angle = TWO_PI * (k + 1)
+        p, q = shape.p[k], shape.q[k]
+        u, v = fma(p, turned, q * ahead), fma(p, ahead, -q * turned)
+        w += u
+        slope = fma(angle, v, slope)
+        level = fma(-1.0 / angle, v, level)
+        turned, ahead = (
+            fma(turned, cosine, ahead * sine),
+            fma(ahead, cosine, -turned * sine),
+        )
+    return w, slope, level
+
+
+@jit
+def stretch(fixed: Fixed, x: float) -> tuple[bool, float, float]:
+    """Return whether the base presses at phase x, and periods until it falls, or presses again.
+
+    A stretch that is as good as over has ended.
+    """
+    to_fall, to_press = np.inf, np.inf
+    for k in range(len(fixed.falls)):
+        fall, press = fixed.falls[k] - x, fixed.presses[k] - x
+        fall = fall + 1.0 if fall < 0.0 else fall
+        press = press + 1.0 if press < 0.0 else press
+        to_fall = fall if fall < to_fall else to_fall
+        to_press = press if press < to_press else to_press
+    presses = not to_press < to_fall
+    over = (to_fall if presses else to_press) <= BORDER
+    return presses != over, to_fall, to_press
+
+
+@jit
+def clearance(fixed: Fixed, begin: Begin, s: float, turned: float, lag: float, c: float) -> Clear:
+    """Clearance after s periods.
+
+    Given sin(2 pi d), 2 pi d - sin(2 pi d) and 1 - cos(2 pi d) of the periods d past a whole one.
+    """
+    shape, half = fixed.shape, 0.5 * fixed.alpha
+    once = 1.0 - c
+    sine, cosine = begin.sine, begin.cosine
+    back, w, slowed, w1, w2, w3, w4 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    # of harmonic h: S, D, C, and how much D and C have grown
+    s_h, d_h, c_h, d_more, c_more = turned, lag, c, lag, c
+    for k in range(len(shape.p)):
+        angle = TWO_PI * (k + 1)
+        p, q = shape.p[k], shape.q[k]
+        u, v = fma(p, sine, q * cosine), fma(p, cosine, -q * sine)
+        ahead = 1.0 - c_h
+        back = fma(1.0 / angle, fma(v, c_h, -u * d_h), back)
+        w += u
+        slowed = fma(u, c_h, fma(-v, s_h, slowed))
+        even, odd = angle * fma(v, ahead, -u * s_h), angle * angle * fma(u, ahead, v * s_h)
+        w1 += even
+        w2 -= odd
+        w3 = fma(-angle * angle, even, w3)
+        w4 = fma(angle * angle, odd, w4)
+        sine, cosine = (
+            fma(sine, begin.cosine, cosine * begin.sine),
+            fma(cosine, begin.cosine, -sine * begin.sine),
+        )
+        d_more = fma(2.0 * c, s_h, d_more)
+        c_more = fma(2.0 * c, ahead, c_more)
+        s_h = fma(s_h, once, ahead * turned)
+        d_h += d_more
+        c_h += c_more
+    return Clear(
+        fma(0.5 * s, begin.y - s, half * fma(np.rint(s), w, -back)),
+        fma(half, slowed, 0.5 * begin.y - s),
+        fma(-half, w1, -1.0),
+        -half * w2,
+        -half * w3,
+        -half * w4,
+    )
+
+
+@jit
+def turn(s: float) -> tuple[float, float, float]:
+    """Return what `clearance` needs of s."""
+    part = s - np.rint(s)
+    turned, lag = sin_and_lag(part, part)
+    half = sin_near(0.5 * part)
+    return turned, lag, 2.0 * half * half
+
+
+@jit
+def rough_turn(s: float) -> tuple[float, float, float]:
+    """Return the same to a few units of the fifth digit."""
+    part = s - np.rint(s)
+    lag, c = rough_lag_and_versine(part)
+    return fma(TWO_PI, part, -lag), lag, c
+
+
+@jit
+def first_guess(fixed: Fixed, begin: Begin) -> Guess:
+    """Guess when the flight ends."""
+    shape, alpha = fixed.shape, fixed.alpha
+    w, slope, level = at_phase(shape, begin.sine, begin.cosine)
+    u = fma(alpha, w, begin.y)
+    pull = fma(0.5 * alpha, slope, 1.0)
+    depth = 4.0 * alpha * (shape.top - level)  # below the top, as the square of a speed
+    largest = alpha * shape.fastest
+    fast = (u > 0.0) & (u * u >= (largest * largest + depth) * (1.0 + 16.0 * ULP))
+    sure = fast | (0.5 * alpha * shape.fall <= 1.0 - 16.0 * ULP)
+    presses, to_fall, _ = stretch(fixed, begin.x)
+    short = u if u > SLOW else SLOW
+    most = short if sure else (to_fall if presses else u + AHEAD)
+    parabola = begin.y / pull if pull > 0.0 else np.inf
+    s = parabola if parabola < most else most
+    rising = u if u > 0.0 else 0.0
+    return Guess(
+        sure,
+        u if (u > FAST) & sure else s,
+        0.5 * depth / u * (1.0 + 16.0 * ULP) if u > 0.0 else np.inf,
+        u,
+        fma(rising, rising, 4.0 * alpha * (level - shape.bottom)),
+    )
+
+
+@jit
+def first_try(fixed: Fixed, begin: Begin, sure: bool, s: float, rough: Clear) -> float:
+    """The time to be tried first, from a guess and the clearance then.
+
+    One step of Householder's method of third order comes near the root.
+    """
+    f, f1, f2 = rough.f, rough.f1, rough.f2
+    bend, square = 0.5 * f * f2, f1 * f1
+    step = -f * (square - bend) / fma(f1, fma(-2.0, bend, square), rough.f3 * (f * f) / 6.0)
+    far = 0.5 * s if s < 0.5 else 0.25
+    s = s + step if (f1 < 0.0) & (abs(step) < far) else s
+    # F is concave in the present stretch, or in the next one, before which it has no root
+    presses, to_fall, to_press = stretch(fixed, begin.x)
+    s = s if sure | (s < to_fall) else to_fall
+    s = s if sure | presses | (s > to_press) else to_press
+    return 0.0 if begin.y < 0.0 else s  # pushed into the base, it lands at once
+
+
+@jit
+def _across(
+    fixed: Fixed, begin: Begin, guess: Guess, s: float, clear: Clear, newton: float, step: float
+) -> float:
+    """Time to be tried next after s, where the base may fall faster than gravity.
+
+    The clearance at s is positive, and so it is before s.
+    """
+    f1, f2 = clear.f1, clear.f2
+    nears = f1 < 0.0
+    at = begin.x + (s - np.rint(s))
+    at -= np.rint(at)
+    presses, to_fall, to_press = stretch(fixed, at)
+    into = step if nears else s
+    into = into if into < to_fall else to_fall
+    # the slope stays negative for so long: the third derivative is at most alpha times the bend
+    beyond = 1.01 * (step if step > newton else newton)
+    bend = f2 if f2 > 0.0 else 0.0
+    falls = f1 + beyond * (bend + 0.5 * fixed.alpha * fixed.shape.bend * beyond) < 0.0
+    convex = step if falls else newton
+    convex = convex if nears & (convex < to_press) else to_press
+    tried = s + (into if presses else convex)
+    until = guess.u - guess.rise  # until then it is above every height of the base
+    return until if (s > guess.rise) & (until > tried) else tried
+
+
+@jit
+def try_landing(
+    fixed: Fixed, begin: Begin, guess: Guess, s: float, clear: Clear
+) -> tuple[float, float, bool]:
+    """Try the time s: the next one to be tried, or the landing, its speed, and which of both."""
+    f, f1, f2, f3, f4, f5 = clear
+    shape = fixed.shape
+    inverse = 1.0 / f1
+    newton = -f * inverse
+    once = newton * inverse
+    twice = once * newton
+    q, q3, q4 = 0.5 * once * f2, twice * f3 / 6.0, twice * newton * f4 / 24.0
+    q5 = twice * newton * newton * f5 / 120.0
+    third = fma(q, q, -q3)
+    series = 1.0 - q + (fma(q, q, third) - fma(5.0 * q, third, q4))  # in steps of Newton's
+    nears, above = f1 < 0.0, f > 0.0
+    small = (abs(q) <= LAST) & (abs(q3) <= LAST * LAST) & (abs(q4) <= LAST * LAST * LAST)
+    small &= abs(q5) <= LAST * LAST * LAST * LAST
+    small &= abs(newton) <= SHORT / (TWO_PI * len(shape.p))
+    last = nears & (small | (abs(newton) <= ULP * s))
+    series = series if series > 0.5 else 0.5
+    step = newton * (series if series < 1.5 else 1.5)
+    back = step if step > -0.75 * s else -0.75 * s
+    forth = back if back < s else s
+    tried = s + (forth if nears else (s if s < 0.25 else 0.25))
+    arrival = fma(step, fma(step, fma(step, f5 / 24.0, f4 / 6.0), 0.5 * f3), f2)
+    arrival = -2.0 * fma(step, arrival, f1)
+    across = _across(fixed, begin, guess, s, clear, newton, step)
+    convex = 0.5 * fixed.alpha * shape.fall > 1.0 - 16.0 * ULP
+    tried = across if above & convex & (not last) else tried
+    swept = 2.0 * s if s < 0.5 else 1.0  # the terms of the base grow with the square of s
+    noise = s * (fixed.alpha * swept * shape.rounding + NOISE * 0.5 * (abs(begin.y) + s))
+    grazes = (f <= 0.0) & (not (guess.sure | last)) & ((-f <= noise) | (not nears))
+    tried = s if grazes else tried
+    arrival = (-2.0 * f1 if nears else 0.0) if grazes else arrival
+    return tried, arrival, last | grazes
