@@ -136,7 +136,10 @@ def lift_off_shaped(
 
 @implements(bases.after_rest, ShapedConstants)
 def after_rest_shaped(fixed: ShapedConstants) -> tuple[float, float]:
-    return lift_off_shaped(fixed, 0.0, -0.5, 0.0)[1], 0.0
+    lift = np.nan
+    for k in range(len(fixed.falls)):
+        lift = fixed.falls[k] if fixed.falls[k] == fixed.falls[k] else lift
+    return lift, 0.0
 
 
 @implements(bases.lifts_alike, Shaped)
