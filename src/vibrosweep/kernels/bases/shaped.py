@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vibrosweep.kernels import bases
+from vibrosweep.kernels import bases, noise
 from vibrosweep.kernels._jit import Floats, fma, implements, jit
 from vibrosweep.kernels.bases import Counted, Flight, Jacobian
 from vibrosweep.kernels.bases.moving import (
@@ -22,7 +22,6 @@ from vibrosweep.kernels.bases.moving import (
     contact_time_moving,
     contraction_moving,
     density_moving,
-    random_moving,
     rebound_moving,
     reverses_moving,
     wake_lanes_moving,
@@ -41,7 +40,7 @@ from vibrosweep.kernels.bases.shaped_search import (
 )
 from vibrosweep.kernels.harmonics import Harmonics, for_each
 from vibrosweep.kernels.laws import Law
-from vibrosweep.kernels.noise import SILENT, Noise, Source
+from vibrosweep.kernels.noise import STILL, Draw, Noise, Source
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 from vibrosweep.kernels.waveforms import velocity
 from vibrosweep.model.parameters import Dimensionless
@@ -70,7 +69,9 @@ class ShapedConstants(NamedTuple):
     # again; NaN where it does not
     falls: tuple[float, ...]
     presses: tuple[float, ...]
+    # source, draw: noise of the realization, and of one impact
     source: Source
+    draw: Draw
 
 
 _falls = for_each("dip", "falls(shape, a, shape.dip[{k}], shape.before[{k}])")
@@ -84,7 +85,8 @@ def constants_shaped(base: Shaped, problem: Dimensionless, i: int) -> ShapedCons
     if 0.5 * alpha * shape.fall > LARGEST_GAMMA:
         alpha = np.nan
     falls, presses = _falls(shape, alpha, 0.0, 0.0, 0), _presses(shape, alpha, 0.0, 0.0, 0)
-    return ShapedConstants(base, e, alpha, problem.rest_flight[i], falls, presses, SILENT)
+    source = noise.source_of(problem.noise, problem.end_count, i)
+    return ShapedConstants(base, e, alpha, problem.rest_flight[i], falls, presses, source, STILL)
 
 
 @jit
@@ -142,9 +144,18 @@ def after_rest_shaped(fixed: ShapedConstants) -> tuple[float, float]:
     return lift, 0.0
 
 
+@implements(bases.random, ShapedConstants)
+def random_shaped(
+    fixed: ShapedConstants, particle: float, number: float, n: float, x: float
+) -> ShapedConstants:
+    draw = noise.draw_of(fixed.base.noise, fixed.source, particle, number, 0.0)
+    e, alpha, r, falls, presses = fixed.e, fixed.alpha, fixed.r, fixed.falls, fixed.presses
+    return ShapedConstants(fixed.base, e, alpha, r, falls, presses, fixed.source, draw)
+
+
 @implements(bases.lifts_alike, Shaped)
 def lifts_alike_shaped(base: Shaped) -> bool:
-    return len(base.waveform.dip) <= 1
+    return base.noise is None and len(base.waveform.dip) <= 1
 
 
 @implements(bases.leave, ShapedConstants)
@@ -227,6 +238,5 @@ implements(bases.contact_time, ShapedConstants)(contact_time_moving)
 implements(bases.contraction, ShapedConstants)(contraction_moving)
 implements(bases.density, ShapedConstants)(density_moving)
 implements(bases.reverses, ShapedConstants)(reverses_moving)
-implements(bases.random, ShapedConstants)(random_moving)
 implements(bases.wake, ShapedConstants)(wake_moving)
 implements(bases.wake_lanes, Shaped)(wake_lanes_moving)

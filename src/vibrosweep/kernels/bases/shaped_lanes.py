@@ -25,7 +25,7 @@ from vibrosweep.kernels.bases.shaped_search import (
 )
 from vibrosweep.kernels.harmonics import for_each
 from vibrosweep.kernels.lanes import OF_PHASES, ROW, STRIDE
-from vibrosweep.kernels.noise import SILENT
+from vibrosweep.kernels.noise import SILENT, drawn_in
 from vibrosweep.kernels.sine import cos_turns, sin_turns
 
 __all__: list[str] = []
@@ -64,7 +64,7 @@ def take_shaped(base: Shaped, s: Floats, j: int) -> ShapedConstants:
     row, shape = ROW.CONSTANTS + j, base.waveform
     e, alpha, r = s[row], s[row + STRIDE], s[row + 2 * STRIDE]
     falls, presses = _falls(shape, 0.0, 0.0, s, j), _presses(shape, 0.0, 0.0, s, j)
-    return ShapedConstants(base, e, alpha, r, falls, presses, SILENT)
+    return ShapedConstants(base, e, alpha, r, falls, presses, SILENT, drawn_in(base.noise, s, j))
 
 
 @implements(bases.prepare, Shaped)
