@@ -41,7 +41,7 @@ def decay_per_impact(restitution: float, measured: xr.Dataset, *, ax: Axes | Non
         markeredgecolor="black",
         label="measured",
     )
-    axes.axhline(1.0, color="black", linewidth=0.6)
+    axes.axhline(1.0, color="black", linewidth=0.6, label="no change")
     axes.axvline(high, color=style.GREY, linewidth=0.6)
     axes.annotate(
         r"$A_{\mathrm{max}}$",

@@ -41,6 +41,7 @@ def separations_in_time(record: xr.Dataset, *, ax: Axes | None = None) -> Axes:
             label=f"launched {1e3 * launched:g} ms later",
         )
         axes.axhline(launched, color=colour, linestyle=(0, (5, 2)), linewidth=0.8)
+    axes.plot([], [], color=style.GREY, linestyle=(0, (5, 2)), label="at the launch")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("impact $n$")
     axes.set_ylabel("separation $t_j(n) - t_i(n)$ (s)")
@@ -79,7 +80,9 @@ def fates(sweep: xr.Dataset, launched: float, *, ax: Axes | None = None) -> Axes
             color=colour,
             label=name,
         )
-    axes.axhline(launched, color="black", linestyle=(0, (5, 2)), linewidth=0.8)
+    axes.axhline(
+        launched, color="black", linestyle=(0, (5, 2)), linewidth=0.8, label="at the launch"
+    )
     axes.set_yscale("log")
     exponents = np.arange(-14.0, 1.0, 4.0)
     names = ["0", *(f"$10^{{{int(x)}}}$" for x in exponents)]

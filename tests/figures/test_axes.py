@@ -1,5 +1,6 @@
 """Figures draw on the axes that are given, or on their own, which a notebook shows."""
 
+import os
 import subprocess
 import sys
 
@@ -74,6 +75,26 @@ def test_files_are_written_without_pyplot(twenty, tmp_path):
     twenty.to_netcdf(tmp_path / "r.nc", engine="h5netcdf")
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.split() == ["6", "False"]
+
+
+def test_what_a_backend_of_notebooks_sets_outlasts_the_style(tmp_path):
+    backend = "import matplotlib\nfrom matplotlib.backends.backend_agg import *\n"
+    (tmp_path / "of_notebooks.py").write_text(backend + "matplotlib.interactive(True)\n")
+    code = (
+        "import matplotlib; from vibrosweep.figures import style\n"
+        "style.styled(lambda ax=None: style.axes_on(ax, 2.0, 2.0))()\n"
+        "print(matplotlib.is_interactive())"
+    )
+    paths = os.pathsep.join([str(tmp_path), *sys.path])
+    chosen = {"MPLBACKEND": "module://of_notebooks", "PYTHONPATH": paths}
+    out = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, **chosen},
+    )
+    assert out.stdout.strip() == "True"
 
 
 def test_what_is_no_axes_or_too_few_is_refused(sweep):

@@ -99,7 +99,7 @@ def test_separations_below_the_contact_time_are_coloured_and_zeros_have_a_marker
     assert names == ["two particles land or rest at once", "on the scale: $\\tau_c$ = 0.0001 s"]
 
 
-@pytest.mark.parametrize(("low", "high"), [(-3.0, 0.5), (-3.0, -1.0)])
+@pytest.mark.parametrize(("low", "high"), [(-3.0, 0.5), (-3.0, -1.0), (1.0, 3.0)])
 @pytest.mark.parametrize("as_grid", [True, False])
 def test_signed_numbers_diverge_from_zero_and_the_legend_has_minus_infinity(
     low, high, as_grid, small_grid, make_sweep
@@ -107,10 +107,10 @@ def test_signed_numbers_diverge_from_zero_and_the_legend_has_minus_infinity(
     sweep = small_grid if as_grid else make_sweep(35, 3)
     exponents = np.linspace(low, high, 35)
     exponents[3:6] = -np.inf
-    figure = parameter_plane(sweep.assign(exponent=("realization", exponents)), "exponent").figure
+    figure = parameter_plane(sweep.assign(lyapunov=("realization", exponents)), "lyapunov").figure
     norm = numbers_of(figure).norm
     assert norm(0.0) == 0.5
-    assert (norm.vmin, norm.vmax) == (low, high if high > 0.0 else -low)
+    assert (norm.vmin, norm.vmax) == (min(low, -3.0), high if high > 0.0 else 3.0)
     bottom, top = figure.axes[1].get_ylim()
     assert any(tick == 0.0 for tick in figure.axes[1].get_yticks() if bottom <= tick <= top)
     (name,) = [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
@@ -143,6 +143,7 @@ def test_a_grid_is_drawn_as_its_own_cells(small_grid):
     np.testing.assert_array_equal(mesh.get_array().ravel(), sweep.rebound_height_max)
     corners = mesh.get_coordinates()
     np.testing.assert_allclose(corners[0, 0], [0.8 - 0.015, 0.3 - 0.4])
+    assert mesh.axes.get_ylim()[0] == 0.0
 
 
 def test_a_kick_axis_where_frequency_varies(make_sweep):

@@ -71,7 +71,5 @@ def basins_of_attraction(basins: xr.Dataset, *, ax: Axes | None = None) -> Axes:
         axes.plot([], [], "s", color=colours[i], label=label, markersize=5.0)
     axes.set_xlabel(data.label(basins, "launch_time"))
     axes.set_ylabel(data.label(basins, "launch_velocity"))
-    axes.legend(
-        title=data.conditions(basins), loc="upper left", bbox_to_anchor=(1.0, 1.0), alignment="left"
-    )
+    style.beside(axes, data.conditions(basins))
     return axes

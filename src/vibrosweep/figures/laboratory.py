@@ -96,6 +96,7 @@ def _draw_residuals(axes: Axes, flights: xr.Dataset) -> None:
         alpha=0.3,
         color=style.GREY,
         rasterized=True,
+        label="sample",
     )
     edges = np.linspace(0.0, 1.0, 21)
     inside = (place >= 0.0) & (place <= 1.0)
@@ -114,7 +115,11 @@ def _draw_distribution(axes: Axes, flights: xr.Dataset) -> None:
     residual = flights["residual"].values
     residual = residual[np.isfinite(residual)]
     axes.hist(
-        residual, bins=np.linspace(-5.0, 5.0, 51).tolist(), density=True, color=style.OKABE_ITO[5]
+        residual,
+        bins=np.linspace(-5.0, 5.0, 51).tolist(),
+        density=True,
+        color=style.OKABE_ITO[5],
+        label="samples",
     )
     grid = np.linspace(-5.0, 5.0, 201)
     axes.plot(

@@ -204,13 +204,4 @@ def _name(kind: tuple[int, int]) -> str:
 
 
 def _explain(axes: Axes, lines: xr.Dataset) -> None:
-    title = data.conditions(lines.drop_dims("point"))
-    handles, labels = axes.get_legend_handles_labels()
-    axes.legend(
-        handles,
-        labels,
-        title=title,
-        loc="upper left",
-        bbox_to_anchor=(1.0, 1.0),
-        alignment="left",
-    )
+    style.beside(axes, data.conditions(lines.drop_dims("point")))

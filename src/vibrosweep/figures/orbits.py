@@ -71,21 +71,18 @@ def periodic_orbits(
     if basins is not None:
         axes = basins_of_attraction(basins, ax=ax)
         _draw_over(axes, orbits, _launch_times(orbits, basins))
+        style.beside(axes, data.conditions(basins))
         return axes
     axes = style.axes_on(ax, style.PAGE, 3.6)
     if len(axes_of) == 2:
         _draw_numbers(axes, orbits, axes_of)
+        style.head(axes, data.conditions(orbits))
     else:
         (along,) = axes_of or ("impact_phase",)
         _draw_points(axes, orbits, np.broadcast_to(*_aligned(orbits, along)))
         axes.set_xlabel(data.label(orbits, along))
         axes.set_ylabel(data.label(orbits, "rebound_velocity"))
-        axes.legend(
-            title=data.conditions(orbits),
-            loc="upper left",
-            bbox_to_anchor=(1.0, 1.0),
-            alignment="left",
-        )
+        style.beside(axes, data.conditions(orbits))
     return axes
 
 
@@ -106,9 +103,9 @@ def _draw_over(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
     taken = orbits["admissible"].values == 1
     stable, speed = orbits["stable"].values == 1, orbits["rebound_velocity"].values
     low, high = axes.get_ylim()
-    for chosen, marker, size, face, edge in (
-        (taken & ~stable, "o", 3.0, "white", "black"),
-        (taken & stable, "D", 5.0, "black", "white"),
+    for chosen, marker, size, face, edge, name in (
+        (taken & ~stable, "o", 3.0, "white", "black", "unstable orbit"),
+        (taken & stable, "D", 5.0, "black", "white", "stable orbit"),
     ):
         axes.plot(
             across[chosen].ravel(),
@@ -119,6 +116,7 @@ def _draw_over(axes: Axes, orbits: xr.Dataset, across: Array) -> None:
             markeredgecolor=edge,
             markeredgewidth=0.7,
             zorder=3.0,
+            label=name if chosen.any() else None,
         )
     axes.set_ylim(low, high)
 

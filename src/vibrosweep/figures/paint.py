@@ -20,7 +20,7 @@ from vibrosweep.figures import cells as gathering
 from vibrosweep.figures import style
 from vibrosweep.figures.cells import Cells
 
-APART: Final = ("0.72", "0.25", "0.5")  # colours of values apart from the scale
+APART: Final = ("0.72", "0.35")  # colours of values apart from the scale
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,18 @@ def scatter_points(x: Array, y: Array) -> Points:
 
 
 def paint_numbers(
-    axes: Axes, points: Points, values: Array, label: str, apart: Mapping[float, str]
+    axes: Axes,
+    points: Points,
+    values: Array,
+    label: str,
+    apart: Mapping[float, str],
+    *,
+    signed: bool,
 ) -> Colorbar | None:
     """Paint numbers, one per realization, with a labelled colour bar; NaN is left blank.
 
     Values `apart` from the scale, by their names, have colours of their own.  With zero among them
-    the scale is logarithmic; a scale with negative numbers is diverging, with zero in its middle.
+    the scale is logarithmic; a scale of signed numbers is diverging, with zero in its middle.
     """
     drawn = values if points.cells is None else gathering.median(points.cells, values)
     for (value, name), colour in zip(apart.items(), APART, strict=False):
@@ -60,8 +66,7 @@ def paint_numbers(
     known = drawn[np.isfinite(drawn)]
     if not known.size:
         return None
-    norm = _norm(known, logarithmic=0.0 in apart)
-    signed = isinstance(norm, TwoSlopeNorm)
+    norm = _around_zero(known) if signed else _norm(known, logarithmic=0.0 in apart)
     colours = style.DIVERGING_MAP if signed else style.SEQUENTIAL_MAP
     mappable = _paint(axes, points, drawn, colormaps[colours], norm)
     # a scale of counts has no halves
@@ -92,14 +97,19 @@ def paint_codes(
         _paint_one_colour(axes, points, position == i, colours[i], meaning.replace("_", " "))
 
 
+def _around_zero(known: Array) -> Normalize:
+    """Scale with zero in its middle, over both signs even where only one occurs."""
+    low, high = float(known.min()), float(known.max())
+    most = max(abs(low), abs(high)) or 1.0
+    return TwoSlopeNorm(0.0, low if low < 0.0 else -most, high if high > 0.0 else most)
+
+
 def _norm(known: Array, *, logarithmic: bool) -> Normalize:
     low, high = float(known.min()), float(known.max())
     if logarithmic:
         # a few almost coincident landings would stretch the scale to the limits of precision
         low = max(low, float(np.quantile(known, 0.01, method="lower")), 1e-6 * high)
         return LogNorm(low, high) if low < high else LogNorm(low / 2.0, low * 2.0)
-    if low < 0.0:
-        return TwoSlopeNorm(0.0, low, high if high > 0.0 else -low)
     return Normalize(low, high) if low < high else Normalize(low - 0.5, low + 0.5)
 
 

@@ -104,8 +104,9 @@ def _vertical(sweep: xr.Dataset) -> tuple[Forcing, Array, str]:
 def _set_view(axes: Axes, points: Points) -> None:
     """Fit the view to the design; the closed forms end there too."""
     if points.cells is not None:
-        axes.set_xlim(points.cells.x_edges[0], points.cells.x_edges[-1])
-        axes.set_ylim(points.cells.y_edges[0], points.cells.y_edges[-1])
+        # half a cell around the outermost points, but no restitution or forcing that is not allowed
+        axes.set_xlim(max(points.cells.x_edges[0], 0.0), min(points.cells.x_edges[-1], 1.0))
+        axes.set_ylim(max(points.cells.y_edges[0], 0.0), points.cells.y_edges[-1])
         return
     for values, set_limits in ((points.x, axes.set_xlim), (points.y, axes.set_ylim)):
         margin = 0.02 * float(np.ptp(values))
@@ -120,12 +121,13 @@ def _paint_variable(
         codes = np.atleast_1d(attributes["flag_values"]).astype(np.float64)
         paint.paint_codes(axes, points, values, codes, str(attributes["flag_meanings"]).split())
         return
-    apart = {np.inf: r"$\infty$", -np.inf: data.MINUS_INFINITY}
+    apart = {-np.inf: data.MINUS_INFINITY, np.inf: r"$\infty$"}
     separation = variable.startswith("dt_min")
     if separation:
         apart = {0.0: "two particles land or rest at once"}
     label = data.label(sweep, variable)
-    bar = paint.paint_numbers(axes, points, values, label, apart)
+    signed = variable.startswith("lyapunov") or bool(np.any(values < 0.0))
+    bar = paint.paint_numbers(axes, points, values, label, apart, signed=signed)
     contact = data.fixed(sweep, "contact_time") if "contact_time" in sweep.variables else None
     if bar is None or not separation or contact is None:
         return

@@ -131,6 +131,10 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
+        if kwargs.get("ax") is None and not _FOR_FILE.get():
+            from matplotlib import pyplot
+
+            pyplot.draw_if_interactive()  # loads the backend: what it sets outlasts the style
         with mpl.rc_context(RC):
             return draw(*args, **kwargs)
 
@@ -322,6 +326,11 @@ def head(axes: Axes, remark: str, columns: int = 4) -> None:
         alignment="left",
         ncols=columns,
     )
+
+
+def beside(axes: Axes, remark: str) -> None:
+    """Put a remark and the legend to the right of the axes."""
+    axes.legend(title=remark, loc="upper left", bbox_to_anchor=(1.0, 1.0), alignment="left")
 
 
 def _room(axes: Axes) -> float:

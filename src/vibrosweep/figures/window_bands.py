@@ -97,7 +97,7 @@ def _panel(axes: Axes, windows: xr.Dataset, names: list[str], *, is_locked: bool
         chosen = windows.sel(condition=name, direction=direction)
         label = name.replace("_", " ") + ("" if len(directions) == 1 else f", {direction}")
         top = max(top, _bands(axes, chosen, scan, colour, label))
-        _undetermined(axes, chosen)
+    _undetermined(axes, windows.sel(condition=names, direction=directions))
     if len(directions) == 2 and top > 0.0:
         axes.plot([], [], "s", color=_over(*colours), label="in both directions")
     axes.set_ylim(scan[0], min(scan[-1], 1.05 * top) if is_locked and top > 0.0 else scan[-1])
@@ -156,25 +156,27 @@ def _bands(axes: Axes, chosen: xr.Dataset, scan: Array, colour: ColorType, label
 
 
 def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
-    """Draw grey cells around points of the scan at which a condition is undetermined.
+    """Draw grey cells around points of the scan at which some condition is undetermined.
 
     Results of earlier versions do not hold these points.
     """
-    held = chosen["holds"].values if "holds" in chosen else np.zeros(0)
-    if not np.any(held == UNDETERMINED):
+    if "holds" not in chosen:
+        return
+    unknown = (chosen["holds"] == UNDETERMINED).any(("condition", "direction"))
+    unknown = unknown.transpose("scan", "restitution").values
+    if not unknown.any():
         return
     axes.pcolormesh(
         _edges(chosen["restitution"].values),
         _edges(chosen["scan"].values),
-        np.ma.masked_not_equal(held.T, UNDETERMINED),
+        np.ma.masked_array(unknown, ~unknown),
         cmap=ListedColormap([style.GREY]),
         alpha=0.3,
         linewidth=0.0,
         zorder=0.5,
         rasterized=True,
     )
-    if "undetermined" not in axes.get_legend_handles_labels()[1]:
-        axes.plot([], [], "s", color=style.GREY, alpha=0.3, label="undetermined")
+    axes.plot([], [], "s", color=style.GREY, alpha=0.3, label="undetermined")
 
 
 def _scanned(windows: xr.Dataset) -> str:
