@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
-    from vibrosweep.figures.style import Panels
+    from vibrosweep.figures.canvas import Panels
 
 _PROVES: Final = "the reference proves landings of single trajectories from their launch, and"
 _OF_A_CAMERA: Final = "it holds measurements of a camera, which nothing can prove"

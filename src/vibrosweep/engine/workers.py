@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Self
 
+from vibrosweep.engine import compiling
 from vibrosweep.kernels.cycles import Cycles, empty_cycles
 from vibrosweep.kernels.statistics import KINDS, Kinds, Statistics, empty_statistics
 from vibrosweep.kernels.unwritten import FLAG, require_written
@@ -15,6 +16,8 @@ TRAJECTORIES_PER_TASK = 1 << 16
 # Range size of a stream: large against the cost of a call, small enough to balance the threads.
 PIECES_PER_THREAD = 16
 SMALLEST_PIECE, LARGEST_PIECE = 1 << 12, 1 << 14
+
+compiling.listen()
 
 
 class Workers:

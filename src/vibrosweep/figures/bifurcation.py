@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.figures.style import Panels
+from vibrosweep.figures.canvas import Panels
 from vibrosweep.model.status import Regime
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from vibrosweep.figures import style
-from vibrosweep.figures.style import Panels
+from vibrosweep.figures.canvas import Panels
 
 if TYPE_CHECKING:
     import xarray as xr

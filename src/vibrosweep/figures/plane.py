@@ -124,7 +124,7 @@ def _paint_variable(
     apart = {-np.inf: data.MINUS_INFINITY, np.inf: r"$\infty$"}
     separation = variable.startswith("dt_min")
     if separation:
-        apart = {0.0: "two particles land or rest at once"}
+        apart = {0.0: "landing or resting at once"}
     label = data.label(sweep, variable)
     signed = variable.startswith("lyapunov") or bool(np.any(values < 0.0))
     bar = paint.paint_numbers(axes, points, values, label, apart, signed=signed)
@@ -134,4 +134,4 @@ def _paint_variable(
     low, high = bar.ax.get_ylim()
     if low < contact < high:
         bar.ax.axhline(contact, color="black")
-        axes.plot([], [], color="black", label=f"on the scale: $\\tau_c$ = {contact:.4g} s")
+        axes.plot([], [], color="black", label=f"$\\tau_c$ = {contact:.4g} s")

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from vibrosweep.analysis.requirements import require
 from vibrosweep.figures import data, style
-from vibrosweep.figures.style import Panels
+from vibrosweep.figures.canvas import Panels
 from vibrosweep.model.measures import VARIABLES
 
 if TYPE_CHECKING:

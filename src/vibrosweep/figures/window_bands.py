@@ -14,7 +14,7 @@ from vibrosweep.analysis.base_motion import base_name, moves
 from vibrosweep.analysis.conditions import UNDETERMINED
 from vibrosweep.arrays import Array
 from vibrosweep.figures import data, style
-from vibrosweep.figures.style import Panels
+from vibrosweep.figures.canvas import Panels
 from vibrosweep.figures.window_curves import MODES, Forcing, draw_windows
 from vibrosweep.model.forcing import FORCINGS
 
@@ -162,8 +162,8 @@ def _undetermined(axes: Axes, chosen: xr.Dataset) -> None:
     """
     if "holds" not in chosen:
         return
-    unknown = (chosen["holds"] == UNDETERMINED).any(("condition", "direction"))
-    unknown = unknown.transpose("scan", "restitution").values
+    some = (chosen["holds"] == UNDETERMINED).any(("condition", "direction"))
+    unknown = some.transpose("scan", "restitution").values
     if not unknown.any():
         return
     axes.pcolormesh(

@@ -1,0 +1,71 @@
+"""A line on a terminal or in a notebook while a kernel is compiled, which only its first use needs.
+
+Other streams stay as they are.  ``TQDM_DISABLE=1`` silences it, as it does the bars.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import threading
+import time
+from typing import Final
+
+from numba.core.event import Event, Listener, register
+
+SECONDS: Final = 1.0  # before the line, and between its versions
+OWN: Final = "vibrosweep."
+
+
+class Notice(Listener):  # type: ignore[misc]
+    """Told by numba when it begins and ends to compile; what a kernel inlines comes in between."""
+
+    def __init__(self) -> None:
+        self._depth = 0  # pieces within pieces of a kernel that is compiled now
+        self._made = threading.Event()
+        self._thread = threading.Thread()
+
+    def on_start(self, event: Event) -> None:
+        """Begin to wait until there is something to say of a kernel of this package."""
+        function = event.data["dispatcher"].py_func
+        if self._depth or str(function.__module__).startswith(OWN):
+            self._depth += 1
+        if self._depth == 1 and _is_seen():
+            self._made = threading.Event()
+            told = function.__name__, self._made
+            self._thread = threading.Thread(target=_tell, args=told, daemon=True)
+            self._thread.start()
+
+    def on_end(self, event: Event) -> None:
+        """Take the line away."""
+        self._depth = max(self._depth - 1, 0)
+        if not self._depth and self._thread.is_alive():
+            self._made.set()
+            self._thread.join()
+
+
+def _is_seen() -> bool:
+    terminal = sys.stderr is not None and sys.stderr.isatty()
+    return (terminal or "ipykernel" in sys.modules) and os.environ.get("TQDM_DISABLE") != "1"
+
+
+def _tell(name: str, made: threading.Event) -> None:
+    """Write, every second, what is compiled and for how long, over what was written before."""
+    began, line = time.monotonic(), ""
+    while not made.wait(SECONDS):
+        passed = time.monotonic() - began
+        line = f"vibrosweep: compiling {name} (first use only; up to 30 s each): {passed:.0f} s"
+        _write(f"\r{line}")
+    if line:
+        _write(f"\r{' ' * len(line)}\r")
+
+
+def _write(text: str) -> None:
+    with contextlib.suppress(OSError, ValueError):  # a closed terminal must not end a computation
+        print(text, end="", file=sys.stderr, flush=True)
+
+
+def listen() -> None:
+    """Have numba tell a `Notice`."""
+    register("numba:compile", Notice())

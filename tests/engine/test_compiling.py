@@ -1,0 +1,56 @@
+"""The line that says that a kernel is compiled: on terminals alone, where it takes long."""
+
+import io
+import sys
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from vibrosweep.engine import compiling
+from vibrosweep.engine.compiling import Notice
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def event(function, module="vibrosweep.kernels.advance"):
+    named = SimpleNamespace(__name__=function, __module__=module)
+    return SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=named)})
+
+
+@pytest.fixture
+def told(monkeypatch):
+    """Tell a notice of a kernel and of a piece inside, and return what a stream then holds."""
+    monkeypatch.setattr(compiling, "SECONDS", 0.02)
+    monkeypatch.delenv("TQDM_DISABLE", raising=False)
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+
+    def tell(stream, seconds, module="vibrosweep.kernels.advance"):
+        monkeypatch.setattr(sys, "stderr", stream)
+        notice = Notice()
+        notice.on_start(event("advance", module))
+        notice.on_start(event("fly", module))
+        notice.on_end(event("fly", module))
+        time.sleep(seconds)
+        notice.on_end(event("advance", module))
+        return stream.getvalue()
+
+    return tell
+
+
+def test_a_long_compilation_is_said_and_the_line_taken_away(told):
+    lines = told(Terminal(), 0.2).split("\r")
+    assert lines[1].startswith("vibrosweep: compiling advance (first use only")
+    assert lines[-2].strip() == lines[-1] == ""
+    assert len(lines[-2]) == len(lines[-3])
+
+
+def test_nothing_is_said_elsewhere_or_of_others_or_of_what_is_fast(told, monkeypatch):
+    assert told(io.StringIO(), 0.1) == ""
+    assert told(Terminal(), 0.1, "elsewhere.module") == ""
+    assert told(Terminal(), 0.0) == ""
+    monkeypatch.setenv("TQDM_DISABLE", "1")
+    assert told(Terminal(), 0.1) == ""
